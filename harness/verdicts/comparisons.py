@@ -11,14 +11,7 @@ from harness.records.cells import CellRecord, Comparison, Estimate
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.verdicts.failures import judgeable
 from harness.verdicts.paper import TABLE4
-from harness.verdicts.statistics import (
-    PairedDifference,
-    detectable,
-    on_one_scene,
-    on_these_scenes,
-    scenes_like_these,
-    verdict,
-)
+from harness.verdicts.statistics import estimate, on_one_scene, on_these_scenes, scenes_like_these
 
 FEWEST_SEEDS = 3
 """The fewest seeds that give a verdict on a single scene."""
@@ -81,17 +74,12 @@ def duels(methods: list[str]) -> list[tuple[str, str]]:
     """Return the pairs to compare: (method, against). A row of the paper's ablation is also compared with the row above
     it.
     """
-    references = [
-        name for name in dict.fromkeys(["nerf" if "nerf" in methods else methods[0], "nerf_matched"]) if name in methods
-    ]
-    found = [
-        (method, against)
-        for against in references
-        for method in methods
-        if method != against and not (method in references and against != references[0])
-    ]
+    baseline = "nerf" if "nerf" in methods else methods[0]
+    found = [(method, baseline) for method in methods if method != baseline]
+    if "nerf_matched" in methods:
+        found += [(method, "nerf_matched") for method in methods if method not in (baseline, "nerf_matched")]
     steps = [(row["method"], above["method"]) for above, row in pairwise(TABLE4)]
-    return [*found, *(pair for pair in steps if set(pair) <= set(methods) and pair not in found)]
+    return found + [pair for pair in steps if set(pair) <= set(methods) and pair not in found]
 
 
 def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:
@@ -120,16 +108,13 @@ def differences(
     budget: Budget,
 ) -> dict[str, np.ndarray]:
     """Map scene → `method` − `against` [seeds], NaN where one of a pair is missing, failed or has no such score."""
-    found = {}
-    for scene in scenes:
-        pairs = [
-            scores_at(cells.get((scene, method, seed)), cells.get((scene, against, seed)), metric, budget)
-            for seed in seeds
-        ]
-        found[scene] = np.array(
-            [math.nan if ours is None or theirs is None else ours - theirs for ours, theirs in pairs], dtype=np.float64
-        )
-    return found
+
+    def difference(scene: str, seed: int) -> float:
+        pair = cells.get((scene, method, seed)), cells.get((scene, against, seed))
+        ours, theirs = scores_at(*pair, metric, budget)
+        return math.nan if ours is None or theirs is None else ours - theirs
+
+    return {scene: np.array([difference(scene, seed) for seed in seeds], dtype=np.float64) for scene in scenes}
 
 
 def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = "all") -> Judgement:
@@ -138,36 +123,26 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
     A pair without a difference is counted, and keeps no other from being judged: whether methods fail is a question of
     its own (`harness.verdicts.failures`).
     """
-    chosen = table if scene == "all" else {scene: table[scene]}
+    about, chosen = METRICS[metric], table if scene == "all" else {scene: table[scene]}
     pairs = int(sum(np.isfinite(values).sum() for values in chosen.values()))
-    unpaired = int(sum(values.size for values in chosen.values())) - pairs
+    unpaired = sum(values.size for values in chosen.values()) - pairs
+    of_interest = (about.smallest_of_interest, about.higher_is_better)
     if not pairs:
         return Judgement(None, None, None, 0, unpaired)
     if scene != "all" or len(table) == 1:
         (only,) = chosen
         here = on_one_scene(table, only, family)
-        return Judgement(here.mean, _estimate(here, metric, table[only].size >= FEWEST_SEEDS), None, pairs, unpaired)
+        settled = table[only].size >= FEWEST_SEEDS
+        return Judgement(here.mean, estimate(here, *of_interest, settled), None, pairs, unpaired)
     here, elsewhere = on_these_scenes(table, family), scenes_like_these(table, family)
-    return Judgement(here.mean, _estimate(here, metric), _estimate(elsewhere, metric), pairs, unpaired)
-
-
-def _estimate(result: PairedDifference, metric: str, settled: bool = True) -> Estimate:
-    """Return the estimate, without a verdict unless `settled`."""
-    about = METRICS[metric]
-    return Estimate(
-        result.interval,
-        result.simultaneous,
-        result.family,
-        verdict(result, about.smallest_of_interest, about.higher_is_better) if settled else "inconclusive",
-        detectable(result, about.smallest_of_interest),
-        result.effect,
-    )
+    return Judgement(here.mean, estimate(here, *of_interest), estimate(elsewhere, *of_interest), pairs, unpaired)
 
 
 def _comparison(
     table: dict[str, np.ndarray], scene: str, method: str, against: str, metric: str, budget: Budget
 ) -> Comparison:
-    one = judged(table, metric, family_of(metric, scene, len(table)), scene)
+    family = family_of(metric, scene, len(table))
+    one = judged(table, metric, family, scene)
     return Comparison(
         scene=scene,
         method=method,
@@ -181,7 +156,7 @@ def _comparison(
         pairs=one.pairs,
         unpaired=one.unpaired,
         simultaneous=one.chosen.simultaneous,
-        family=family_of(metric, scene, len(table)),
+        family=family,
         on_these_scenes=one.on_these_scenes,
         scenes_like_these=one.scenes_like_these,
     )

@@ -16,6 +16,8 @@ CONFIDENCE = 0.95
 COLLAPSED = "empty collapse"
 """The beginning of the warning of a run that shows little but background."""
 
+FINISHED = ("done", "diverged")
+"""The states of a run that says something of its method."""
 Failure = Literal["diverged", "empty collapse"]
 
 
@@ -77,11 +79,23 @@ def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str,
     """Return the rates of the methods that have runs, and for each duel (method, against) with pairs which fails more
     often.
     """
-    runs = [cell for cell in cells if cell.status in ("done", "diverged")]
-    failed = {(cell.scene, cell.seed, cell.method): failure_of(cell) is not None for cell in runs}
-    rates = [_rate(method, mine) for method in methods if (mine := [one for one in runs if one.method == method])]
-    compared = [_comparison(method, against, failed) for method, against in duels]
-    return Failures(rates, [one for one in compared if one.pairs])
+    runs = {(cell.method, cell.scene, cell.seed): failure_of(cell) for cell in cells if cell.status in FINISHED}
+    rates, compared = [], []
+    for method in methods:
+        kinds = Counter(failure for (name, _, _), failure in runs.items() if name == method)
+        failed = kinds["diverged"] + kinds["empty collapse"]
+        if many := kinds.total():
+            interval = exact_interval(failed, many)
+            rates.append(FailureRate(method, many, kinds["diverged"], kinds["empty collapse"], failed / many, interval))
+    for method, against in duels:
+        pairs = Counter(
+            (failure is not None, runs[against, scene, seed] is not None)
+            for (name, scene, seed), failure in runs.items()
+            if name == method and (against, scene, seed) in runs
+        )
+        if pairs:
+            compared.append(_comparison(method, against, pairs.total(), pairs[True, False], pairs[False, True]))
+    return Failures(rates, compared)
 
 
 def exact_interval(failed: int, runs: int) -> tuple[float, float]:
@@ -92,36 +106,10 @@ def exact_interval(failed: int, runs: int) -> tuple[float, float]:
     return low, high
 
 
-def _rate(method: str, runs: list[CellRecord]) -> FailureRate:
-    kinds = Counter(failure_of(cell) for cell in runs)
-    failed = kinds["diverged"] + kinds["empty collapse"]
-    return FailureRate(
-        method,
-        len(runs),
-        kinds["diverged"],
-        kinds["empty collapse"],
-        failed / len(runs),
-        exact_interval(failed, len(runs)),
-    )
-
-
-def _comparison(method: str, against: str, failed: dict[tuple[str, int, str], bool]) -> FailureComparison:
-    pairs = [
-        (mine, failed[scene, seed, against])
-        for (scene, seed, who), mine in failed.items()
-        if who == method and (scene, seed, against) in failed
-    ]
-    only_method, only_against = pairs.count((True, False)), pairs.count((False, True))
-    unequal = only_method + only_against
+def _comparison(method: str, against: str, pairs: int, only_method: int, only_against: int) -> FailureComparison:
+    unequal, difference = only_method + only_against, (only_method - only_against) / pairs
     p_value = float(binomtest(only_method, unequal, 0.5).pvalue) if unequal else 1.0
-    called: Literal["better", "worse"] = "worse" if only_method > only_against else "better"
-    return FailureComparison(
-        method,
-        against,
-        len(pairs),
-        only_method,
-        only_against,
-        (only_method - only_against) / len(pairs) if pairs else 0.0,
-        p_value,
-        called if p_value < 1.0 - CONFIDENCE else "inconclusive",
-    )
+    called: Literal["better", "worse", "inconclusive"] = "worse" if only_method > only_against else "better"
+    if p_value >= 1.0 - CONFIDENCE:
+        called = "inconclusive"
+    return FailureComparison(method, against, pairs, only_method, only_against, difference, p_value, called)

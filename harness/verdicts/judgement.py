@@ -17,22 +17,21 @@ from scenes.files.errors import InputError
 
 def headline(record: JudgementRecord) -> str:
     """State the table's facts, as given."""
-    return f"{len(record.given.places)} methods on {len(record.scenes)} scenes: {told(record, record.given)}"
+    facts = in_words(record, record.given)
+    return f"{len(record.given.places)} methods on {len(record.scenes)} scenes: {facts}"
 
 
-def told(record: JudgementRecord, ranking: Ranking) -> str:
+def in_words(record: JudgementRecord, ranking: Ranking) -> str:
     """State how many pairs are told apart."""
     if record.baseline is not None:
         verdicts = Counter[str](pair.verdict for pair in ranking.pairs)
         words = {"better": "better", "worse": "worse", "equivalent": "equivalent", "inconclusive": "not told apart"}
-        known = [f"{verdicts[name]} {said}" for name, said in words.items() if verdicts[name]]
+        known = [f"{verdicts[name]} {shown}" for name, shown in words.items() if verdicts[name]]
         return f"against {record.baseline} {', '.join(known)}"
     apart, every = (sum(pair.told_apart for pair in pairs) for pairs in (ranking.neighbours, ranking.pairs))
     many, all_many = len(ranking.neighbours), len(ranking.pairs)
-    if every == all_many:
-        return "all told apart from each other"
-    if every == 0:
-        return "no two told apart"
+    if every in (0, all_many):
+        return "all told apart from each other" if every else "no two told apart"
     return f"{apart or 'none'} of {many} neighbouring pairs told apart, {every} of all {all_many} pairs"
 
 
@@ -57,24 +56,23 @@ def without_line(record: JudgementRecord) -> str:
     """State the verdicts without the suspect results."""
     if record.without_suspects is None:
         return ""
-    many = len(changed_pairs(record))
+    many, them = len(changed_pairs(record)), "it" if len(record.suspects) == 1 else "them"
     changes = f"{many or 'no'} verdict{'' if many == 1 else 's'} change{'s' if many == 1 else ''}"
-    return (
-        f"Without {'it' if len(record.suspects) == 1 else 'them'}: {told(record, record.without_suspects)}; {changes}."
-    )
+    return f"Without {them}: {in_words(record, record.without_suspects)}; {changes}."
 
 
 def lines(record: JudgementRecord) -> Iterator[str]:
     """Yield the table of a terminal, suspect results, missing ones, and notes for the reader."""
     yield headline(record)
+    pairs = {pair.method: pair for pair in record.given.pairs}
     last = "groups" if record.baseline is None else f"against {record.baseline}"
     rows = [("method", f"mean {record.metric}", "scenes", last)]
     for one in record.given.places:
-        said = shown_groups(one.groups) if record.baseline is None else _against(record, one.method)
-        rows.append((one.method, number(record, one.mean), str(one.scenes), said))
+        last = shown_groups(one.groups) if record.baseline is None else _against(record, pairs.get(one.method))
+        rows.append((one.method, number(record, one.mean), str(one.scenes), last))
     widths = [max(len(row[place]) for row in rows) for place in range(3)]
-    for name, mean, scenes, said in rows:
-        yield f"  {name:{widths[0]}}  {mean:>{widths[1]}}  {scenes:>{widths[2]}}  {said}"
+    for name, mean, scenes, last in rows:
+        yield f"  {name:{widths[0]}}  {mean:>{widths[1]}}  {scenes:>{widths[2]}}  {last}"
     if record.baseline is None:
         yield "No two methods of a group are told apart."
     for suspect in record.suspects[:10]:
@@ -95,11 +93,10 @@ def missing_line(record: JudgementRecord) -> str:
 
 def shown_groups(groups: list[int]) -> str:
     """Format groups as `2`, or `2–4`: a method's groups follow each other."""
-    return f"{groups[0]}" if len(groups) == 1 else f"{groups[0]}–{groups[-1]}" if groups else ""
+    return "–".join(map(str, dict.fromkeys([*groups[:1], *groups[-1:]])))
 
 
-def _against(record: JudgementRecord, method: str) -> str:
-    pair = next((pair for pair in record.given.pairs if pair.method == method), None)
+def _against(record: JudgementRecord, pair: Pair | None) -> str:
     if pair is None:
         return "–"
     ends = pair.scenes_like_these.simultaneous if pair.scenes_like_these else None
@@ -140,7 +137,7 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None, digest
         seeds=len(table.seeds),
         results=int(np.isfinite(table.values).sum()),
         missing=[f"{table.methods[i]}, {table.scenes[j]}" for i, j in np.argwhere(~has)],
-        notes=[*table.notes, *training_notes(table), *seed_notes(table), *margin_notes(table, margin)],
+        notes=[*table.notes, *notes(table, margin)],
         suspects=found,
         given=ranking(table, margin, baseline),
         without_suspects=ranking(cleaned, margin, baseline) if cleaned else None,
@@ -164,7 +161,12 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
         differences = table.values[order[a]] - table.values[order[b]]
         names = table.methods[order[a]], table.methods[order[b]]
         pairs.append(_pair(*names, differences, len(duels), margin, table.higher_is_better, shown))
-    ranked = Ranking([_place(table, row, float(means[row])) for row in order], pairs, len(duels))
+    scenes = np.isfinite(table.values).any(axis=2).sum(axis=1)
+    places = [
+        Place(table.methods[row], float(means[row]), int(scenes[row]), table.seconds[row], table.steps[row], [])
+        for row in order
+    ]
+    ranked = Ranking(places, pairs, len(duels))
     return ranked if baseline is not None else _grouped(ranked)
 
 
@@ -202,22 +204,17 @@ def _pair(
     if not there.size:
         return Pair(method, against, 0, None, None, None)
 
-    def estimate(result: PairedDifference) -> Estimate:
-        said = verdict(result, margin, higher)
-        least = detectable(result, margin) if shown else None
-        return Estimate(result.interval, result.simultaneous, family, said, least, result.effect)
+    def estimated(result: PairedDifference) -> Estimate:
+        least = detectable(result, margin) if shown else None  # the costly part
+        return Estimate(
+            result.interval, result.simultaneous, family, verdict(result, margin, higher), least, result.effect
+        )
 
-    like = estimate(paired_difference(there, family)) if there.size > 1 else None
+    like = estimated(paired_difference(there, family)) if there.size > 1 else None
     here = None
     if np.isfinite(differences).sum(axis=1).max() > 1:
-        names = {str(place): row for place, row in enumerate(differences)}
-        here = estimate(on_these_scenes(names, family))
+        here = estimated(on_these_scenes({str(place): row for place, row in enumerate(differences)}, family))
     return Pair(method, against, int(there.size), float(there.mean()), like, here)
-
-
-def _place(table: ResultTable, row: int, mean: float) -> Place:
-    scenes = int(np.isfinite(table.values[row]).any(axis=1).sum())
-    return Place(table.methods[row], mean, scenes, table.seconds[row], table.steps[row], [])
 
 
 def _grouped(ranked: Ranking) -> Ranking:
@@ -298,7 +295,10 @@ def without(table: ResultTable, found: list[Suspect]) -> ResultTable | None:
     return replace(table, values=values[:, kept], scenes=scenes)
 
 
-def seed_notes(table: ResultTable) -> Iterator[str]:
+def notes(table: ResultTable, margin: float) -> Iterator[str]:
+    known = [steps for steps in table.steps if steps is not None]
+    if known and max(known) > 1.01 * min(known):
+        yield f"Methods were trained for {min(known):,.0f} to {max(known):,.0f} steps: scores are compared as they are."
     if (np.isfinite(table.values).sum(axis=2) > 1).any():
         yield (
             "On these scenes: the error comes from seeds alone. On scenes like these: scenes are drawn too, Student's "
@@ -309,14 +309,5 @@ def seed_notes(table: ResultTable) -> Iterator[str]:
             "One result for each method and scene: how much seeds differ is not known. Nothing is said of these very "
             "scenes, only of scenes like these."
         )
-
-
-def margin_notes(table: ResultTable, margin: float) -> Iterator[str]:
     if margin == 0:
         yield f"No smallest effect of interest is known for {table.metric}: nothing is called equivalent (--margin)."
-
-
-def training_notes(table: ResultTable) -> Iterator[str]:
-    known = [one for one in table.steps if one is not None]
-    if known and max(known) > 1.01 * min(known):
-        yield f"Methods were trained for {min(known):,.0f} to {max(known):,.0f} steps: scores are compared as they are."

@@ -4,8 +4,11 @@ An entry's `rule` names the kind of statement, and so its judge (`reports.claims
 subject. Entries that repeat the shape of a table are made from that table, in the paper's order.
 """
 
-from dataclasses import asdict, dataclass, field
 from typing import Any
+
+from msgspec import field
+
+from harness.records.json_record import Record, plain
 
 TABLE1: dict[str, int] = {"density_net": 1_300_000, "density_head": 257, "colour_net": 67_000, "total": 1_370_000}
 TABLE2: dict[str, dict[str, float]] = {
@@ -63,31 +66,25 @@ places, statement, rule, unit of the measured value.
 """
 
 ORIGINAL_NERF: dict[str, float] = {
-    "chair": 33.00,
-    "drums": 25.01,
-    "ficus": 30.13,
-    "hotdog": 36.18,
-    "lego": 32.54,
-    "materials": 29.62,
-    "mic": 32.91,
-    "ship": 28.65,
-}
+    "chair": 33.00, "drums": 25.01, "ficus": 30.13, "hotdog": 36.18,
+    "lego": 32.54, "materials": 29.62, "mic": 32.91, "ship": 28.65,
+}  # fmt: skip
 """The PSNR by scene of the original NeRF (Mildenhall et al. 2020, Realistic Synthetic 360°): trained with 4096 rays per
 step for 100 000 to 300 000 steps, where the paper states 1024 rays and 200 000. Its SSIM on lego is 0.961 as well.
 """
 
 
 Number = int | float
+Pair = tuple[Number, Number]
 
 
-@dataclass(frozen=True)
-class Printed:
+class Printed(Record, frozen=True):
     """A printed number."""
 
     id: str
     where: tuple[str, ...]
     """The places of the paper that state it."""
-    printed: Number | tuple[Number, Number] | None
+    printed: Number | Pair | None
     """The number, a range as a pair; None if the paper says it in words alone."""
     statement: str
     """The paper's statement, in a sentence without the number."""
@@ -99,227 +96,125 @@ class Printed:
     leaves_open: tuple[float, float] | None = None
     """The interval that a number derived from rounded ones leaves open. None if the paper prints it."""
 
+    @property
+    def digits(self) -> int:
+        """Return the decimals as printed."""
+        return {"dB": 1, "h": 1}.get(self.unit, 3 if self.of.get("metric") == "ssim" else 0)
+
 
 NAMES = {"nerf": "NeRF", "qnerf": "Q-NeRF"}
 LABELS = {"psnr": "PSNR", "ssim": "SSIM"}
+UNITS = {"psnr": "dB", "ssim": ""}
 NOTE = "Epistemological Note"
 
+
+def _ends(values: list[float]) -> Pair:
+    return (min(values), max(values))
+
+
 ABSTRACT = (
-    Printed(
-        "table2-average",
-        ("Table 2", "§10"),
-        1.5,
-        "Q-NeRF gains over NeRF on average",
-        "gain",
-        "dB",
-        {"scene": "all", "method": "qnerf", "against": "nerf", "metric": "psnr"},
-    ),
-    Printed(
-        "abstract-psnr-range",
-        ("Abstract", NOTE, "Table 2"),
-        (1.2, 1.8),
-        "Q-NeRF gains what Table 2 prints on each of its scenes",
-        "each gain",
-        "dB",
-        {"table": "table2", "column": "delta", "metric": "psnr"},
-    ),
-    Printed(
-        "abstract-faster",
-        ("Abstract", NOTE, "Table 3", "§10"),
-        18,
-        "Q-NeRF needs this much fewer iterations to reach 30 dB (“faster convergence”)",
-        "saving",
-        "%",
-        {"axis": "steps"},
-    ),
-    Printed(
-        "abstract-sloc", ("Abstract", NOTE, "§10"), 427, "Source lines of the core Q-NeRF module", "lines", "lines"
-    ),
-)
+    Printed("table2-average", ("Table 2", "§10"), 1.5, "Q-NeRF gains over NeRF on average", "gain", "dB",
+            {"scene": "all", "method": "qnerf", "against": "nerf", "metric": "psnr"}),
+    Printed("abstract-psnr-range", ("Abstract", NOTE, "Table 2"), (1.2, 1.8),
+            "Q-NeRF gains what Table 2 prints on each of its scenes", "each gain", "dB",
+            {"table": "table2", "column": "delta", "metric": "psnr"}),
+    Printed("abstract-faster", ("Abstract", NOTE, "Table 3", "§10"), 18,
+            "Q-NeRF needs this much fewer iterations to reach 30 dB (“faster convergence”)", "saving", "%",
+            {"axis": "steps"}),
+    Printed("abstract-sloc", ("Abstract", NOTE, "§10"), 427, "Source lines of the core Q-NeRF module", "lines",
+            "lines"),
+)  # fmt: skip
 
 ARCHITECTURE = (
     Printed("eq3-last-band", ("Eq. 3",), 10, "Exponent of φ in the last cosine, for L = 10", "listing 1"),
     Printed("table1-skip", ("Table 1", "Eq. 5", "§5.2"), 6, "The φ skip follows layer ⌊φ·8/2⌋", "skip layer"),
     Printed("table1-total", ("Table 1",), TABLE1["total"], "The network has this many weights", "weights", "weights"),
-    Printed(
-        "table1-sum",
-        ("Table 1",),
-        TABLE1["total"],
-        "The total is the sum of the printed parts",
-        "sum of weights",
-        "weights",
-    ),
-)
-
-
-def _ends(values: list[float]) -> tuple[float, float]:
-    return (min(values), max(values))
-
+    Printed("table1-sum", ("Table 1",), TABLE1["total"], "The total is the sum of the printed parts", "sum of weights",
+            "weights"),
+)  # fmt: skip
 
 SCORES = (
-    *(
-        Printed(
-            f"table2-average-{method}",
-            ("Table 2", "Table 3"),
-            TABLE2["average"][method],
-            f"{NAMES[method]} reaches this PSNR on average",
-            "score",
-            "dB",
-            {"scene": "all", "method": method, "metric": "psnr"},
-        )
-        for method in NAMES
-    ),
-    *(
-        Printed(
-            f"table2-scenes-{method}",
-            ("Table 2",),
-            _ends([row[method] for name, row in TABLE2.items() if name != "average"]),
-            f"{NAMES[method]} reaches what Table 2 prints on each of its scenes",
-            "each level",
-            "dB",
-            {"table": "table2", "column": method, "metric": "psnr"},
-        )
-        for method in NAMES
-    ),
+    *(Printed(f"table2-average-{method}", ("Table 2", "Table 3"), TABLE2["average"][method],
+              f"{name} reaches this PSNR on average", "score", "dB",
+              {"scene": "all", "method": method, "metric": "psnr"})
+      for method, name in NAMES.items()),
+    *(Printed(f"table2-scenes-{method}", ("Table 2",),
+              _ends([row[method] for scene, row in TABLE2.items() if scene != "average"]),
+              f"{name} reaches what Table 2 prints on each of its scenes", "each level", "dB",
+              {"table": "table2", "column": method, "metric": "psnr"})
+      for method, name in NAMES.items()),
     Printed("table2-differences", ("Table 2",), 9, "Rows whose Δ is Q-NeRF less NeRF", "differences of rows", "rows"),
     Printed("table2-means", ("Table 2",), 3, "Columns whose average is the mean of their rows", "means of rows"),
-    Printed(
-        "table2-range",
-        ("Abstract", "Table 2"),
-        (1.2, 1.8),
-        "The range of the gains is that of column Δ",
-        "range of rows",
-        "dB",
-    ),
-    Printed(
-        "setup-scenes", ("§7.1",), 8, "Scenes of the data set, as many as Table 2 has rows", "scenes of rows", "scenes"
-    ),
-    Printed(
-        "table2-source",
-        ("Table 2", "§7.1"),
-        None,
-        "The NeRF column was trained as §7.1 says: 1024 rays, 200 000 iterations",
-        "source of the baseline",
-        "scenes",
-    ),
-)
+    Printed("table2-range", ("Abstract", "Table 2"), (1.2, 1.8), "The range of the gains is that of column Δ",
+            "range of rows", "dB"),
+    Printed("setup-scenes", ("§7.1",), 8, "Scenes of the data set, as many as Table 2 has rows", "scenes of rows",
+            "scenes"),
+    Printed("table2-source", ("Table 2", "§7.1"), None,
+            "The NeRF column was trained as §7.1 says: 1024 rays, 200 000 iterations", "source of the baseline",
+            "scenes"),
+)  # fmt: skip
 
 EFFICIENCY = (
-    *(
-        Printed(
-            f"table3-{name}-{method}",
-            ("Table 3",),
-            TABLE3[key][method],
-            f"{NAMES[method]} needs this {words} to reach 30 dB",
-            "time to target",
-            unit,
-        )
-        for name, key, words, unit in (
-            ("iterations", "iterations_to_30_db", "many iterations", "steps"),
-            ("hours", "hours_to_30_db", "long", "h"),
-        )
-        for method in NAMES
-    ),
-    Printed(
-        "table3-hours",
-        ("Table 3",),
-        19,
-        "Q-NeRF needs this much less training time to reach 30 dB: what the printed hours come to",
-        "derived saving",
-        "%",
-        {"axis": "seconds"},
-        (100 * (1 - 3.45 / 4.15), 100 * (1 - 3.35 / 4.25)),
-    ),
-    *(
-        Printed(
-            f"table3-speedup-{name}",
-            ("Table 3",),
-            TABLE3["speedup_percent"],
-            f"The speedup is what the printed {name} save",
-            "ratio of times",
-            "%",
-            {"row": row},
-        )
-        for name, row in (("iterations", "iterations_to_30_db"), ("hours", "hours_to_30_db"))
-    ),
+    *(Printed(f"table3-{name}-{method}", ("Table 3",), TABLE3[key][method],
+              f"{NAMES[method]} needs this {words} to reach 30 dB", "time to target", unit)
+      for name, key, words, unit in (("iterations", "iterations_to_30_db", "many iterations", "steps"),
+                                     ("hours", "hours_to_30_db", "long", "h"))
+      for method in NAMES),
+    Printed("table3-hours", ("Table 3",), 19,
+            "Q-NeRF needs this much less training time to reach 30 dB: what the printed hours come to",
+            "derived saving", "%", {"axis": "seconds"}, (100 * (1 - 3.45 / 4.15), 100 * (1 - 3.35 / 4.25))),
+    *(Printed(f"table3-speedup-{name}", ("Table 3",), TABLE3["speedup_percent"],
+              f"The speedup is what the printed {name} save", "ratio of times", "%", {"row": row})
+      for name, row in (("iterations", "iterations_to_30_db"), ("hours", "hours_to_30_db"))),
     Printed("table3-final", ("Table 3",), 2, "Final scores that are Table 2’s averages", "final is average"),
-)
+)  # fmt: skip
 
 
-def _step(metric: str, place: int) -> Number:
-    """Return what row `place` of Table 4 adds to the row above it."""
-    return round(TABLE4[place][metric] - TABLE4[place - 1][metric], {"psnr": 1, "ssim": 3}[metric])
+def _added(metric: str, place: int) -> Printed:
+    """Return what row `place` of Table 4 adds to the row above it.
 
-
-def _open(metric: str, place: int) -> tuple[float, float] | None:
-    """Return half a digit of either row; footnote 1 prints the first step of PSNR itself."""
-    digit = {"psnr": 0.1, "ssim": 0.001}[metric]
-    step = _step(metric, place)
-    return None if (metric, place) == ("psnr", 1) else (round(step - digit, 3), round(step + digit, 3))
-
-
-def _row(place: int) -> str:
-    return str(TABLE4[place]["configuration"]).removeprefix("+ ")
+    Half a digit of either row is open; footnote 1 prints the first step of PSNR itself.
+    """
+    row, above = TABLE4[place], TABLE4[place - 1]
+    digits = {"psnr": 1, "ssim": 3}[metric]
+    step, noted = round(row[metric] - above[metric], digits), (metric, place) == ("psnr", 1)
+    return Printed(
+        f"table4-{row['method']}-{metric}",
+        ("Table 4", "§10 footnote 1") if noted else ("Table 4",),
+        step,
+        f"{row['configuration'].removeprefix('+ ')} adds {LABELS[metric]} to the row above it on lego",
+        "added part",
+        UNITS[metric],
+        {"scene": "lego", "method": row["method"], "against": above["method"], "metric": metric},
+        None if noted else (round(step - 0.1**digits, 3), round(step + 0.1**digits, 3)),
+    )
 
 
 ABLATION = (
-    *(
-        Printed(
-            f"table4-{metric}",
-            ("Table 4",),
-            _ends([row[metric] for row in TABLE4]),
-            f"The four rows of Table 4 reach this {LABELS[metric]} on lego",
-            "each level",
-            "dB" if metric == "psnr" else "",
-            {"table": "table4", "column": metric, "metric": metric},
-        )
-        for metric in LABELS
-    ),
-    *(
-        Printed(
-            f"table4-{TABLE4[place]['method']}-{metric}",
-            ("Table 4", "§10 footnote 1") if (place, metric) == (1, "psnr") else ("Table 4",),
-            _step(metric, place),
-            f"{_row(place)} adds {LABELS[metric]} to the row above it on lego",
-            "added part",
-            "dB" if metric == "psnr" else "",
-            {
-                "scene": "lego",
-                "method": str(TABLE4[place]["method"]),
-                "against": str(TABLE4[place - 1]["method"]),
-                "metric": metric,
-            },
-            _open(metric, place),
-        )
-        for metric in LABELS
-        for place in (1, 2, 3)
-    ),
+    *(Printed(f"table4-{metric}", ("Table 4",), _ends([row[metric] for row in TABLE4]),
+              f"The four rows of Table 4 reach this {label} on lego", "each level", UNITS[metric],
+              {"table": "table4", "column": metric, "metric": metric})
+      for metric, label in LABELS.items()),
+    *(_added(metric, place) for metric in LABELS for place in (1, 2, 3)),
     Printed("table4-lego", ("Table 2", "Table 4"), 2, "Scores on lego that are those of Table 2", "row of table 2"),
-    Printed(
-        "footnote1-table", ("§10 footnote 1",), 7, "Number of the table that holds the ablation", "number of a table"
-    ),
-)
+    Printed("footnote1-table", ("§10 footnote 1",), 7, "Number of the table that holds the ablation",
+            "number of a table"),
+)  # fmt: skip
 
 ELSEWHERE = (
-    Printed(
-        "section10-integration", ("§10",), None, "Seamless integration via HUAM and consciousness bridge", "their code"
-    ),
-    Printed(
-        "footnote2-files", ("§10 footnote 2",), 189, "Source files of their vision subsystem", "their code", "files"
-    ),
+    Printed("section10-integration", ("§10",), None, "Seamless integration via HUAM and consciousness bridge",
+            "their code"),
+    Printed("footnote2-files", ("§10 footnote 2",), 189, "Source files of their vision subsystem", "their code",
+            "files"),
     Printed("footnote2-lines", ("§10 footnote 2",), 44_000, "Lines of their vision subsystem", "their code", "lines"),
     Printed("footnote2-tests", ("§10 footnote 2",), 30, "Test files of their vision subsystem", "their code", "files"),
-)
+)  # fmt: skip
 
 STATED = tuple(
     Printed(name, (where,), value, words, "setting", "", {"at": path}) for name, where, value, words, path in SETTINGS
 )
-
 SERVED = tuple(Printed(name, where, None, words, rule, unit) for name, where, words, rule, unit in SERVING)
-
-LEDGER: tuple[Printed, ...] = (
-    *ABSTRACT, *ARCHITECTURE, *STATED, *SCORES, *EFFICIENCY, *SERVED, *ABLATION, *ELSEWHERE,
-)  # fmt: skip
+LEDGER = (*ABSTRACT, *ARCHITECTURE, *STATED, *SCORES, *EFFICIENCY, *SERVED, *ABLATION, *ELSEWHERE)
 """All entries in the paper's order. `tests/harness/verdicts/test_paper.py` compares them with the paper's text."""
 
 
@@ -332,5 +227,5 @@ def printed() -> dict[str, Any]:
         "table4": TABLE4,
         "sloc": 427,
         "original_nerf": ORIGINAL_NERF,
-        "ledger": [asdict(one) for one in LEDGER],
+        "ledger": plain(LEDGER),
     }

@@ -19,6 +19,7 @@ from scipy.optimize import brentq
 from scipy.special import gammainc
 from scipy.stats import t as student
 
+from harness.records.cells import Estimate
 from harness.verdicts import nested
 
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
@@ -221,3 +222,12 @@ def verdict(result: PairedDifference, smallest_of_interest: float, higher_is_bet
     if high < 0:
         return "worse" if higher_is_better else "better"
     return "inconclusive"
+
+
+def estimate(
+    result: PairedDifference, smallest_of_interest: float, higher_is_better: bool, settled: bool = True
+) -> Estimate:
+    """Return the record of an estimate, without a verdict unless `settled`."""
+    called = verdict(result, smallest_of_interest, higher_is_better) if settled else "inconclusive"
+    least = detectable(result, smallest_of_interest)
+    return Estimate(result.interval, result.simultaneous, result.family, called, least, result.effect)

@@ -8,26 +8,25 @@ only hide a difference, never make one.
 """
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import pairwise, product
 from typing import Literal
 
 import numpy as np
 from scipy.stats import binomtest
 
-from harness.records.cells import CellRecord, Checkpoint, Estimate
+from harness.records.cells import CellRecord, Estimate
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
-from harness.verdicts.comparisons import FEWEST_SEEDS, NO_ESTIMATE, duels, family_of, scenes_of
+from harness.verdicts.comparisons import FEWEST_SEEDS, NO_ESTIMATE, Key, duels, family_of, scenes_of
 from harness.verdicts.statistics import (
     CONFIDENCE,
     PairedDifference,
     Verdict,
-    detectable,
+    estimate,
     on_one_scene,
     on_these_scenes,
     scenes_like_these,
-    verdict,
 )
 
 PRINTED_TARGET = 30.0
@@ -37,8 +36,6 @@ SMALLEST_SAVING = 5.0
 LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
 """Map status → why a run was not seen to get there, whatever it scored before."""
 AXES: tuple[Axis, ...] = ("steps", "seconds")
-
-Key = tuple[str, str, int]
 
 
 def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
@@ -53,13 +50,10 @@ def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
         return TargetsRecord(None, False, baseline, declared, [], [], [])
     scenes = sorted({cell.scene for cell in runs})
     reaches = [reach(cell, axis, target) for axis in AXES for cell in runs]
-    curves = [
-        ReachCurve(method, scene, axis, *kaplan_meier(chosen))
-        for axis in AXES
-        for method in methods
-        for scene in ["all", *scenes]
-        if (chosen := [one for one in reaches if _is(one, axis, method, scene)])
-    ]
+    curves = []
+    for axis, method, scene in product(AXES, methods, ["all", *scenes]):
+        own = [one for one in reaches if (one.axis, one.method) == (axis, method) and scene in ("all", one.scene)]
+        curves += [ReachCurve(method, scene, axis, *kaplan_meier(own))] if own else []
     comparisons = [
         compared(runs, method, against, axis, target, scene)
         for axis in AXES
@@ -75,7 +69,13 @@ def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, 
 
     The target is None if fewer than half of them finished with a score.
     """
-    best = sorted((_best(cell) for cell in runs), reverse=True)
+    best = sorted(
+        (
+            max((psnr for _, psnr in scored(cell, "steps")), default=-math.inf) if cell.status == "done" else -math.inf
+            for cell in runs
+        ),
+        reverse=True,
+    )
     median = best[math.ceil(len(best) / 2) - 1] if best else -math.inf
     if not math.isfinite(median):
         return None, f"No target: fewer than half of {baseline}'s runs have a score."
@@ -128,7 +128,8 @@ def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[i
     the others. Runs that failed for other reasons were watched until they did.
     """
     end = max(one.time for one in reaches)
-    watched = np.array([end if _lost(one) else one.time for one in reaches])
+    lost = [one.known == "never" and one.why in (LOST["diverged"], LOST["done"]) for one in reaches]
+    watched = np.array([end if gone else one.time for one, gone in zip(reaches, lost, strict=True)])
     event = np.array([one.known != "never" for one in reaches])
     times = np.unique(np.append(watched[event], end))
     left, share, at_risk = 1.0, [], []
@@ -141,39 +142,53 @@ def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[i
 
 
 @dataclass(frozen=True)
-class _Paired:
-    """The runs of two methods, side by side."""
+class Paired:
+    """The runs of two methods side by side, watched until the horizon of their scene."""
 
-    ratios: dict[str, np.ndarray]
-    """Map scene → logarithm of the ratio of times [seeds], NaN where a run does not exist."""
-    apart: dict[str, np.ndarray]
-    """Map scene → difference of times [seeds]."""
-    pairs: list[tuple[Reach, Reach]]
-    horizons: list[float]
-    aside: int
+    pairs: dict[tuple[str, int], tuple[Reach, Reach]]
+    """Map scene and seed → when each got there."""
+    horizons: dict[str, float]
+    """Map scene with a pair → the shortest time that a finished run of the two was watched there."""
+    seeds: list[int]
+
+    def table(self, value: Callable[[float, float], float]) -> dict[str, np.ndarray]:
+        """Map scene → value of both times [seeds], NaN where there is no pair."""
+        values = {key: value(ours.time, theirs.time) for key, (ours, theirs) in self.pairs.items()}
+        return {
+            scene: np.array([values.get((scene, seed), math.nan) for seed in self.seeds]) for scene in self.horizons
+        }
+
+    @property
+    def ratios(self) -> dict[str, np.ndarray]:
+        return self.table(lambda ours, theirs: math.log(ours / theirs))
+
+    @property
+    def apart(self) -> dict[str, np.ndarray]:
+        return self.table(lambda ours, theirs: ours - theirs)
 
     def count(self, known: str) -> tuple[int, int]:
-        ours, theirs = (sum(pair[side].known == known for pair in self.pairs) for side in (0, 1))
+        ours, theirs = (sum(pair[side].known == known for pair in self.pairs.values()) for side in (0, 1))
         return ours, theirs
 
+    @property
+    def bounded(self) -> bool:
+        """Whether a time is a bound alone, so that it is unknown how far a pair is apart."""
+        return any(one.known != "reached" for pair in self.pairs.values() for one in pair)
+
+    @property
+    def silent(self) -> bool:
+        """Whether both times of every pair are bounds on the same side, so that it is unknown which was sooner."""
+        return all(ours.known == theirs.known != "reached" for ours, theirs in self.pairs.values())
+
     def sooner(self, family: int) -> Verdict:
-        """Return which was known to be there first in more pairs than chance explains (sign test, exact
-        and two-sided).
+        """Return which was known to be there first in more pairs than chance explains (sign test, exact and
+        two-sided).
         """
-        ours, theirs = (sum(pair[side].time < pair[1 - side].time for pair in self.pairs) for side in (0, 1))
-        if not ours + theirs or binomtest(ours, ours + theirs).pvalue >= (1.0 - CONFIDENCE) / family:
+        ahead = sum(ours.time < theirs.time for ours, theirs in self.pairs.values())
+        behind = sum(ours.time > theirs.time for ours, theirs in self.pairs.values())
+        if not ahead + behind or binomtest(ahead, ahead + behind).pvalue >= (1.0 - CONFIDENCE) / family:
             return "inconclusive"
-        return "better" if ours > theirs else "worse"
-
-    @property
-    def bounded(self) -> int:
-        """Count the pairs of which a time is a bound alone: how far apart they are is unknown."""
-        return sum(one.known != "reached" or other.known != "reached" for one, other in self.pairs)
-
-    @property
-    def silent(self) -> int:
-        """Count the pairs of which both times are bounds on the same side, so that it is unknown which was sooner."""
-        return sum(ours.known == theirs.known != "reached" for ours, theirs in self.pairs)
+        return "better" if ahead > behind else "worse"
 
 
 def compared(
@@ -187,20 +202,23 @@ def compared(
     equivalent.
     """
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
-    scenes, seeds = sorted({key[0] for key in runs}), {key[2] for key in runs}
-    found = _paired(runs, scenes if scene == "all" else [scene], method, against, axis, target)
-    shared = [one for one in scenes_of(list(runs.values()), method, against) if one != "all"]
+    shared = [name for name in scenes_of(list(runs.values()), method, against) if name != "all"]
+    chosen = sorted({name for name, _, _ in runs}) if scene == "all" else [scene]
+    found = _paired(runs, chosen, method, against, axis, target)
     family = family_of("psnr", scene, len(shared))
-    nothing = found.silent == len(found.pairs)
-    here = elsewhere = apart = None
-    if not nothing and scene == "all" and len(found.ratios) > 1:
-        here = _estimate(found, on_these_scenes(found.ratios, family))
-        elsewhere, apart = _estimate(found, scenes_like_these(found.ratios, family)), scenes_like_these(found.apart)
-    elif not nothing:
-        (only,) = found.ratios
-        beside = _paired(runs, shared, method, against, axis, target)
-        here = _estimate(found, on_one_scene(beside.ratios, only, family), settled=len(seeds) >= FEWEST_SEEDS)
-        apart = on_one_scene(beside.apart, only)
+    here = elsewhere = apart = saving = None
+    if not found.silent:
+        saving = _per_cent(on_these_scenes(found.ratios).mean)
+        if scene == "all" and len(found.horizons) > 1:
+            here = _estimate(found, on_these_scenes(found.ratios, family))
+            elsewhere = _estimate(found, scenes_like_these(found.ratios, family))
+            apart = scenes_like_these(found.apart)
+        else:
+            (only,) = found.horizons
+            beside = _paired(runs, shared, method, against, axis, target)
+            settled = len(found.seeds) >= FEWEST_SEEDS
+            here = _estimate(found, on_one_scene(beside.ratios, only, family), settled)
+            apart = on_one_scene(beside.apart, only)
     one = elsewhere or here or NO_ESTIMATE
     never, earlier = found.count("never"), found.count("earlier")
     low, high = one.interval or (None, None)
@@ -209,8 +227,8 @@ def compared(
         method=method,
         against=against,
         axis=axis,
-        horizon=min(found.horizons, default=0.0),
-        saving=None if nothing else _per_cent(on_these_scenes(found.ratios).mean),
+        horizon=min(found.horizons.values(), default=0.0),
+        saving=saving,
         interval=one.interval,
         simultaneous=one.simultaneous,
         family=family,
@@ -221,7 +239,7 @@ def compared(
         pairs=len(found.pairs),
         never=never,
         earlier=earlier,
-        unpaired=found.aside,
+        unpaired=len(chosen) * len(found.seeds) - len(found.pairs),
         # what was cut short of `against`, or came before the first look at `method`, can only have been saved besides
         at_least=None if never[0] or earlier[1] else low,
         at_most=None if never[1] or earlier[0] else high,
@@ -230,19 +248,19 @@ def compared(
     )
 
 
-def _estimate(found: _Paired, result: PairedDifference, settled: bool = True) -> Estimate:
-    """Return the estimate, without a verdict unless `settled`."""
-    of_interest = -math.log1p(-SMALLEST_SAVING / 100)
-    said, least = verdict(result, of_interest, higher_is_better=False), detectable(result, of_interest)
+def _estimate(found: Paired, result: PairedDifference, settled: bool = True) -> Estimate:
+    """Return the estimate in per cent of time saved, without a verdict unless `settled`."""
+    one = estimate(result, -math.log1p(-SMALLEST_SAVING / 100), higher_is_better=False)
+    called = one.verdict
     if found.bounded and not _with_width(result.interval):  # times that are bounds alone agree by construction
-        said = found.sooner(result.family)
+        called = found.sooner(result.family)
     return Estimate(
         _in_per_cent(_with_width(result.interval)),
         _in_per_cent(_with_width(result.simultaneous)),
         result.family,
-        "inconclusive" if not settled or (said == "equivalent" and found.bounded) else said,
-        None if least is None else _per_cent(-least),
-        None if result.effect is None else -result.effect,
+        "inconclusive" if not settled or (called == "equivalent" and found.bounded) else called,
+        None if one.smallest_detectable is None else _per_cent(-one.smallest_detectable),
+        None if one.effect is None else -one.effect,
     )
 
 
@@ -253,55 +271,27 @@ def _with_width(interval: tuple[float, float] | None) -> tuple[float, float] | N
 
 def _paired(
     runs: dict[Key, CellRecord], scenes: list[str], method: str, against: str, axis: Axis, target: float
-) -> _Paired:
-    seeds = sorted({seed for _, _, seed in runs})
-    found = _Paired({}, {}, [], [], 0)
+) -> Paired:
+    found = Paired({}, {}, sorted({seed for _, _, seed in runs}))
     for scene in scenes:
-        there = [(runs.get((scene, method, seed)), runs.get((scene, against, seed))) for seed in seeds]
-        horizon = _horizon([cell for pair in there for cell in pair if cell is not None], axis)
+        sides = {seed: (runs.get((scene, method, seed)), runs.get((scene, against, seed))) for seed in found.seeds}
+        finished = [cell for pair in sides.values() for cell in pair if cell is not None and cell.status == "done"]
+        horizon = min((points[-1][0] for cell in finished if (points := scored(cell, axis))), default=None)
         if horizon is None:
-            found = replace(found, aside=found.aside + len(seeds))
             continue
-        ratios, apart = np.full(len(seeds), math.nan), np.full(len(seeds), math.nan)
-        for place, (ours, theirs) in enumerate(there):
+        for seed, (ours, theirs) in sides.items():
             if ours is not None and theirs is not None and "error" not in (ours.status, theirs.status):
-                pair = (_cut(reach(ours, axis, target), horizon), _cut(reach(theirs, axis, target), horizon))
-                ratios[place] = math.log(pair[0].time / pair[1].time)
-                apart[place] = pair[0].time - pair[1].time
-                found.pairs.append(pair)
-        found = replace(found, aside=found.aside + int(np.isnan(ratios).sum()))
-        if np.isfinite(ratios).any():
-            found.ratios[scene], found.apart[scene] = ratios, apart
-            found.horizons.append(horizon)
+                first, second = reach(ours, axis, target), reach(theirs, axis, target)
+                found.pairs[scene, seed] = _cut(first, horizon), _cut(second, horizon)
+                found.horizons[scene] = horizon
     return found
 
 
 def scored(cell: CellRecord, axis: Axis) -> list[tuple[float, float]]:
     """Return (steps or seconds, PSNR) of the checkpoints that have one, in the order of training."""
-
-    def at(point: Checkpoint) -> float:
-        return float(point.step if axis == "steps" else point.seconds)
-
-    return sorted((at(point), point.psnr) for point in cell.curve if point.psnr is not None and at(point) > 0)
-
-
-def _best(cell: CellRecord) -> float:
-    return max((psnr for _, psnr in scored(cell, "steps")), default=-math.inf) if cell.status == "done" else -math.inf
-
-
-def _is(one: Reach, axis: Axis, method: str, scene: str) -> bool:
-    return (one.axis, one.method) == (axis, method) and scene in ("all", one.scene)
-
-
-def _lost(one: Reach) -> bool:
-    return one.known == "never" and one.why in (LOST["diverged"], LOST["done"])
-
-
-def _horizon(cells: list[CellRecord], axis: Axis) -> float | None:
-    """Return the horizon; None if no cell finished with a score."""
-    return min(
-        (points[-1][0] for cell in cells if cell.status == "done" and (points := scored(cell, axis))), default=None
-    )
+    times = [float(point.step if axis == "steps" else point.seconds) for point in cell.curve]
+    scores = [point.psnr for point in cell.curve]
+    return sorted((time, psnr) for time, psnr in zip(times, scores, strict=True) if psnr is not None and time > 0)
 
 
 def _cut(one: Reach, horizon: float) -> Reach:

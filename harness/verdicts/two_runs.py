@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from harness.records.cells import CellRecord, Comparison, RunRecord, read_cells, read_run
-from harness.verdicts.comparisons import compare
+from harness.verdicts.comparisons import Key, compare
 from scenes.files.errors import InputError
 
 OF_THE_MACHINE = ("precision", "device", "threads")
 """The settings that a plan leaves to the machine."""
 PLACE = ("processor", "instruction_set", "threads", "device", "commit")
 """The parts of the origin of cells that are shown side by side."""
-Key = tuple[str, str, int]
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,6 @@ class Changed:
 @dataclass(frozen=True)
 class TwoRuns:
     origins: dict[str, tuple[list[str], list[str]]]
-    """The differences between the machines."""
     identical: int
     """The number of cells of the same scores to the last bit."""
     lost: list[str]
@@ -63,32 +61,47 @@ class TwoRuns:
 
 def two_runs(first: Path, second: Path) -> TwoRuns:
     """Compare two outputs; raises `InputError` for outputs of different plans, and `DamagedRecord`."""
-    runs, cells = [_run(out) for out in (first, second)], [_cells(out) for out in (first, second)]
-    _refuse_other_plans(runs, cells, (first, second))
+    outs = (first, second)
+    for out in outs:
+        if not (out / "records" / "run.json").is_file():
+            raise InputError(f"{out}: no run in it; name the output folder of a run, for instance out/latest")
+    runs = [read_run(out) for out in outs]
+    cells = [{(cell.scene, cell.method, cell.seed): cell for cell in read_cells(out)} for out in outs]
+    _refuse_other_plans(runs, cells, outs)
     pairs = [(cells[0][key], cells[1][key]) for key in sorted(cells[0])]
     scored = [(one, other) for one, other in pairs if None not in (one.scores.get("psnr"), other.scores.get("psnr"))]
     rows = [compare(list(found.values()), list(runs[0].methods)) for found in cells]
-    methods, scenes = (list(dict.fromkeys(getattr(one, name) for one, _ in scored)) for name in ("method", "scene"))
+    again = list(zip(*rows, strict=True))
+    groups: dict[str, dict[str, list[tuple[CellRecord, CellRecord]]]] = {"method": {}, "scene": {}}
+    for pair in scored:
+        for kind, group in groups.items():
+            group.setdefault(getattr(pair[0], kind), []).append(pair)
+    origins = {}
+    for name in PLACE:
+        ours, theirs = (
+            sorted({str(cell.provenance.get(name, "not recorded")) for cell in found.values()}) for found in cells
+        )
+        if ours != theirs:
+            origins[name] = (ours, theirs)
     return TwoRuns(
-        {name: sides for name in PLACE if (sides := _origins(cells, name))[0] != sides[1]},
-        sum(one.scores == other.scores for one, other in pairs),
-        [f"{_named(one)}: {one.status}, then {other.status}" for one, other in pairs if (one, other) not in scored],
-        [_apart(name, [pair for pair in scored if pair[0].method == name]) for name in methods],
-        [_apart(name, [pair for pair in scored if pair[0].scene == name]) for name in scenes],
-        _apart("all", scored) if scored else None,
-        [_changed(rows[0], rows[1], sense) for sense in ("on_these_scenes", "scenes_like_these")],
-        list(_headline(rows[0], rows[1])),
+        origins=origins,
+        identical=sum(one.scores == other.scores for one, other in pairs),
+        lost=[
+            f"{_named(one)}: {one.status}, then {other.status}" for one, other in pairs if (one, other) not in scored
+        ],
+        by_method=[_apart(name, some) for name, some in groups["method"].items()],
+        by_scene=[_apart(name, some) for name, some in groups["scene"].items()],
+        all=_apart("all", scored) if scored else None,
+        changed=[_changed(again, sense) for sense in ("on_these_scenes", "scenes_like_these")],
+        headline=[
+            f"{one.method} − {one.against}: {one.difference:+.2f} dB ({one.verdict}) → "
+            f"{other.difference:+.2f} dB ({other.verdict})"
+            for one, other in again
+            if (one.scene, one.metric, one.budget) == ("all", "psnr", "steps")
+            and one.difference is not None
+            and other.difference is not None
+        ],
     )
-
-
-def _run(out: Path) -> RunRecord:
-    if not (out / "records" / "run.json").is_file():
-        raise InputError(f"{out}: no run in it; name the output folder of a run, for instance out/latest")
-    return read_run(out)
-
-
-def _cells(out: Path) -> dict[Key, CellRecord]:
-    return {(one.scene, one.method, one.seed): one for one in read_cells(out)}
 
 
 def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]], outs: tuple[Path, Path]) -> None:
@@ -115,13 +128,6 @@ def _flat(value: Any, name: str = "") -> Iterable[tuple[str, Any]]:
         yield from _flat(inner, f"{name}.{key}".strip("."))
 
 
-def _origins(cells: list[dict[Key, CellRecord]], name: str) -> tuple[list[str], list[str]]:
-    first, second = (
-        sorted({str(one.provenance.get(name, "not recorded")) for one in found.values()}) for found in cells
-    )
-    return first, second
-
-
 def _named(cell: CellRecord) -> str:
     return f"{cell.scene} {cell.method} seed {cell.seed}"
 
@@ -139,36 +145,19 @@ def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
     )
 
 
-def _changed(first: list[Comparison], second: list[Comparison], sense: str) -> Changed:
-    pairs = [
-        (row, one.verdict, other.verdict)
-        for row, again in zip(first, second, strict=True)
-        if (one := getattr(row, sense)) is not None and (other := getattr(again, sense)) is not None
+def _changed(again: list[tuple[Comparison, Comparison]], sense: str) -> Changed:
+    """Compare the verdicts of rows in one of the two senses, if both have it."""
+    judged = [(row, getattr(row, sense), getattr(other, sense)) for row, other in again]
+    verdicts = [
+        (row, one.verdict, other.verdict) for row, one, other in judged if one is not None and other is not None
     ]
-    changed = [pair for pair in pairs if pair[1] != pair[2]]
-    return Changed(
-        sense,
-        len(pairs),
-        len(changed),
-        sum({before, after} == {"better", "worse"} for _, before, after in changed),
-        [
-            f"{row.method} − {row.against}, {row.metric} at equal {row.budget}, {row.scene}: {before} → {after}"
-            for row, before, after in changed
-        ],
-    )
-
-
-def _headline(first: list[Comparison], second: list[Comparison]) -> Iterable[str]:
-    """Return the comparison of PSNR over all scenes at equal steps."""
-    for one, other in zip(first, second, strict=True):
-        if (one.scene, one.metric, one.budget) == ("all", "psnr", "steps") and None not in (
-            one.difference,
-            other.difference,
-        ):
-            yield (
-                f"{one.method} − {one.against}: {one.difference:+.2f} dB ({one.verdict}) → "
-                f"{other.difference:+.2f} dB ({other.verdict})"
-            )
+    changed = [(row, before, after) for row, before, after in verdicts if before != after]
+    signs = sum({before, after} == {"better", "worse"} for _, before, after in changed)
+    rows = [
+        f"{row.method} − {row.against}, {row.metric} at equal {row.budget}, {row.scene}: {before} → {after}"
+        for row, before, after in changed
+    ]
+    return Changed(sense, len(verdicts), len(changed), signs, rows)
 
 
 def as_json(found: TwoRuns) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from dataclasses import replace
 from harness.records.json_record import DamagedRecord
 from reports.claims import arithmetic, scores, serving
 from reports.claims import time as times
-from reports.claims.ablation import added_part
 from reports.claims.ledger import Bench, Claim, Finding, Printed, claim_of, entries
 from reports.data.beside import ALONE, Beside
 from reports.data.load import Records
+from reports.data.scale import in_a_line
 from reports.data.wording import UNTESTED, VERDICTS, Verdict, number, signed
 
 KINDS = {
@@ -33,7 +33,7 @@ RULES: dict[str, tuple[str, Judge]] = {
     "each level": ("levels", scores.each_row),
     "saving": ("gains", times.saving),
     "derived saving": ("readings", times.saving),
-    "added part": ("gains", added_part),
+    "added part": ("gains", scores.added_part),
     "score": ("levels", scores.score),
     "time to target": ("levels", times.time_to_target),
     "weights": ("figures", arithmetic.weights),
@@ -65,9 +65,9 @@ def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
 
     Raises `DamagedRecord` for a ledger that cannot be read.
     """
-    bench = Bench(records, beside.evidence, records.targets, beside.serving)
+    bench, here = Bench(records, beside.evidence, records.targets, beside.serving), in_a_line(records)
     try:
-        return [_judged(bench, entry) for entry in entries(records.run.paper)]
+        return [_claim(bench, entry, here) for entry in entries(records.run.paper)]
     except KeyError as error:
         raise DamagedRecord(
             f"run.json: the paper's ledger lacks {error}, as another version wrote it; "
@@ -75,20 +75,17 @@ def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
         ) from error
 
 
-def _judged(bench: Bench, entry: Printed) -> Claim:
-    kind, judge = RULES.get(entry.rule, ("others", _unknown))
+def _claim(bench: Bench, entry: Printed, here: str) -> Claim:
+    if entry.rule not in RULES:
+        note = f"need a version of the report with the rule {entry.rule!r}"
+        return claim_of(entry, Finding(UNTESTED, "", note=note), "others", here)
+    kind, judge = RULES[entry.rule]
     found = judge(bench, entry)
     if entry.leaves_open and found.verdict != UNTESTED:
-        ends = " and ".join(
-            number(end, 1) if entry.unit == "%" else signed(end, entry.digits) for end in entry.leaves_open
-        )
-        derived = f"the paper prints rounded totals: this step is between {ends} {entry.unit}".strip()
+        low, high = (number(end, 1) if entry.unit == "%" else signed(end, entry.digits) for end in entry.leaves_open)
+        derived = f"the paper prints rounded totals: this step is between {low} and {high} {entry.unit}".strip()
         found = replace(found, note="; ".join(filter(None, [found.note, derived])))
-    return claim_of(entry, found, kind, bench.scale)
-
-
-def _unknown(bench: Bench, entry: Printed) -> Finding:
-    return Finding(UNTESTED, "", note=f"need a version of the report with the rule {entry.rule!r}")
+    return claim_of(entry, found, kind, here)
 
 
 def tally(found: list[Claim]) -> list[tuple[Verdict, int]]:

@@ -23,7 +23,7 @@ def sense_of(one: Comparison) -> str:
     return SENSES["scenes_like_these"] if one.scenes_like_these else SENSES["on_these_scenes"]
 
 
-def said(one: Comparison, scenes: list[str], seeds: list[int]) -> str:
+def difference_in_words(one: Comparison, scenes: list[str], seeds: list[int]) -> str:
     """Format a difference: `qnerf − nerf = −5.57 dB after equal steps (95 % interval −7.89 to −3.25; 8 scenes × 3
     seeds)`.
     """

@@ -31,7 +31,7 @@ class Roles:
 
 @dataclass(frozen=True)
 class Duel:
-    """One contender against one rival over all scenes, at equal steps and at equal time."""
+    """One contender against one rival, at equal steps and at equal time."""
 
     method: str
     against: str
@@ -58,16 +58,11 @@ def roles(records: Records) -> Roles:
 def duels(records: Records, scene: str = "all") -> list[Duel]:
     """Return every contender against the baseline and against the control."""
     cast = roles(records)
-    rivals = [rival for rival in (cast.baseline, cast.control) if rival is not None]
-    pairs = [(method, rival) for method in cast.contenders for rival in rivals if method != rival]
     return [
-        Duel(
-            method,
-            rival,
-            records.comparison(scene, method, rival, budget="steps"),
-            records.comparison(scene, method, rival, budget="seconds"),
-        )
-        for method, rival in pairs
+        Duel(method, rival, *(records.comparison(scene, method, rival, budget=budget) for budget, _ in BUDGETS))
+        for method in cast.contenders
+        for rival in (cast.baseline, cast.control)
+        if rival is not None and method != rival
     ]
 
 
@@ -76,9 +71,9 @@ def headline(records: Records) -> Headline:
     if not cast.contenders:
         return Headline(f"Only {cast.baseline} was run: there is nothing to compare it with", [], [])
     method = cast.contenders[0]
-    of_method = [duel for duel in fought if duel.method == method]
-    sentences = [_means(records), *_bandwidth(records, cast, of_method), *disagreements(records, method)]
-    return Headline(_title(records, cast, method, of_method), [sentence for sentence in sentences if sentence], fought)
+    title = _title(records, cast, method, [duel for duel in fought if duel.method == method])
+    sentences = [_means(records), _bandwidth(records, cast), *disagreements(records, method)]
+    return Headline(title, [sentence for sentence in sentences if sentence], fought)
 
 
 def title_of(method: str, baseline: str, control: str | None, vs_baseline: str | None, vs_control: str | None) -> str:
@@ -86,40 +81,37 @@ def title_of(method: str, baseline: str, control: str | None, vs_baseline: str |
     if vs_baseline is None:
         return f"No comparison of {method} with {baseline} could be made"
     if vs_baseline == "better":
-        return _title_of_a_gain(method, baseline, control, vs_control)
-    alone = {
-        "worse": f"{method} scores below {baseline}",
-        "equivalent": f"{method} and {baseline} score the same within the margin",
-        "inconclusive": f"This run cannot tell {method} from {baseline}",
+        if control == method:
+            return f"{method} scores above {baseline}: bandwidth alone makes this difference"
+        if control is None or vs_control is None:
+            return f"{method} scores above {baseline}, but without a bandwidth control beside it this says little"
+        gain = f"The gain of {method} over {baseline}"
+        return {
+            "better": f"{method} scores above both {baseline} and {control}",
+            "equivalent": f"{gain} is no more than bandwidth alone brings: {control} does as well",
+            "worse": f"{gain} is no more than bandwidth alone brings: {control} does better still",
+            "inconclusive": f"{gain} is not shown to be more than bandwidth alone brings: {control} may do as well",
+        }[vs_control]
+    alone, both = {
+        "worse": (f"{method} scores below {baseline}", f"{method} scores below both {baseline} and {control}"),
+        "equivalent": (
+            f"{method} and {baseline} score the same within the margin",
+            f"{method} scores the same as {baseline} and {control}, within the margin",
+        ),
+        "inconclusive": (
+            f"This run cannot tell {method} from {baseline}",
+            f"This run cannot tell {method} from {baseline} or {control}",
+        ),
     }[vs_baseline]
     if control is None or vs_control is None or control == method:
         return alone
-    if vs_control == vs_baseline:
-        return {
-            "worse": f"{method} scores below both {baseline} and {control}",
-            "equivalent": f"{method} scores the same as {baseline} and {control}, within the margin",
-            "inconclusive": f"{alone} or {control}",
-        }[vs_control]
-    return {
-        "better": f"{alone}; {method} scores above {control}",
-        "worse": f"{alone}; {method} scores below {control}",
-        "equivalent": f"{alone}; {method} is level with {control}",
-        "inconclusive": f"{alone}; against {control} nothing is settled",
+    beside = {
+        "better": f"{method} scores above {control}",
+        "worse": f"{method} scores below {control}",
+        "equivalent": f"{method} is level with {control}",
+        "inconclusive": f"against {control} nothing is settled",
     }[vs_control]
-
-
-def _title_of_a_gain(method: str, baseline: str, control: str | None, vs_control: str | None) -> str:
-    gain = f"The gain of {method} over {baseline}"
-    if control == method:
-        return f"{method} scores above {baseline}: bandwidth alone makes this difference"
-    if control is None or vs_control is None:
-        return f"{method} scores above {baseline}, but without a bandwidth control beside it this says little"
-    return {
-        "better": f"{method} scores above both {baseline} and {control}",
-        "equivalent": f"{gain} is no more than bandwidth alone brings: {control} does as well",
-        "worse": f"{gain} is no more than bandwidth alone brings: {control} does better still",
-        "inconclusive": f"{gain} is not shown to be more than bandwidth alone brings: {control} may do as well",
-    }[vs_control]
+    return both if vs_control == vs_baseline else f"{alone}; {beside}"
 
 
 def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> str:
@@ -130,22 +122,18 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
     if cells and lost == len(cells):
         return f"{method} did not finish a single cell: nothing can be said of its quality"
     verdicts = {duel.against: duel.steps.verdict for duel in fought if duel.steps and duel.steps.difference is not None}
-    vs_control = verdicts.get(cast.control) if cast.control else None
-    title = title_of(method, cast.baseline, cast.control, verdicts.get(cast.baseline), vs_control)
-    losses = [said for name in (method, cast.baseline) if (said := _lost(records, name))]
-    if losses and verdicts.get(cast.baseline) is None:
+    losses = [words for name in (method, cast.baseline) if (words := _lost(records, name))]
+    if losses and cast.baseline not in verdicts:
         open_ = f"against {cast.baseline} nothing is settled" if lost else f"nothing is settled about {method}"
         return f"{' and '.join(losses)}: {open_}"
+    vs_baseline, vs_control = (verdicts.get(rival or "") for rival in (cast.baseline, cast.control))
+    title = title_of(method, cast.baseline, cast.control, vs_baseline, vs_control)
     differs = any(duel.seconds and duel.steps and duel.seconds.verdict != duel.steps.verdict for duel in fought)
-    how = ", ".join(filter(None, ["at equal steps" if differs else "", _sense(fought) if verdicts else ""]))
-    return "; ".join([f"{title} ({how})" if how else title, *losses])
-
-
-def _sense(fought: list[Duel]) -> str:
-    """Return which question the verdicts answer (`reports.claims.estimands`)."""
-    judged = [duel.steps for duel in fought if duel.steps is not None]
-    like = any(one.scenes_like_these is not None for one in judged)
-    return "on scenes like these" if like else "on these scenes" if judged else ""
+    how = ["at equal steps"] if differs else []
+    if verdicts:  # the question that they answer (`reports.claims.estimands`)
+        like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
+        how.append("on scenes like these" if like else "on these scenes")
+    return "; ".join([f"{title} ({', '.join(how)})" if how else title, *losses])
 
 
 def _lost(records: Records, method: str) -> str:
@@ -164,15 +152,15 @@ def _means(records: Records) -> str:
     means = {method: average_of(frame, method, "psnr", scenes).mean for method in records.methods}
     scored = [f"{method} {number(mean)} dB" for method, mean in means.items() if mean is not None]
     where = f"over {counted(len(scenes), 'scene')}" if len(scenes) > 1 else f"on {scenes[0]}"
-    losses = [said for method in records.methods if (said := _lost(records, method))]
+    losses = [words for method in records.methods if (words := _lost(records, method))]
     survivors = f" This is of the cells that finished: {listed(losses)}." if losses else ""
     return f"Mean test PSNR {where}: {listed(scored)}.{survivors}"
 
 
-def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
+def _bandwidth(records: Records, cast: Roles) -> str:
     """Explain the control and its own gain: the size of the bandwidth effect."""
     if cast.control is None:
-        return [f"{CONTROL} was not run, so a difference cannot be told from an effect of bandwidth alone."]
+        return f"{CONTROL} was not run, so a difference cannot be told from an effect of bandwidth alone."
     why = (
         f"{cast.control} is {cast.baseline} with nothing changed but its encoding, cut down to "
         f"the frequencies that the φ encoding reaches. "
@@ -180,8 +168,8 @@ def _bandwidth(records: Records, cast: Roles, fought: list[Duel]) -> list[str]:
     )
     one = records.comparison("all", cast.control, cast.baseline)
     if one is None or one.difference is None:
-        return [f"{why}."]
-    return [f"{why}: here {signed(one.difference)} dB {interval(one.interval)}".rstrip() + f" ({one.verdict})."]
+        return f"{why}."
+    return f"{why}: here {signed(one.difference)} dB {interval(one.interval)}".rstrip() + f" ({one.verdict})."
 
 
 def disagreements(records: Records, method: str) -> list[str]:
@@ -189,29 +177,17 @@ def disagreements(records: Records, method: str) -> list[str]:
     found, compared, skipped = [], 0, 0
     for scene in ["all", *records.scenes]:
         for duel in duels(records, scene):
-            if duel.method != method or (duel.steps is None and duel.seconds is None):
+            sides = [one for one in (duel.steps, duel.seconds) if one is not None]
+            if duel.method != method or not sides:
                 continue
-            sides = [one for one in (duel.steps, duel.seconds) if one is not None and one.difference is not None]
-            skipped += len(sides) < 2
-            compared += len(sides) == 2
-            if duel.steps is None or duel.seconds is None:
-                continue
-            if duel.steps.verdict != duel.seconds.verdict:
+            complete = sum(one.difference is not None for one in sides) == 2
+            compared, skipped = compared + complete, skipped + (not complete)
+            if len(sides) == 2 and sides[0].verdict != sides[1].verdict:
                 where = "over all scenes" if scene == "all" else f"on {scene}"
-                found.append(f"{where} against {duel.against} ({duel.steps.verdict} → {duel.seconds.verdict})")
+                found.append(f"{where} against {duel.against} ({sides[0].verdict} → {sides[1].verdict})")
     if not found:
         where = f"wherever both could be compared ({skipped} could not)" if skipped else "everywhere"
-        same = f"Equal steps and equal time lead to the same verdict on {method} {where}."
-        return [same] if compared else []
+        return [f"Equal steps and equal time lead to the same verdict on {method} {where}."] if compared else []
     if len(found) > 5:
         found = [*found[:5], counted(len(found) - 5, "more case")]
     return [f"Equal steps and equal time differ on {method} {listed(found)}."]
-
-
-def smallest_detectable(records: Records) -> str:
-    """State the power of the run to tell the first contender from the baseline, in a sentence, or nothing."""
-    cast = roles(records)
-    one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
-    if one is None or one.smallest_detectable is None:
-        return ""
-    return f"A true difference below {number(one.smallest_detectable)} dB could have gone unnoticed (power 80 %)."

@@ -9,44 +9,22 @@ All else is *inconclusive*. A printed sum is judged by the figures that it is ma
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
-from harness.records.json_record import DamagedRecord
+from harness.records.json_record import REMEDY, DamagedRecord, as_promised
 from harness.records.metric_table import METRICS
 from harness.records.study import Studies
 from harness.records.targets import TargetsRecord
-from harness.verdicts.statistics import critical
-from reports.data.load import REMEDY, Records
-from reports.data.scale import in_a_line, is_paper_scale
+from harness.verdicts.paper import Number, Pair, Printed
+from harness.verdicts.statistics import POWER, critical
+from reports.data.load import Records
+from reports.data.scale import is_paper_scale
 from reports.data.selection import Selection
 from reports.data.wording import UNTESTED, Verdict, counted
 
-Number = int | float
-Pair = tuple[float, float]
-
 OWN_FIGURES = "the paper’s own figures"
-
-
-@dataclass(frozen=True)
-class Printed:
-    """A printed number, as `harness.verdicts.paper` lists it."""
-
-    id: str
-    where: tuple[str, ...]
-    printed: Number | Pair | None
-    statement: str
-    rule: str
-    unit: str = ""
-    of: dict[str, str] = field(default_factory=dict)
-    leaves_open: Pair | None = None
-
-    @property
-    def digits(self) -> int:
-        """Return the decimals as printed."""
-        return {"dB": 1, "h": 1}.get(self.unit, 3 if self.of.get("metric") == "ssim" else 0)
 
 
 @dataclass(frozen=True)
@@ -90,25 +68,18 @@ class Bench:
     def paper(self) -> dict[str, Any]:
         return self.records.run.paper
 
-    @cached_property
-    def scale(self) -> str:
-        """Return the scale of the run, in a line."""
-        return in_a_line(self.records)
-
     def at_paper_scale(self, scene: str) -> bool:
         """Return whether a measurement on a scene, or over `all`, is comparable with the paper's own numbers."""
         return is_paper_scale(self.records, scene)
 
     def row(self, table: str, name: str) -> dict[str, Any]:
         """Return a row of one of the paper's tables; empty if the record has none."""
-        found = self.paper.get(table)
-        row = found.get(name) if isinstance(found, dict) else None
-        return row if isinstance(row, dict) else {}
+        return (self.paper.get(table) or {}).get(name) or {}
 
     def scenes_of_table2(self) -> dict[str, dict[str, float]]:
         """Map scene → row, without the average."""
         table = self.paper.get("table2") or {}
-        return {scene: row for scene, row in table.items() if isinstance(row, dict) and scene not in ("average", "all")}
+        return {scene: row for scene, row in table.items() if scene not in ("average", "all")}
 
 
 @dataclass(frozen=True)
@@ -126,22 +97,17 @@ class Finding:
     """The runs of this report, all that `measured` is taken from."""
 
 
-def claim_of(entry: Printed, found: Finding, kind: str, scale: str) -> Claim:
+def claim_of(entry: Printed, found: Finding, kind: str, here: str) -> Claim:
+    """Return the claim; `here` is the scale of the run."""
     return Claim(
-        entry.id,
-        ", ".join(entry.where),
-        entry.statement,
-        entry.printed,
-        found.measured,
-        found.interval,
-        found.scale or scale,
-        found.verdict,
-        found.how,
-        kind,
-        entry.unit,
-        entry.digits,
-        found.note,
-        found.runs if found.verdict != UNTESTED else None,
+        id=entry.id,
+        source=", ".join(entry.where),
+        statement=entry.statement,
+        printed=entry.printed,
+        kind=kind,
+        unit=entry.unit,
+        digits=entry.digits,
+        **{**found.__dict__, "scale": found.scale or here, "runs": found.runs if found.verdict != UNTESTED else None},
     )
 
 
@@ -150,30 +116,15 @@ def entries(paper: dict[str, Any]) -> list[Printed]:
     it.
     """
     try:
-        return [
-            Printed(
-                **{
-                    **row,
-                    "where": tuple(row["where"]),
-                    "printed": _pair(row["printed"]),
-                    "leaves_open": _pair(row.get("leaves_open")),
-                }
-            )
-            for row in paper.get("ledger") or []
-        ]
-    except (TypeError, KeyError) as error:
+        return as_promised(paper.get("ledger") or [], list[Printed])
+    except ValueError as error:
         raise DamagedRecord(f"run.json: the paper's ledger is not readable ({error}); {REMEDY}") from error
-
-
-def _pair(value: Any) -> Any:
-    return (value[0], value[1]) if isinstance(value, list | tuple) else value
 
 
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
 """The margins within which a level must lie."""
 LEAST_PAIRS = 3
 """The least pairs for a verdict: two seeds give none."""
-POWER = 0.8
 MOST_SEEDS = 1000
 
 
@@ -259,13 +210,12 @@ def by_cause(found: list[Claim]) -> list[tuple[str, list[Claim]]]:
     for claim in found:
         if claim.verdict == UNTESTED:
             missing.setdefault(claim.note, []).append(claim)
-    gathered = sorted(missing.items(), key=lambda one: -len(one[1]))
-    return [(f"{counted(len(some), 'claim')} {_agreeing(cause, len(some))}.", some) for cause, some in gathered]
-
-
-def _agreeing(cause: str, many: int) -> str:
-    """Make a cause, which begins with its verb in the plural, agree with the number of claims."""
-    return cause if many != 1 else cause.replace("need ", "needs ", 1).replace("are settings", "is a setting", 1)
+    gathered = []
+    for cause, some in sorted(missing.items(), key=lambda item: -len(item[1])):
+        if len(some) == 1:  # a cause begins with its verb in the plural
+            cause = cause.replace("need ", "needs ", 1).replace("are settings", "is a setting", 1)
+        gathered.append((f"{counted(len(some), 'claim')} {cause}.", some))
+    return gathered
 
 
 def not_tested(said: list[str], found: list[Claim]) -> list[str]:

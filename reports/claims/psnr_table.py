@@ -1,5 +1,7 @@
 """PSNR scene by scene: every method with its spread, ceiling and floor, and the differences with their verdicts."""
 
+from collections import Counter
+
 from harness.records.cells import CellRecord, Comparison
 from harness.records.metric_table import metric_of
 from reports.claims.headline import BUDGETS, roles
@@ -20,8 +22,7 @@ FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not ava
 
 def scores_grid(records: Records) -> Grid:
     """Tabulate mean test PSNR ± standard deviation over seeds; train PSNR below it; the paper's values beside."""
-    frame = cells_frame(records)
-    printed = _printed(records)
+    frame, printed = cells_frame(records), _printed(records)
     columns = [Column("scene", numeric=False), Column("floor", small="copy the nearest view")]
     columns += [Column(method, method) for method in records.methods]
     columns.append(Column("ceiling", small="noise of the truth"))
@@ -29,47 +30,40 @@ def scores_grid(records: Records) -> Grid:
     rows = []
     for scene in records.scenes:
         about = records.scene(scene)
-        row = [Entry(scene), Entry(number(about.psnr_floor if about else None, 1), tone="muted")]
+        ceiling = about.psnr_ceiling if about else None
+        row = [Entry(scene), _level([about.psnr_floor if about else None])]
         for method in records.methods:
             test, train = (spread_of(frame, scene, method, score) for score in ("psnr", "psnr_train"))
-            ceiling = about.psnr_ceiling if about else None
             behind = Selection(scene, method, metric="psnr")
             row.append(score_entry(test, train, records.cells_of(scene, method), ceiling, behind))
-        row.append(Entry(number(about.psnr_ceiling if about else None, 1), tone="muted"))
-        rows.append(row + [Entry(number(value, 1), tone="muted") for value in printed.get(scene.lower(), ())])
-        rows[-1] += [EMPTY] * (len(columns) - len(rows[-1]))
+        row.append(Entry(number(ceiling, 1), tone="muted"))
+        rows.append(row + [_level([value]) for value in printed.get(scene.lower(), (None, None))] * bool(printed))
     note = (
         "Test PSNR in dB, per image and then averaged; ± is the sample standard deviation over the finished seeds. "
         "The smaller line is PSNR on training views: a wide gap means that views were memorised. "
         "Reference-limited: within 1 dB of the ceiling that the noise of the ground truth sets."
     )
-    return Grid("Test PSNR", columns, rows, _average(records, len(columns), bool(printed)), note)
-
-
-def _average(records: Records, width: int, with_paper: bool) -> list[list[Entry]]:
-    frame = cells_frame(records)
     scenes = shared_scenes(frame, "psnr")
-    if len(scenes) < 2:
-        return []
-    whole = len(scenes) == len(records.scenes)
-    name = "mean" if whole else f"mean of {len(scenes)} of {len(records.scenes)} scenes"
-    levels = [records.scene(scene) for scene in scenes]
-    row = [Entry(name), _mean_entry([about.psnr_floor if about else None for about in levels])]
+    totals = [_average(records, scenes, printed)] if len(scenes) > 1 else []
+    return Grid("Test PSNR", columns, rows, totals, note)
+
+
+def _average(records: Records, scenes: list[str], printed: dict[str, tuple[float, float]]) -> list[Entry]:
+    frame, about = cells_frame(records), [records.scene(scene) for scene in scenes]
+    every = len(scenes) == len(records.scenes)
+    row = [Entry("mean" if every else f"mean of {len(scenes)} of {len(records.scenes)} scenes")]
+    row.append(_level([one.psnr_floor if one else None for one in about]))
     for method in records.methods:
         test, train = (average_of(frame, method, score, scenes) for score in ("psnr", "psnr_train"))
         row.append(score_entry(test, train, [], behind=Selection(method=method, metric="psnr")))
-    row.append(_mean_entry([about.psnr_ceiling if about else None for about in levels]))
-    if with_paper:
-        printed = [value for scene, value in _printed(records).items() if scene in scenes]
-        complete = len(printed) == len(scenes)
-        row += [
-            Entry(number(sum(pair[place] for pair in printed) / len(printed), 1), tone="muted") if complete else EMPTY
-            for place in (0, 1)
-        ]
-    return [row + [EMPTY] * (width - len(row))]
+    row.append(_level([one.psnr_ceiling if one else None for one in about]))
+    if printed:
+        pairs = [printed.get(scene, (None, None)) for scene in scenes]
+        row += [_level([pair[place] for pair in pairs]) for place in (0, 1)]
+    return row
 
 
-def _mean_entry(values: list[float | None]) -> Entry:
+def _level(values: list[float | None]) -> Entry:
     """Return the mean, if none is missing."""
     there = [value for value in values if value is not None]
     return Entry(number(sum(there) / len(there), 1), tone="muted") if there and len(there) == len(values) else EMPTY
@@ -107,24 +101,22 @@ def reason_of(cells: list[CellRecord]) -> str:
 
 def losses(cells: list[CellRecord]) -> str:
     """Return `1 of 3 diverged`, or nothing."""
-    words = []
-    for status, name in FAILURES.items():
-        many = sum(cell.status == status for cell in cells)
-        if many:
-            words.append(f"{many} of {len(cells)} {name}")
-    return ", ".join(words)
+    many = Counter[str](cell.status for cell in cells)
+    return ", ".join(f"{many[status]} of {len(cells)} {name}" for status, name in FAILURES.items() if many[status])
 
 
 def differences_grids(records: Records) -> list[Grid]:
-    """Tabulate for each contender its difference to baseline and control, at equal steps and equal
-    time, as compared.
-    """
+    """Tabulate for each contender its difference to baseline and control, at equal steps and equal time."""
     cast = roles(records)
     found = []
     for method in cast.contenders:
-        pairs = [(rival, *budget) for budget in BUDGETS for rival in (cast.baseline, cast.control) if rival]
-        scenes = [*records.scenes, "all"]
-        pairs = [pair for pair in pairs if any(records.comparison(s, method, pair[0], budget=pair[1]) for s in scenes)]
+        pairs = [
+            (rival, *budget)
+            for budget in BUDGETS
+            for rival in (cast.baseline, cast.control)
+            if rival
+            and any(records.comparison(scene, method, rival, budget=budget[0]) for scene in [*records.scenes, "all"])
+        ]
         if pairs:
             found.append(_differences(records, method, pairs, cast.control))
     return found
@@ -132,16 +124,17 @@ def differences_grids(records: Records) -> list[Grid]:
 
 def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]], control: str | None) -> Grid:
     printed = _printed(records) if method == "qnerf" else {}
-    gains = {scene: values[1] - values[0] for scene, values in printed.items()}
+    gains = [values[1] - values[0] if (values := printed.get(scene.lower())) else None for scene in records.scenes]
     columns = [Column("scene", numeric=False)]
     columns += [Column(f"− {rival}", rival, f"at {words}") for rival, _, words in pairs]
-    columns += [Column("Δ", small="paper")] if gains else []
+    columns += [Column("Δ", small="paper")] if printed else []
+    known = [gain for gain in gains if gain is not None]
+    mean = sum(known) / len(known) if known and len(known) == len(gains) else None
     rows = []
-    for scene in [*records.scenes, "all"]:
+    for scene, gain in zip([*records.scenes, "all"], [*gains, mean], strict=True):
         row = [Entry("all scenes" if scene == "all" else scene)]
         row += [difference_entry(records.comparison(scene, method, rival, budget=name)) for rival, name, _ in pairs]
-        row += [Entry(signed(_gain(gains, records.scenes, scene), 1), tone="muted")] if gains else []
-        rows.append(row)
+        rows.append(row + [Entry(signed(gain, 1), tone="muted")] * bool(printed))
     note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and the verdict. "
     note += "A scene's interval is over seeds, that of all scenes on scenes like these."
     note += f" {TOGETHER}" if any(one.family > 1 and one.simultaneous for one in records.comparisons) else ""
@@ -169,19 +162,7 @@ def lines(*parts: str) -> str:
 
 
 def _printed(records: Records) -> dict[str, tuple[float, float]]:
-    table = records.run.paper.get("table2") or {}
+    """Map scene of the run, in lower case → what the paper prints of NeRF and of Q-NeRF."""
     known = {scene.lower() for scene in records.scenes}
-    return {
-        scene.lower(): (row["nerf"], row["qnerf"])
-        for scene, row in table.items()
-        if scene.lower() in known and isinstance(row, dict) and {"nerf", "qnerf"} <= set(row)
-    }
-
-
-def _gain(gains: dict[str, float], scenes: list[str], scene: str) -> float | None:
-    """Return the printed gain, or for `all` the mean of those of the scenes that were run, if all are printed."""
-    if scene != "all":
-        return gains.get(scene.lower())
-    there = [gains.get(one.lower()) for one in scenes]
-    complete = [gain for gain in there if gain is not None]
-    return sum(complete) / len(complete) if len(complete) == len(there) else None
+    table = {scene.lower(): row for scene, row in (records.run.paper.get("table2") or {}).items()}
+    return {scene: (row["nerf"], row["qnerf"]) for scene, row in table.items() if scene in known}

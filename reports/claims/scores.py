@@ -1,12 +1,12 @@
-"""Abstract, Table 2 and Table 4: how much better, and how good."""
+"""Abstract, Table 2 and Table 4: how much better, how good, and what each part adds."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from harness.records.cells import Comparison
 from harness.records.json_record import finite_or_none
+from harness.records.study import Effect, Studies
 from harness.verdicts.statistics import on_one_scene, on_these_scenes
 from reports.claims.headline import roles
 from reports.claims.ledger import (
@@ -42,11 +42,15 @@ class Part:
     """The number of seeds that would settle what is open."""
 
 
-def on_them(one: Comparison) -> Pair | None:
+def on_them(one: Comparison | Effect) -> Pair | None:
     """Return the interval that a printed gain is judged by, with error from seeds alone; two seeds give none."""
     if one.on_these_scenes is None or one.pairs < LEAST_PAIRS:
         return None
     return one.on_these_scenes.simultaneous or one.on_these_scenes.interval
+
+
+def unpaired(one: Comparison | Effect) -> str:
+    return f"{counted(one.unpaired, 'pair')} could not be judged" if one.unpaired else ""
 
 
 def gain(bench: Bench, entry: Printed) -> Finding:
@@ -56,123 +60,102 @@ def gain(bench: Bench, entry: Printed) -> Finding:
     how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
     if one is None or not isinstance(entry.printed, int | float) or not tried(bench, one):
         return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods=f"{method} and {against}"))
+    scenes = bench.records.scenes if scene == "all" else [scene]
+    rows = [bench.records.comparison(name, method, against, metric) for name in scenes]
+    complete = all(row is not None and row.difference is not None for row in rows)
     pair, margin = on_them(one), MARGINS[metric]
-    verdict = judge_gain(entry.printed, margin, pair, bench.at_paper_scale(scene) and _on_each(bench, one))
-    notes = [
-        f"{counted(one.unpaired, 'pair')} could not be judged" if one.unpaired else "",
-        settled_by(one, margin, _scenes(bench, scene)) if verdict == "inconclusive" else "",
-        *(_beside(bench, entry, *rival) for rival in _rivals(bench, method, against)),
-    ]
+    verdict = judge_gain(entry.printed, margin, pair, bench.at_paper_scale(scene) and complete)
+    seeds = seeds_needed(one, margin, len(scenes)) if verdict == "inconclusive" else None
+    notes = [unpaired(one), f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""]
+    if (method, against) == ("qnerf", "nerf"):
+        # the printed form's gain, and what is left once bandwidth is matched
+        notes.append(_beside(bench, entry, PRINTED_FORM, against))
+        control = roles(bench.records).control
+        notes.append(_beside(bench, entry, method, control) if control else "")
     return Finding(verdict, how, one.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(one))
 
 
-def _on_each(bench: Bench, one: Comparison) -> bool:
-    """Return whether a mean over all scenes has a pair on each of them."""
-    scenes = bench.records.scenes if one.scene == "all" else [one.scene]
-    rows = [bench.records.comparison(scene, one.method, one.against, one.metric) for scene in scenes]
-    return all(row is not None and row.difference is not None for row in rows)
-
-
-def settled_by(one: Comparison, margin: float, scenes: int) -> str:
-    """Return how many seeds would settle an open gain, in words; nothing if its spread is not known."""
-    seeds = _seeds_needed(one, margin, scenes)
-    return f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""
-
-
-def _seeds_needed(one: Comparison, margin: float, scenes: int) -> int | None:
+def seeds_needed(one: Comparison, margin: float, scenes: int) -> int | None:
+    """Return how many seeds would settle an open gain; None if they would not, or its spread is not known."""
     about = one.on_these_scenes
     if about is None or not about.effect or one.difference is None:
         return None
-    deviation = abs(one.difference / about.effect)
-    seeds = seeds_that_settle(deviation, scenes, margin, about.family)
+    seeds = seeds_that_settle(abs(one.difference / about.effect), scenes, margin, about.family)
     return seeds if seeds and seeds * scenes > one.pairs else None
 
 
 def tried(bench: Bench, one: Comparison) -> bool:
     """Return whether there is a difference, or runs of both methods that could have given one and were lost."""
-    if one.difference is not None:
-        return True
-    started = {
-        cell.method
-        for cell in bench.records.cells
-        if one.scene in ("all", cell.scene) and cell.status != "not_available"
-    }
-    return {one.method, one.against} <= started
+    cells = [cell for cell in bench.records.cells if one.scene in ("all", cell.scene)]
+    started = {cell.method for cell in cells if cell.status != "not_available"}
+    return one.difference is not None or {one.method, one.against} <= started
+
+
+def _beside(bench: Bench, entry: Printed, method: str, against: str) -> str:
+    """State another difference in words: over all scenes if it was measured, else on the single one that has it."""
+    metric, asked = entry.of["metric"], entry.of["scene"]
+    found = [bench.records.comparison(scene, method, against, metric) for scene in (asked, *bench.records.scenes)]
+    one = next((row for row in found if row is not None and row.difference is not None), None)
+    if one is None:
+        return ""
+    where = f" on {one.scene}" if one.scene != asked else ""
+    shown = f"{method} − {against}{where}: {signed(one.difference)} {interval(on_them(one))}".rstrip()
+    if method != PRINTED_FORM or not isinstance(entry.printed, int | float):
+        return shown
+    verdict = judge_gain(entry.printed, MARGINS[metric], on_them(one), bench.at_paper_scale(one.scene))
+    return f"{shown}: {verdict}"
 
 
 def each_row(bench: Bench, entry: Printed) -> Finding:
     """Judge a table row by row, each on its own scene: a printed row is about no other."""
-    table, column, metric = (entry.of[name] for name in ("table", "column", "metric"))
+    column, metric = entry.of["column"], entry.of["metric"]
+    how = f"mean test {metric.upper()} over seeds; each row on its own scene"
     if column == "delta":
-        how = PAIRED.format(metric=metric.upper(), units="seed") + "; each row on its own scene"
+        how = f"{PAIRED.format(metric=metric.upper(), units='seed')}; each row on its own scene"
+    if entry.of["table"] == "table2":
+        table = bench.scenes_of_table2()
+        rows = [(scene, scene, column, row[column]) for scene, row in table.items() if column in row]
     else:
-        how = f"mean test {metric.upper()} over seeds; each row on its own scene"
-    rows = _rows(bench, table, column, metric)
-    parts = [
-        part for name, (printed, judge) in rows.items() if (part := judge(bench, name, printed, metric, len(rows)))
-    ]
+        table4 = bench.paper.get(entry.of["table"]) or []
+        rows = [(row["method"], "lego", row["method"], row[metric]) for row in table4]
+    judge = _gain_of if column == "delta" else _level_of
+    parts = [part for row in rows if (part := judge(bench, *row, metric, len(rows))) is not None]
     if not parts:
         return Finding(UNTESTED, how, note=NEEDS_PAPER)
     verdict = judge_all(part.verdict for part in parts)
     if verdict == "reproduced" and len(parts) < len(rows):
         verdict = "inconclusive"
+    notes = [
+        f"{verdict}: {listed([part.name for part in parts if part.verdict == verdict])}"
+        for verdict in dict.fromkeys(part.verdict for part in parts)
+    ]
+    wanted = [part.seeds for part in parts if part.seeds]
+    notes += [f"about {counted(max(wanted), 'seed')} would settle the open ones"] if wanted else []
+    notes += [f"{len(parts)} of {len(rows)} rows"] if len(parts) < len(rows) else []
     values = [part.value for part in parts]
-    return Finding(verdict, how, (min(values), max(values)), note=_by_verdict(parts, len(rows)))
+    return Finding(verdict, how, (min(values), max(values)), note="; ".join(notes))
 
 
-Judge = Callable[[Bench, str, float, str, int], Part | None]
-"""A judge of a row's name, printed value, metric and number of rows; None if its pictures are not the paper's."""
-
-
-def _rows(bench: Bench, table: str, column: str, metric: str) -> dict[str, tuple[float, Judge]]:
-    """Map row → its printed values, and their judge."""
-    if table == "table2":
-        scenes = bench.scenes_of_table2()
-        return {
-            scene: (row[column], _gain_of if column == "delta" else _level_of(scene, column))
-            for scene, row in scenes.items()
-            if column in row
-        }
-    rows = bench.paper.get(table) or []
-    return {row["method"]: (row[metric], _level_of("lego", row["method"])) for row in rows}
-
-
-def _gain_of(bench: Bench, scene: str, printed: float, metric: str, family: int) -> Part | None:
-    """Judge a row of Table 2's column of gains."""
+def _gain_of(bench: Bench, name: str, scene: str, column: str, printed: float, metric: str, family: int) -> Part | None:
+    """Judge a row of Table 2's column of gains; None if its pictures are not the paper's."""
     one = bench.records.comparison(scene, "qnerf", "nerf", metric)
     if one is None or one.difference is None or not bench.at_paper_scale(scene):
         return None
     verdict = judge_gain(printed, MARGINS[metric], on_them(one), True)
-    seeds = _seeds_needed(one, MARGINS[metric], 1) if verdict == "inconclusive" else None
-    return Part(scene, verdict, one.difference, seeds)
+    seeds = seeds_needed(one, MARGINS[metric], 1) if verdict == "inconclusive" else None
+    return Part(name, verdict, one.difference, seeds)
 
 
-def _level_of(scene: str, method: str) -> Judge:
-    """Return a judge of the level that a method reaches on a scene."""
-
-    def judge(bench: Bench, name: str, printed: float, metric: str, family: int) -> Part | None:
-        table = _scores(bench, method, metric)
-        if scene not in table or not bench.at_paper_scale(scene):
-            return None
-        found = on_one_scene(table, scene, family)
-        pair = found.simultaneous if found.units >= LEAST_PAIRS else None
-        return Part(name, judge_level(printed, MARGINS[metric], pair), found.mean)
-
-    return judge
-
-
-def _by_verdict(parts: list[Part], rows: int) -> str:
-    """State which rows came out how, and how many seeds the open ones want."""
-    said = []
-    for verdict in dict.fromkeys(part.verdict for part in parts):
-        some = [part for part in parts if part.verdict == verdict]
-        said.append(f"{verdict}: {listed([part.name for part in some])}")
-    wanted = [part.seeds for part in parts if part.seeds]
-    if wanted:
-        said.append(f"about {counted(max(wanted), 'seed')} would settle the open ones")
-    if len(parts) < rows:
-        said.append(f"{len(parts)} of {rows} rows")
-    return "; ".join(said)
+def _level_of(
+    bench: Bench, name: str, scene: str, method: str, printed: float, metric: str, family: int
+) -> Part | None:
+    """Judge the level that a method reaches on a scene, one of `family`; None if its pictures are not the paper's."""
+    table = _scores(bench, method, metric)
+    if scene not in table or not bench.at_paper_scale(scene):
+        return None
+    found = on_one_scene(table, scene, family)
+    pair = found.simultaneous if found.units >= LEAST_PAIRS else None
+    return Part(name, judge_level(printed, MARGINS[metric], pair), found.mean)
 
 
 def score(bench: Bench, entry: Printed) -> Finding:
@@ -191,36 +174,64 @@ def score(bench: Bench, entry: Printed) -> Finding:
 
 def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
     """Map scene → scores of its finished cells [seeds], if there are any."""
-    found = {
-        scene: [finite_or_none(cell.scores.get(metric)) for cell in bench.records.cells_of(scene, method)]
-        for scene in bench.records.scenes
-    }
-    table = {scene: np.array([one for one in values if one is not None]) for scene, values in found.items()}
+    table = {}
+    for scene in bench.records.scenes:
+        scores = [finite_or_none(cell.scores.get(metric)) for cell in bench.records.cells_of(scene, method)]
+        table[scene] = np.array([value for value in scores if value is not None])
     return {scene: values for scene, values in table.items() if values.size}
 
 
-def _scenes(bench: Bench, scene: str) -> int:
-    return len(bench.records.scenes) if scene == "all" else 1
+STUDY = "factorial"
+"""The study that trains every combination of the parts. Listing 2 is the paper's amplifier; Eq. 4 stands beside it."""
+TRUSTED_BY = (STUDY, "calibration")
+"""The studies whose checks must hold before an effect may be believed."""
+EQUATION_4 = {"nerf_phi_encoding_amplifier": "nerf_phi_encoding_equation4", "qnerf": "qnerf_theorem"}
+"""The same row of Table 4 with the other reading of the amplifier."""
+NEEDS_STUDY = "need the ablation study: `nox -s evidence -- --out out/latest`"
 
 
-def _rivals(bench: Bench, method: str, against: str) -> list[tuple[str, str]]:
-    """Return the comparisons beside Q-NeRF's gain: the rest of it once bandwidth is matched, and the printed form's."""
-    if (method, against) != ("qnerf", "nerf"):
-        return []
-    control = roles(bench.records).control
-    return [(PRINTED_FORM, against), *([(method, control)] if control else [])]
+def added_part(bench: Bench, entry: Printed) -> Finding:
+    """Judge a row of Table 4 less the row above it, on lego: by the run's own comparison where it has one, else by the
+    effect of the factorial study.
+    """
+    method, against, metric = (entry.of[name] for name in ("method", "against", "metric"))
+    found = gain(bench, entry)
+    effect = effect_of(bench.evidence, entry.of["scene"], method, against, metric)
+    if found.verdict != UNTESTED:
+        return found
+    if bench.evidence is None or effect is None or not isinstance(entry.printed, int | float):
+        return replace(found, note=NEEDS_STUDY)
+    study, pair, digits = bench.evidence.study(STUDY), on_them(effect), entry.digits + 1
+    notes = [unpaired(effect), doubts(bench.evidence)]
+    rival = EQUATION_4.get(against, against)
+    other = effect_of(bench.evidence, entry.of["scene"], EQUATION_4.get(method, ""), rival, metric)
+    if other is not None:
+        shown = f"{signed(other.difference, digits)} {interval(other.simultaneous or other.interval, digits)}".strip()
+        notes.insert(0, f"with the amplifier of Eq. 4: {shown} ({other.verdict})")
+    return Finding(
+        judge_gain(entry.printed, MARGINS[metric], pair, False),
+        PAIRED.format(metric=metric.upper(), units="seed"),
+        effect.difference,
+        pair,
+        study.scale if study else "",
+        "; ".join(filter(None, notes)),
+    )
 
 
-def _beside(bench: Bench, entry: Printed, method: str, against: str) -> str:
-    """State another difference in words: over all scenes if it was measured, else on the single one that has it."""
-    metric, scenes = entry.of["metric"], bench.records.scenes
-    found = [bench.records.comparison(scene, method, against, metric) for scene in (entry.of["scene"], *scenes)]
-    one = next((row for row in found if row is not None and row.difference is not None), None)
-    if one is None:
-        return ""
-    where = f" on {one.scene}" if one.scene != entry.of["scene"] else ""
-    shown = f"{method} − {against}{where}: {signed(one.difference)} {interval(on_them(one))}".rstrip()
-    if method != PRINTED_FORM or not isinstance(entry.printed, int | float):
-        return shown
-    verdict = judge_gain(entry.printed, MARGINS[metric], on_them(one), bench.at_paper_scale(one.scene))
-    return f"{shown}: {verdict}"
+def doubts(evidence: Studies) -> str:
+    """State what speaks against taking the study's effects as they stand; nothing if nothing does."""
+    failed = [
+        f"{sum(not check.holds for check in study.checks)} of {counted(len(study.checks), 'check')} of {name}"
+        for name in TRUSTED_BY
+        if (study := evidence.study(name)) and not all(check.holds for check in study.checks)
+    ]
+    parts = [] if evidence.finished else ["the evidence was not finished"]
+    return "; ".join([*parts, *([f"{' and '.join(failed)} failed"] if failed else [])])
+
+
+def effect_of(evidence: Studies | None, scene: str, method: str, against: str, metric: str) -> Effect | None:
+    """Return an effect at equal steps from the factorial study; a quick one says nothing."""
+    study = evidence.study(STUDY) if evidence and not evidence.is_quick else None
+    wanted = (method, against, scene, metric, "steps")
+    found = (one for one in (study.effects if study else []) if one.difference is not None)
+    return next((one for one in found if (one.name, one.against, one.scene, one.metric, one.budget) == wanted), None)

@@ -1,49 +1,38 @@
 """The ledger as tables: the printed number, the measurement, the verdict, and its method and scale."""
 
-from dataclasses import dataclass
+from typing import Any
 
 from reports.claims.claim_list import KINDS, tally
 from reports.claims.ledger import Claim, Number, Pair, by_cause
 from reports.data.wording import NOTHING, UNTESTED, bare, count, counted, interval, listed, number, signed, significant
 from reports.page.grid import Column, Entry, Grid
 
-TONES = {"reproduced": "holds", "seen": "holds", "not reproduced": "fails", "not seen at this scale": "fails"}
-TONES |= {"inconclusive": "", UNTESTED: "muted"}
-MARKS = {"reproduced": "✓", "not reproduced": "✕", "seen": "✓", "not seen at this scale": "✕"}
-MARKS |= {"inconclusive": "?", UNTESTED: "–"}
+LOOKS = {
+    "reproduced": ("✓", "holds"),
+    "seen": ("✓", "holds"),
+    "not reproduced": ("✕", "fails"),
+    "not seen at this scale": ("✕", "fails"),
+    "inconclusive": ("?", ""),
+    UNTESTED: ("–", "muted"),
+}
+"""Map verdict → its mark and tone."""
 
 
-@dataclass(frozen=True)
-class Chapter:
-    """All claims of a kind that were tested."""
-
-    title: str
-    grid: Grid
-
-
-@dataclass(frozen=True)
-class Fold:
-    """All claims that one thing would test."""
-
-    title: str
-    claims: list[str]
-
-
-def chapters(found: list[Claim], here: str) -> list[Chapter]:
-    """Return one table per kind of statement, each in the paper's order. `here` is the run's scale, which stands above
-    them.
+def chapters(found: list[Claim], here: str) -> list[dict[str, Any]]:
+    """Return title and grid of the tested claims of each kind, in the paper's order. `here` is the run's scale, which
+    stands above them.
     """
     of_kind = {kind: [claim for claim in found if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
     return [
-        Chapter(f"{KINDS[kind]} ({len(some)})", claims_grid(some, here, KINDS[kind]))
+        {"title": f"{KINDS[kind]} ({len(some)})", "grid": claims_grid(some, here, KINDS[kind])}
         for kind, some in of_kind.items()
         if some
     ]
 
 
-def folds(found: list[Claim]) -> list[Fold]:
-    """Gather untested claims by what they need."""
-    return [Fold(sentence, [_in_a_line(claim) for claim in some]) for sentence, some in by_cause(found)]
+def folds(found: list[Claim]) -> list[dict[str, Any]]:
+    """Gather untested claims by what they need, each in a line."""
+    return [{"title": sentence, "claims": [_in_a_line(claim) for claim in some]} for sentence, some in by_cause(found)]
 
 
 def _in_a_line(claim: Claim) -> str:
@@ -54,25 +43,24 @@ def _in_a_line(claim: Claim) -> str:
 
 def in_a_sentence(found: list[Claim]) -> str:
     """Return `Of 58 statements 10 are reproduced, 4 not reproduced and 38 not tested.`; nothing without a ledger."""
-    if not found:
-        return ""
-    said = [f"{many} {verdict}" for verdict, many in tally(found)]
-    return f"Of {counted(len(found), 'statement')} in the ledger: {listed(said)}."
+    words = [f"{many} {verdict}" for verdict, many in tally(found)]
+    return f"Of {counted(len(found), 'statement')} in the ledger: {listed(words)}." if found else ""
 
 
 def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measured") -> Grid:
-    columns = [Column("claim", numeric=False), Column("printed", small="where"), Column("measured", small="interval")]
-    columns += [
+    columns = [
+        Column("claim", numeric=False),
+        Column("printed", small="where"),
+        Column("measured", small="interval"),
         Column("verdict", small="scale, where another", numeric=False),
         Column("how it is measured", numeric=False),
     ]
     rows = []
     for claim in found:
-        scale = "" if claim.scale == here else claim.scale
-        row = [Entry(claim.statement), printed_entry(claim, claim.source.replace(", ", "\n")), measured_entry(claim)]
-        row.append(Entry(f"{MARKS[claim.verdict]} {claim.verdict}", scale, TONES[claim.verdict]))
-        row.append(Entry(claim.how, claim.note))
-        rows.append(row)
+        mark, tone = LOOKS[claim.verdict]
+        verdict = Entry(f"{mark} {claim.verdict}", "" if claim.scale == here else claim.scale, tone)
+        printed = printed_entry(claim, claim.source.replace(", ", "\n"))
+        rows.append([Entry(claim.statement), printed, measured_entry(claim), verdict, Entry(claim.how, claim.note)])
     # without the judged ones, it would read as if none had been judged
     return Grid(caption, columns, rows, filtered=False)
 
@@ -85,18 +73,19 @@ def printed_entry(claim: Claim, small: str = "") -> Entry:
 
 
 def measured_entry(claim: Claim) -> Entry:
+    """Return the measurement, below it its interval."""
     value, parts = _numbers(claim.measured)
-    between = interval_text(claim)
-    low, high = claim.interval if claim.interval and between else (None, None)
-    parts = {**parts, "low": low, "high": high}
-    return Entry(measured_text(claim), between, value=value, parts=parts, runs=claim.runs)
+    between, pair = "", claim.interval if claim.measured is not None else None
+    low, high = pair or (None, None)
+    if pair is not None:
+        ends = ", ".join(_value(claim, end, _finer(claim)) for end in pair)
+        between = interval(pair, _finer(claim)) if _is_difference(claim) else f"[{ends}]"
+    return Entry(measured_text(claim), between, value=value, parts={**parts, "low": low, "high": high}, runs=claim.runs)
 
 
 def _numbers(found: Number | Pair | None) -> tuple[Number | None, dict[str, float | None]]:
     """Return a number; or the ends of a range, which is neither a number nor an interval."""
-    if isinstance(found, tuple):
-        return None, {"from": found[0], "to": found[1]}
-    return found, {}
+    return (None, {"from": found[0], "to": found[1]}) if isinstance(found, tuple) else (found, {})
 
 
 def printed_text(claim: Claim) -> str:
@@ -104,8 +93,7 @@ def printed_text(claim: Claim) -> str:
     if claim.printed is None:
         return "in words" if claim.kind != "others" else NOTHING
     if isinstance(claim.printed, tuple):
-        low, high = (_value(claim, value, claim.digits) for value in claim.printed)
-        return f"{low} to {high} {claim.unit}".strip()
+        return f"{_range(claim, claim.printed, claim.digits)} {claim.unit}".strip()
     return _with_unit(claim, claim.printed, claim.digits)
 
 
@@ -113,18 +101,12 @@ def measured_text(claim: Claim) -> str:
     """Format a measurement, as a range if one was asked for."""
     if isinstance(claim.measured, tuple):
         digits = _finer(claim) if _is_difference(claim) else claim.digits
-        return f"{' to '.join(_value(claim, value, digits) for value in claim.measured)} {claim.unit}"
+        return f"{_range(claim, claim.measured, digits)} {claim.unit}"
     return NOTHING if claim.measured is None else _with_unit(claim, claim.measured, _finer(claim))
 
 
-def interval_text(claim: Claim) -> str:
-    """Format an interval; nothing if there is none."""
-    if claim.interval is None or claim.measured is None:
-        return ""
-    digits = _finer(claim)
-    if _is_difference(claim):
-        return interval(claim.interval, digits)
-    return f"[{', '.join(_value(claim, value, digits) for value in claim.interval)}]"
+def _range(claim: Claim, pair: Pair, digits: int) -> str:
+    return " to ".join(_value(claim, value, digits) for value in pair)
 
 
 def _is_difference(claim: Claim) -> bool:
@@ -137,7 +119,7 @@ def _finer(claim: Claim) -> int:
     return 1 if claim.unit == "%" else claim.digits + 1 if claim.digits else 0
 
 
-def _value(claim: Claim, value: int | float, digits: int) -> str:
+def _value(claim: Claim, value: Number, digits: int) -> str:
     if _is_difference(claim):
         return signed(value, digits)
     if claim.kind == "others":
@@ -147,6 +129,6 @@ def _value(claim: Claim, value: int | float, digits: int) -> str:
     return number(value, digits) if digits else count(round(value)) if abs(value) >= 1 else number(value, 0)
 
 
-def _with_unit(claim: Claim, value: int | float, digits: int) -> str:
+def _with_unit(claim: Claim, value: Number, digits: int) -> str:
     unit = claim.unit if claim.unit in ("dB", "%", "h", "×") else ""
     return f"{_value(claim, value, digits)} {unit}".strip()

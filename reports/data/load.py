@@ -89,8 +89,7 @@ class Records:
         found: dict[str, dict[str, int]] = {}
         for cell in self.cells:
             if cell.status == "not_available":
-                reasons = found.setdefault(cell.method, {})
-                reason = cell.reason or "no reason recorded"
+                reasons, reason = found.setdefault(cell.method, {}), cell.reason or "no reason recorded"
                 reasons[reason] = reasons.get(reason, 0) + 1
         return found
 
@@ -152,7 +151,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
 
 
 def find_record(path: Path, read: Callable[[Path], One], wrong: Callable[[One], str | None], remedy: str) -> One | None:
-    """A record that lies beside a run, None where there is none; raises `DamagedRecord`.
+    """Return a record that lies beside a run, None if there is none; raises `DamagedRecord`.
 
     `wrong` finds the first thing that no run writes, though every type is right.
     """
@@ -186,21 +185,16 @@ def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
 
 def uneven(series: Iterable[Series], tables: Iterable[Table]) -> str | None:
     """Return the first list of a line or a table that is longer or shorter than its partner."""
-    found = [*map(_uneven_series, series), *map(_uneven_table, tables)]
-    return next(filter(None, found), None)
-
-
-def _uneven_series(one: Series) -> str | None:
-    for name in ("y", "low", "high"):
-        values = getattr(one, name)
-        if values is not None and len(values) != len(one.x):
-            return f"series {one.name!r} has {len(one.x)} x but {len(values)} {name}"
+    for one in series:
+        for name in ("y", "low", "high"):
+            values = getattr(one, name)
+            if values is not None and len(values) != len(one.x):
+                return f"series {one.name!r} has {len(one.x)} x but {len(values)} {name}"
+    for table in tables:
+        for row in table.rows:
+            if len(row) != len(table.columns):
+                return f"table {table.id!r} has {len(table.columns)} columns but a row of {len(row)}"
     return None
-
-
-def _uneven_table(one: Table) -> str | None:
-    wrong = next((row for row in one.rows if len(row) != len(one.columns)), None)
-    return None if wrong is None else f"table {one.id!r} has {len(one.columns)} columns but a row of {len(wrong)}"
 
 
 def if_sound(read: Callable[[], One], without: One, left_out: list[str] | None) -> One:

@@ -3,45 +3,43 @@
 from collections import Counter
 from pathlib import Path
 
-from harness.records.json_record import DamagedRecord, as_promised
-from harness.records.study import SHELVES, Effect, Studies, again, read_studies
-from reports.data.load import uneven
+from harness.records.json_record import as_promised
+from harness.records.study import SHELVES, Studies, StudyRecord, read_studies
+from reports.data.load import find_record, uneven
 
 
 def find_studies(out: Path, shelf: str) -> Studies | None:
-    """The studies of a shelf under `out`, or `None` where there are none; raises `DamagedRecord`."""
-    path = out / SHELVES[shelf]
-    if not path.is_file():
-        return None
-    record = read_studies(path)
-    if (problem := _contradiction(record, shelf)) is not None:
-        raise DamagedRecord(f"{path}: {problem}; {again(shelf, out)}")
-    return record
+    """Return the studies of a shelf under `out`, or `None` if there are none; raises `DamagedRecord`."""
+    remedy = f"run `nox -s {shelf}` again"
+    return find_record(out / SHELVES[shelf], read_studies, lambda record: _contradiction(record, shelf), remedy)
 
 
 def _contradiction(record: Studies, shelf: str) -> str | None:
-    """The first thing that no run writes, though every type is right."""
+    """Return the first thing that no run writes, though every type is right."""
     if record.shelf != shelf:
         return f"holds studies of {record.shelf!r}"
-    interest = record.settings.get("smallest_of_interest")
     try:
-        as_promised(interest, dict[str, float] | None)
+        as_promised(record.settings.get("smallest_of_interest"), dict[str, float] | None)
     except ValueError as error:
         return f"smallest_of_interest: {error}"
     twice = [name for name, many in Counter(study.info.id for study in record.studies).items() if many > 1]
     if twice:
         return f"{twice[0]!r} is there twice"
     for study in record.studies:
-        wrong = uneven(study.series, study.tables) or next(filter(None, map(_backwards, study.effects)), None)
+        wrong = uneven(study.series, study.tables) or _stray(study, shelf)
         if wrong is not None:
             return f"{study.info.id!r}: {wrong}"
     return None
 
 
-def _backwards(one: Effect) -> str | None:
-    """Return what is wrong with an interval that runs backwards: it says nothing."""
-    for name in ("interval", "simultaneous"):
-        pair = getattr(one, name)
-        if pair is not None and pair[0] > pair[1]:
-            return f"effect {one.name!r} on {one.scene!r} has {name} {list(pair)}, which runs backwards"
+def _stray(study: StudyRecord, shelf: str) -> str | None:
+    """Return a line or table of another chapter, which would be shown nowhere, or an interval that runs backwards."""
+    items = {one.name: one.item for one in study.series} | {one.title: one.item for one in study.tables}
+    for name, item in items.items():
+        if shelf == "evidence" and item != 0:
+            return f"{name!r} belongs to item {item}, not 0"
+    for one in study.effects:
+        for name, pair in (("interval", one.interval), ("simultaneous", one.simultaneous)):
+            if pair is not None and pair[0] > pair[1]:
+                return f"effect {one.name!r} on {one.scene!r} has {name} {list(pair)}, which runs backwards"
     return None

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import pandas as pd
 
 from harness.records.json_record import finite_or_none
-from harness.records.metric_table import METRICS
+from harness.records.metric_table import ALONG_TRAINING, METRICS
 from reports.data.load import Records
 
+FORWARD_AND_BACKWARD = 3
+"""The cost of a training step in forward passes: a backward pass costs two."""
 SCORES = (*METRICS, "psnr_train", "psnr_ceiling", "psnr_floor")
 
 
@@ -43,7 +45,7 @@ def cells_frame(records: Records) -> pd.DataFrame:
 
 
 def curves_frame(records: Records) -> pd.DataFrame:
-    """Return one row per checkpoint with finite PSNR or error, in the order of training."""
+    """Return one row per checkpoint, its costs so far and its scores as columns, in the order of training."""
     rows = [
         {
             "scene": cell.scene,
@@ -52,16 +54,23 @@ def curves_frame(records: Records) -> pd.DataFrame:
             "status": cell.status,
             "step": point.step,
             "seconds": point.seconds,
-            "network_evaluations": point.network_evaluations,
-            "psnr": point.psnr,
-            "rmse_linear": point.rmse_linear,
+            "rays": _times(point.step, cell.properties.get("rays_per_step")),
+            "evaluations": point.network_evaluations,
+            "flops": _times(
+                FORWARD_AND_BACKWARD * point.network_evaluations, cell.properties.get("flops_per_evaluation")
+            ),
+            **{name: getattr(point, name) for name in ALONG_TRAINING},
         }
         for cell in records.cells
         for point in sorted(cell.curve, key=lambda point: point.step)
     ]
-    numbers = ("seconds", "network_evaluations", "psnr", "rmse_linear")
+    numbers = ("seconds", "rays", "evaluations", "flops", *ALONG_TRAINING)
     columns = ["scene", "method", "seed", "status", "step", *numbers]
     return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, "float64"))
+
+
+def _times(many: int, each: float | str | None) -> float | None:
+    return many * float(each) if isinstance(each, int | float) else None
 
 
 def spread(values: pd.Series, seeds: int) -> Spread:

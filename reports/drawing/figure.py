@@ -77,20 +77,16 @@ STYLE: dict[Any, Any] = {
 def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
     """Set the same limits on every panel, so that the eye may compare across them."""
     for axis in axes:
-        values = [v for panel in panels for trace in panel.traces for v in (*getattr(trace, axis), *_high(trace, axis))]
+        traces = [trace for panel in panels for trace in panel.traces]
+        values = [v for trace in traces for v in (*getattr(trace, axis), *getattr(trace, f"{axis}_high"))]
         values = [value for value in values if not math.isnan(value)]
-        if not values:
-            continue
-        log = bool(panels) and getattr(panels[0], f"{axis}_scale") == "log"
-        limits = padded([v for v in values if v > 0] if log else values, log)
-        panels = [
-            replace(panel, x_limits=limits) if axis == "x" else replace(panel, y_limits=limits) for panel in panels
-        ]
+        if values:
+            log = getattr(panels[0], f"{axis}_scale") == "log"
+            limits = padded([v for v in values if v > 0] if log else values, log)
+            panels = [
+                replace(panel, x_limits=limits) if axis == "x" else replace(panel, y_limits=limits) for panel in panels
+            ]
     return panels
-
-
-def _high(trace: Trace, axis: str) -> tuple[float, ...]:
-    return trace.x_high if axis == "x" else trace.y_high
 
 
 def padded(values: list[float], log: bool) -> tuple[float, float] | None:
@@ -158,10 +154,8 @@ def _axis(axes: Axes, panel: Panel, name: str) -> None:
     scale, write = getattr(panel, f"{name}_scale"), tick
     axis = getattr(axes, f"{name}axis")
     getattr(axes, f"set_{name}label")(getattr(panel, f"{name}_label"))
-    if scale == "log":
-        getattr(axes, f"set_{name}scale")("log")
-    elif scale == "symlog":
-        getattr(axes, f"set_{name}scale")("symlog", linthresh=panel.linear_below)
+    if scale != "linear":
+        getattr(axes, f"set_{name}scale")(scale, **({"linthresh": panel.linear_below} if scale == "symlog" else {}))
     if scale == "linear":
         axis.set_major_locator(MaxNLocator(5))
     elif scale == "log":
@@ -203,26 +197,6 @@ def _line(axes: Axes, trace: Trace) -> None:
     axes.plot(trace.x, trace.y, color=trace.colour, linewidth=trace.width, **style)
 
 
-def _thin(axes: Axes, trace: Trace) -> None:
-    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=0.8, alpha=0.45)
-
-
-def _dots(axes: Axes, trace: Trace) -> None:
-    axes.plot(trace.x, trace.y, "o", color=trace.colour, markersize=4.6, markeredgewidth=0)
-
-
-def _cross(axes: Axes, trace: Trace) -> None:
-    axes.plot(trace.x, trace.y, "x", color=trace.colour, markersize=8, markeredgewidth=2.2, clip_on=False, zorder=5)
-
-
-def _floor(axes: Axes, trace: Trace) -> None:
-    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=1.1, linestyle=(0, (4, 3)), zorder=1)
-
-
-def _outline(axes: Axes, trace: Trace) -> None:
-    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=1.4, drawstyle="steps-post", solid_joinstyle="miter")
-
-
 def _bins(axes: Axes, trace: Trace) -> None:
     """Draw bins; empty ones have no place on a logarithmic axis and lie on its foot."""
     foot = axes.get_ylim()[0]
@@ -231,36 +205,12 @@ def _bins(axes: Axes, trace: Trace) -> None:
 
 
 def _range(axes: Axes, trace: Trace) -> None:
-    axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=trace.width, alpha=0.75)
+    axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=2.0, alpha=0.75)
 
 
 def _mark(axes: Axes, trace: Trace) -> None:
     face = palette.PAPER.light if trace.hollow else trace.colour
-    axes.plot(
-        trace.x,
-        trace.y,
-        linestyle="",
-        marker=trace.marker,
-        markerfacecolor=face,
-        markeredgecolor=trace.colour,
-        markersize=trace.size,
-        markeredgewidth=1.2,
-        zorder=3,
-    )
-
-
-def _zero(axes: Axes, trace: Trace) -> None:
-    axes.plot(
-        trace.x,
-        trace.y,
-        "v",
-        markerfacecolor=palette.PAPER.light,
-        markeredgecolor=trace.colour,
-        markersize=6,
-        markeredgewidth=1.4,
-        clip_on=False,
-        zorder=4,
-    )
+    axes.plot(trace.x, trace.y, trace.marker, mfc=face, mec=trace.colour, ms=trace.size, mew=1.2, zorder=3)
 
 
 def _band(axes: Axes, trace: Trace) -> None:
@@ -280,17 +230,21 @@ def _area(axes: Axes, trace: Trace) -> None:
     axes.add_patch(PathPatch(outline, facecolor=trace.colour, alpha=0.16, linewidth=0))
 
 
+def _plotted(**style: Any) -> Callable[[Axes, Trace], None]:
+    return lambda axes, trace: axes.plot(trace.x, trace.y, color=trace.colour, **style) and None
+
+
 _PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
     "line": _line,
-    "thin": _thin,
-    "dots": _dots,
-    "cross": _cross,
-    "floor": _floor,
-    "outline": _outline,
+    "thin": _plotted(linewidth=0.8, alpha=0.45),
+    "dots": _plotted(marker="o", linestyle="", markersize=4.6, markeredgewidth=0),
+    "cross": _plotted(marker="x", linestyle="", markersize=8, markeredgewidth=2.2, clip_on=False, zorder=5),
+    "floor": _plotted(linewidth=1.1, linestyle=(0, (4, 3)), zorder=1),
+    "outline": _plotted(linewidth=1.4, drawstyle="steps-post", solid_joinstyle="miter"),
+    "zero": _plotted(marker="v", linestyle="", mfc=palette.PAPER.light, ms=6, mew=1.4, clip_on=False, zorder=4),
     "bins": _bins,
     "range": _range,
     "mark": _mark,
-    "zero": _zero,
     "band": _band,
     "area": _area,
 }

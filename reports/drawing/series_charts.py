@@ -5,6 +5,7 @@ Nothing is dropped silently: a zero on a logarithmic axis stands at its foot, a 
 
 import math
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 from markupsafe import Markup
 
@@ -130,21 +131,13 @@ def _bands(name: str, pen: Pen, line: list[Point], foot: float | None) -> list[T
 
 def _strokes(name: str, pen: Pen, line: list[Point], foot: float | None) -> list[Trace]:
     """Return the line, in parts if there are gaps."""
-    parts: list[list[tuple[float, float]]] = [[]]
-    for point in line:
-        if point.y is None:
-            parts.append([])
-        else:
-            parts[-1].append((point.x, _raised(point.y, foot)))
+    width = 2.0 if len(line) <= 2 * MARKED else 1.4
     found = []
-    for part in parts:
-        if len(part) > 1:
+    for known, group in groupby(line, key=lambda point: point.y is not None):
+        part = [(point.x, _raised(point.y, foot)) for point in group if point.y is not None]
+        if known and len(part) > 1:
             x, y = zip(*part, strict=True)
-            found.append(
-                Trace(
-                    name, pen.colour.light, "line", x, y, dash=pen.dash, width=2.0 if len(line) <= 2 * MARKED else 1.4
-                )
-            )
+            found.append(Trace(name, pen.colour.light, "line", x, y, dash=pen.dash, width=width))
     return found
 
 
@@ -154,12 +147,12 @@ def _markers(name: str, pen: Pen, line: list[Point], foot: float | None, top: fl
     usual = usual[:: 1 if len(usual) <= 2 * MARKED else -(-len(usual) // MARKED)]
     zeros = [(point.x, foot) for point in line if foot is not None and point.y == 0]
     lost = [(point.x, top) for point in line if point.y is None]
-    mark = Trace(f"{name}: points", colour, "mark", (), (), marker=pen.marker, hollow=pen.hollow)
-    kinds = [(usual, mark), (zeros, Trace(f"{name}: zero", colour, "zero", (), ())),
-             (lost, Trace(f"{name}: not finite", colour, "cross", (), ()))]  # fmt: skip
-    return [
-        replace(trace, x=tuple(x for x, _ in found), y=tuple(y for _, y in found)) for found, trace in kinds if found
+    kinds = [
+        (usual, Trace(f"{name}: points", colour, "mark", (), (), marker=pen.marker, hollow=pen.hollow)),
+        (zeros, Trace(f"{name}: zero", colour, "zero", (), ())),
+        (lost, Trace(f"{name}: not finite", colour, "cross", (), ())),
     ]
+    return [replace(trace, x=tuple(x for x, _ in at), y=tuple(y for _, y in at)) for at, trace in kinds if at]
 
 
 def notes(made: Panel) -> list[str]:
@@ -174,13 +167,11 @@ def description(title: str, group: list[Series]) -> str:
     ends = []
     for one in group:
         line = points(one)
-        path = _said(line[0])
-        if len(line) > 1:
-            path += f" to {_said(line[-1])}"
+        path = " to ".join(map(_at, [line[0], *line[1:][-1:]]))
         lost = sum(point.y is None for point in line)
         ends.append(f"{one.name} {path}" + (f", {lost} of {len(line)} not finite" if lost else ""))
     return f"{title}: {group[0].y_label} against {group[0].x_label}. {'; '.join(ends)}."
 
 
-def _said(point: Point) -> str:
+def _at(point: Point) -> str:
     return f"{'no finite figure' if point.y is None else of_any_size(point.y)} at {of_any_size(point.x)}"

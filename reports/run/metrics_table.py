@@ -1,11 +1,12 @@
 """The properties of a method, the scores beside PSNR, and every comparison that was made, in full."""
 
 from collections import Counter
+from dataclasses import replace
 
 from harness.records.cells import LeftOut
 from harness.records.metric_table import METRICS, Metric, metric_of
 from reports.claims.arithmetic import COMPONENT_TITLES
-from reports.claims.psnr_table import TOGETHER, difference_entry, losses, tone_of
+from reports.claims.psnr_table import FAILURES, TOGETHER, difference_entry, losses, tone_of
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import average_of, cells_frame, shared_scenes, spread_of
@@ -18,37 +19,30 @@ def metrics_grid(records: Records) -> Grid:
     frame = cells_frame(records)
     shown = [metric for metric in METRICS.values() if frame[metric.name].notna().any()]
     columns = [Column("scene", numeric=False), Column("method", numeric=False)]
-    for metric in shown:
-        arrow = "↑" if metric.higher_is_better else "↓"
-        columns.append(Column(f"{metric.label} {arrow}", small=metric.unit))
+    columns += [Column(f"{one.label} {'↑' if one.higher_is_better else '↓'}", small=one.unit) for one in shown]
     rows, totals = [], []
     for scene in records.scenes:
         for place, method in enumerate(records.methods):
-            cells = records.cells_of(scene, method)
+            cells, behind = records.cells_of(scene, method), Selection(scene, method)
             if not cells:
                 continue
-            lost = losses(cells)
-            behind = Selection(scene, method)
-            row = [Entry(scene if place == 0 else "", value=scene), Entry(method, lost, tone_of(cells), runs=behind)]
-            for metric in shown:
-                mean = spread_of(frame, scene, method, metric.name).mean
-                row.append(score(mean, metric, scene, method))
-            rows.append(row)
+            row = [Entry(scene if place == 0 else "", value=scene)]
+            row.append(Entry(method, losses(cells), tone_of(cells), runs=behind))
+            means = [spread_of(frame, scene, method, metric.name).mean for metric in shown]
+            rows.append([*row, *map(score, means, shown, [behind] * len(shown))])
     for place, method in enumerate(records.methods if len(records.scenes) > 1 else []):
         row = [Entry("mean" if place == 0 else "", value="mean"), Entry(method)]
-        for metric in shown:
-            mean = average_of(frame, method, metric.name, shared_scenes(frame, metric.name)).mean
-            row.append(score(mean, metric, "", method))
-        totals.append(row)
+        means = [average_of(frame, method, one.name, shared_scenes(frame, one.name)).mean for one in shown]
+        totals.append([*row, *map(score, means, shown, [Selection("", method)] * len(shown))])
     note = "; ".join(f"{metric.label}: {metric.meaning}" for metric in shown)
     return Grid("All scores", columns, rows, totals, f"Arrows point to the better side. {note}.")
 
 
-def score(mean: float | None, metric: Metric, scene: str, method: str) -> Entry:
+def score(mean: float | None, metric: Metric, behind: Selection) -> Entry:
     """Return a mean with the runs that it is taken over."""
     if mean is None:
         return EMPTY
-    return Entry(number(mean, metric.digits), value=mean, runs=Selection(scene, method, metric=metric.name))
+    return Entry(number(mean, metric.digits), value=mean, runs=replace(behind, metric=metric.name))
 
 
 def comparisons_grid(records: Records) -> Grid:
@@ -58,18 +52,15 @@ def comparisons_grid(records: Records) -> Grid:
     columns += [Column("difference"), Column("smallest detectable"), Column("pairs")]
     rows = []
     for one in records.comparisons:
-        metric = metric_of(one.metric)
-        rows.append(
-            [
-                Entry("all scenes" if one.scene == "all" else one.scene),
-                Entry(f"{one.method} − {one.against}"),
-                Entry(metric.label),
-                Entry("steps" if one.budget == "steps" else "time"),
-                difference_entry(one),
-                Entry(number(one.smallest_detectable, metric.digits_of_difference), value=one.smallest_detectable),
-                Entry(str(one.pairs)),
-            ]
-        )
+        metric, least = metric_of(one.metric), one.smallest_detectable
+        words = [
+            "all scenes" if one.scene == "all" else one.scene,
+            f"{one.method} − {one.against}",
+            metric.label,
+            "steps" if one.budget == "steps" else "time",
+        ]
+        detected = Entry(number(least, metric.digits_of_difference), value=least)
+        rows.append([*map(Entry, words), difference_entry(one), detected, Entry(str(one.pairs))])
     note = (
         "Smallest detectable: the true difference that a comparison with just this spread calls better or worse in "
         "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
@@ -89,28 +80,26 @@ PROPERTY_NAMES = {
 
 def properties_grid(records: Records) -> Grid:
     """Tabulate one row per property, one column per method: the mean over its cells and, if they differ, the range."""
-    names = list(dict.fromkeys(name for cell in records.cells for name in cell.properties))
     columns = [Column("property", numeric=False), *(Column(method, method) for method in records.methods)]
     rows = []
-    for name in names:
+    for name in dict.fromkeys(name for cell in records.cells for name in cell.properties):
         row = [Entry(PROPERTY_NAMES.get(name, name.replace("_", " ")), name if name in PROPERTY_NAMES else "")]
         for method in records.methods:
-            found = [cell.properties.get(name) for cell in records.cells if cell.method == method]
-            row.append(_property_entry([value for value in found if value is not None], Selection(method=method)))
+            values = [cell.properties.get(name) for cell in records.cells if cell.method == method]
+            row.append(_property_entry([value for value in values if value is not None], Selection(method=method)))
         rows.append(row)
     return Grid("Measured properties", columns, [row for row in rows if any(entry != EMPTY for entry in row[1:])])
 
 
 def _property_entry(values: list[float | str], behind: Selection) -> Entry:
-    numbers = [float(value) for value in values if not isinstance(value, str)]
-    words = list(dict.fromkeys(value for value in values if isinstance(value, str)))
+    words = dict.fromkeys(value for value in values if isinstance(value, str))
     if words:
         return Entry(", ".join(words), runs=behind)
+    numbers = [float(value) for value in values]
     if not numbers:
         return EMPTY
-    low, high = min(numbers), max(numbers)
+    low, high, mean = min(numbers), max(numbers), sum(numbers) / len(numbers)
     small = "" if significant(low) == significant(high) else f"{significant(low)} – {significant(high)}"
-    mean = sum(numbers) / len(numbers)
     return Entry(significant(mean), small, value=mean, parts={"low": low, "high": high}, runs=behind)
 
 
@@ -119,22 +108,26 @@ def parameters_grid(records: Records) -> Grid:
     printed = records.run.paper.get("table1") or {}
     measured = records.run.paper.get("parameters_measured") or {}
     trained = {cell.method: cell.parameters for cell in records.cells if cell.parameters}
-    methods = [method for method in records.methods if method in trained]
-    found = dict.fromkeys([name for weights in trained.values() for name in weights] + [*printed, *measured])
-    names = sorted(found, key=lambda name: list(COMPONENT_TITLES).index(name) if name in COMPONENT_TITLES else -1)
-    columns = [Column("component", numeric=False), *(Column(method, method, "this run") for method in methods)]
-    columns += [Column("printed", small="Table 1")] if printed else []
-    columns += [Column("counted", small="paper’s network")] if measured else []
-    rows = []
-    for name in names:
-        row = [Entry(COMPONENT_TITLES.get(name, name.replace("_", " ")))]
-        row += [_weights(trained[method].get(name)) for method in methods]
-        row += [_weights(printed.get(name))] if printed else []
-        row += [_weights(measured.get(name))] if measured else []
-        rows.append(row)
-    return Grid(
-        "Weights", columns, [row for row in rows if row[0].text != "total"], rows[-1:] if "total" in names else []
-    )
+    columns, weights = [Column("component", numeric=False)], []
+    for method in records.methods:
+        if method in trained:
+            columns.append(Column(method, method, "this run"))
+            weights.append(trained[method])
+    for label, small, known in (("printed", "Table 1", printed), ("counted", "paper’s network", measured)):
+        if known:
+            columns.append(Column(label, small=small))
+            weights.append(known)
+    names = dict.fromkeys([name for of_method in trained.values() for name in of_method] + [*printed, *measured])
+    order = list(COMPONENT_TITLES)
+    rows = [
+        [
+            Entry(COMPONENT_TITLES.get(name, name.replace("_", " "))),
+            *(_weights(some.get(name)) for some in weights),
+        ]
+        for name in sorted(names, key=lambda name: order.index(name) if name in order else -1)
+    ]
+    totals = [row for row in rows if row[0].text == "total"]
+    return Grid("Weights", columns, [row for row in rows if row not in totals], totals)
 
 
 def _weights(value: object) -> Entry:
@@ -144,19 +137,13 @@ def _weights(value: object) -> Entry:
 def failures_grid(records: Records) -> Grid:
     """Tabulate cells without a score, each with its reason."""
     columns = [Column(name, numeric=False) for name in ("cell", "state", "why")]
-    words = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
-    rows = [
-        [
-            Entry(
-                f"{cell.scene} · {cell.method} · seed {cell.seed}",
-                runs=Selection(cell.scene, cell.method, seed=cell.seed),
-            ),
-            Entry(words[cell.status], tone="muted" if cell.status == "not_available" else "failed"),
-            Entry(cell.reason or "no reason recorded"),
-        ]
-        for cell in records.cells
-        if cell.status in words
-    ]
+    rows = []
+    for cell in records.cells:
+        if cell.status in FAILURES:
+            behind = Selection(cell.scene, cell.method, seed=cell.seed)
+            name = Entry(f"{cell.scene} · {cell.method} · seed {cell.seed}", runs=behind)
+            state = Entry(FAILURES[cell.status], tone="muted" if cell.status == "not_available" else "failed")
+            rows.append([name, state, Entry(cell.reason or "no reason recorded")])
     return Grid("Cells that did not finish", columns, rows)
 
 
@@ -189,23 +176,20 @@ def left_out_grid(records: Records) -> Grid:
     """Tabulate the omissions that a scene allows; if that was verified, what they saved and changed."""
     columns = [Column(name, numeric=False) for name in ("scene", "left out", "because")]
     columns += [Column("time saved"), Column("change in error"), Column("may cost"), Column("verdict", numeric=False)]
-    rows = [
-        [
-            Entry(scene.name, runs=Selection(scene.name)),
-            Entry(one.what, one.concerns),
-            Entry(one.reason),
-            Entry(duration(one.seconds_saved), one.clock, value=one.seconds_saved)
-            if one.seconds_saved is not None
-            else EMPTY,
-            _change(one),
-            Entry(f"{significant(one.bound)} {one.unit}") if one.bound else EMPTY,
-            Entry(one.verdict, tone=VERDICT_TONES.get(one.verdict, "")) if one.verdict else EMPTY,
-        ]
-        for scene in records.run.scenes
-        for one in scene.left_out
-    ]
-    told = [place for place in range(len(columns)) if place < 3 or any(row[place] != EMPTY for row in rows)]
-    return Grid("Left out", [columns[place] for place in told], [[row[place] for place in told] for row in rows])
+    rows = []
+    for scene in records.run.scenes:
+        for one in scene.left_out:
+            saved, bound, verdict = EMPTY, EMPTY, EMPTY
+            if one.seconds_saved is not None:
+                saved = Entry(duration(one.seconds_saved), one.clock, value=one.seconds_saved)
+            if one.bound:
+                bound = Entry(f"{significant(one.bound)} {one.unit}")
+            if one.verdict:
+                verdict = Entry(one.verdict, tone=VERDICT_TONES.get(one.verdict, ""))
+            row = [Entry(scene.name, runs=Selection(scene.name)), Entry(one.what, one.concerns), Entry(one.reason)]
+            rows.append([*row, saved, _change(one), bound, verdict])
+    shown = [place for place in range(len(columns)) if place < 3 or any(row[place] != EMPTY for row in rows)]
+    return Grid("Left out", [columns[place] for place in shown], [[row[place] for place in shown] for row in rows])
 
 
 VERDICT_TONES = {"within its bound": "equivalent", "costs more": "failed", "inconclusive": "inconclusive"}

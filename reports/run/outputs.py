@@ -1,7 +1,6 @@
 """Several outputs side by side → outputs.html: each against the first, cell by cell, judged as methods are."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,11 @@ from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.verdicts.comparisons import Budget, Judgement, differences, family_of, judged
 from reports.claims.claim_list import claims
-from reports.claims.ledger import Claim
+from reports.claims.headline import BUDGETS
 from reports.claims.psnr_table import lines, losses, tone_of
 from reports.data.load import Records
 from reports.data.table import cells_frame, curves_frame, spread_of
 from reports.data.wording import counted, interval, listed, number, signed
-from reports.drawing import palette
 from reports.drawing.figure import plots, with_common_limits
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Panel, Trace
@@ -25,6 +23,7 @@ from reports.page import shell
 from reports.page.grid import EMPTY, Column, Entry, Grid
 from reports.page.script import content_policy
 from reports.page.shell import flat
+from reports.run.curves import middle_of, points_of
 from reports.run.run_page import named as in_colours
 from scenes.files.atomic import write_atomically
 
@@ -32,6 +31,18 @@ EVERYWHERE = "all"
 FIRST, OTHER = "first", "other"
 SAME_CLOCK = ("processor", "cores", "threads", "device")
 """The facts that two runs must share before their seconds are compared."""
+DASHES = (("solid:", ()), ("dashed:", (5.0, 2.0)), ("dotted:", (1.5, 1.5)), ("dash-dotted:", (6.0, 2.0, 1.5, 2.0)))
+"""The dashes, one per output, over and over."""
+FEW = 3
+"""The number of scenes that a headline names; more are counted."""
+SECTIONS = (
+    ("scores", "Scores"),
+    ("verdicts", "Does the answer change?"),
+    ("curves", "Convergence"),
+    ("metrics", "Other scores"),
+    ("seconds", "Training time"),
+    ("facts", "What differs"),
+)
 
 
 @dataclass(frozen=True)
@@ -69,106 +80,83 @@ class Against:
     unlike: dict[str, str]
     """Map scene → why its scores are of another question: another ground truth."""
     same_clock: bool
-    rows: list[Row] = field(default_factory=list)
+    rows: list[Row]
 
-    def row(self, scene: str, method: str, metric: str = PRIMARY, budget: Budget = "steps") -> Row | None:
+    def row(self, scene: str, method: str, metric: str = PRIMARY, budget: str = "steps") -> Row | None:
         wanted = (scene, method, metric, budget)
-        return next((one for one in self.rows if (one.scene, one.method, one.metric, one.budget) == wanted), None)
+        return next((row for row in self.rows if (row.scene, row.method, row.metric, row.budget) == wanted), None)
 
 
 def named(found: list[Records]) -> list[Output]:
     """Name each by the shortest end of its path that none of the others has."""
     paths = [records.out.resolve() for records in found]
-    return [
-        Output(chr(ord("A") + place) if place < 26 else str(place + 1), _name(path, paths), records)
-        for place, (path, records) in enumerate(zip(paths, found, strict=True))
-    ]
 
+    def name(path: Path) -> str:
+        ends = [path.parts[-many:] for many in range(1, len(path.parts))]
+        alone = (end for end in ends if sum(other.parts[-len(end) :] == end for other in paths) == 1)
+        return "/".join(next(alone, path.parts))
 
-def _name(path: Path, paths: list[Path]) -> str:
-    for many in range(1, len(path.parts)):
-        if sum(other.parts[-many:] == path.parts[-many:] for other in paths) == 1:
-            return "/".join(path.parts[-many:])
-    return str(path)
+    letters = [chr(ord("A") + place) if place < 26 else str(place + 1) for place in range(len(found))]
+    return [Output(*one) for one in zip(letters, map(name, paths), found, strict=True)]
 
 
 def against(first: Output, other: Output) -> Against:
     """Return what `other` changes of `first`: only scenes, methods and seeds that both have can be compared."""
     ours, theirs = ({(c.scene, c.method, c.seed): c for c in one.records.cells} for one in (first, other))
-    both = [key for key in ours if key in theirs]
-    unlike = {
-        scene: why
-        for scene in dict.fromkeys(scene for scene, _, _ in both)
-        if (why := other_truth(*(next(c for key, c in cells.items() if key[0] == scene) for cells in (ours, theirs))))
-    }
-    same_clock = all(
-        first.records.run.provenance.get(key) == other.records.run.provenance.get(key) for key in SAME_CLOCK
-    )
-    alone = [f"{scene} · {method} · seed {seed} in {first.name} alone" for scene, method, seed in ours.keys() - both]
-    alone += [f"{scene} · {method} · seed {seed} in {other.name} alone" for scene, method, seed in theirs.keys() - both]
-    return Against(
-        other=other,
-        identical=sum(same_results(ours[key], theirs[key]) for key in both),
-        shared=len(both),
-        alone=sorted(alone),
-        unlike=unlike,
-        same_clock=same_clock,
-        rows=_rows([ours[key] for key in both], [theirs[key] for key in both], set(unlike), same_clock),
-    )
+    pairs = [(ours[key], theirs[key]) for key in ours if key in theirs]
+    unlike: dict[str, str] = {}
+    for pair in pairs:
+        if pair[0].scene not in unlike:
+            unlike[pair[0].scene] = other_truth(*pair)
+    unlike = {scene: why for scene, why in unlike.items() if why}
+    origins = [one.records.run.provenance for one in (first, other)]
+    same_clock = all(origins[0].get(fact) == origins[1].get(fact) for fact in SAME_CLOCK)
+    alone = [
+        f"{scene} · {method} · seed {seed} in {(first if (scene, method, seed) in ours else other).name} alone"
+        for scene, method, seed in ours.keys() ^ theirs.keys()
+    ]
+    identical = sum(results(one) == results(another) for one, another in pairs)
+    rows = _rows(pairs, set(unlike), same_clock)
+    return Against(other, identical, len(pairs), sorted(alone), unlike, same_clock, rows)
 
 
-def same_results(one: CellRecord, other: CellRecord) -> bool:
-    """Return whether two cells have the same numbers: status, steps, scores, curve but for its clock,
-    scores by view.
-    """
-
-    def results(cell: CellRecord) -> tuple[Any, ...]:
-        curve = [(point.step, point.network_evaluations, point.psnr, point.rmse_linear) for point in cell.curve]
-        return cell.status, cell.steps, cell.scores, curve, cell.views
-
-    return results(one) == results(other)
+def results(cell: CellRecord) -> tuple[Any, ...]:
+    """Return a cell's numbers: status, steps, scores, curve but for its clock, scores by view."""
+    curve = [(point.step, point.network_evaluations, point.psnr, point.rmse_linear) for point in cell.curve]
+    return cell.status, cell.steps, cell.scores, curve, cell.views
 
 
 def other_truth(one: CellRecord, other: CellRecord) -> str:
     """Return why two cells were not scored against the same images; nothing if they were."""
-    facts = [cell.settings.get("view_set") or {} for cell in (one, other)]
-    unequal = [key for key in ("width", "height", "test", "digest") if facts[0].get(key) != facts[1].get(key)]
-    if not unequal:
-        return ""
-    key = unequal[0]
-    if key == "digest":
-        return "other images of the same size"
-    words = {"width": "px wide", "height": "px high", "test": "test views"}[key]
-    return f"{facts[0].get(key)} against {facts[1].get(key)} {words}"
+    first, second = (cell.settings.get("view_set") or {} for cell in (one, other))
+    for key, words in (("width", "px wide"), ("height", "px high"), ("test", "test views")):
+        if first.get(key) != second.get(key):
+            return f"{first.get(key)} against {second.get(key)} {words}"
+    return "other images of the same size" if first.get("digest") != second.get("digest") else ""
 
 
-def _rows(ours: list[CellRecord], theirs: list[CellRecord], unlike: set[str], same_clock: bool) -> list[Row]:
-    scenes = list(dict.fromkeys(cell.scene for cell in ours))
+def _rows(pairs: list[tuple[CellRecord, CellRecord]], unlike: set[str], same_clock: bool) -> list[Row]:
     rows = []
-    for method in dict.fromkeys(cell.method for cell in ours):
-        keyed = {
-            (cell.scene, side, cell.seed): cell
-            for side, cells in ((FIRST, ours), (OTHER, theirs))
-            for cell in cells
-            if cell.method == method
-        }
-        seeds = sorted({seed for _, _, seed in keyed})
-        like = [scene for scene in scenes if scene not in unlike and any(key[0] == scene for key in keyed)]
-        common = np.array([all((scene, FIRST, seed) in keyed for scene in like) for seed in seeds])
+    for method in dict.fromkeys(cell.method for cell, _ in pairs):
+        own = [pair for pair in pairs if pair[0].method == method]
+        keyed = {(cell.scene, FIRST, cell.seed): cell for cell, _ in own}
+        keyed |= {(cell.scene, OTHER, cell.seed): cell for _, cell in own}
+        seeds = sorted({cell.seed for cell, _ in own})
+        like = [scene for scene in dict.fromkeys(cell.scene for cell, _ in own) if scene not in unlike]
+        has = {scene: np.array([(scene, FIRST, seed) in keyed for seed in seeds]) for scene in like}
+        common = np.all(list(has.values()), axis=0)
         for metric, about in METRICS.items():
             budgets: tuple[Budget, ...] = ("steps", "seconds") if about.along_training and same_clock else ("steps",)
             for budget in budgets:
                 table = differences(keyed, like, seeds, OTHER, FIRST, metric, budget)
                 # a seed that a scene has in neither run is not a pair that was lost
-                own = {
-                    scene: values[[(scene, FIRST, seed) in keyed for seed in seeds]] for scene, values in table.items()
-                }
-                for scene in own:
+                there = {scene: values[has[scene]] for scene, values in table.items()}
+                for scene in like:
                     family = family_of(metric, scene, len(like))
-                    rows.append(Row(scene, method, metric, budget, judged(own, metric, family, scene)))
+                    rows.append(Row(scene, method, metric, budget, judged(there, metric, family, scene)))
                 if len(like) > 1 and common.any():
-                    family = family_of(metric, EVERYWHERE, len(like))
                     shared = {scene: values[common] for scene, values in table.items()}
+                    family = family_of(metric, EVERYWHERE, len(like))
                     rows.append(Row(EVERYWHERE, method, metric, budget, judged(shared, metric, family)))
     return rows
 
@@ -176,67 +164,50 @@ def _rows(ours: list[CellRecord], theirs: list[CellRecord], unlike: set[str], sa
 def unequal_facts(outputs: list[Output], part: str) -> list[tuple[str, list[str]]]:
     """Return settings (`settings`) or origins (`provenance`) that differ between outputs: name, value in each."""
     found = [dict(flat(getattr(one.records.run, part))) for one in outputs]
-    names = dict.fromkeys(name for facts in found for name in facts)
-    rows = [(name, [facts.get(name, "–") for facts in found]) for name in names]
+    rows = [(name, [facts.get(name, "–") for facts in found]) for name in dict.fromkeys(n for f in found for n in f)]
     return [(name, values) for name, values in rows if len(set(values)) > 1]
-
-
-DASHES = ((), (5.0, 2.0), (1.5, 1.5), (6.0, 2.0, 1.5, 2.0))
-"""The dashes, one per output, over and over."""
-FEW = 3
-"""The number of scenes that a headline names; more are counted."""
-BUDGETS: tuple[tuple[Budget, str], ...] = (("steps", "equal steps"), ("seconds", "equal training time"))
 
 
 def headline(first: Output, found: list[Against]) -> str:
     """State what the others change of the first, in one sentence each."""
-    said = []
-    for one in found:
-        if one.shared == 0:
-            said.append(f"{one.other.name} and {first.name} have no cell in common")
-        elif one.identical == one.shared and not one.alone:
-            said.append(f"{one.other.name} has the same results as {first.name}, to the last bit")
-        else:
-            known = methods_of([first, one.other])
-            places = {_place(first, one, method) for method in known} - {None}
-            # stated once if it is the same for all
-            where = ", ".join(filter(None, [*(places if len(places) == 1 else []), _extent(one)]))
-            verdicts = [f"{method} {_verdict(first, one, method, placed=len(places) > 1)}" for method in known]
-            said.append(f"{one.other.name} against {first.name}{', ' if where else ''}{where}: {listed(verdicts)}")
-    return "; ".join(said)
+    return "; ".join(_sentence(first, one) for one in found)
 
 
-def _extent(one: Against) -> str:
-    """State how much the verdicts rest on, if it is not all of both."""
-    return f"in the {one.shared} of {counted(one.shared + len(one.alone), 'cell')} that both have" if one.alone else ""
+def _sentence(first: Output, one: Against) -> str:
+    name = one.other.name
+    if one.shared == 0:
+        return f"{name} and {first.name} have no cell in common"
+    if one.identical == one.shared and not one.alone:
+        return f"{name} has the same results as {first.name}, to the last bit"
+    methods = methods_of([first, one.other])
+    chosen = {method: _row(one, method) for method in methods}
+    places = {method: _place(first, one, row) for method, row in chosen.items() if row}
+    same_place = len(set(places.values())) == 1  # stated once if it is the same for all
+    cells = counted(one.shared + len(one.alone), "cell")
+    extent = f"in the {one.shared} of {cells} that both have" if one.alone else ""
+    where = ", ".join(filter(None, [*(set(places.values()) if same_place else ()), extent]))
+    verdicts = []
+    for method, row in chosen.items():
+        same = row and row.found.difference == 0 and row.found.chosen.interval == (0.0, 0.0)
+        words = ("the same" if same else row.found.chosen.verdict) if row else "not compared"
+        verdicts.append(" ".join(filter(None, [method, words, "" if same_place else places.get(method, "")])))
+    return f"{name} against {first.name}{', ' if where else ''}{where}: {listed(verdicts)}"
 
 
-def _place(first: Output, one: Against, method: str) -> str | None:
-    """Return the scenes that the verdict on a method is of, if they are not all of several; None without a verdict."""
-    row = _row(one, method)
-    if row is None:
-        return None
+def _place(first: Output, one: Against, row: Row) -> str:
+    """Return the scenes that a row is of, if they are not all of several."""
     every = scenes_of([first, one.other])
-    of_method = [r.scene for r in one.rows if (r.method, r.metric, r.budget) == (method, row.metric, row.budget)]
-    judged = [scene for scene in every if scene in of_method] if row.scene == EVERYWHERE else [row.scene]
-    if len(judged) == len(every) > 1:
+    own = {r.scene for r in one.rows if (r.method, r.metric, r.budget) == (row.method, row.metric, row.budget)}
+    judged_on = [scene for scene in every if scene in own] if row.scene == EVERYWHERE else [row.scene]
+    if len(judged_on) == len(every) > 1:
         return ""
-    return f"on {listed(judged)} alone" if len(judged) <= FEW else f"on {len(judged)} of {len(every)} scenes"
+    return f"on {listed(judged_on)} alone" if len(judged_on) <= FEW else f"on {len(judged_on)} of {len(every)} scenes"
 
 
 def _row(one: Against, method: str) -> Row | None:
     """Return the row over all scenes; else that of the first scene which both have."""
     scenes = dict.fromkeys([EVERYWHERE, *(row.scene for row in one.rows)])
     return next(filter(None, (one.row(scene, method) for scene in scenes)), None)
-
-
-def _verdict(first: Output, one: Against, method: str, placed: bool) -> str:
-    row = _row(one, method)
-    if row is None:
-        return "not compared"
-    same = row.found.difference == 0 and row.found.chosen.interval == (0.0, 0.0)
-    place = _place(first, one, method) if placed else ""
-    return " ".join(filter(None, ["the same" if same else row.found.chosen.verdict, place]))
 
 
 def methods_of(outputs: list[Output]) -> list[str]:
@@ -249,23 +220,26 @@ def scenes_of(outputs: list[Output]) -> list[str]:
 
 def sentences(first: Output, found: list[Against]) -> list[str]:
     """Return the notes that a reader needs before the tables."""
-    said = []
+    notes = []
     for one in found:
-        name = one.other.name
+        name, cells = one.other.name, counted(one.shared, "cell")
         if one.shared:
-            cells = counted(one.shared, "cell")
-            said.append(
+            notes.append(
                 f"{one.identical} of {cells} that {first.name} and {name} share have the same results bit for bit."
             )
         if one.alone:
             more = f" and {len(one.alone) - 3} more" if len(one.alone) > 3 else ""
-            said.append(f"Not compared: {', '.join(one.alone[:3])}{more}.")
+            notes.append(f"Not compared: {', '.join(one.alone[:3])}{more}.")
         if one.unlike:
             why = listed([f"{scene} ({reason})" for scene, reason in one.unlike.items()])
-            said.append(f"The ground truth of {name} is another one in {why}: shown, and not judged.")
+            notes.append(f"The ground truth of {name} is another one in {why}: shown, and not judged.")
         if not one.same_clock:
-            said.append(f"{name} ran on another kind of machine, or on other cores: their seconds are not compared.")
-    return said
+            notes.append(f"{name} ran on another kind of machine, or on other cores: their seconds are not compared.")
+    return notes
+
+
+def _heads(outputs: list[Output], numeric: bool = True) -> list[Column]:
+    return [Column(one.letter, numeric=numeric) for one in outputs]
 
 
 def scores_grid(outputs: list[Output], found: list[Against], method: str) -> Grid:
@@ -274,36 +248,34 @@ def scores_grid(outputs: list[Output], found: list[Against], method: str) -> Gri
     shown = [(one, budget, words) for one in found for budget, words in BUDGETS if one.same_clock or budget == "steps"]
     columns = [Column("scene", numeric=False), *(Column(one.letter, small=one.name) for one in outputs)]
     columns += [Column(f"{one.other.letter} − {outputs[0].letter}", small=f"at {words}") for one, _, words in shown]
+
+    def changes(scene: str) -> list[Entry]:
+        return [difference_entry(one.row(scene, method, budget=budget), 2) for one, budget, _ in shown]
+
     rows = []
     for scene in scenes_of(outputs):
         row = [Entry(scene)]
         for one, frame in zip(outputs, frames, strict=True):
-            cells = one.records.cells_of(scene, method)
-            spread = spread_of(frame, scene, method, "psnr")
+            cells, spread = one.records.cells_of(scene, method), spread_of(frame, scene, method, "psnr")
             text = number(spread.mean) + (f" ± {number(spread.sd)}" if spread.sd is not None else "")
             row.append(Entry(text, losses(cells), tone_of(cells)) if cells else EMPTY)
-        rows.append(row + _differences(shown, scene, method))
-    totals = []
-    if len(rows) > 1:
-        totals = [[Entry("all scenes"), *([EMPTY] * len(outputs)), *_differences(shown, EVERYWHERE, method)]]
-    return Grid(f"{method}: test PSNR (dB)", columns, rows, totals)
+        rows.append([*row, *changes(scene)])
+    total = [Entry("all scenes"), *([EMPTY] * len(outputs)), *changes(EVERYWHERE)]
+    return Grid(f"{method}: test PSNR (dB)", columns, rows, [total] if len(rows) > 1 else [])
 
 
-def _differences(shown: list[tuple[Against, Budget, str]], scene: str, method: str) -> list[Entry]:
-    rows = [one.row(scene, method, budget=budget) for one, budget, _ in shown]
-    return [difference_entry(row.found, 2) if row else EMPTY for row in rows]
-
-
-def difference_entry(found: Judgement, digits: int) -> Entry:
+def difference_entry(row: Row | None, digits: int) -> Entry:
     """Return the difference, its interval, the one that the verdict is taken from if it is wider, and the verdict."""
+    if row is None:
+        return EMPTY
+    found, one = row.found, row.found.chosen
     aside = f"{counted(found.unpaired, 'pair')} not judged" if found.unpaired else ""
-    one = found.chosen
     if found.difference is None:
         return Entry("–", lines(one.verdict, aside), one.verdict)
     wide = one.simultaneous if one.simultaneous != one.interval else None
     together = f"together: {interval(wide, digits)}" if wide else ""
-    words = lines(" ".join(filter(None, [interval(one.interval, digits), one.verdict])), together, aside)
-    return Entry(signed(found.difference, digits), words, one.verdict)
+    verdict = f"{interval(one.interval, digits)} {one.verdict}".strip()
+    return Entry(signed(found.difference, digits), lines(verdict, together, aside), one.verdict)
 
 
 def metrics_grid(outputs: list[Output], found: list[Against]) -> Grid:
@@ -312,99 +284,90 @@ def metrics_grid(outputs: list[Output], found: list[Against]) -> Grid:
     columns += [Column(f"{one.other.letter} − {outputs[0].letter}") for one in found]
     rows = []
     for method in methods_of(outputs):
-        for metric in METRICS:
-            entries = [one.row(EVERYWHERE, method, metric) for one in found]
-            if any(entries):
-                digits = METRICS[metric].digits_of_difference
-                shown = [difference_entry(row.found, digits) if row else EMPTY for row in entries]
+        for metric, about in METRICS.items():
+            changes = [one.row(EVERYWHERE, method, metric) for one in found]
+            if any(changes):
+                shown = [difference_entry(row, about.digits_of_difference) for row in changes]
                 rows.append([Entry(method), Entry(metric), *shown])
     return Grid("Every score over all scenes, at equal steps", columns, rows)
 
 
 def seconds_grid(outputs: list[Output]) -> Grid:
     """Tabulate mean training seconds of the finished cells by each clock, without a verdict."""
-    frames = [cells_frame(one.records) for one in outputs]
-    columns = [Column("method", numeric=False), *(Column(one.letter) for one in outputs)]
     rows = []
     for method in methods_of(outputs):
         row = [Entry(method)]
-        for frame in frames:
-            done = frame[(frame["method"] == method) & (frame["status"] == "done")]
-            row.append(
-                Entry(f"{number(float(done['train_seconds'].mean()), 1)} s", counted(len(done), "cell"))
-                if len(done)
-                else EMPTY
-            )
+        for one in outputs:
+            cells = [cell for cell in one.records.cells if (cell.method, cell.status) == (method, "done")]
+            mean = number(float(np.mean([cell.train_seconds for cell in cells])), 1) if cells else ""
+            row.append(Entry(f"{mean} s", counted(len(cells), "cell")) if cells else EMPTY)
         rows.append(row)
+    columns = [Column("method", numeric=False), *_heads(outputs)]
     return Grid("Training seconds a cell", columns, rows, note="Means over the finished cells of each output.")
 
 
 def verdicts_grid(outputs: list[Output]) -> Grid:
     """Tabulate the answer of each output to its own question: the compared methods, over all scenes."""
-    columns = [Column("comparison", numeric=False), *(Column(one.letter) for one in outputs)]
-    keys = dict.fromkeys(
-        (one.method, one.against, one.budget)
+    found = [
+        {
+            (one.method, one.against, one.budget): one
+            for one in output.records.comparisons
+            if (one.scene, one.metric) == (EVERYWHERE, PRIMARY)
+        }
         for output in outputs
-        for one in output.records.comparisons
-        if one.scene == EVERYWHERE and one.metric == "psnr"
-    )
-    words: dict[str, str] = dict(BUDGETS)
-    rows = []
-    for method, rival, budget in keys:
-        row = [Entry(f"{method} − {rival}", f"at {words[budget]}")]
-        for output in outputs:
-            there = output.records.comparison(EVERYWHERE, method, rival, budget=budget)
-            known = there is not None and there.difference is not None
-            small = lines(interval(there.interval), there.verdict) if known and there else ""
-            row.append(Entry(signed(there.difference), small, there.verdict) if known and there else EMPTY)
+    ]
+    words, rows = dict(BUDGETS), []
+    for key in dict.fromkeys(key for of_output in found for key in of_output):
+        row = [Entry(f"{key[0]} − {key[1]}", f"at {words[key[2]]}")]
+        for one in (of_output.get(key) for of_output in found):
+            known = one is not None and one.difference is not None
+            row.append(
+                Entry(signed(one.difference), lines(interval(one.interval), one.verdict), one.verdict)
+                if one and known
+                else EMPTY
+            )
         rows.append(row)
+    columns = [Column("comparison", numeric=False), *_heads(outputs)]
     return Grid("What each output says: difference in test PSNR over its scenes (dB)", columns, rows)
 
 
-def claims_grid(outputs: list[Output], judge: Callable[[Output], list[Claim]] | None = None) -> Grid:
+def claims_grid(outputs: list[Output]) -> Grid:
     """Tabulate the printed claims that all outputs list and on which they disagree."""
-    found = [{one.id: one for one in (judge or _claims)(output)} for output in outputs]
-    columns = [Column("claim", numeric=False), *(Column(one.letter, numeric=False) for one in outputs)]
+    found = [{claim.id: claim for claim in claims(output.records)} for output in outputs]
     rows = []
-    for name in dict.fromkeys(name for one in found for name in one):
-        if not all(name in one for one in found):
-            continue  # an older record does not list it
-        verdicts = [one[name].verdict for one in found]
-        if len(set(verdicts)) > 1:
-            rows.append([Entry(found[0][name].statement, name), *map(Entry, verdicts)])
+    for name, claim in found[0].items():
+        verdicts = [of_output[name].verdict for of_output in found if name in of_output]
+        if len(verdicts) == len(outputs) and len(set(verdicts)) > 1:
+            rows.append([Entry(claim.statement, name), *map(Entry, verdicts)])
+    columns = [Column("claim", numeric=False), *_heads(outputs, numeric=False)]
     return Grid("Claims of which the outputs do not say the same", columns, rows)
-
-
-def _claims(output: Output) -> list[Claim]:
-    return claims(output.records)
 
 
 def facts_grids(outputs: list[Output]) -> list[Grid]:
     """Tabulate the differences in settings and origins."""
-    columns = [Column("setting", numeric=False), *(Column(one.letter, numeric=False) for one in outputs)]
+    columns = [Column("setting", numeric=False), *_heads(outputs, numeric=False)]
     parts = (("settings", "Settings that differ"), ("provenance", "Machine and versions that differ"))
     grids = []
     for part, caption in parts:
         rows = [[Entry(name), *map(Entry, values)] for name, values in unequal_facts(outputs, part)]
-        grids.append(Grid(caption, columns, rows))
-    return [grid for grid in grids if grid.rows]
+        grids += [Grid(caption, columns, rows)] if rows else []
+    return grids
 
 
 def curves(outputs: list[Output]) -> list[Panel]:
     """Draw mean test PSNR over steps, scene by scene: one colour per method, one dash per output."""
     frames = [curves_frame(one.records) for one in outputs]
-    colours = colours_of(methods_of(outputs))
+    points = [points_of(frame.assign(x=frame["step"], y=frame["psnr"])) for frame in frames]
     panels = []
     for scene in scenes_of(outputs):
         traces = []
-        for place, (one, frame) in enumerate(zip(outputs, frames, strict=True)):
-            for method, colour in colours.items():
-                chosen = frame[(frame["scene"] == scene) & (frame["method"] == method) & (frame["status"] == "done")]
-                grouped = chosen.dropna(subset=["psnr"]).groupby("step")["psnr"]
-                whole = grouped.mean()[grouped.size() == chosen["seed"].nunique()]
-                if len(whole):
-                    x, y = tuple(map(float, whole.index)), tuple(map(float, whole))
-                    dash = DASHES[place % len(DASHES)]
+        for place, (one, known) in enumerate(zip(outputs, points, strict=True)):
+            done = known[(known["scene"] == scene) & (known["status"] == "done")]
+            for method, colour in colours_of(methods_of(outputs)).items():
+                mean = middle_of(done[done["method"] == method], log=False)
+                if len(mean):
+                    x, y = (tuple(map(float, mean[name])) for name in "xy")
+                    dash = DASHES[place % len(DASHES)][1]
                     traces.append(Trace(f"{one.letter}: {method}", colour.light, "line", x, y, dash=dash, width=1.6))
         if traces:
             ends = "; ".join(f"{trace.label} {number(trace.y[-1])} dB" for trace in traces)
@@ -413,53 +376,43 @@ def curves(outputs: list[Output]) -> list[Panel]:
     return with_common_limits(panels, "x")
 
 
-SECTIONS = (
-    ("scores", "Scores"),
-    ("verdicts", "Does the answer change?"),
-    ("curves", "Convergence"),
-    ("metrics", "Other scores"),
-    ("seconds", "Training time"),
-    ("facts", "What differs"),
-)
-LOOKS = ("solid:", "dashed:", "dotted:", "dash-dotted:")
-
-
 def outputs_page(found: list[Records]) -> str:
     """Return the complete page as text; the first output is the reference for the others."""
+    return _page(found)[0]
+
+
+def _page(found: list[Records]) -> tuple[str, str]:
     outputs = named(found)
     pairs = [against(outputs[0], other) for other in outputs[1:]]
-    methods = methods_of(outputs)
-    environment = shell.environment()
-    colours = palette.colours_of(methods)
+    methods, title = methods_of(outputs), headline(outputs[0], pairs)
+    environment, colours = shell.environment(), colours_of(methods)
     environment.filters["named"] = lambda text: in_colours(text, colours)
-    content: dict[str, Any] = {
-        "scores": [scores_grid(outputs, pairs, method) for method in methods],
-        "verdicts": verdicts_grid(outputs),
-        "claims": claims_grid(outputs),
-        "metrics": metrics_grid(outputs, pairs),
-        "seconds": seconds_grid(outputs),
-        "facts": facts_grids(outputs),
-    }
-    drawn = plots(curves(outputs), "curves")
-    there = {"verdicts": content["verdicts"].rows, "curves": drawn, "metrics": content["metrics"].rows}
-    return environment.get_template("outputs_page.html").render(
-        **content,
+    drawn, verdicts, metrics = plots(curves(outputs), "curves"), verdicts_grid(outputs), metrics_grid(outputs, pairs)
+    there = {"verdicts": verdicts.rows, "curves": drawn, "metrics": metrics.rows}
+    text = environment.get_template("outputs_page.html").render(
+        scores=[scores_grid(outputs, pairs, method) for method in methods],
+        verdicts=verdicts,
+        claims=claims_grid(outputs),
+        metrics=metrics,
+        seconds=seconds_grid(outputs),
+        facts=facts_grids(outputs),
         policy=content_policy(shell.code()),
         script=Markup(shell.code()),
         style=shell.style("page.css", "explore.css"),
-        title=headline(outputs[0], pairs),
+        title=title,
         sentences=sentences(outputs[0], pairs),
-        sections=[(name, title) for name, title in SECTIONS if there.get(name, True)],
+        sections=[(name, caption) for name, caption in SECTIONS if there.get(name, True)],
         colours=colours,
         methods=methods,
         outputs=outputs,
         plots=drawn,
-        looks=[(one, LOOKS[place % len(LOOKS)]) for place, one in enumerate(outputs)],
+        looks=[(one, DASHES[place % len(DASHES)][0]) for place, one in enumerate(outputs)],
     )
+    return text, title
 
 
 def write_outputs_page(found: list[Records], path: Path) -> str:
-    """Beside its place, then renamed; gives the headline."""
-    write_atomically(path, outputs_page(found), fsync=False)
-    outputs = named(found)
-    return headline(outputs[0], [against(outputs[0], other) for other in outputs[1:]])
+    """Write the page atomically; returns its headline."""
+    text, title = _page(found)
+    write_atomically(path, text, fsync=False)
+    return title

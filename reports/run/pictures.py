@@ -7,7 +7,8 @@ that was saved is in the page's picture data (`reports.run.pictures`).
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,27 +26,14 @@ from reports.drawing.images import Picture, data_uri, delta_e, side_for, smaller
 from reports.drawing.palette import colours_of
 from scenes.files.atomic import write_atomically
 
-SCRIPTS = (
-    "chunks.js",
-    "kept.js",
-    "pixels.js",
-    "colour_space.js",
-    "colour_maps.js",
-    "delta_e.js",
-    "flip.js",
-    "error_maps.js",
-    "zoom.js",
-    "compare_data.js",
-    "thumbnails.js",
-    "compare_choice.js",
-    "compare_layers.js",
-    "compare_view.js",
-    "compare_probe.js",
-    "compare_controls.js",
-    "compare.js",
+SCRIPTS = tuple(
+    f"{name}.js"
+    for name in (
+        *("chunks", "kept", "pixels", "colour_space", "colour_maps", "delta_e", "flip", "error_maps", "zoom"),
+        *("compare_data", "thumbnails", "compare_choice", "compare_layers", "compare_view"),
+        *("compare_probe", "compare_controls", "compare"),
+    )
 )
-
-
 BUDGET_BYTES = 1_500_000
 
 
@@ -73,8 +61,17 @@ def views(records: Records) -> list[View]:
     """Return one view of every scene that has pictures, in the order of scenes."""
     chosen = [(scene, seed) for scene in records.scenes if (seed := seed_shown(records, scene)) is not None]
     side = side_for(len(chosen) * (1 + len(records.methods)), BUDGET_BYTES)
-    found = (_picture_view(records, scene, seed, side) for scene, seed in chosen)
-    return [one for one in found if one is not None]
+    shown = []
+    for scene, seed in chosen:
+        found, about = kept(records, scene, (seed,)), records.scene(scene)
+        view = first_view(found)
+        if view is not None:
+            cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
+            truth = found.truth.get(view)
+            methods = [_shown(found, cells[name], view, truth, side) for name in records.methods if name in cells]
+            small = data_uri(smaller(as_picture(truth.display), side)) if truth else None
+            shown.append(View(scene, about.title if about else scene, view, seed, small, methods))
+    return shown
 
 
 def seed_shown(records: Records, scene: str) -> int | None:
@@ -106,19 +103,6 @@ def last_render(found: Kept, cell: CellRecord, view: str) -> Render | None:
 def as_picture(values: np.ndarray) -> Picture:
     """Convert float16 display colour to the displayed picture."""
     return np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0)
-
-
-def _picture_view(records: Records, scene: str, seed: int, side: int) -> View | None:
-    found = kept(records, scene, (seed,))
-    view = first_view(found)
-    if view is None:
-        return None
-    cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
-    truth = found.truth.get(view)
-    about = records.scene(scene)
-    shown = [_shown(found, cells[method], view, truth, side) for method in records.methods if method in cells]
-    small = data_uri(smaller(as_picture(truth.display), side)) if truth else None
-    return View(scene, about.title if about else scene, view, seed, small, shown)
 
 
 def _shown(found: Kept, cell: CellRecord, view: str, truth: Truth | None, side: int) -> Shown:
@@ -168,8 +152,22 @@ class SceneData:
     unshown: bool = False
     """Whether there are renders without the truth that they belong to."""
 
-    def bytes_of(self, importance: int) -> int:
-        return sum(map(_size, (texts for one, _, texts in self.renders if one == importance)))
+    def sizes(self) -> np.ndarray:
+        """Return the bytes by importance; the truth counts as most important."""
+        sizes = np.zeros(len(IMPORTANCE), dtype=np.int64)
+        sizes[0] = _size(self.texts)
+        for importance, _, texts in self.renders:
+            sizes[importance] += _size(texts)
+        return sizes
+
+    def chosen(self, up_to: int) -> dict[str, str]:
+        """Write the rows up to an importance into the entry; returns their pictures and those of the truth."""
+        texts = dict(self.texts)
+        for importance, row, of_row in self.renders:
+            if importance <= up_to:
+                self.entry["renders"].append(row)
+                texts |= of_row
+        return texts
 
 
 @dataclass(frozen=True)
@@ -193,19 +191,16 @@ def picture_data(records: Records, budget: int = INLINE_BYTES, file_budget: int 
 def _inline(records: Records, budget: int) -> PictureData | None:
     """Put everything into the page; returns None if `LEAST` does not fit."""
     scenes: list[SceneData] = []
-    spent = [0] * len(IMPORTANCE)
-    up_to = len(IMPORTANCE) - 1
+    spent, up_to = np.zeros(len(IMPORTANCE), dtype=np.int64), len(IMPORTANCE) - 1
     for scene in records.scenes:
-        one = scene_data(records, scene, up_to)
-        spent[0] += _size(one.texts)
-        spent = [bytes_ + one.bytes_of(importance) for importance, bytes_ in enumerate(spent)]
+        scenes.append(scene_data(records, scene, up_to))
+        spent += scenes[-1].sizes()
         up_to = _fitting(spent, budget)
         if up_to < LEAST:
             return None
-        scenes.append(one)
     inline: dict[str, str] = {}
     for one in scenes:
-        inline |= _chosen(one, up_to, None)
+        inline |= one.chosen(up_to)
     return PictureData(_data(records, scenes, [up_to] * len(scenes), ""), inline, {})
 
 
@@ -216,24 +211,26 @@ def _beside(records: Records, budget: int) -> PictureData:
     files: dict[str, str] = {}
     for scene in records.scenes:
         one = scene_data(records, scene, len(IMPORTANCE) - 1)
-        spent = [one.bytes_of(importance) for importance in range(len(IMPORTANCE))]
-        spent[0] += _size(one.texts)
-        up_to = max(_fitting(spent, budget), 0)
-        file = _file_name(scene, files)
-        texts = _chosen(one, up_to, file)
+        up_to = max(_fitting(one.sizes(), budget), 0)
+        file, texts = _file_name(scene, files), one.chosen(up_to)
+        for holder in (*(view["truth"] for view in one.entry["views"]), *one.entry["renders"]):
+            for ref in holder.values():
+                if isinstance(ref, dict):
+                    ref["file"] = file
         lines = ",\n".join(f'"{name}":"{text}"' for name, text in texts.items())
         files[file] = f"reportPictures({{{lines}}});\n"
+        # the packed pictures of one scene are in memory at a time
         scenes.append(replace(one, renders=[(place, row, {}) for place, row, _ in one.renders], texts={}))
         reach.append(up_to)
-    said = (
+    beside = (
         f"The pictures of this report lie in {FOLDER}/ beside it, "
         f"{counted(len(files), 'file')} of {sum(map(len, files.values())) / 1e6:.0f} MB: "
         "whoever passes the report on must pass that folder on with it."
     )
-    return PictureData(_data(records, scenes, reach, said), {}, files)
+    return PictureData(_data(records, scenes, reach, beside), {}, files)
 
 
-def _fitting(spent: list[int], budget: int) -> int:
+def _fitting(spent: np.ndarray, budget: int) -> int:
     """Return the largest importance up to which everything fits; −1 if nothing does."""
     return int((np.cumsum(spent) <= budget).sum()) - 1
 
@@ -242,28 +239,13 @@ def _size(texts: dict[str, str]) -> int:
     return sum(map(len, texts.values()))
 
 
-def _chosen(one: SceneData, up_to: int, file: str | None) -> dict[str, str]:
-    """Write the chosen rows into the scene's entry; returns their pictures."""
-    chosen = dict(one.texts)
-    for importance, row, texts in one.renders:
-        if importance <= up_to:
-            one.entry["renders"].append(row)
-            chosen |= texts
-    if file is not None:
-        for holder in (*(view["truth"] for view in one.entry["views"]), *one.entry["renders"]):
-            for ref in holder.values():
-                if isinstance(ref, dict):
-                    ref["file"] = file
-    return chosen
-
-
-def _data(records: Records, scenes: list[SceneData], reach: list[int], said: str) -> dict[str, Any]:
-    colours = colours_of(records.methods)
-    left_out: dict[int, int] = {}
-    for one, up_to in zip(scenes, reach, strict=True):
-        for importance, _, _ in one.renders:
-            if importance > up_to:
-                left_out[importance] = left_out.get(importance, 0) + 1
+def _data(records: Records, scenes: list[SceneData], reach: list[int], beside: str) -> dict[str, Any]:
+    left_out = Counter(
+        importance
+        for one, up_to in zip(scenes, reach, strict=True)
+        for importance, _, _ in one.renders
+        if importance > up_to
+    )
     sentences = [
         f"{counted(many, 'render')} left out to keep this report small: {IMPORTANCE[importance]}."
         for importance, many in sorted(left_out.items())
@@ -275,10 +257,10 @@ def _data(records: Records, scenes: list[SceneData], reach: list[int], said: str
     ]
     return {
         "methods": records.methods,
-        "variables": {method: colours[method].variable for method in records.methods},
+        "variables": {method: colour.variable for method, colour in colours_of(records.methods).items()},
         "scenes": [one.entry for one in scenes if one.entry["views"]],
         "left_out": sentences,
-        "beside": said,
+        "beside": beside,
     }
 
 
@@ -286,36 +268,31 @@ def scene_data(records: Records, scene: str, up_to: int) -> SceneData:
     """Return the scene, its renders packed up to an importance; `entry["renders"]` is still empty."""
     found, about = kept(records, scene), records.scene(scene)
     shown = seed_shown(records, scene)
+    order = {method: place for place, method in enumerate(records.methods)}
     cells = {(cell.method, cell.seed): cell for cell in records.cells if cell.scene == scene}
     names = list(found.truth)
     far = _far(found, about)
     one = SceneData({"name": scene, "title": about.title if about else scene, "views": [], "renders": []})
-    for name in names:
-        one.entry["views"].append(_view(found.truth[name], about, far, one.texts))
-    for key, render in _in_order(records, found):
-        place = names.index(render.view) if render.view in names else None
-        if place is None or render.opacity.shape != found.truth[render.view].opacity.shape:
-            continue
-        last = render.step == found.renders[key][-1].step
-        importance = _importance(key[1] == shown, last, place)
-        texts: dict[str, str] = {}
-        row = _row(cells[key], render, last, place, far, texts) if importance <= up_to else {}
-        one.renders.append((importance, row, texts))
+    one.entry["views"] = [_view(found.truth[name], about, far, one.texts) for name in names]
+    one.entry["missing"] = []
+    for key in sorted(cells, key=lambda key: (order[key[0]], key[1])):
+        cell, why = cells[key], found.missing.get(key)
+        if cell.status != "done" or why is not None:
+            reason = why or cell.reason or cell.status
+            row = {"method": cell.method, "seed": cell.seed, "status": cell.status, "reason": reason}
+            one.entry["missing"].append(row)
+        for render in found.renders.get(key, []):
+            truth = found.truth.get(render.view)
+            if truth is None or render.opacity.shape != truth.opacity.shape:
+                continue
+            last, place = render.step == found.renders[key][-1].step, names.index(render.view)
+            # the seed that is shown before the others, its end before what led there, first views before further ones
+            importance = 0 if key[1] == shown and last else (1 if key[1] == shown else 3) + (place > 0)
+            texts: dict[str, str] = {}
+            packed = _row(cell, render, last, place, far, texts) if importance <= up_to else {}
+            one.renders.append((importance, packed, texts))
     one.unshown = bool(found.renders) and not names
-    one.entry["missing"] = _missing(records, found, cells)
     return one
-
-
-def _importance(shown: bool, last: bool, place: int) -> int:
-    if shown and last:
-        return 0
-    return (1 if shown else 3) + (place > 0)
-
-
-def _in_order(records: Records, found: Kept) -> Iterator[tuple[tuple[str, int], Render]]:
-    order = {method: place for place, method in enumerate(records.methods)}
-    for key in sorted(found.renders, key=lambda key: (order[key[0]], key[1])):
-        yield from ((key, render) for render in found.renders[key])
 
 
 def _far(found: Kept, about: SceneRecord | None) -> float:
@@ -365,18 +342,6 @@ def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, t
         "opacity": _put(packing.display(render.opacity), texts),
         "depth": _put(packing.depth(render.depth, far), texts),
     }
-
-
-def _missing(records: Records, found: Kept, cells: dict[tuple[str, int], CellRecord]) -> list[dict[str, Any]]:
-    """Return cells that did not finish, and finished ones whose pictures are missing."""
-    rows = []
-    order = {method: place for place, method in enumerate(records.methods)}
-    for key, cell in sorted(cells.items(), key=lambda item: (order[item[0][0]], item[0][1])):
-        reason = found.missing.get(key)
-        if cell.status != "done" or reason is not None:
-            said = reason or cell.reason or cell.status
-            rows.append({"method": cell.method, "seed": cell.seed, "status": cell.status, "reason": said})
-    return rows
 
 
 def _file_name(scene: str, taken: Iterable[str]) -> str:

@@ -26,9 +26,9 @@ from reports.drawing.images import save
 from reports.drawing.palette import INK, MUTED, colours_of
 from reports.drawing.sheet import CROSS, Key, key_of, save_sheet
 from reports.drawing.traces import Kind, Panel, Trace
+from reports.run.curves import EVERYWHERE, diagrams
 from reports.run.density import ladder_panel
 from reports.run.pictures import as_picture, first_view, last_render, seed_shown
-from reports.run.work_precision import EVERYWHERE, diagrams
 
 SCHEMA = 1
 
@@ -125,7 +125,7 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
     over_time = [one for one in diagrams(records) if one.cost.name == "seconds"]
     errors = [panel for one in over_time if one.measure.name == "rmse_linear" for panel in one.panels]
     everywhere = [replace(one.panels[0], title=one.measure.label) for one in over_time]
-    ladder = ladder_panel(records)
+    ladder = next(iter(ladder_panel(records)), None)
     key = key_of_methods(records)
     for name, drawings, across, size in (
         ("psnr", [(psnr_dots(records), key)], 1, None),

@@ -1,18 +1,18 @@
 """Every run of the report as one piece of data, with which the page shows the runs behind a figure."""
 
-from collections.abc import Iterable
 from typing import Any
 
-from harness.records.cells import CellRecord, Checkpoint
+from harness.records.cells import CellRecord
 from harness.records.metric_table import ALONG_TRAINING, METRICS
 from reports.data.load import Records, of_whole_groups
+from reports.data.table import SCORES
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import rounded
 from reports.page.shell import flat
+from reports.run.density import is_histogram
 
 RUN_SCRIPTS = ("density.js",)
 """The further scripts that the page of a run needs."""
-SCORES = ("psnr_train", "psnr_ceiling", "psnr_floor")
 CURVES = ("step", "seconds", *ALONG_TRAINING, "alpha", "beta")
 """The values of a checkpoint."""
 DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside", "after_outside")
@@ -31,7 +31,7 @@ def runs_data(records: Records) -> dict[str, Any]:
         ],
         "colours": {method: colour.variable for method, colour in colours_of(records.methods).items()},
         "cells": [
-            _cell(cell, differing) | ({} if (cell.scene, cell.seed) in compared else {"whole": False})
+            _cell(cell, differing[cell.scene]) | ({} if (cell.scene, cell.seed) in compared else {"whole": False})
             for cell in records.cells
         ],
         **_targets(records),
@@ -48,61 +48,56 @@ def _targets(records: Records) -> dict[str, Any]:
     reached: dict[str, Any] = {}
     for one in record.reaches:
         by_seed = reached.setdefault(one.scene, {}).setdefault(one.method, {})
-        by_seed.setdefault(str(one.seed), {})[one.axis] = [rounded([one.time])[0], one.known]
+        by_seed.setdefault(str(one.seed), {})[one.axis] = [*rounded([one.time]), one.known]
     return {"target": record.target, "reached": reached}
 
 
-def _cell(cell: CellRecord, differing: dict[str, set[str]]) -> dict[str, Any]:
-    settings = dict(flat(cell.settings))
-    names = [*METRICS, *SCORES]
-    found: dict[str, Any] = {
+def _cell(cell: CellRecord, differing: set[str]) -> dict[str, Any]:
+    curve = sorted(cell.curve, key=lambda point: point.step)
+    columns = {name: [_number(getattr(point, name)) for point in curve] for name in CURVES}
+    return {
         "scene": cell.scene,
         "method": cell.method,
         "seed": cell.seed,
         "status": cell.status,
         "reason": cell.reason or "",
         "steps": cell.steps,
-        "seconds": rounded([cell.train_seconds])[0],
-        "scores": {name: _number(cell.scores.get(name)) for name in names if cell.scores.get(name) is not None},
+        "seconds": _number(cell.train_seconds),
+        "scores": {name: _number(score) for name in SCORES if (score := cell.scores.get(name)) is not None},
         "warnings": cell.warnings,
-        "differing": {name: settings[name] for name in sorted(differing[cell.scene]) if name in settings},
+        "differing": {name: value for name, value in sorted(flat(cell.settings)) if name in differing},
         "file": f"records/cells/{cell.scene}.{cell.method}.{cell.seed}.json",
+        "curve": {name: values for name, values in columns.items() if any(value is not None for value in values)},
     }
-    curve = sorted(cell.curve, key=lambda point: point.step)
-    columns = {name: [_number(getattr(point, name)) for point in curve] for name in CURVES}
-    found["curve"] = {name: values for name, values in columns.items() if any(one is not None for one in values)}
-    return found
 
 
-def settings_that_differ(cells: Iterable[CellRecord]) -> dict[str, set[str]]:
+def settings_that_differ(cells: list[CellRecord]) -> dict[str, set[str]]:
     """Map scene → names of the settings that differ among its runs."""
     by_scene: dict[str, list[dict[str, str]]] = {}
     for cell in cells:
         by_scene.setdefault(cell.scene, []).append(dict(flat(cell.settings)))
     return {
-        scene: {name for one in all_settings for name in one if len({each.get(name) for each in all_settings}) > 1}
-        for scene, all_settings in by_scene.items()
+        scene: {name for name in set().union(*runs) if len({settings.get(name) for settings in runs}) > 1}
+        for scene, runs in by_scene.items()
     }
 
 
 def density_data(records: Records) -> list[dict[str, Any]]:
-    """Return histograms of density of each run at its checkpoints; `after` is left out if it is the
-    same as `before`.
-    """
+    """Return histograms of density of each run at its checkpoints, `after` where it is not the same as `before`."""
     found = []
     for cell in records.cells:
-        points = [point for point in sorted(cell.curve, key=lambda point: point.step) if _is_histogram(point)]
-        edges = points[-1].density["edges"] if points and points[-1].density else []
-        alike = [point for point in points if point.density and point.density["edges"] == edges]
+        points = sorted(filter(is_histogram, cell.curve), key=lambda point: point.step)
+        known = [(point.step, point.density or {}) for point in points]
+        alike = [(step, density) for step, density in known if density["edges"] == known[-1][1]["edges"]]
         if alike:
             found.append(
                 {
                     "scene": cell.scene,
                     "method": cell.method,
                     "seed": cell.seed,
-                    "edges": rounded(edges),
-                    "steps": [point.step for point in alike],
-                    "at": [_shares(point.density or {}) for point in alike],
+                    "edges": rounded(alike[0][1]["edges"]),
+                    "steps": [step for step, _ in alike],
+                    "at": [_shares(density) for _, density in alike],
                 }
             )
     return found
@@ -115,12 +110,6 @@ def _shares(density: dict[str, Any]) -> dict[str, Any]:
         if known.get(side) == known.get(side.replace("after", "before")):
             known.pop(side, None)
     return known | {name: value for name, value in density.items() if name.startswith("points")}
-
-
-def _is_histogram(point: Checkpoint) -> bool:
-    density = point.density or {}
-    bins = len(density.get("edges", ())) - 1
-    return bins > 0 and all(len(density.get(side, ())) == bins for side in ("before", "after"))
 
 
 def _number(value: float | None) -> float | int | None:

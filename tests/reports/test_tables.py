@@ -79,7 +79,7 @@ def test_a_score_that_no_cell_has_is_no_column(tmp_path):
 
     out = write_fake_run(tmp_path / "run", pictures=False, change_cell=without_depth)
     labels = [column.label for column in metrics_grid(read_records(out)).columns]
-    assert labels == ["scene", "method", "PSNR ↑", "SSIM ↑", "FLIP ↓", "ΔE₀₀ ↓", "linear RMSE ↓", "opacity IoU ↑"]
+    assert labels == ["scene", "method", "PSNR ↑", "SSIM ↑", "linear RMSE ↓", "FLIP ↓", "ΔE₀₀ ↓", "opacity IoU ↑"]
 
 
 def test_properties_show_mean_and_range(tmp_path):

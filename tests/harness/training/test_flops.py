@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from reports.run.work_precision import FORWARD_AND_BACKWARD
 from torch.utils.flop_counter import FlopCounterMode
 
 from baselines.catalog import CATALOG
@@ -11,7 +12,6 @@ from baselines.contract import EVERY_ACCELERATION, NetworkSize
 from baselines.field import NetworkField
 from harness.studies.speed.throughput import products, step_flops
 from harness.training.cell_training import flops_per_evaluation
-from reports.run.work_precision import FORWARD_AND_BACKWARD
 from tests.baselines.small_fields import BOX, EIGHT, SMALL, field_of, some_points
 
 POINTS = 24

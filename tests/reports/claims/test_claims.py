@@ -242,9 +242,9 @@ def test_settings_and_their_code_never_pass(whole: Records):
 def test_the_tally_counts_every_claim_once(whole: Records):
     found = claims(whole)
     assert sum(many for _, many in tally(found)) == len(LEDGER)
-    assert sum(len(one.grid.rows) for one in chapters(found, "")) + sum(len(one.claims) for one in folds(found)) == len(
-        LEDGER
-    )
+    assert sum(len(one["grid"].rows) for one in chapters(found, "")) + sum(
+        len(one["claims"]) for one in folds(found)
+    ) == len(LEDGER)
     said = in_a_sentence(found)
     assert said.startswith(f"Of {len(LEDGER)} statements in the ledger: 9 reproduced, 3 not reproduced, 1 not seen at ")
     assert in_a_sentence([]) == ""
@@ -252,18 +252,18 @@ def test_the_tally_counts_every_claim_once(whole: Records):
 
 def test_claims_as_tables(whole: Records):
     found, here = chapters(claims(whole), in_a_line(whole)), in_a_line(whole)
-    rows = {row[0].text: row for one in found for row in one.grid.rows}
+    rows = {row[0].text: row for one in found for row in one["grid"].rows}
     gain, weights = rows["Q-NeRF gains over NeRF on average"], rows["The network has this many weights"]
     assert [entry.text for entry in gain[1:4]] == ["+1.5 dB", "+0.81 dB", "✕ not seen at this scale"]
     assert gain[3].small == "", "the run's scale stands above the table"
     assert [entry.text for entry in weights[1:4]] == ["1\u202f370\u202f000", "546\u202f566", "✕ not reproduced"]
     assert rows["The φ skip follows layer ⌊φ·8/2⌋"][3].small == OWN_FIGURES
-    assert found[-1].title.startswith("Our readings"), "apart from what is printed"
+    assert found[-1]["title"].startswith("Our readings"), "apart from what is printed"
     assert here not in {row[3].small for row in rows.values()}
 
 
 def test_what_was_not_tested_is_a_line_a_cause(whole: Records):
-    found = {one.title: one.claims for one in folds(claims(whole))}
+    found = {one["title"]: one["claims"] for one in folds(claims(whole))}
     assert "6 claims need the ablation study: `nox -s evidence -- --out out/latest`." in found
     assert "15 claims are settings, taken over or named under Deviations, not results." in found
     assert (

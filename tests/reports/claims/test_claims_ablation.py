@@ -6,8 +6,8 @@ import pytest
 
 from harness.records.cells import Comparison, Estimate
 from harness.records.study import Effect, Studies, StudyInfo, StudyRecord, check
-from reports.claims.ablation import NEEDS_STUDY
 from reports.claims.claim_list import claims
+from reports.claims.scores import NEEDS_STUDY
 from reports.data.beside import Beside
 from reports.data.load import Records
 from reports.data.selection import Selection

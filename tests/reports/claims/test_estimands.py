@@ -1,6 +1,6 @@
 """Both questions about a difference stand side by side; failures have rates of their own."""
 
-from reports.claims.estimands import found_failures, rates_grid, said, senses_grid
+from reports.claims.estimands import difference_in_words, found_failures, rates_grid, senses_grid
 from reports.data.load import Records
 from reports.run.publish import summary
 from tests.replacing import replace
@@ -20,7 +20,9 @@ def test_both_senses_stand_in_one_row(whole: Records):
 def test_a_difference_is_a_plain_sentence(whole: Records):
     one = whole.comparison("chair", "qnerf", "nerf", budget="seconds")
     assert one is not None
-    assert said(one, ["chair"], [0, 1, 2]).startswith(f"qnerf − nerf = +{one.difference:.2f} dB at equal training time")
+    assert difference_in_words(one, ["chair"], [0, 1, 2]).startswith(
+        f"qnerf − nerf = +{one.difference:.2f} dB at equal training time"
+    )
 
 
 def test_failures_have_rates_and_are_compared(records: Records, whole: Records):

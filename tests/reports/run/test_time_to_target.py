@@ -6,8 +6,8 @@ from harness.records.targets import Reach, ReachCurve, TargetComparison, Targets
 from harness.verdicts.survival import targets
 from reports.data.load import Records
 from reports.drawing.palette import KNOWN
-from reports.run.convergence import is_lost, notes, savings_grid, share_at, time_to_target
 from reports.run.run_page import page
+from reports.run.time_to_target import is_lost, notes, reach_panels, savings_grid, share_at, time_to_target
 from tests.replacing import replace
 
 CURVE = ReachCurve("nerf", "all", "steps", [100.0, 200.0, 800.0], [0.25, 0.5, 0.5], [4, 3, 2])
@@ -25,9 +25,7 @@ RECORD = TargetsRecord(24.0, False, "nerf", "24 dB, because.", REACHES, [CURVE],
 
 
 def test_the_curve_begins_at_0_and_marks_who_never_got_there(records: Records):
-    shown = time_to_target(replace(records, targets=RECORD))
-    assert shown is not None
-    (panel,) = shown.everywhere
+    (panel,) = reach_panels(replace(records, targets=RECORD), ["all"])
     curve, below, lost = panel.traces
     assert (curve.kind, curve.colour) == ("outline", KNOWN["nerf"].light)
     assert curve.x == (62.5, 100.0, 200.0, 800.0)
@@ -83,12 +81,11 @@ def test_runs_without_a_record_have_no_section(records: Records):
 
 
 def test_where_there_is_no_target_the_section_says_why(records: Records):
-    shown = time_to_target(
-        replace(records, targets=TargetsRecord(None, False, "nerf", "No target: nothing has a score.", [], [], []))
-    )
+    bare = replace(records, targets=TargetsRecord(None, False, "nerf", "No target: nothing has a score.", [], [], []))
+    shown = time_to_target(bare)
     assert shown is not None
     assert (shown.title, shown.declared) == ("Time to a target", "No target: nothing has a score.")
-    assert shown.everywhere == shown.scenes == []
+    assert reach_panels(bare, ["all", *bare.scenes]) == []
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from harness.records.cells import write_comparisons as write_rows
 from harness.records.json_record import load_record, write_record
 from harness.verdicts.comparisons import compare
 from reports.data.load import Records, read_records
-from reports.run.density import PRINTED, ladder_grid, panel, printed_form, rungs_of, units
+from reports.run.density import PRINTED, ladder_grid, ladder_panel, printed_form, rungs_of, units
 from reports.run.run_page import page
 
 RUNGS = {"nerf_unit_1": 20.0, "nerf_unit_100": 24.0, "qnerf_unit_1": 15.0, "qnerf_unit_100": 25.0}
@@ -61,7 +61,7 @@ def test_the_ladder_holds_the_two_methods_among_their_rungs(explained: Path) -> 
         ("nerf", 25.0),
         ("nerf_unit_100", 100.0),
     ]
-    drawn = panel(rungs, records, "chair")
+    (drawn,) = ladder_panel(records)
     line = next(trace for trace in drawn.traces if (trace.label, trace.kind) == ("qnerf", "line"))
     assert (line.y[0], line.y[-1]) == (15.0, 25.0)
     assert {trace.kind for trace in drawn.traces} >= {"line", "mark", "cross"}

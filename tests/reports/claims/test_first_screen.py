@@ -1,15 +1,17 @@
 """The question, the answer, how sure, and what was not tested: each made from figures."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from harness.records.study import Check, Studies, StudyInfo, StudyRecord, check
 from harness.verdicts.paper import LEDGER
 from reports.claims.claim_list import claims
+from reports.claims.first_screen import PRINCIPAL, Line, calibration, first_screen
 from reports.claims.ledger import in_short
 from reports.data.beside import Beside
 from reports.data.load import Records, read_records
 from reports.drawing.palette import colours_of
-from reports.run.first_screen import PRINCIPAL, Line, calibration, first_screen
 from reports.run.run_page import named, page
 from tests.replacing import replace
 from tests.reports.claims.test_claims_ablation import LISTING_2, effect, study
@@ -18,7 +20,7 @@ from tests.reports.fake_run import write_fake_run
 
 def shown(records: Records, evidence: Studies | None = None):
     beside = Beside(evidence=evidence)
-    return first_screen(records, claims(records, beside), beside)
+    return SimpleNamespace(**first_screen(records, claims(records, beside), beside))
 
 
 def shown_as(line: Line) -> tuple[str, str, str]:

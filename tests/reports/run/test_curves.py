@@ -1,27 +1,32 @@
-"""Work–precision diagrams: every seed, geometric means, a band both ways, what ended early, a choice without script."""
+"""Learning curves and work–precision diagrams: every seed, means, a band both ways, what ended early."""
 
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from msgspec.structs import replace
 
 from harness.records.cells import Checkpoint
 from reports.data.load import Records, read_records
 from reports.drawing.palette import INK, KNOWN
-from reports.run.work_precision import (
-    Point,
-    diagrams,
-    hull,
-    middle_of,
-    noise_floors,
-    over_scenes,
-    traces_of,
-)
+from reports.drawing.traces import Trace
+from reports.run.curves import Diagram, convergence, diagrams, hull, middle_of, noise_floors, over_scenes, traces_of
+from reports.run.density import density_histograms
+from reports.run.figures import difference_panels
 from tests.reports.fake_run import write_fake_run
 
 BLUE, ORANGE = KNOWN["nerf"].light, KNOWN["qnerf"].light
 NEUTRAL = {"flops_per_evaluation": 50.0, "rays_per_step": 2048.0}
+
+
+def two_points(cell):
+    """A curve of two round points, PSNR higher by one for each seed."""
+    curve = [
+        Checkpoint(10, 1.0 + cell.seed, 1000, psnr=10.0 + cell.seed),
+        Checkpoint(20, 2.0 + cell.seed, 2000, psnr=20.0 + cell.seed),
+    ]
+    return replace(cell, curve=curve[:1] if cell.status == "diverged" else curve)
 
 
 def full(cell):
@@ -41,8 +46,80 @@ def simple(tmp_path, change=full, **options) -> Records:
     return read_records(write_fake_run(tmp_path / "run", pictures=False, change_cell=change, **options))
 
 
-def diagram(records: Records, measure: str, cost: str):
+def diagram(records: Records, measure: str = "rmse_linear", cost: str = "seconds") -> Diagram:
     return next(one for one in diagrams(records) if (one.measure.name, one.cost.name) == (measure, cost))
+
+
+def frame(*points: tuple[str, int, int, float, float], method: str = "nerf", status: str = "done") -> pd.DataFrame:
+    """Checkpoints of one method as (scene, seed, step, x, y)."""
+    made = pd.DataFrame(points, columns=["scene", "seed", "step", "x", "y"])
+    return made.assign(method=method, status=status)
+
+
+def test_convergence_against_steps(tmp_path):
+    (panel,) = convergence(simple(tmp_path, two_points), "step")
+    assert panel.title == "chair"
+    assert panel.traces[:7] == (
+        Trace("nerf seed 0", BLUE, "thin", (10.0, 20.0), (10.0, 20.0)),
+        Trace("nerf seed 1", BLUE, "thin", (10.0, 20.0), (11.0, 21.0)),
+        Trace("qnerf seed 0", ORANGE, "thin", (10.0, 20.0), (10.0, 20.0)),
+        Trace("qnerf seed 1", ORANGE, "thin", (10.0,), (11.0,)),
+        Trace("nerf mean", BLUE, "line", (10.0, 20.0), (10.5, 20.5)),
+        Trace("qnerf mean", ORANGE, "line", (10.0, 20.0), (10.0, 20.0)),
+        Trace("qnerf seed 1 diverged", ORANGE, "cross", (10.0,), (11.0,)),
+    )
+    assert panel.alt == (
+        "chair: test PSNR (dB) against training step. At the end: nerf 20.5, qnerf 20, qnerf seed 1 diverged."
+    )
+
+
+def test_convergence_against_seconds_takes_the_mean_clock(tmp_path):
+    (panel,) = convergence(simple(tmp_path, two_points, with_diverged=False), "seconds")
+    means = [trace for trace in panel.traces if trace.kind == "line"]
+    assert means[0] == Trace("nerf mean", BLUE, "line", (1.5, 2.5), (10.5, 20.5))
+
+
+def test_all_scenes_come_first_where_there_are_several(records: Records):
+    assert [panel.title for panel in convergence(records, "step")] == ["all scenes (mean)", "chair", "drums"]
+
+
+def test_a_cell_that_diverged_at_once_draws_nothing_and_breaks_nothing(tmp_path):
+    def emptied(cell):
+        return replace(cell, curve=[]) if cell.status == "diverged" else cell
+
+    (panel,) = convergence(simple(tmp_path, emptied, seeds=1), "step")
+    assert {trace.label.split()[0] for trace in panel.traces if trace.kind != "floor"} == {"nerf"}
+
+
+def test_a_mean_histogram_is_of_finished_runs_at_one_step(tmp_path):
+    """The last checkpoint of the diverged run is an early one; the first seed has one more than the second."""
+
+    def told_apart(cell):
+        share = 0.1 * (cell.seed + 1)
+        density = {"edges": [0.0, 0.5, 1.0], "before": [share, 1 - share], "after": [1.0, 0.0]}
+        curve = [replace(point, density=density) for point in cell.curve[: 6 - cell.seed]]
+        return replace(cell, curve=curve if cell.method == "qnerf" else [])
+
+    (panel,) = density_histograms(simple(tmp_path, told_apart, seeds=3))
+    assert panel.title == "chair: step 800, 2 seeds"
+    assert panel.traces[0].y == pytest.approx((0.15, 0.85))
+    assert panel.alt.startswith("chair: step 800, 2 seeds: share of points")
+
+
+def test_a_mean_histogram_of_unfinished_runs_says_so(tmp_path):
+    (panel,) = density_histograms(simple(tmp_path, lambda cell: cell, seeds=1))
+    assert panel.title == "chair: step 400, 1 unfinished seed"
+
+
+def test_differences_with_intervals_and_printed_values(whole: Records):
+    first, *others = difference_panels(whole)
+    assert first.title == "qnerf − nerf at equal steps"
+    assert first.rows == ("chair", "drums", "all")
+    dots = next(trace for trace in first.traces if trace.kind == "dots")
+    printed = next(trace for trace in first.traces if trace.kind == "mark")
+    assert dots.x == tuple(whole.comparison(scene, "qnerf", "nerf").difference for scene in first.rows)
+    assert [round(value, 1) for value in printed.x] == [1.4, 1.2, 1.3]
+    assert len(others) == 3
 
 
 def test_every_error_is_drawn_against_every_cost(tmp_path):
@@ -72,7 +149,7 @@ def test_a_seed_is_drawn_as_it_is(tmp_path, measure, cost, x, y):
 
 
 def test_means_and_bands_are_geometric(tmp_path):
-    (panel,) = diagram(simple(tmp_path, with_diverged=False), "rmse_linear", "seconds").panels
+    (panel,) = diagram(simple(tmp_path, with_diverged=False)).panels
     mean = next(one for one in panel.traces if one.label == "nerf mean")
     assert mean.y == pytest.approx((0.04 * 2**0.5, 0.01 * 2**0.5))
     assert mean.x == pytest.approx((2**0.5, 6**0.5))
@@ -84,7 +161,7 @@ def test_means_and_bands_are_geometric(tmp_path):
 
 
 def test_a_run_that_diverged_stays_in_sight_and_out_of_the_mean(tmp_path):
-    made = diagram(simple(tmp_path), "rmse_linear", "seconds")
+    made = diagram(simple(tmp_path))
     (panel,) = made.panels
     assert [one.label for one in panel.traces if one.kind == "cross"] == ["qnerf seed 1 diverged"]
     cross = panel.traces[-2]
@@ -97,7 +174,7 @@ def test_a_run_that_diverged_stays_in_sight_and_out_of_the_mean(tmp_path):
 
 def test_over_all_scenes_a_seed_ends_where_its_first_scene_ended(tmp_path):
     records = simple(tmp_path, scenes=("chair", "drums"))
-    first = diagram(records, "rmse_linear", "seconds").panels[0]
+    first = diagram(records).panels[0]
     assert first.title == "all scenes"
     cross = next(one for one in first.traces if one.kind == "cross")
     assert (cross.label, cross.x) == ("qnerf seed 1 diverged", (2.0,))
@@ -106,24 +183,21 @@ def test_over_all_scenes_a_seed_ends_where_its_first_scene_ended(tmp_path):
 
 
 def test_the_mean_over_scenes_is_geometric_and_needs_every_scene(whole: Records):
-    points = [Point("chair", "nerf", 0, "done", 1, 1.0, 0.1), Point("drums", "nerf", 0, "done", 1, 4.0, 0.4),
-              Point("chair", "nerf", 0, "done", 2, 9.0, 0.1)]  # fmt: skip
-    (mean,) = over_scenes(points, whole)
-    assert (mean.scene, mean.step, mean.status) == ("all scenes", 1, "done")
-    assert (mean.cost, mean.error) == (pytest.approx(2.0), pytest.approx(0.2))
+    points = frame(("chair", 0, 1, 1.0, 0.1), ("drums", 0, 1, 4.0, 0.4), ("chair", 0, 2, 9.0, 0.1))
+    (mean,) = over_scenes(points, whole, log=True).to_dict("records")
+    assert (mean["step"], mean["status"]) == (1, "done")
+    assert (mean["x"], mean["y"]) == (pytest.approx(2.0), pytest.approx(0.2))
 
 
 def test_the_mean_stands_only_at_checkpoints_that_all_seeds_share():
-    runs = [
-        [Point("chair", "nerf", seed, "done", step, 1.0, 0.1) for step in range(1, last)]
-        for seed, last in ((0, 4), (1, 3))
-    ]
-    assert len(middle_of(runs)) == 2
-    assert middle_of([]) == []
+    runs = frame(*(("chair", seed, step, 1.0, 0.1) for seed, last in ((0, 4), (1, 3)) for step in range(1, last)))
+    assert list(middle_of(runs, log=True)["step"]) == [1, 2]
+    assert middle_of(runs[:0], log=True).empty
 
 
 def test_one_seed_has_no_band():
-    traces = traces_of([Point("chair", "nerf", 0, "done", step, step, 1 / step) for step in (1, 2)], {"nerf": BLUE})
+    points = frame(*(("chair", 0, step, float(step), 1 / step) for step in (1, 2)))
+    traces = traces_of(points, {"nerf": KNOWN["nerf"]}, "chair", "ssim", log=True)
     assert [one.kind for one in traces] == ["thin", "line"]
 
 
@@ -137,7 +211,7 @@ def test_nothing_that_no_logarithm_has_reaches_a_line(tmp_path):
 def test_the_noise_floor_follows_from_the_ceiling(records: Records):
     floors = noise_floors(records)
     assert abs(floors["chair"] - 1.3 * 10 ** (-38.0 / 20)) < 1e-6
-    everywhere, chair, _ = diagram(records, "rmse_linear", "seconds").panels
+    everywhere, chair, _ = diagram(records).panels
     assert (chair.traces[-1].kind, chair.traces[-1].colour, chair.traces[-1].y[0]) == (
         "floor",
         INK.light,

@@ -1,0 +1,139 @@
+"""Every figure of a run's page, each in one line of `FIGURES`, and the differences of the headline drawn as rows."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from reports.claims.headline import BUDGETS, roles
+from reports.data.load import Records
+from reports.data.selection import behind_difference
+from reports.data.wording import interval, signed
+from reports.drawing.figure import plots, with_common_limits
+from reports.drawing.palette import INK, MUTED, colours_of
+from reports.drawing.traces import Panel, Trace
+from reports.run.curves import convergence
+from reports.run.density import amplifier_over_time, density_histograms, ladder_panel
+from reports.run.time_to_target import reach_panels
+
+
+def difference_panels(records: Records) -> list[Panel]:
+    """Draw for the contender of the headline one panel per budget and rival, one row per scene, the mean at the
+    bottom.
+    """
+    cast = roles(records)
+    rivals = [rival for rival in (cast.baseline, cast.control) if rival and rival not in cast.contenders[:1]]
+    drawn = [
+        _differences_panel(records, method, rival, budget, words)
+        for method in cast.contenders[:1]
+        for budget, words in BUDGETS
+        for rival in rivals
+    ]
+    return with_common_limits([panel for panel in drawn if panel is not None], "x")
+
+
+def _differences_panel(records: Records, method: str, rival: str, budget: str, words: str) -> Panel | None:
+    compared = [records.comparison(scene, method, rival, budget=budget) for scene in (*records.scenes, "all")]
+    found = [one for one in compared if one is not None]
+    rows = tuple(one.scene for one in found)
+    shown = [(float(place), one, one.difference) for place, one in enumerate(found) if one.difference is not None]
+    if not shown:
+        return None
+    colour = colours_of(records.methods)[rival].light
+    # in a family, the interval that the verdict is taken from
+    bars = [(place, pair, one) for place, one, _ in shown if (pair := one.simultaneous or one.interval)]
+    at, pairs, some = zip(*bars, strict=True) if bars else ((), (), ())
+    lows, highs = zip(*pairs, strict=True) if pairs else ((), ())
+    places, every, middles = zip(*shown, strict=True)
+    traces = [
+        Trace("no difference", INK.light, "floor", (0.0, 0.0), (-0.5, len(rows) - 0.5)),
+        Trace("95 % interval", colour, "range", lows, at, highs, runs=tuple(map(behind_difference, some))),
+        Trace("difference", colour, "dots", middles, places, runs=tuple(map(behind_difference, every))),
+    ]
+    printed = _printed(records, rows) if (method, rival) == ("qnerf", "nerf") else {}
+    if printed:
+        traces.append(Trace("printed in the paper", MUTED.light, "mark", tuple(printed.values()), tuple(printed)))
+    stated = "; ".join(
+        f"{one.scene} {signed(one.difference)} {interval(one.simultaneous or one.interval)} {one.verdict}"
+        for one in every
+    )
+    title = f"{method} − {rival} at {words}"
+    size = (4.6, 0.75 + 0.25 * len(rows))
+    alt = f"{title}, in dB: {stated}."
+    return Panel(title, "difference in test PSNR (dB)", "", tuple(traces), alt, rows=rows, size=size)
+
+
+def _printed(records: Records, rows: tuple[str, ...]) -> dict[float, float]:
+    """Map place of a row → the paper's difference; over `all` if every scene of the run is printed."""
+    table = records.run.paper.get("table2") or {}
+    printed = {scene.lower(): row["qnerf"] - row["nerf"] for scene, row in table.items() if "qnerf" in row}
+    scenes = [row for row in rows if row != "all"]
+    if printed and set(scenes) <= set(printed):
+        printed["all"] = sum(printed[row] for row in scenes) / max(len(rows) - 1, 1)
+    return {float(place): printed[row] for place, row in enumerate(rows) if row in printed}
+
+
+class Drawn(NamedTuple):
+    """Panels that stand together on the page."""
+
+    name: str
+    """The beginning of their ids on the page: letters, digits and dashes."""
+    section: str
+    """The section of `page.html` that shows them."""
+    panels: Callable[[Records], list[Panel]]
+    title: str = ""
+    legend: str = ""
+    """What lines and marks mean, behind the methods' colours."""
+    note: str = ""
+    wide: bool = False
+
+
+FIGURES = (
+    Drawn(
+        "difference",
+        "psnr",
+        difference_panels,
+        note="Dots are differences, bars their 95 % intervals; the colour is that of the rival. Hollow diamonds are "
+        "the differences that the paper prints.",
+        wide=True,
+    ),
+    Drawn(
+        "units",
+        "units",
+        ladder_panel,
+        note="nerf and qnerf with nothing changed but the density that the amplifier’s 1 stands for. The cross is the "
+        "printed form, the dashed line the floor: copying the nearest training view.",
+        wide=True,
+    ),
+    Drawn("steps", "convergence", lambda records: convergence(records, "step"), "At equal steps"),
+    Drawn("seconds", "convergence", lambda records: convergence(records, "seconds"), "At equal training time"),
+    Drawn(
+        "reach",
+        "reaching",
+        lambda records: reach_panels(records, ["all"]),
+        "Share of runs that have reached it",
+        "Kaplan–Meier estimate over all runs of a method. A tick: a run that ended below the target. A cross: one "
+        "that diverged or failed, which never gets there.",
+        wide=True,
+    ),
+    Drawn(
+        "reach-scene",
+        "reaching_scenes",
+        lambda records: reach_panels(records, records.scenes) if len(records.scenes) > 1 else [],
+    ),
+    Drawn("density", "amplifier", density_histograms),
+    Drawn(
+        "over-time",
+        "learned",
+        amplifier_over_time,
+        "What the amplifier learned",
+        note="One line a cell. Dashed: where training starts, α = 1/φ and β = 1.",
+    ),
+)
+
+
+def figures_drawn(records: Records) -> dict[str, list[tuple[Drawn, Any]]]:
+    """Map section → its figures with their plots; a figure without a panel is left out."""
+    found: dict[str, list[tuple[Drawn, Any]]] = {}
+    for figure in FIGURES:
+        drawn = plots(figure.panels(records), figure.name)
+        found.setdefault(figure.section, []).extend([(figure, drawn)] if drawn else [])
+    return found

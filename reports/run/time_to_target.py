@@ -1,0 +1,182 @@
+"""When runs reached a PSNR: curves, and how much sooner. A run that never did is censored and stays in sight."""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
+from reports.claims.psnr_table import lines
+from reports.data.load import Records
+from reports.data.selection import Selection, behind_saving
+from reports.data.wording import NARROW, count, counted, interval, number, signed
+from reports.drawing.palette import colours_of
+from reports.drawing.traces import Kind, Panel, Trace
+from reports.page.grid import EMPTY, Column, Entry, Grid
+
+AXES: dict[Axis, tuple[str, str]] = {
+    "steps": ("training step", "fewer steps"),
+    "seconds": ("training seconds", "less training time"),
+}
+AT_RISK = 5
+"""The number of watched runs below which the curve over all scenes ends."""
+BEFORE = 1.6
+"""The factor before the first arrival at which a curve begins at 0."""
+MARKS: tuple[tuple[bool, Kind, str], ...] = (
+    (False, "mark", "ended below the target"),
+    (True, "cross", "diverged or failed"),
+)
+
+
+@dataclass(frozen=True)
+class TimeToTarget:
+    title: str
+    declared: str
+    """The target, and its reason."""
+    notes: list[str]
+    savings: Grid | None
+    by_scene: Grid | None
+
+
+def time_to_target(records: Records) -> TimeToTarget | None:
+    """Return the section without its curves; None for a run recorded before there was such a record."""
+    record = records.targets
+    if record is None:
+        return None
+    if record.target is None:
+        return TimeToTarget("Time to a target", record.declared, [], None, None)
+    return TimeToTarget(
+        f"Time to {_target(record)}",
+        record.declared,
+        notes(record),
+        savings_grid(record, ["all"]),
+        savings_grid(record, records.scenes) if len(records.scenes) > 1 else None,
+    )
+
+
+def _target(record: TargetsRecord) -> str:
+    return f"{number(record.target, 1).removesuffix('.0')} dB"
+
+
+def reach_panels(records: Records, scenes: list[str]) -> list[Panel]:
+    """Draw the share of runs that have reached the target against steps and against seconds, scene by scene."""
+    record = records.targets
+    if record is None or record.target is None:
+        return []
+    drawn = [_reach_panel(records, record, scene, axis) for scene in scenes for axis in AXES]
+    return [panel for panel in drawn if panel is not None]
+
+
+def _reach_panel(records: Records, record: TargetsRecord, scene: str, axis: Axis) -> Panel | None:
+    curves = [curve for curve in record.curves if (curve.scene, curve.axis) == (scene, axis) and curve.time]
+    if not curves:
+        return None
+    start = min(time for curve in curves for time in curve.time) / BEFORE
+    everywhere = scene == "all"
+    outlines, marks = [], []
+    for curve in curves:
+        colour = colours_of(records.methods)[curve.method].light
+        many = (sum(risk >= AT_RISK for risk in curve.at_risk) if everywhere else 0) or len(curve.time)
+        x, y = (start, *curve.time[:many]), (0.0, *curve.share[:many])
+        behind = Selection("" if everywhere else scene, curve.method)
+        outlines.append(Trace(curve.method, colour, "outline", x, y, runs=(behind,)))
+        for lost, kind, words in MARKS:
+            ended = [
+                one
+                for one in record.reaches
+                if (one.method, one.axis, one.known) == (curve.method, axis, "never")
+                and scene in ("all", one.scene)
+                and is_lost(one) == lost
+            ]
+            x, y = tuple(one.time for one in ended), tuple(share_at(curve, one.time) for one in ended)
+            runs = tuple(Selection(one.scene, one.method, seed=one.seed) for one in ended)
+            if ended:
+                label = f"{curve.method} {words}"
+                marks.append(Trace(label, colour, kind, x, y, marker="|", size=11.0, runs=runs))
+    title, label = "all scenes" if everywhere else scene, f"share of runs at {_target(record)}"
+    ends = "; ".join(f"{curve.method} {curve.share[-1]:.0%} by {curve.time[-1]:.4g}" for curve in curves)
+    alt = f"{title}: {label} against {AXES[axis][0]}. {ends}."
+    size = (4.6, 3.0) if everywhere else (3.7, 2.6)
+    return Panel(title, AXES[axis][0], label, (*outlines, *marks), alt, "log", y_limits=(-0.05, 1.05), size=size)
+
+
+def is_lost(one: Reach) -> bool:
+    return one.known == "never" and not one.why.startswith("ended at")
+
+
+def share_at(curve: ReachCurve, time: float) -> float:
+    """Return the share of the step function, which holds from each time on."""
+    place = bisect_right(curve.time, time)
+    return curve.share[place - 1] if place else 0.0
+
+
+def notes(record: TargetsRecord) -> list[str]:
+    """State how many runs of each method never got there, or were there before anybody looked."""
+    sentences = []
+    for method in dict.fromkeys(one.method for one in record.reaches):
+        own = [one for one in record.reaches if (one.method, one.axis) == (method, "steps")]
+        lost = sum(map(is_lost, own))
+        parts = {
+            "ended below it": sum(one.known == "never" for one in own) - lost,
+            "diverged or failed": lost,
+            "had it by the first checkpoint": sum(one.known == "earlier" for one in own),
+        }
+        stated = [f"{many} {words}" for words, many in parts.items() if many]
+        sentences += [f"{method}: of {counted(len(own), 'run')}, {', '.join(stated)}."] if stated else []
+    return sentences
+
+
+def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
+    """Tabulate one row per pair of methods (and scene), steps and seconds beside each other."""
+    pairs = dict.fromkeys((one.scene, one.method, one.against) for one in record.comparisons if one.scene in scenes)
+    if not pairs:
+        return None
+    everywhere = scenes == ["all"]
+    rows = []
+    for scene, method, against in sorted(pairs, key=lambda pair: scenes.index(pair[0])):
+        found = [record.comparison(scene, method, against, axis) for axis in AXES]
+        row = [Entry(method, f"against {against}")] + ([] if everywhere else [Entry(scene)])
+        rows.append([*row, *map(saving_entry, found), *map(detectable_entry, found)])
+    columns = [Column("method", numeric=False)] + ([] if everywhere else [Column("scene", numeric=False)])
+    columns += [Column(words) for _, words in AXES.values()]
+    columns += [Column("could detect", small=words) for words in ("steps", "time")]
+    note = (
+        "Percentage saved of the time to the target, or to the horizon where that comes first (geometric mean over "
+        "pairs; negative: slower), with the 95 % interval that the verdict is taken from. Where runs were cut short by "
+        "the horizon it is no estimate of the time to the target itself, but a bound of it where one is given."
+    )
+    title = "How much sooner, over all scenes" if everywhere else "How much sooner, scene by scene"
+    return Grid(title, columns, rows, note=note if everywhere else "")
+
+
+def saving_entry(one: TargetComparison | None) -> Entry:
+    """Return `+18.0 %`, below it interval, verdict, and how many runs say less than a time."""
+    if one is None:
+        return EMPTY
+    censored = [
+        f"{words}: {count(many)} of {counted(one.pairs, 'run')} of {method}"
+        for words, pair in (("not within the time watched", one.never), ("there at once", one.earlier))
+        for method, many in zip((one.method, one.against), pair, strict=True)
+        if many
+    ]
+    if one.saving is not None and censored:
+        ends = ((one.at_least, "or more"), (one.at_most, "or less"))
+        censored += [
+            f"to the target itself {signed(end, 1)}{NARROW}% {words}" for end, words in ends if end is not None
+        ]
+        censored.append(f"horizon {number(one.horizon, 0)} {'steps' if one.axis == 'steps' else 's'}")
+    aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
+    pair = None if one.saving is None else one.simultaneous or one.interval
+    low, high = pair or (None, None)
+    return Entry(
+        "–" if one.saving is None else f"{signed(one.saving, 1)}{NARROW}%",
+        lines(interval(pair, 1), one.verdict, *censored, aside),
+        one.verdict,
+        one.saving,
+        {} if one.saving is None else {"low": low, "high": high},
+        behind_saving(one),
+    )
+
+
+def detectable_entry(one: TargetComparison | None) -> Entry:
+    if one is None or one.smallest_detectable is None:
+        return EMPTY
+    return Entry(f"{number(one.smallest_detectable, 0)}{NARROW}%", tone="muted")
