@@ -230,11 +230,11 @@ def _area(axes: Axes, trace: Trace) -> None:
     axes.add_patch(PathPatch(outline, facecolor=trace.colour, alpha=0.16, linewidth=0))
 
 
-def _plotted(**style: Any) -> Callable[[Axes, Trace], None]:
-    return lambda axes, trace: axes.plot(trace.x, trace.y, color=trace.colour, **style) and None
+def _plotted(**style: Any) -> Callable[[Axes, Trace], object]:
+    return lambda axes, trace: axes.plot(trace.x, trace.y, color=trace.colour, **style)
 
 
-_PENS: dict[Kind, Callable[[Axes, Trace], None]] = {
+_PENS: dict[Kind, Callable[[Axes, Trace], object]] = {
     "line": _line,
     "thin": _plotted(linewidth=0.8, alpha=0.45),
     "dots": _plotted(marker="o", linestyle="", markersize=4.6, markeredgewidth=0),

@@ -32,8 +32,6 @@ from reports.run.figures import figures_drawn
 from reports.run.pictures import PictureData, picture_data, remove_others, views, write_files
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
 from reports.run.time_to_target import time_to_target
-from reports.studies.serving_attention import about, attention
-from reports.studies.serving_cache import cache
 from reports.studies.shelves import WORDS, page_of
 from reports.studies.study_page import shelf_shown
 from scenes.files.atomic import write_atomically
@@ -123,7 +121,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None) -> str:
 
 def _content(records: Records, beside: Beside) -> dict[str, Any]:
     """Return the content of each section; an empty one is left out with its entry in the contents."""
-    run, found, serving = records.run, claims(records, beside), beside.serving
+    run, found = records.run, claims(records, beside)
     missing = not_tested(run.not_tested, found)
     return {
         "records": records,
@@ -162,9 +160,7 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         "provenance": provenance(records),
         "stability": shelf_shown(beside.stability, records.out) if beside.stability else None,
         "evidence": shelf_shown(beside.evidence, records.out) if beside.evidence else None,
-        "cache": cache(serving.cache, records.methods) if serving and serving.cache else None,
-        "attention": attention(serving, records.folder) if serving else None,
-        "served": about(serving) if serving else None,
+        "serving": shelf_shown(beside.serving, records.out) if beside.serving else None,
     }
 
 
