@@ -1,0 +1,65 @@
+"""The page about adding a metric: its two pieces of code, put where it says, are all that a metric needs."""
+
+import re
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+USE = """
+import sys
+from pathlib import Path
+import numpy as np
+from msgspec.structs import replace
+from harness.records.cells import read_cell, write_cell
+from harness.training.evaluate import View, mean_scores, scores_along, view_scores
+from harness.verdicts.comparisons import compare
+from harness.verdicts.result_table import LOWER, MARGINS
+from reports.data.load import read_records
+from reports.run.curves import diagrams
+from reports.run.run_page import page
+from scenes.view_sets.view_set import Split
+from tests.reports.fake_run import write_fake_run
+
+rgba = np.ones((1, 12, 12, 4), dtype=np.float32)
+truth = Split(("r_0",), np.eye(4)[None], rgba)
+view = View(rgba[0, ..., :3] - 0.25, rgba[0, ..., 3], rgba[0, ..., 3])
+assert view_scores(view, truth, 0).mae == mean_scores([view_scores(view, truth, 0)])["mae"] == 0.25
+assert scores_along([view], truth)["mae"] == 0.25
+
+def scored(cell):
+    scores = cell.scores if cell.status != "done" else {**cell.scores, "mae": 0.125}
+    return replace(cell, scores=scores, curve=[replace(point, mae=0.125) for point in cell.curve])
+
+out = write_fake_run(Path(sys.argv[1]), ("chair",), pictures=False, with_diverged=False, change_cell=scored)
+records = read_records(out)
+rows = [row for row in compare(records.cells, records.methods) if row.metric == "mae"]
+assert {row.budget for row in rows} == {"steps", "seconds"}
+assert {row.verdict for row in rows} == {"equivalent"}
+assert "mae" in LOWER and MARGINS["mae"] == 0.002
+assert "mae" in {one.measure.name for one in diagrams(records)}
+text = page(records)
+assert "MAE ↓" in text and "0.1250" in text and "mean absolute difference of display colour" in text
+"""
+
+
+@pytest.mark.slow
+def test_a_metric_is_a_function_and_a_line(tmp_path: Path) -> None:
+    for package in ("harness", "reports", "scenes", "baselines"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
+    text = (ROOT / "docs/add-a-metric.md").read_text(encoding="utf-8")
+    function, line = (textwrap.dedent(code) for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL))
+    metrics = tmp_path / "harness/training/metrics.py"
+    metrics.write_text(f"{metrics.read_text(encoding='utf-8')}\n\n{function}", encoding="utf-8")
+    table = tmp_path / "harness/records/metric_table.py"
+    before, after = table.read_text(encoding="utf-8").split("    )\n}  # fmt: skip")
+    table.write_text(f"{before}        {line.strip()},\n    )\n}}  # fmt: skip{after}", encoding="utf-8")
+    ended = subprocess.run(
+        [sys.executable, "-c", USE, str(tmp_path / "run")], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert ended.returncode == 0, ended.stderr
