@@ -120,7 +120,6 @@ def frames(
     camera: Camera,
     attention: Attention,
     truth: np.ndarray | None = None,
-    use_cache: bool = True,
     asked_at: float | None = None,
 ) -> Iterator[FreshPixels]:
     """Yield for each method either one complete picture out of the cache, or a coarse one, its refined parts, and a
@@ -133,7 +132,7 @@ def frames(
     start = time.perf_counter() if asked_at is None else asked_at
     waiting = []
     for seat in seats:
-        turn = _Turn(seat, camera, attention, truth, use_cache, start)
+        turn = _Turn(seat, camera, attention, truth, start)
         cached = turn.from_cache()
         if cached is not None:
             yield cached
@@ -156,7 +155,6 @@ class _Turn:
     camera: Camera
     attention: Attention
     truth: np.ndarray | None
-    use_cache: bool
     start: float
     work: float = 0.0
     regions: Regions = field(init=False)
@@ -168,8 +166,6 @@ class _Turn:
         """Return the picture that rendering now would give, or the plain one, which differs from it by
         rounding alone.
         """
-        if not self.use_cache:
-            return None
         began = time.perf_counter()
         for calls in dict.fromkeys((self._calls(self._by_regions()), plain_calls(self.seat.chunk))):
             found = self.seat.cached.lookup(self.camera, calls)
@@ -228,8 +224,7 @@ class _Turn:
                 "whole", *_all(view), share=1.0, rays=rays, evaluations=evaluations, psnr=score, note=note
             )
         finally:  # also if the caller has seen enough
-            if self.use_cache:
-                seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
+            seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
 
     def _attended(self, first: View, error: Callable[[], np.ndarray]) -> np.ndarray:
         """Return the attention; nothing is spent on it if it changes nothing."""
