@@ -6,6 +6,7 @@ python -m tests.reports.fake_stability OUT    writes OUT/stability.json and its 
 
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,17 @@ def fake_stability(with_failure: bool = True, with_charts: bool = True, **change
         "finished": True,
     }
     return Studies(**{"shelf": "stability", **parts, **changes})
+
+
+def lines(
+    panel: str, item: int, axes: tuple[str, str], x: list[float], y_of: Callable[..., float],
+    names: dict[str, tuple[float, ...]], log: str = "xy",
+) -> list[Series]:  # fmt: skip
+    """A line for each name: `y_of` of x and what stands behind the name; `log` are the logarithmic axes."""
+    return [
+        Series(panel, item, name, *axes, x, [y_of(at, *more) for at in x], log_x="x" in log, log_y="y" in log)
+        for name, more in names.items()
+    ]
 
 
 def without_lines(one: StudyRecord) -> StudyRecord:
@@ -159,18 +171,9 @@ def _orders() -> Table:
 
 def _gradients() -> list[Series]:
     taus = [10.0**power for power in range(-8, 3)]
-    return [
-        Series("Gradient of a ray", 3, "midpoint", "τ of a bin", "error of the gradient", taus, [1e-7] * len(taus)),
-        Series(
-            "Gradient of a ray",
-            3,
-            "torch.expm1",
-            "τ of a bin",
-            "error of the gradient",
-            taus,
-            [1e-7 if tau < 1 else tau / 6 for tau in taus],
-        ),
-    ]
+    axes = ("τ of a bin", "error of the gradient")
+    grows = {"midpoint": (0.0,), "torch.expm1": (1 / 6,)}
+    return lines("Gradient of a ray", 3, axes, taus, lambda tau, slope: max(1e-7, slope * tau * (tau >= 1)), grows)
 
 
 def _encodings() -> list[StudyRecord]:
@@ -191,20 +194,11 @@ def _encodings() -> list[StudyRecord]:
         check("share of the burst seen in the gap", 0.011, high=0.03, subject="ratio 1.65"),
     ]
     distances = [0.02 * step for step in range(1, 101)]
-    lobes = [
-        Series(
-            "Kernel of an encoding",
-            8,
-            name,
-            "distance",
-            "mean of cos(π f d)",
-            distances,
-            [sum(math.cos(math.pi * base**k * d) for k in range(10)) / 10 for d in distances],
-            log_x=False,
-            log_y=False,
-        )
-        for name, base in (("two", 2.0), ("phi", 1.618), ("ratio 1.65", 1.65))
-    ]
+    lobes = lines(
+        "Kernel of an encoding", 8, ("distance", "mean of cos(π f d)"), distances,
+        lambda d, base: sum(math.cos(math.pi * base**k * d) for k in range(10)) / 10,
+        {"two": (2.0,), "phi": (1.618,), "ratio 1.65": (1.65,)}, log="",
+    )  # fmt: skip
     return [
         case("E1", "Top frequency of an encoding", "≤ 1.2e-4 for 2^k, ≤ 1.2e-5 for φ^k", *e1),
         case("E3", "Ghosts and neutral gratings", "control ≤ 0.03", *e3, series=lobes),
@@ -235,33 +229,16 @@ def _amplifier(with_failure: bool) -> list[StudyRecord]:
         for method, value in zip(METHODS, (1.0, 1.0, 0.632, 0.632, 0.95), strict=True)
     ]
     scales = [0.1, 0.3, 1.0, 3.0, 10.0]
-    reach = [
-        Series(
-            "Opacity of one unit of matter",
-            5,
-            name,
-            "scale of the scene",
-            "opacity",
-            scales,
-            [cap if cap == 1 else 1 - math.exp(-scale) for scale in scales],
-            log_y=False,
-        )
-        for name, cap in (("nerf", 1.0), ("qnerf", 0.0))
-    ]
+    reach = lines(
+        "Opacity of one unit of matter", 5, ("scale of the scene", "opacity"), scales,
+        lambda scale, solid: solid or 1 - math.exp(-scale), {"nerf": (1.0,), "qnerf": (0.0,)}, log="x",
+    )  # fmt: skip
     steps = [50.0 * 2**k for k in range(6)]
-    dead = [
-        Series(
-            "Dead share of the amplifier",
-            6,
-            name,
-            "training step",
-            "share of samples",
-            steps,
-            [min(0.9, 0.05 * rate * k) for k in range(6)],
-            log_y=False,
-        )
-        for name, rate in (("qnerf", 1.0), ("qnerf_theorem", 2.4), ("qnerf_listing4", 3.1))
-    ]
+    dead = lines(
+        "Dead share of the amplifier", 6, ("training step", "share of samples"), steps,
+        lambda step, rate: min(0.9, 0.05 * rate * math.log2(step / 50)),
+        {"qnerf": (1.0,), "qnerf_theorem": (2.4,), "qnerf_listing4": (3.1,)}, log="x",
+    )  # fmt: skip
     pictures = [
         Picture(4, "One view, one call", "qnerf, contrasted weights", f"{PICTURES_FOLDER}/whole.png"),
         Picture(4, "The same in calls of 16 rays", "largest change of a pixel 0.31", f"{PICTURES_FOLDER}/chunks.png"),
@@ -280,35 +257,26 @@ def _training() -> list[StudyRecord]:
         check("until half the step size", 33424.0, high=200.0, unit="steps", subject="unclipped, × 1e9", owner="usual"),
     ]
     steps = [float(step) for step in range(0, 400, 10)]
-    spikes = [
-        Series(
-            "Loss after a spike of 1e9",
-            11,
-            name,
-            "steps after the spike",
-            "loss",
-            steps,
-            [0.02 + height * math.exp(-step / after) for step in steps],
-            log_x=False,
-        )
-        for name, height, after in (("no spike", 0.0, 1.0), ("clipped", 0.4, 30.0), ("unclipped", 0.4, 1e4))
-    ]
+    spikes = lines(
+        "Loss after a spike of 1e9", 11, ("steps after the spike", "loss"), steps,
+        lambda step, height, after: 0.02 + height * math.exp(-step / after),
+        {"no spike": (0.0, 1.0), "clipped": (0.4, 30.0), "unclipped": (0.4, 1e4)}, log="y",
+    )  # fmt: skip
     layers = [float(layer) for layer in range(1, 9)]
-    digits = [
-        Series(
-            "nerf, trained",
-            7,
-            f"{dtype}, {part}",
-            "layer",
-            "digits lost",
-            layers,
-            [lost * (1 + 0.2 * layer) for layer in layers],
-            log_x=False,
-            log_y=False,
-        )
+    names = {
+        f"{dtype}, {part}": (lost,)
         for dtype, lost in (("bfloat16", 2.0), ("float16", 1.0))
         for part in ("mean", "worst")
-    ]
+    }
+    digits = lines(
+        "nerf, trained",
+        7,
+        ("layer", "digits lost"),
+        layers,
+        lambda layer, lost: lost * (1 + 0.2 * layer),
+        names,
+        log="",
+    )
     return [case("O2", "One spike", "back within 10 % in 200 steps", *o2, series=spikes),
             case("O3", "Digits lost by layer", "recorded", series=digits)]  # fmt: skip
 
@@ -324,21 +292,17 @@ def _scenes() -> list[StudyRecord]:
     ]
 
 
+def _explained(rung: float, slope: float) -> float:
+    return max(0.0, 1 - slope * rung / 10)
+
+
 def _others() -> list[StudyRecord]:
     rungs = [1.0, 2.0, 4.0, 8.0, 16.0]
+    slopes = dict(zip(METHODS, ((0.4,), (0.5,), (0.9,), (0.6,), (1.1,)), strict=True))
     ladders = [
-        Series(
-            f"Ladder of {name}",
-            9,
-            method,
-            name,
-            "explained share",
-            rungs,
-            [max(0.0, 1 - slope * rung / 10) for rung in rungs],
-            log_y=False,
-        )
+        found
         for name in ("frequency", "thinness", "density")
-        for method, slope in zip(METHODS, (0.4, 0.5, 0.9, 0.6, 1.1), strict=True)
+        for found in lines(f"Ladder of {name}", 9, (name, "explained share"), rungs, _explained, slopes, log="x")
     ]
     table = Table("ladders", 9, "First rung on which a method breaks", ["ladder", *METHODS],
                   [["frequency", 16, 8, 4, None, 4], ["thinness", 16, 16, 8, 8, 4]])  # fmt: skip
