@@ -101,6 +101,8 @@ def _written(found: dict[str, str]) -> Markup:
 
 
 RUN_PAGE = "report.html"
+Groups = list[tuple[str, list[tuple[str, str]]]]
+"""Groups of name and value, each with its title."""
 
 HERE = Path(__file__).parent
 SCRIPTS = (
@@ -142,11 +144,24 @@ def code() -> str:
     return script(*SCRIPTS, START)
 
 
-def render(template: str, sheets: tuple[str, ...], **content: Any) -> str:
-    """Return a page without runs of its own."""
-    parts = {"policy": content_policy(code()), "script": Markup(code()), "colours": {}}
-    style_sheets = style("page.css", "explore.css", *sheets)
-    return environment().get_template(template).render(**parts, style=style_sheets, **content)
+def render(
+    template: str, sheet: str, title: str, sections: list[tuple[str, str]], provenance: Groups, **content: Any
+) -> str:
+    """Return a page without runs of its own; `sections` are anchors and titles."""
+    return (
+        environment()
+        .get_template(template)
+        .render(
+            **content,
+            policy=content_policy(code()),
+            script=Markup(code()),
+            style=style("page.css", "explore.css", sheet),
+            colours={},
+            title=title,
+            sections=[*sections, *([("provenance", "Provenance")] if provenance else [])],
+            provenance=provenance,
+        )
+    )
 
 
 def breakable(name: str) -> Markup:
@@ -196,9 +211,7 @@ def plain(value: Any) -> str:
     return wording.NOTHING if value is None else str(value)
 
 
-def groups_of(
-    origin: dict[str, Any], settings: dict[str, Any], spent: list[tuple[str, str]]
-) -> list[tuple[str, list[tuple[str, str]]]]:
+def groups_of(origin: dict[str, Any], settings: dict[str, Any], spent: list[tuple[str, str]]) -> Groups:
     """Return the origin of a record, as groups of name and value; empty ones are left out."""
     groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
     return [(title, rows) for title, rows in groups if rows]

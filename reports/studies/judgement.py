@@ -204,20 +204,20 @@ def _panel(title: str, label: str, traces: tuple[Trace, ...], alt: str, rows: li
     return Panel(title, label, "", traces, alt, rows=tuple(rows), size=(6.4, height))
 
 
-JUDGEMENT_PAGE = "judgement.html"
-
-
 def judgement_page(record: JudgementRecord) -> str:
     """Return the complete page as text."""
-    clean = record.without_suspects
-    contents = [("methods", "Methods"), ("picture", "Picture")]
-    contents += [("pairs", "Pairs")] if record.baseline is None else []
-    contents += [("suspects", "Suspect results")] if record.suspects else []
+    sections = [("methods", "Methods"), ("picture", "Picture")]
+    sections += [("pairs", "Pairs")] if record.baseline is None else []
+    sections += [("suspects", "Suspect results")] if record.suspects else []
+    better, clean = "higher" if record.higher_is_better else "lower", record.without_suspects
+    settings = {"metric": record.metric, "better": better, "smallest effect of interest": record.margin}
+    settings |= {"baseline": record.baseline} if record.baseline is not None else {}
     return shell.render(
         "judgement_page.html",
-        ("judgement.css",),
-        title=headline(record),
-        contents=contents,
+        "judgement.css",
+        headline(record),
+        sections,
+        [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))],
         record=record,
         missing=missing_line(record) if record.missing else "",
         suspects=[suspect_line(record, one) for one in record.suspects[:3]],
@@ -228,20 +228,11 @@ def judgement_page(record: JudgementRecord) -> str:
         changes=changes_grid(record),
         matrix=matrix(record),
         plots=plots([panel(record)], "judgement"),
-        provenance=provenance(record),
     )
-
-
-def provenance(record: JudgementRecord) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return which table was judged, and how."""
-    better = "higher" if record.higher_is_better else "lower"
-    settings = {"metric": record.metric, "better": better, "smallest effect of interest": record.margin}
-    settings |= {"baseline": record.baseline} if record.baseline is not None else {}
-    return [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))]
 
 
 def write_judgement_page(record: JudgementRecord, out: Path) -> Path:
     """Write the page into `out`; returns its path."""
-    path = out / JUDGEMENT_PAGE
+    path = out / "judgement.html"
     write_atomically(path, judgement_page(record), fsync=False)
     return path

@@ -331,12 +331,12 @@ def study_page(record: Studies, out: Path, beside_report: bool = False) -> str:
     total = [("all together", duration(sum(one.seconds for one in record.studies)))] if spent else []
     return shell.render(
         "study_page.html",
-        ("studies.css",),
-        title=shown.headline,
+        "studies.css",
+        shown.headline,
+        shown.contents,
+        shell.groups_of(record.provenance, record.settings, [*total, *spent]),
         shelf=shown,
-        contents=shown.contents,
         report=shell.RUN_PAGE if beside_report else "",
-        provenance=shell.groups_of(record.provenance, record.settings, [*total, *spent]),
     )
 
 
