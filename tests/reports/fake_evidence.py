@@ -9,12 +9,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
+
 from harness.records.study import (
     SHELVES,
     Answer,
     Effect,
     Finding,
-    Series,
     Studies,
     StudyInfo,
     StudyRecord,
@@ -22,6 +23,7 @@ from harness.records.study import (
     check,
     write_studies,
 )  # fmt: skip
+from tests.reports.fake_lines import lines
 
 PROVENANCE: dict[str, Any] = {"commit": "0123456789ab", "python": "3.11.2", "cores": 2, "packages": {"torch": "2.15.0"}}
 SCENES = ("lego", "ficus", "hotdog")
@@ -95,23 +97,14 @@ def _calibration(with_failure: bool, with_charts: bool) -> StudyRecord:
             why="each as large as the smallest detectable one that its comparison prints",
         ),
     ]
-    sizes = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
-    power = [1 / (1 + math.exp(-6.5 * (size - 0.74))) for size in sizes]
+    series = lines(
+        "Power: how often a planted effect is found", 0, ("planted effect / smallest detectable", "share found"),
+        [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5],
+        lambda size, exponent: (1 / (1 + math.exp(-6.5 * (size - 0.74)))) ** exponent,
+        {"a single scene, 3 seeds": (1.0,), "8 scenes × 3 seeds": (0.9,)}, log="",
+    )  # fmt: skip
     series = [
-        Series(
-            "Power: how often a planted effect is found",
-            0,
-            name,
-            "planted effect / smallest detectable",
-            "share found",
-            sizes,
-            [share**exponent for share in power],
-            [max(share**exponent - 0.03, 0) for share in power],
-            [min(share**exponent + 0.03, 1) for share in power],
-            False,
-            False,
-        )
-        for name, exponent in (("a single scene, 3 seeds", 1.0), ("8 scenes × 3 seeds", 0.9))
+        replace(one, low=[max(y - 0.03, 0) for y in one.y], high=[min(y + 0.03, 1) for y in one.y]) for one in series
     ]
     return study(
         info,
@@ -173,34 +166,13 @@ def _bandwidth(with_charts: bool) -> StudyRecord:
     rivals = {"nerf_phi_encoding": (0.9, 0.55, 0.21), "nerf_base165": (0.88, 0.6, 0.24),
               "nerf_matched": (0.93, 0.5, 0.2), "nerf_phi_far": (0.08, 0.02, -0.05)}  # fmt: skip
     pixels = [100.0, 200.0, 400.0]
-    series = [
-        Series(
-            "Difference from nerf over resolution",
-            0,
-            name,
-            "pixels across",
-            "difference in test PSNR (dB)",
-            pixels,
-            list(found),
-            [one - 0.2 for one in found],
-            [one + 0.2 for one in found],
-            True,
-            False,
-        )
-        for name, found in rivals.items()
-    ] + [
-        Series(
-            "Difference from nerf along training, 100 px",
-            0,
-            name,
-            "training step",
-            "difference in test PSNR (dB)",
-            [125.0, 250.0, 500.0, 1000.0],
-            [found[0] * share for share in (1.4, 1.2, 1.1, 1.0)],
-            log_y=False,
-        )
-        for name, found in rivals.items()
-    ]
+    series = lines(
+        "Difference from nerf over resolution", 0, ("pixels across", "difference in test PSNR (dB)"), pixels,
+        lambda size, *found: found[pixels.index(size)], rivals, log="x",
+    ) + lines(
+        "Difference from nerf along training, 100 px", 0, ("training step", "difference in test PSNR (dB)"),
+        [125.0, 250.0, 500.0, 1000.0], lambda step, *found: found[0] * (1 + 50 / step), rivals, log="x",
+    )  # fmt: skip
     effects = [
         effect(name, "nerf", "all", found[place], 0.15, note=f"{size:.0f} px", family=12)
         for name, found in rivals.items()
@@ -224,24 +196,11 @@ def _rendering(with_charts: bool) -> StudyRecord:
         "Which quadrature rule and which sampler reach an error first?",
         "One trained field, rendered with every rule and sampler at growing numbers of samples.",
     )
-    samples = [2.0**k for k in range(3, 10)]
-    series = [
-        Series(
-            "Error over time a frame",
-            0,
-            name,
-            "milliseconds a frame",
-            "RMSE in linear light",
-            [0.4 * many * cost for many in samples],
-            [gain * many**-order for many in samples],
-        )
-        for name, cost, gain, order in (
-            ("midpoint, even", 1.0, 0.4, 1.0),
-            ("midpoint, stratified", 1.05, 0.3, 1.1),
-            ("linear in τ, even", 1.2, 0.3, 2.0),
-            ("listing4, even", 1.0, 0.6, 0.5),
-        )
-    ]
+    rules = {"midpoint, even": (0.4, 1.0), "linear in τ, even": (0.3, 2.0), "listing4, even": (0.6, 0.5)}
+    series = lines(
+        "Error over time a frame", 0, ("milliseconds a frame", "RMSE in linear light"), [2.0**k for k in range(3, 10)],
+        lambda time, gain, order: gain * time**-order, rules,
+    )  # fmt: skip
     return study(
         info,
         "lego; 100 px",

@@ -6,7 +6,6 @@ python -m tests.reports.fake_stability OUT    writes OUT/stability.json and its 
 
 import math
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from harness.records.study import (
     check,
     write_studies,
 )  # fmt: skip
+from tests.reports.fake_lines import lines
 
 PROVENANCE: dict[str, Any] = {"commit": "0123456789ab", "python": "3.11.2", "cores": 2, "packages": {"torch": "2.15.0"}}
 METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4")
@@ -51,17 +51,6 @@ def fake_stability(with_failure: bool = True, with_charts: bool = True, **change
         "finished": True,
     }
     return Studies(**{"shelf": "stability", **parts, **changes})
-
-
-def lines(
-    panel: str, item: int, axes: tuple[str, str], x: list[float], y_of: Callable[..., float],
-    names: dict[str, tuple[float, ...]], log: str = "xy",
-) -> list[Series]:  # fmt: skip
-    """A line for each name: `y_of` of x and what stands behind the name; `log` are the logarithmic axes."""
-    return [
-        Series(panel, item, name, *axes, x, [y_of(at, *more) for at in x], log_x="x" in log, log_y="y" in log)
-        for name, more in names.items()
-    ]
 
 
 def without_lines(one: StudyRecord) -> StudyRecord:
