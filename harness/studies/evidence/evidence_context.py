@@ -81,31 +81,6 @@ TRAININGS: dict[str, Training] = {
 }
 
 
-def plan_of(training: Training, precision_as_planned: bool, quick: bool) -> Plan:
-    """Return the profile `reduced` with what the training changes; `quick` is far too short for any figure to mean
-    anything.
-
-    If the processor has no bfloat16 matrix multiplications, the plan is in float32.
-    """
-    profile = PROFILES["reduced"]
-    views = replace(profile.views, resolution=training.resolution, train=training.train_views, test=training.test_views)
-    plan = replace(
-        profile,
-        scenes=training.scenes,
-        methods=training.methods,
-        seeds=training.seeds,
-        budget=Budget(steps=training.steps, seconds=None),
-        score=replace(profile.score, checkpoints=training.checkpoints, stored_views=0),
-        views=views,
-        train=profile.train if precision_as_planned else replace(profile.train, precision="float32"),
-        extras=(),
-    )
-    if not quick:
-        return plan
-    tiny = replace(views, resolution=12 + training.resolution // 25, train=6, val=2, test=2, spp_train=4, spp_test=4)
-    return replace(plan, budget=Budget(steps=4, seconds=None), views=tiny, seeds=training.seeds[:2])
-
-
 @dataclass(frozen=True)
 class StudyRun:
     """The results of a training."""
@@ -124,8 +99,26 @@ class EvidenceContext(framework.StudyContext):
     """Whether this processor has the profile's bfloat16 matrix multiplications."""
 
     def plan(self, name: str) -> Plan:
-        """Return the plan of the training of that name."""
-        return plan_of(TRAININGS[name], self.precision_as_planned, self.quick)
+        """Return the profile `reduced` with what the training of that name changes; in float32 if the processor has no
+        bfloat16 matrix multiplications, and far too short for any figure to mean anything with `quick`.
+        """
+        training, profile = TRAININGS[name], PROFILES["reduced"]
+        size, seeds, steps = training.resolution, training.seeds, training.steps
+        views = replace(profile.views, resolution=size, train=training.train_views, test=training.test_views)
+        if self.quick:
+            views = replace(views, resolution=12 + size // 25, train=6, val=2, test=2, spp_train=4, spp_test=4)
+            seeds, steps = seeds[:2], 4
+        return replace(
+            profile,
+            scenes=training.scenes,
+            methods=training.methods,
+            seeds=seeds,
+            budget=Budget(steps=steps, seconds=None),
+            score=replace(profile.score, checkpoints=training.checkpoints, stored_views=0),
+            views=views,
+            train=profile.train if self.precision_as_planned else replace(profile.train, precision="float32"),
+            extras=(),
+        )
 
     def trained(self, name: str) -> StudyRun:
         """Return the training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained
@@ -135,18 +128,13 @@ class EvidenceContext(framework.StudyContext):
         Studies may request the same training, one after another.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
-        if _is_of_another_plan(folder, plan):
+        if is_of_another_plan(folder, plan):
             self.show.line(f"{folder}: of another plan, moved to {self.out / DAMAGED}: trained again")
             aside(self.out, folder.relative_to(self.out).as_posix())
         if lacks_cells(folder, plan):
             folder.mkdir(parents=True, exist_ok=True)
             execution.run(plan, folder, self.view_sets, self.machine, "nox -s evidence", self.show)
         return StudyRun(plan, read_run(folder).scenes, list(read_cells(folder)))
-
-    def is_current(self, name: str) -> bool:
-        """Whether the folder of a training is of its present plan."""
-        run = _run_of(folder_of(self.out, name))
-        return run is not None and _is_of(run, self.plan(name))
 
     def repaired(self, name: str) -> bool:
         """Repair the folder of a training, so that it holds only valid files; returns whether the training has to be
@@ -155,7 +143,7 @@ class EvidenceContext(framework.StudyContext):
         A folder that is missing or is of another plan is left as it is: its figures were taken when it was there.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
-        if not folder.exists() or _is_of_another_plan(folder, plan):
+        if not folder.exists() or is_of_another_plan(folder, plan):
             return False
         mend(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
         return lacks_cells(folder, plan)
@@ -203,20 +191,18 @@ def lacks_cells(folder: Path, plan: Plan) -> bool:
     return any(cell.status in ("error", "not_available") for cell in read_cells(folder))
 
 
-def _is_of_another_plan(folder: Path, plan: Plan) -> bool:
+def is_of_another_plan(folder: Path, plan: Plan) -> bool:
     """Whether the training is of another plan, by its record, or by its cells if that is lost."""
     run = _run_of(folder)
-    return not _is_of(run, plan) if run else bool(plan_of_cells(folder, plan))
+    if run is None:
+        return bool(plan_of_cells(folder, plan))
+    return bool(run.settings != json.loads(json.dumps(plan.settings())))
 
 
 def _run_of(folder: Path) -> RunRecord | None:
     with suppress(DamagedRecord):
         return read_run(folder)
     return None
-
-
-def _is_of(run: RunRecord, plan: Plan) -> bool:
-    return bool(run.settings == json.loads(json.dumps(plan.settings())))
 
 
 def run(

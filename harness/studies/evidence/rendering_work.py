@@ -24,7 +24,7 @@ from harness.plan.profiles import Plan
 from harness.plan.seeds import generator_for
 from harness.records.study import Series, Table, check
 from harness.studies.evidence.contrasts import listed
-from harness.studies.evidence.evidence_context import EvidenceContext, folder_of
+from harness.studies.evidence.evidence_context import EvidenceContext, folder_of, is_of_another_plan
 from harness.studies.framework import Found
 from harness.studies.stability.rays.quadrature_orders import fitted_order
 from harness.training.checkpoints import checkpoint_path, load_checkpoint, save_checkpoint
@@ -234,9 +234,9 @@ def trained_field(context: EvidenceContext) -> tuple[Trainer, ViewSet, str]:
     plan = context.plan(TRAINING)
     folder = view_set_folders(replace(plan, scenes=(SCENE,)), context.view_sets, context.show)[SCENE]
     views = read_views(folder, plan.views, context.scratch)
-    weights = checkpoint_path(folder_of(context.out, TRAINING), SCENE, METHOD, 0)
-    origin = f"checkpoint of the training {TRAINING}"
-    if not weights.exists() or not context.is_current(TRAINING):
+    run = folder_of(context.out, TRAINING)
+    weights, origin = checkpoint_path(run, SCENE, METHOD, 0), f"checkpoint of the training {TRAINING}"
+    if not weights.exists() or is_of_another_plan(run, plan):
         weights, origin = context.scratch / "field.safetensors", f"trained now, as {TRAINING} does"
         save_checkpoint(trained_alone(METHOD, views, stream, plan.train, plan.budget, device), weights)
     return restored(weights, plan, views, stream, METHOD, device), views, origin
