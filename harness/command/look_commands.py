@@ -152,6 +152,7 @@ def _has_screen() -> bool:
 
 PATH_NAMES = ("orbit", "spiral", "walk", "test")
 """The names of `harness.playback.camera_paths.PATHS`, and the test views themselves."""
+MOST_FRAMES = 10_000
 
 
 def add_render_options(command: argparse.ArgumentParser) -> None:
@@ -178,7 +179,7 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
     """Return 0 when done, or 130 if it was interrupted; raises `InputError` for invalid options."""
     from scenes.files.errors import InputError
 
-    require_between(options, frames=(1, 10_000), resolution=(1, 4096), fps=(1, 60))
+    require_between(options, frames=(1, MOST_FRAMES), resolution=(1, 4096), fps=(1, 60))
     require_between(options, threads=(1, 256), seed=(0, 2**31), elevation=(-90, 90))
     if options.elevation is not None and options.path != "orbit":
         raise InputError(f"--elevation: --path {options.path} has heights of its own; leave it out")

@@ -92,12 +92,16 @@ def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     """Return 0, or 3 if a case that must pass failed; raises `InputError` for invalid options."""
     from harness.studies.stability.cases import SHELF
 
-    def measure(studies: list[str], out: Path) -> int:
+    if options.methods:
         from baselines.catalog import CATALOG
         from harness.plan.profiles import known_names
+
+        known_names("--methods", options.methods, list(CATALOG))
+
+    def measure(studies: list[str], out: Path) -> int:
         from harness.studies.stability.stability_context import METHODS, run
 
-        methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
+        methods = tuple(options.methods or METHODS)
         return run(studies, methods, out, options.view_sets, options.quick, options.resume, show)
 
     return _run_shelf(options, SHELF, show, measure)

@@ -164,8 +164,6 @@ def numbers(folder: Path) -> None:
     folder.mkdir(parents=True)
     path = {"path": "orbit", "frames": 4, "radius": 4.0, "target": [0.0, 0.0, 0.0], "seed": 1, "keep": 0.75}
     (folder / "path.json").write_text(json.dumps({**path, "elevation": 0.5, "azimuth": 1.0}), encoding="utf-8")
-    poses = [pose(0.3 * i, 0.5).tolist() for i in range(3)]
-    (folder / "through.json").write_text(json.dumps({"frames": 5, "poses": poses}), encoding="utf-8")
     sight = {"map": "point", "height": 6, "width": 8, "region": 2, "row": 2.0, "column": 3.5, "radius": 1.5,
              "focal": 9.0, "values": [[0.1 * (i + j) for j in range(8)] for i in range(6)]}  # fmt: skip
     (folder / "attention.json").write_text(json.dumps(sight), encoding="utf-8")

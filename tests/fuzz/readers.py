@@ -190,18 +190,6 @@ def camera_path(folder: Path) -> None:
     assert np.isfinite(poses).all()
 
 
-def through(folder: Path) -> None:
-    from harness.command.look_commands import MOST_FRAMES
-    from harness.playback.camera_paths import through
-
-    told = _told(folder, "through.json")
-    with _as_parsed():
-        poses, frames = np.array(told["poses"], dtype=np.float64), int(told["frames"])
-        if frames > MOST_FRAMES:
-            raise NotTried("checked before")
-    assert np.isfinite(through(poses, frames)).all()
-
-
 def attention(folder: Path) -> None:
     from baselines.numerics.attention.maps import MAPS, MapInputs
     from baselines.numerics.attention.priorities import allocated_bins, priorities, region_order

@@ -116,7 +116,6 @@ TARGETS: dict[str, Target] = {
                          renewed=True, accepts_all=True),
     "view_cache_folder": _of_folder(material.view_cache, readers.cache, "cache"),
     "camera_path": _of_numbers("path.json", readers.camera_path, "frames", "radius", "target", "keep", "elevation"),
-    "camera_path_through": _of_numbers("through.json", readers.through, "frames", "poses", "pose"),
     "attention": _of_numbers("attention.json", readers.attention, "region", "point", "fovea", "attention", "image",
                              "picture"),
     "viewer_request": Target(material.numbers, "request.json", asked, " "),

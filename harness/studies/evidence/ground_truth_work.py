@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.plan.profiles import PROFILES
 from harness.records.study import Series, Table, check
 from harness.studies.evidence.ceilings import noise_rows, scores_at_hand
 from harness.studies.evidence.contrasts import listed
@@ -25,7 +26,7 @@ FITTED_FROM = 4
 is not noise alone.
 """
 ROOMS_DB = (1.0, 3.0)
-TEST_SPP = 64
+TEST_SPP = PROFILES["reduced"].views.spp_test
 """The samples per pixel of the test views in the profile `reduced`."""
 SLOPE = -0.5
 SLOPE_BAR = 0.1
