@@ -160,7 +160,7 @@ def standings(rows: list[RepairRow]) -> list[CandidateRank]:
 
 def chosen(table: list[CandidateRank]) -> str:
     """Return the candidate that `RULE` chooses."""
-    return next(one.method for one in table if one.ties)
+    return next(candidate.method for candidate in table if candidate.ties)
 
 
 def clock_of(device: torch.device) -> str:

@@ -39,7 +39,7 @@ def keeps_the_protocols(subject: Subject) -> None:
         raise Broken(f"pointwise is {field.pointwise!r}, not True or False")
     if not isinstance(field.density_limit, float) or not field.density_limit > 0.0:
         raise Broken(f"density_limit is {field.density_limit!r}, not a positive number or infinity")
-    counted, held = field.parameter_counts().get("total"), sum(one.numel() for one in field.parameters())
+    counted, held = field.parameter_counts().get("total"), sum(weight.numel() for weight in field.parameters())
     if counted != held:
         raise Broken(f"parameter_counts() says {counted} in total; it has {held}")
 
