@@ -14,20 +14,8 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.thorough
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="runs are forked")
 def test_a_few_kills_and_one_damage_of_each_kind_lose_nothing(tmp_path: Path) -> None:
-    call = [
-        sys.executable,
-        "-m",
-        "tests.endurance",
-        "--kills",
-        "3",
-        "--typed-kills",
-        "1",
-        "--seed",
-        "1",
-        "--brief",
-        "--scratch",
-        tmp_path / "s",
-    ]
+    options = ["--kills", "3", "--typed-kills", "1", "--seed", "1", "--brief", "--scratch"]
+    call = [sys.executable, "-m", "tests.endurance", *options, tmp_path / "s"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, f"{done.stdout[-3000:]} {done.stderr[-2000:]}"

@@ -17,15 +17,7 @@ from harness.gate.limits import LimitsFile, read_stored, write_stored
 from harness.gate.processor import class_here
 from harness.records.study import Check, read_studies
 from harness.run_folder.folder_lock import lock_folder
-from tests.harness.gate.gate_runs import (
-    CENTRE,
-    MODULES,
-    facts,
-    gate_line,
-    measured_values,
-    references,
-    sound,
-)
+from tests.harness.gate.gate_runs import CENTRE, MODULES, facts, gate_line, measured_values, references, sound
 from tests.harness.shell import refused
 
 FAMILY = len(gates())
