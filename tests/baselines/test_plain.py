@@ -7,8 +7,9 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from baselines import plain
 from baselines.contract import Accelerations, Box, NetworkSize, Rays
-from baselines.plain import PlainField, plain_loss, plain_render, plain_step
+from baselines.plain import PlainField, plain_loss, plain_render, plain_step, positional_encoding
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings
@@ -158,6 +159,12 @@ def test_rays_cut_to_the_box_are_another_rendering() -> None:
     assert colour_gap(one, oracle(one), rays_through()) > 25 * COLOUR_BOUND
 
 
+def _fewer_bands(field: PlainField) -> None:
+    original = field.density_net[0].weight
+    with torch.no_grad():
+        original[:, -6:] = 0.0
+
+
 def _another_box(field: PlainField) -> None:
     field.box = Box(field.box.lower, 1.001 * field.box.upper)
 
@@ -167,12 +174,17 @@ def _no_skip(field: PlainField) -> None:
         field.density_net[field.skip + 1].weight[:, SIZE.width :] = 0.0
 
 
+def _no_view(field: PlainField) -> None:
+    with torch.no_grad():
+        field.colour_net[0].weight[:, SIZE.width :] = 0.0
+
+
 def _a_bias(field: PlainField) -> None:
     with torch.no_grad():
         field.colour_net[1].bias[0] += 0.01
 
 
-@pytest.mark.parametrize("spoil", [_another_box, _no_skip, _a_bias])
+@pytest.mark.parametrize("spoil", [_fewer_bands, _another_box, _no_skip, _no_view, _a_bias])
 def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> None:
     one = trainer()
     field = oracle(one)
@@ -183,11 +195,32 @@ def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> No
     assert gradient > 5 * GRADIENT_BOUND
 
 
+@pytest.mark.parametrize(("name", "factor"), [("DENSITY_BIAS", 1.001), ("DENSITY_SCALE", 1.001)])
+def test_a_density_that_differs_is_seen(name: str, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = trainer()
+    field = oracle(one)
+    monkeypatch.setattr(plain, name, factor * getattr(plain, name))
+    assert colour_gap(one, field) > 5 * COLOUR_BOUND
+    assert loss_gap(batches=1)[1] > 5 * GRADIENT_BOUND
+
+
+def test_fewer_samples_are_seen() -> None:
+    one = trainer(replace(SETTINGS, bins=SAMPLES - 1, first_bins=SAMPLES - 1))
+    assert colour_gap(one, oracle(one)) > 5 * COLOUR_BOUND
+
+
 def test_weights_start_as_those_of_the_field() -> None:
     one = Trainer("nerf", BOX, SETTINGS, Budget(10, None), SEED, torch.device("cpu"))
     ours, theirs = PlainField(SIZE, BOX, f"{SEED}/coarse").state_dict(), one.field.state_dict()
     assert list(ours) == list(theirs)
     assert all(torch.equal(ours[name], theirs[name]) for name in ours)
+
+
+def test_encoding_by_hand() -> None:
+    x = torch.tensor([[0.25, -0.5, 0.0]], dtype=torch.float64)
+    root = 0.5**0.5
+    expected = torch.tensor([[0.25, -0.5, 0, root, -1, 0, root, 0, 1, 1, 0, 0, 0, -1, 1]], dtype=torch.float64)
+    torch.testing.assert_close(positional_encoding(x, 2), expected, rtol=0, atol=1e-15)
 
 
 def test_quadrature_by_hand() -> None:
