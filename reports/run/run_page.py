@@ -100,8 +100,6 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None) -> str:
     style = shell.style("page.css", "explore.css", *own)
     if content["work"]:
         style += content["work"]["rules"]
-    if content["attention"]:
-        style += content["attention"].rules
     code = script(*SCRIPTS)
     return environment.get_template("page.html").render(
         **content,
