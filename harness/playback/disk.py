@@ -131,10 +131,6 @@ class DiskPictures:
         """Remove what is under a key, if the system allows it."""
         _remove(self._file(key))
 
-    def bytes(self) -> int:
-        """Return the bytes that are there now."""
-        return sum(size for _, size, _ in self._files())
-
     def _file(self, key: str) -> Path:
         return self.folder / hashlib.sha256(key.encode("utf-8", "surrogatepass")).hexdigest()
 

@@ -78,14 +78,10 @@ class SegmentedMemory:
 
 @dataclass(frozen=True)
 class StoreStatistics:
-    """Counts of events in a store since it was opened, and its current contents."""
+    """Counts of events in a store since it was opened."""
 
     hits: dict[int, int]
     """Map level → pictures that were found there."""
-    bytes: dict[int, int]
-    """Map level → bytes now: of pixels in memory, of files on disk, where other processes may have put some of them."""
-    damaged: int
-    """The number of files with other bytes than those written: dropped, and a miss."""
     failed_writes: int
     last_failure: str | None
     """The reason why the last of them failed."""
@@ -159,13 +155,7 @@ class ViewStore:
 
     @property
     def statistics(self) -> StoreStatistics:
-        """Return the statistics now; looks at every file on disk."""
+        """Return the statistics now."""
         with self._lock:
             counts = self._disk.counts if self._disk else DiskCounts()
-            return StoreStatistics(
-                hits=dict(self._hits),
-                bytes={**dict(enumerate(self._memory.bytes)), 2: self._disk.bytes() if self._disk else 0},
-                damaged=counts.damaged,
-                failed_writes=counts.failed,
-                last_failure=counts.reason,
-            )
+            return StoreStatistics(dict(self._hits), counts.failed, counts.reason)

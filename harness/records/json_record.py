@@ -129,9 +129,3 @@ def as_promised(data: Any, kind: Any) -> Any:
     except msgspec.ValidationError as error:
         said = str(error)
         raise ValueError(said if len(said) <= 400 else f"{said[:200]}…{said[-200:]}") from error
-
-
-def sound(value: One, hint: Any) -> One:
-    """Return `value` if it is what `hint` promises; raises `ValueError` with the first place that is not."""
-    as_promised(plain(value), hint)
-    return value
