@@ -4,14 +4,14 @@ from collections import Counter
 from pathlib import Path
 
 from harness.records.json_record import as_promised
-from harness.records.study import SHELVES, Studies, StudyRecord, read_studies
+from harness.records.study import SHELVES, Studies, StudyRecord, again, read_studies
 from reports.data.load import find_record, uneven
 
 
 def find_studies(out: Path, shelf: str) -> Studies | None:
     """Return the studies of a shelf under `out`, or `None` if there are none; raises `DamagedRecord`."""
-    remedy = f"run `nox -s {shelf}` again"
-    return find_record(out / SHELVES[shelf], read_studies, lambda record: _contradiction(record, shelf), remedy)
+    path = out / SHELVES[shelf]
+    return find_record(path, read_studies, lambda record: _contradiction(record, shelf), again(shelf, out))
 
 
 def _contradiction(record: Studies, shelf: str) -> str | None:
