@@ -65,7 +65,7 @@ def test_a_view_is_coarse_then_refined_pixel_by_pixel_and_whole(
 
 @pytest.mark.parametrize("attention", [PLAIN, FOVEAL])
 def test_the_last_picture_is_the_plain_one(seats: list[MethodView], camera: Camera, attention: Attention) -> None:
-    shown = list(frames(seats, camera, attention, use_cache=False))
+    shown = list(frames(seats, camera, attention))
     for seat in seats:
         last, wanted = of(shown, seat.name)[-1], plain(seat, camera)
         exactly = attention is PLAIN or not seat.pointwise
@@ -82,7 +82,7 @@ def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[Metho
     assert [seat.pointwise for seat in seats] == [True, False]
     assert {frame.note for frame in of(shown, "nerf")} == {""}
     assert all("share a call" in frame.note for frame in of(shown, "qnerf"))
-    assert all(frame.note == "" for frame in frames(seats, camera, PLAIN, use_cache=False))
+    assert all(frame.note == "" for frame in frames(seats, camera, PLAIN))
 
 
 def test_the_second_time_it_is_out_of_the_cache(seats: list[MethodView], camera: Camera) -> None:
