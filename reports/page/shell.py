@@ -43,18 +43,9 @@ def value_of(text: str) -> float | None:
     rest = found["rest"].replace(NARROW, " ").replace("\u00a0", " ")
     if re.match(rf"\s+of\s+(\d|the)|\s+to\s+[+{MINUS}]?\d|\s*[–/x]\s*\d|\d|[.,]", rest) or re.match(r"\w{4,}", rest):
         return None
-    return (-value if found["sign"] else value) * _scale(rest) + _rest_of_clock(rest)
-
-
-def _scale(rest: str) -> float:
-    words = rest.split()
-    return UNITS.get(words[0], 1.0) if words else 1.0
-
-
-def _rest_of_clock(rest: str) -> float:
-    """Return the second part of a time: 3 min *20 s*, 2 h *05 min*."""
-    found = re.match(r" (min|h) (\d\d) (s|min)\b", rest)
-    return float(found[2]) * UNITS[found[3]] if found else 0.0
+    scale = UNITS.get(rest.split()[0], 1.0) if rest.split() else 1.0
+    second = re.match(r" (min|h) (\d\d) (s|min)\b", rest)  # the second part of a time: 3 min *20 s*, 2 h *05 min*
+    return (-value if found["sign"] else value) * scale + (float(second[2]) * UNITS[second[3]] if second else 0.0)
 
 
 def of_entry(one: Entry, numeric: bool) -> Markup:

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from harness.records.cells import CellRecord
 from harness.records.json_record import finite_or_none, plain, write_json
 from harness.records.metric_table import METRICS
-from harness.records.study import Studies
 from reports.claims.claim_list import claims
 from reports.claims.estimands import found_failures
 from reports.claims.headline import headline
@@ -31,6 +30,21 @@ from reports.run.density import ladder_panel
 from reports.run.pictures import as_picture, first_view, last_render, seed_shown
 
 SCHEMA = 1
+CLAIM = (
+    "id",
+    "source",
+    "printed",
+    "measured",
+    "interval",
+    "scale",
+    "verdict",
+    "statement",
+    "kind",
+    "unit",
+    "how",
+    "note",
+)
+"""What summary.json tells of a claim: how it was judged, then what explains it."""
 
 
 def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
@@ -62,8 +76,10 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
         "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells)],
         "comparisons": [plain(one) for one in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(found_failures(records)),
-        "claims": [_claim(one.__dict__) for one in found],
-        "serving": _figures(beside.serving) if beside.serving else None,
+        "claims": [{name: getattr(one, name) for name in CLAIM} for one in found],
+        "serving": [{"study": study.info.id, **plain(check)} for study, check in beside.serving.checks()]
+        if beside.serving
+        else None,
         "left_out": [{"scene": scene.name, **plain(one)} for scene in run.scenes for one in scene.left_out],
         "deviations": run.deviations,
         "not_tested": not_tested(run.not_tested, found),
@@ -95,17 +111,6 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
         "properties": cell.properties,
         "warnings": cell.warnings,
     }
-
-
-def _figures(record: Studies) -> list[dict[str, Any]]:
-    """Return every figure of view cache and attention with the study that it is of."""
-    return [{"study": study.info.id, **plain(check)} for study, check in record.checks()]
-
-
-def _claim(claim: dict[str, Any]) -> dict[str, Any]:
-    judged = ("id", "source", "printed", "measured", "interval", "scale", "verdict")
-    explained = ("statement", "kind", "unit", "how", "note")
-    return {name: claim[name] for name in (*judged, *explained)}
 
 
 def write_summary(records: Records, path: Path, beside: Beside = ALONE) -> None:

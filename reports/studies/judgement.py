@@ -142,31 +142,34 @@ def changes_grid(record: JudgementRecord) -> Grid:
 
 def panel(record: JudgementRecord) -> Panel:
     """Return means with a bar for each group below them; against a baseline, differences with their intervals."""
-    unit = f" ({record.unit})" if record.unit else ""
-    return _against(record, unit) if record.baseline is not None else _groups(record, unit)
+    return _groups(record) if record.baseline is None else _against(record)
 
 
-def _groups(record: JudgementRecord, unit: str) -> Panel:
+def _groups(record: JudgementRecord) -> Panel:
     places = record.given.places
+    means = [one.mean for one in places]
+    limits = _limits(means)
     groups = sorted({group for one in places for group in one.groups})
     members = {group: [one for one in places if group in one.groups] for group in groups}
-    bars = [group for group in groups if len(members[group]) > 1]
-    limits = _limits([one.mean for one in places])
-    named = [one.method if _is_on(one.mean, limits) else f"{one.method} ({number(record, one.mean)})" for one in places]
-    rows = [*named, *(f"group {group}" for group in bars)]
-    height = tuple(float(len(places) + place) for place in range(len(bars)))
-    ends = [sorted((members[group][0].mean, members[group][-1].mean)) for group in bars]
-    means = tuple(one.mean for one in places)
+    bars = {group: some for group, some in members.items() if len(some) > 1}
+    rows = [
+        one.method
+        if limits is None or limits[0] <= one.mean <= limits[1]
+        else f"{one.method} ({number(record, one.mean)})"
+        for one in places
+    ]
+    ends = [sorted((some[0].mean, some[-1].mean)) for some in bars.values()]
+    lows, highs = tuple(low for low, _ in ends), tuple(high for _, high in ends)
+    at = tuple(map(float, range(len(places) + len(bars))))
     traces = (
-        Trace("mean", KNOWN["nerf"].light, "dots", means, tuple(map(float, range(len(places))))),
-        Trace(
-            "not told apart", INK.light, "range", tuple(low for low, _ in ends), height, tuple(high for _, high in ends)
-        ),
+        Trace("mean", KNOWN["nerf"].light, "dots", tuple(means), at[: len(places)]),
+        Trace("not told apart", INK.light, "range", lows, at[len(places) :], highs),
     )
     title = f"Mean {record.metric} and the groups that are not told apart"
-    told = "; ".join(f"group {group}: {', '.join(one.method for one in members[group])}" for group in bars)
-    alt = f"{title}. {told or 'There is no group of several.'}"
-    return replace(_panel(title, f"mean {record.metric}{unit}", traces, alt, rows), x_limits=limits)
+    words = [f"group {group}: {', '.join(one.method for one in some)}" for group, some in bars.items()]
+    rows += [f"group {group}" for group in bars]
+    made = _panel(record, title, f"mean {record.metric}", traces, words or ["There is no group of several"], rows)
+    return replace(made, x_limits=limits)
 
 
 def _limits(means: list[float]) -> tuple[float, float] | None:
@@ -179,29 +182,27 @@ def _limits(means: list[float]) -> tuple[float, float] | None:
     return padded(near, log=False) if len(near) < len(means) else None
 
 
-def _is_on(mean: float, limits: tuple[float, float] | None) -> bool:
-    return limits is None or limits[0] <= mean <= limits[1]
-
-
-def _against(record: JudgementRecord, unit: str) -> Panel:
+def _against(record: JudgementRecord) -> Panel:
     pairs = [pair for pair in record.given.pairs if pair.scenes_like_these and pair.scenes_like_these.simultaneous]
     ends = [pair.scenes_like_these.simultaneous or (0.0, 0.0) for pair in pairs if pair.scenes_like_these]
     at = tuple(map(float, range(len(pairs))))
     lows, highs = tuple(low for low, _ in ends), tuple(high for _, high in ends)
-    middle = tuple(pair.difference or 0.0 for pair in pairs)
     traces = (
         Trace("no difference", MUTED.light, "floor", (0.0, 0.0), (-0.5, len(pairs) - 0.5)),
         Trace("95 % interval of all together", KNOWN["nerf"].light, "range", lows, at, highs),
-        Trace("difference", KNOWN["nerf"].light, "dots", middle, at),
+        Trace("difference", KNOWN["nerf"].light, "dots", tuple(pair.difference or 0.0 for pair in pairs), at),
     )
     title = f"{record.metric} less that of {record.baseline}"
-    told = "; ".join(f"{pair.method} {number(record, pair.difference, '+')} {said(pair.verdict)}" for pair in pairs)
-    return _panel(title, f"{title}{unit}", traces, f"{title}: {told}.", [pair.method for pair in pairs])
+    words = [f"{pair.method} {number(record, pair.difference, '+')} {said(pair.verdict)}" for pair in pairs]
+    return _panel(record, title, title, traces, words, [pair.method for pair in pairs])
 
 
-def _panel(title: str, label: str, traces: tuple[Trace, ...], alt: str, rows: list[str]) -> Panel:
-    height = 0.75 + ROW_INCHES * len(rows)
-    return Panel(title, label, "", traces, alt, rows=tuple(rows), size=(6.4, height))
+def _panel(
+    record: JudgementRecord, title: str, label: str, traces: tuple[Trace, ...], words: list[str], rows: list[str]
+) -> Panel:
+    unit = f" ({record.unit})" if record.unit else ""
+    size = (6.4, 0.75 + ROW_INCHES * len(rows))
+    return Panel(title, f"{label}{unit}", "", traces, f"{title}: {'; '.join(words)}.", rows=tuple(rows), size=size)
 
 
 def judgement_page(record: JudgementRecord) -> str:
