@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from harness.records.study import Studies
     from reports.data.beside import Beside
     from reports.data.load import Records
+    from reports.studies.study_page import ShelfShown
 
 OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED = 1, 2, 3, 130
 
@@ -127,9 +128,12 @@ def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
         left_out = records.left_out
     if not quiet:
         tell(left_out)
-    codes = [build_shelf(record, out, quiet, publish, records is not None) for record in studies.values()]
+    from reports.studies.study_page import shelf_shown
+
+    shown = {shelf: shelf_shown(record, out) for shelf, record in studies.items()}
+    codes = [build_shelf(one, shown[shelf], out, quiet, publish, records is not None) for shelf, one in studies.items()]
     if records is not None:
-        codes.append(build_report(records, quiet, publish, beside))
+        codes.append(build_report(records, quiet, publish, beside, shown))
     return max(codes)
 
 
@@ -173,11 +177,13 @@ def holds_run(out: Path) -> bool:
     return (folder / "run.json").is_file() and any((folder / "cells").glob("*.json"))
 
 
-def build_shelf(record: "Studies", out: Path, quiet: bool, publish: Path | None, beside_report: bool) -> int:
+def build_shelf(
+    record: "Studies", shown: "ShelfShown", out: Path, quiet: bool, publish: Path | None, beside_report: bool
+) -> int:
     """Build the page of a shelf; returns 3 if a check of ours fails."""
     from reports.studies.study_page import broken_line, headline, write_study_page
 
-    page = write_study_page(record, out, beside_report)
+    page = write_study_page(record, out, beside_report, shown)
     if publish is not None:
         from reports.studies.publishing import write_published
 
@@ -190,7 +196,9 @@ def build_shelf(record: "Studies", out: Path, quiet: bool, publish: Path | None,
     return SOME_FAILED if record.broken else 0
 
 
-def build_report(records: "Records", quiet: bool, publish: Path | None, beside: "Beside") -> int:
+def build_report(
+    records: "Records", quiet: bool, publish: Path | None, beside: "Beside", shown: "dict[str, ShelfShown]"
+) -> int:
     """Build the page and the numbers of a run."""
     from reports.claims.headline import headline
     from reports.run.publish import write_published as write_published_run
@@ -199,7 +207,7 @@ def build_report(records: "Records", quiet: bool, publish: Path | None, beside: 
 
     out = records.out
     write_summary(records, out / "summary.json", beside)
-    write_page(records, out / "report.html", beside)
+    write_page(records, out / "report.html", beside, shown)
     if publish is not None:
         write_published_run(records, publish, beside)
     if not quiet:

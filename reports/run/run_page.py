@@ -33,7 +33,7 @@ from reports.run.pictures import PictureData, picture_data, remove_others, views
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
 from reports.run.time_to_target import time_to_target
 from reports.studies.shelves import WORDS, page_of
-from reports.studies.study_page import shelf_shown
+from reports.studies.study_page import ShelfShown, shelf_shown
 from scenes.files.atomic import write_atomically
 
 SECTIONS = (
@@ -82,10 +82,10 @@ SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *pictures.SCRIPTS, shell.START)
 
 def page(records: Records, beside: Beside = ALONE) -> str:
     """Return the complete page as text; the measurements `beside` the run have sections of their own."""
-    return _page(records, beside, picture_data(records))
+    return _page(records, beside, picture_data(records), {})
 
 
-def _page(records: Records, beside: Beside, pixels: PictureData | None) -> str:
+def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
     environment = shell.environment()
     colours = palette.colours_of(records.methods)
     environment.filters["named"] = lambda text: named(text, colours)
@@ -93,7 +93,11 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None) -> str:
     environment.filters["interval"] = wording.interval
     environment.filters["as_data"] = as_data
     environment.filters["behind"] = behind_difference
-    content = _content(records, beside)
+    studies = {"stability": beside.stability, "evidence": beside.evidence, "serving": beside.serving}
+    content = _content(records, beside) | {
+        shelf: (shown.get(shelf) or shelf_shown(record, records.out)) if record else None
+        for shelf, record in studies.items()
+    }
     there = {**content, **content["tables"], **content["plotted"], "psnr": True}
     there["amplifier"] = content["plotted"]["amplifier"] or content["plotted"]["learned"]
     own = dict.fromkeys(sheet for section, sheets in SHEETS.items() if content[section] for sheet in sheets)
@@ -156,9 +160,6 @@ def _content(records: Records, beside: Beside) -> dict[str, Any]:
         "deviations": run.deviations,
         "comparisons": filled(metrics_table.comparisons_grid(records)),
         "provenance": provenance(records),
-        "stability": shelf_shown(beside.stability, records.out) if beside.stability else None,
-        "evidence": shelf_shown(beside.evidence, records.out) if beside.evidence else None,
-        "serving": shelf_shown(beside.serving, records.out) if beside.serving else None,
     }
 
 
@@ -198,10 +199,15 @@ def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
     return shell.with_code(text, coloured)
 
 
-def write_page(records: Records, path: Path, beside: Beside = ALONE) -> None:
-    """Write beside the place, then rename: a reader never sees half a page, nor one without its pictures."""
+def write_page(
+    records: Records, path: Path, beside: Beside = ALONE, shown: dict[str, ShelfShown] | None = None
+) -> None:
+    """Write beside the place, then rename: a reader never sees half a page, nor one without its pictures.
+
+    `shown` holds the sections of studies that were made already, by shelf.
+    """
     pixels = picture_data(records)
     files = pixels.files if pixels else {}
     write_files(files, path.parent)
-    write_atomically(path, _page(records, beside, pixels), fsync=False)
+    write_atomically(path, _page(records, beside, pixels, shown or {}), fsync=False)
     remove_others(files, path.parent)

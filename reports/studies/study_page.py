@@ -324,9 +324,11 @@ def side_for(out: Path, pictures: list[Picture]) -> int:
     return SIDES[-1]
 
 
-def study_page(record: Studies, out: Path, beside_report: bool = False) -> str:
-    """Return the complete page as text; `beside_report` says that report.html lies in the same folder."""
-    shown = shelf_shown(record, out)
+def study_page(record: Studies, out: Path, beside_report: bool = False, shown: ShelfShown | None = None) -> str:
+    """Return the complete page as text; `beside_report` says that report.html lies in the same folder, `shown` is the
+    section if it was made already.
+    """
+    shown = shown or shelf_shown(record, out)
     spent = [(study.name, duration(one.seconds)) for study, one in zip(shown.studies, record.studies, strict=True)]
     total = [("all together", duration(sum(one.seconds for one in record.studies)))] if spent else []
     return shell.render(
@@ -340,8 +342,8 @@ def study_page(record: Studies, out: Path, beside_report: bool = False) -> str:
     )
 
 
-def write_study_page(record: Studies, out: Path, beside_report: bool = False) -> Path:
+def write_study_page(record: Studies, out: Path, beside_report: bool = False, shown: ShelfShown | None = None) -> Path:
     """Write the page into `out`, where the pictures of the record are; returns its path."""
     path = out / page_of(record.shelf)
-    write_atomically(path, study_page(record, out, beside_report), fsync=False)
+    write_atomically(path, study_page(record, out, beside_report, shown), fsync=False)
     return path
