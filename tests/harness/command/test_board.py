@@ -21,8 +21,8 @@ EDGES = [0.0, 0.25, 0.5, 1.0]
 def cell(method: str = "qnerf", **changes: Any) -> CellRecord:
     density = {"edges": EDGES, "before": [0.5, 0.25, 0.25], "after": [0.0, 0.5, 0.5]}
     curve = [
-        Checkpoint(20, 2.0, 1000, 20.5, 0.1, 0.8, density, 0.6, 1.0, flip=0.3),
-        Checkpoint(40, 4.5, 2000, 22.25, None, 0.9, density, 0.7, 1.1, flip=0.25, depth_rmse=0.4),
+        Checkpoint(20, 2.0, 1000, density, 0.6, 1.0, psnr=20.5, rmse_linear=0.1, ssim=0.8, flip=0.3),
+        Checkpoint(40, 4.5, 2000, density, 0.7, 1.1, psnr=22.25, ssim=0.9, flip=0.25, depth_rmse=0.4),
     ]
     trace: dict[str, list[float | None]] = {
         "step": [1.0, 20.0, 30.0],

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from reports.run.work_precision import FORWARD_AND_BACKWARD
+from reports.data.table import FORWARD_AND_BACKWARD
 from torch.utils.flop_counter import FlopCounterMode
 
 from baselines.catalog import CATALOG
