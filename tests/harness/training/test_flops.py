@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 import torch
-from reports.data.table import FORWARD_AND_BACKWARD
 from torch.utils.flop_counter import FlopCounterMode
 
 from baselines.catalog import CATALOG
@@ -12,6 +11,7 @@ from baselines.contract import EVERY_ACCELERATION, NetworkSize
 from baselines.field import NetworkField
 from harness.studies.speed.throughput import products, step_flops
 from harness.training.cell_training import flops_per_evaluation
+from reports.data.table import FORWARD_AND_BACKWARD
 from tests.baselines.small_fields import BOX, EIGHT, SMALL, field_of, some_points
 
 POINTS = 24
