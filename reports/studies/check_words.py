@@ -91,7 +91,7 @@ def spread_of(one: Check) -> str:
 def outcome(one: Check) -> str:
     """Return `✓ passes`, `✕ missed by 6.9 points`, …"""
     look, limit = LOOKS[tone_of(one)], one.limit
-    if one.owner != "machine" or limit is None:
+    if one.owner != "machine" or limit is None or one.status == "inconclusive":
         return f"{look.mark} {look.word}"
     if one.value is None:
         return f"{look.mark} no figure, so not met"
@@ -123,10 +123,10 @@ def repetitions(one: Check) -> str:
     """Return whether single repetitions say otherwise than the median, which alone says too little."""
     if one.limit is None or one.value is None or one.spread is None:
         return ""
-    meets = [edge >= one.limit if one.high is None else edge <= one.limit for edge in one.spread]
-    if one.holds and not all(meets):
-        return "not in every repetition"
-    return "reached in the best repetition" if not one.holds and any(meets) else ""
+    met, *meets = [edge >= one.limit if one.high is None else edge <= one.limit for edge in (one.value, *one.spread)]
+    if met:
+        return "" if all(meets) else "not in every repetition"
+    return "reached in the best repetition" if any(meets) else ""
 
 
 def described(one: Check) -> str:

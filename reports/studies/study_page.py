@@ -142,18 +142,22 @@ def _chart(panel: Panel, name: str) -> Chart:
 
 
 def headline(record: Studies) -> str:
-    """Return whether the checks that count pass: how many, how many fail, and how many have no figure."""
+    """Return whether the checks that count pass: how many, how many are inconclusive, and how many have no figure."""
     words = WORDS[record.shelf]
-    judged = [one for _, one in record.checks() if is_judged(one) and one.owner == words.owner]
+    own = [one for _, one in record.checks() if one.owner == words.owner]
+    judged = [one for one in own if is_judged(one)]
+    undecided = sum(one.status == "inconclusive" for one in own)
+    tried = len(judged) + undecided
     passed = sum(one.holds for one in judged)
     if not judged:
         return words.nothing
-    noun, verb = (pair[len(judged) > 1] for pair in (words.check, words.passes))
-    if passed == len(judged):
+    noun, verb = (pair[tried > 1] for pair in (words.check, words.passes))
+    if passed == tried:
         return f"All {passed} {noun} {verb}" if passed > 1 else f"The one {noun} {verb}"
     lost = sum(one.value is None for one in judged if not one.holds)
-    rest = f", {lost} without a figure" if lost else ""
-    return f"{passed} of {len(judged)} {noun} {words.passes[passed != 1]}{rest}"
+    rest = f", {undecided} inconclusive" if undecided else ""
+    rest += f", {lost} without a figure" if lost else ""
+    return f"{passed} of {tried} {noun} {words.passes[passed != 1]}{rest}"
 
 
 def is_judged(one: Check) -> bool:

@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from msgspec import structs
 
 from harness.records.study import Check, check
 from reports.studies.check_words import checks_grid, described, outcome, repetitions, spread_of, tone_of
@@ -37,6 +38,7 @@ def target(value, unit="×", goal=10.0, **more) -> Check:
         (target(58.1, "%", 65.0), "missed", "✕ missed by 6.9 points"),
         (target(-1.0), "missed", "✕ missed"),
         (target(None), "missed", "✕ no figure, so not met"),
+        (structs.replace(target(11.2), status="inconclusive"), "unsettled", "? inconclusive"),
         (target(None, goal=None), "absent", "○ not available"),
         (check("t", 1.7, high=2.0, unit="GB", owner="machine"), "passes", "✓ met, 15 % below"),
     ],

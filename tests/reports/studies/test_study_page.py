@@ -48,7 +48,10 @@ def of(*checks: Check) -> Studies:
         (of(one("fail", "paper")), "Numerical stability: nothing of this harness was tried"),
         (of(one()), "The one stability check of this harness passes"),
         (of(one(), one("fail")), "1 of 2 stability checks of this harness passes"),
-        (of(one(), one("measured"), one("inconclusive")), "The one stability check of this harness passes"),
+        (
+            of(one(), one("measured"), one("inconclusive")),
+            "1 of 2 stability checks of this harness passes, 1 inconclusive",
+        ),
         (EMPTY["evidence"], "Evidence without a check"),
     ],
 )
