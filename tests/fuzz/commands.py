@@ -299,7 +299,7 @@ def _page_stand_ins() -> list[tuple[Any, str, Any]]:
     from reports.run import outputs, publish, run_page
     from scenes.files.atomic import write_atomically
 
-    def of_run(records: Any, path: Path, beside: Any = None) -> None:
+    def of_run(records: Any, path: Path, beside: Any, shown: Any) -> None:
         write_atomically(path, "a page")
 
     def of_outputs(found: Any, path: Path) -> str:

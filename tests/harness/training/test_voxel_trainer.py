@@ -271,7 +271,7 @@ def test_a_run_where_drjit_cannot_be_imported_goes_on_without_it(tmp_path: Path)
     page = subprocess.run(
         [sys.executable, "-m", "reports", "run"], cwd=tmp_path, env=environment, capture_output=True, text=True
     )
-    assert page.returncode == 0, page.stderr
+    assert page.returncode == 0, page.stdout + page.stderr
     html = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "not available" in html
 

@@ -11,7 +11,8 @@ from harness.playback import disk
 from harness.playback.cached import CachedMethod
 from harness.playback.camera_paths import walk
 from harness.playback.run_loader import TrainedCell
-from harness.studies.serving.cache_confusions import Variant, confused, copied, pose_hash, variants
+from harness.records.study import Check
+from harness.studies.serving.cache_confusions import Variant, compared, confused, copied, pose_hash, variants
 from harness.studies.serving.cache_latency import HITS, ROOM, WrongHit, hit_check, latencies
 from harness.studies.serving.cache_paths import Route, followed, hit_rate, routes
 from harness.studies.serving.serving_context import ServingContext, plain, quantile
@@ -174,6 +175,7 @@ def test_the_same_method_again_is_neither_stale_nor_missed(context: ServingConte
     assert isinstance(cell.learner, Trainer)
     found = confused(context, cell, [Variant("nothing", copied(cell.learner), cell.chunk)])[0]
     assert (found.stale, found.missed, found.rmse) == (0, 0, 0.0)
+    assert not any(one.is_broken for one in compared([found]) if isinstance(one, Check)), "an equal picture is no fault"
 
 
 def test_a_planted_key_that_forgets_something_is_found(
@@ -189,6 +191,7 @@ def test_a_planted_key_that_forgets_something_is_found(
     assert [one.missed for one in found[:-1]] == wanted, "a picture of another size is refused whatever the key"
     assert sum(resized) == 1
     assert found[-1].missed == found[-1].views
+    assert [one.id for one in compared(found) if isinstance(one, Check) and one.is_broken] == ["key.ours"]
 
 
 @pytest.fixture(autouse=True)
