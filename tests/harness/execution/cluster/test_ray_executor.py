@@ -110,7 +110,7 @@ def not_on_the_drivers_disk(*parts: Any) -> GroupOrder:
 def test_a_killed_node_costs_time_and_changes_no_bit(
     joined: Any, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("harness.execution.ray_executor.Order", not_on_the_drivers_disk)
+    monkeypatch.setattr("harness.execution.ray_executor.GroupOrder", not_on_the_drivers_disk)
     ours = tasks(ball_folder, tmp_path / "ray", 3, SLOW_SCORES, keep_every=0.0)
     events: list[Event] = []
     killed = ""
