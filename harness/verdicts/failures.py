@@ -8,11 +8,11 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Literal
 
-from scipy.stats import beta, binomtest
+from scipy.special import betaincinv
 
 from harness.records.cells import CellRecord
+from harness.verdicts.statistics import CONFIDENCE, sign_test
 
-CONFIDENCE = 0.95
 COLLAPSED = "empty collapse"
 """The beginning of the warning of a run that shows little but background."""
 
@@ -101,14 +101,14 @@ def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str,
 def exact_interval(failed: int, runs: int) -> tuple[float, float]:
     """Return Clopper and Pearson's interval of a share: it holds the truth in 95 % or more, whatever that is."""
     tail = (1.0 - CONFIDENCE) / 2
-    low = float(beta.ppf(tail, failed, runs - failed + 1)) if failed else 0.0
-    high = float(beta.ppf(1.0 - tail, failed + 1, runs - failed)) if failed < runs else 1.0
+    low = float(betaincinv(failed, runs - failed + 1, tail)) if failed else 0.0
+    high = float(betaincinv(failed + 1, runs - failed, 1.0 - tail)) if failed < runs else 1.0
     return low, high
 
 
 def _comparison(method: str, against: str, pairs: int, only_method: int, only_against: int) -> FailureComparison:
-    unequal, difference = only_method + only_against, (only_method - only_against) / pairs
-    p_value = float(binomtest(only_method, unequal, 0.5).pvalue) if unequal else 1.0
+    difference = (only_method - only_against) / pairs
+    p_value = sign_test(only_method, only_against)
     called: Literal["better", "worse", "inconclusive"] = "worse" if only_method > only_against else "better"
     if p_value >= 1.0 - CONFIDENCE:
         called = "inconclusive"

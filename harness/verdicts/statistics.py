@@ -10,14 +10,14 @@ their intervals are not the same:
 Pixels or views are never the units.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import gammainc
-from scipy.stats import t as student
+from scipy.special import gammainc, stdtrit  # scipy.stats takes a second longer to import
 
 from harness.records.cells import Estimate
 from harness.verdicts import nested
@@ -149,7 +149,13 @@ def critical(freedom: float, family: int = 1) -> float:
 
 @lru_cache(maxsize=4096)
 def _quantile(share: float, freedom: float) -> float:
-    return float(student.ppf(share, freedom))
+    return float(stdtrit(freedom, share))
+
+
+def sign_test(ahead: int, behind: int) -> float:
+    """Return the two-sided p-value of the exact sign test: the chance of so unequal counts, or more, of fair coins."""
+    tosses = ahead + behind
+    return min(1.0, 2 * sum(math.comb(tosses, heads) for heads in range(min(ahead, behind) + 1)) / 2**tosses)
 
 
 def detectable(result: PairedDifference, smallest_of_interest: float) -> float | None:

@@ -14,7 +14,6 @@ from itertools import pairwise, product
 from typing import Literal
 
 import numpy as np
-from scipy.stats import binomtest
 
 from harness.records.cells import CellRecord, Estimate
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
@@ -27,6 +26,7 @@ from harness.verdicts.statistics import (
     on_one_scene,
     on_these_scenes,
     scenes_like_these,
+    sign_test,
 )
 
 PRINTED_TARGET = 30.0
@@ -186,7 +186,7 @@ class Paired:
         """
         ahead = sum(ours.time < theirs.time for ours, theirs in self.pairs.values())
         behind = sum(ours.time > theirs.time for ours, theirs in self.pairs.values())
-        if not ahead + behind or binomtest(ahead, ahead + behind).pvalue >= (1.0 - CONFIDENCE) / family:
+        if sign_test(ahead, behind) >= (1.0 - CONFIDENCE) / family:
             return "inconclusive"
         return "better" if ahead > behind else "worse"
 
