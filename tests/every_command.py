@@ -117,7 +117,7 @@ def looked_at(process: subprocess.Popen[bytes], said: int) -> str:
         if found is None:
             return "announced no page"
         with urllib.request.urlopen(found[0].decode(), timeout=60) as page:
-            return "" if b"<canvas" in page.read() else "is no viewer's page"
+            return "" if b'id="panels"' in page.read() else "is no viewer's page"
     except OSError as error:
         return f"its page cannot be opened: {error}"
     finally:
