@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from harness.studies.framework import Shelf
 
 
+Measure = Callable[[list[str], Path], int]
+"""The work of a shelf: studies and output folder → exit code."""
+
+
 def _add_shelf_options(
     command: argparse.ArgumentParser, shelf: str, noun: str, *former: str, beside: str = "", of_a_run: bool = False
 ) -> None:
@@ -30,11 +34,9 @@ def _add_shelf_options(
     add_shared(command, "--resume", "--list", "--quiet")
 
 
-def _run_shelf(
-    options: argparse.Namespace, shelf: "Shelf", show: "Progress", measure: Callable[[list[str], Path], int]
-) -> int:
+def _run_shelf(options: argparse.Namespace, shelf: "Shelf", show: "Progress", prepare: Callable[[], Measure]) -> int:
     """List the studies of `shelf`, or have those that `options` name measured into a locked folder; returns the exit
-    code. Raises `InputError`.
+    code. `prepare` checks the shelf's own options before a folder is made. Raises `InputError`.
     """
     if options.list:  # before anything that imports torch
         from harness.studies.framework import list_lines
@@ -50,6 +52,7 @@ def _run_shelf(
         raise InputError("--resume: name the folder to go on with, --out DIR")
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
     studies = [name for name in shelf.studies if name in chosen]
+    measure = prepare()
     out = options.out or fresh_folder(shelf.name, resume=False)
     with locked_folder(out):
         code = measure(studies, out)
@@ -70,7 +73,7 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
 
     require_between(options, workers=(1, 256))
 
-    def measure(studies: list[str], out: Path) -> int:
+    def prepare() -> Measure:
         from harness.machine.device import available_cores, chosen_device
         from harness.plan.profiles import Machine
         from harness.studies.evidence.evidence_context import run
@@ -78,9 +81,10 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
         device, cores = chosen_device(options.device), available_cores()
         workers = options.workers or (cores if device.type == "cpu" else 1)
         machine = Machine(device.type, workers, max(1, cores // workers))
-        return run(studies, out, options.view_sets, machine, options.quick, options.resume, show)
+        sets = options.view_sets
+        return lambda studies, out: run(studies, out, sets, machine, options.quick, options.resume, show)
 
-    return _run_shelf(options, SHELF, show, measure)
+    return _run_shelf(options, SHELF, show, prepare)
 
 
 def add_stability_options(command: argparse.ArgumentParser) -> None:
@@ -92,19 +96,16 @@ def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     """Return 0, or 3 if a case that must pass failed; raises `InputError` for invalid options."""
     from harness.studies.stability.cases import SHELF
 
-    if options.methods:
+    def prepare() -> Measure:
         from baselines.catalog import CATALOG
         from harness.plan.profiles import known_names
-
-        known_names("--methods", options.methods, list(CATALOG))
-
-    def measure(studies: list[str], out: Path) -> int:
         from harness.studies.stability.stability_context import METHODS, run
 
-        methods = tuple(options.methods or METHODS)
-        return run(studies, methods, out, options.view_sets, options.quick, options.resume, show)
+        methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
+        sets = options.view_sets
+        return lambda studies, out: run(studies, methods, out, sets, options.quick, options.resume, show)
 
-    return _run_shelf(options, SHELF, show, measure)
+    return _run_shelf(options, SHELF, show, prepare)
 
 
 def add_speed_options(command: argparse.ArgumentParser) -> None:
@@ -120,15 +121,16 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
 
     require_between(options, plain_seconds=(1, 86400))
 
-    def measure(studies: list[str], out: Path) -> int:
+    def prepare() -> Measure:
         from harness.machine.device import chosen_device
         from harness.studies.speed.speed_run import run
 
         seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
         device = chosen_device(options.device)
-        return run(studies, out, device, options.view_sets, seconds, options.quick, options.resume, show)
+        sets = options.view_sets
+        return lambda studies, out: run(studies, out, device, sets, seconds, options.quick, options.resume, show)
 
-    return _run_shelf(options, SHELF, show, measure)
+    return _run_shelf(options, SHELF, show, prepare)
 
 
 def add_serving_options(command: argparse.ArgumentParser) -> None:
@@ -146,30 +148,32 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
     from harness.studies.serving.serving_studies import SHELF
 
     require_between(options, width=(8, 4096), threads=(1, 256))
-    if options.list:
-        return _run_shelf(options, SHELF, show, lambda studies, out: 0)
-    from harness.machine.device import chosen_device
-    from harness.playback.run_loader import FinishedRun
-    from harness.studies.serving.serving_run import ServingRequest, run
-    from scenes.files.errors import InputError
 
-    finished = FinishedRun.of(options.out)
-    scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
-    if options.seed not in finished.run.seeds:
-        known = " ".join(map(str, finished.run.seeds))
-        raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
-    asked = ServingRequest(
-        finished,
-        [one.name for one in scenes],
-        methods,
-        options.seed,
-        options.width,
-        options.quick,
-        chosen_device(options.device),
-        options.view_sets,
-        options.threads,
-    )
-    return _run_shelf(options, SHELF, show, lambda studies, out: run(asked, studies, options.resume, show))
+    def prepare() -> Measure:
+        from harness.machine.device import chosen_device
+        from harness.playback.run_loader import FinishedRun
+        from harness.studies.serving.serving_run import ServingRequest, run
+        from scenes.files.errors import InputError
+
+        finished = FinishedRun.of(options.out)
+        scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
+        if options.seed not in finished.run.seeds:
+            known = " ".join(map(str, finished.run.seeds))
+            raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
+        asked = ServingRequest(
+            finished,
+            [one.name for one in scenes],
+            methods,
+            options.seed,
+            options.width,
+            options.quick,
+            chosen_device(options.device),
+            options.view_sets,
+            options.threads,
+        )
+        return lambda studies, out: run(asked, studies, options.resume, show)
+
+    return _run_shelf(options, SHELF, show, prepare)
 
 
 def add_conformance_options(command: argparse.ArgumentParser) -> None:
