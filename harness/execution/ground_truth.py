@@ -153,6 +153,12 @@ class _Aborted(RuntimeError):
     """A signal ended the renderer's process."""
 
 
+def sizes_of(views: ViewSettings) -> list[str]:
+    """Return the options of `python -m scenes render` that say how many views there are, and how large."""
+    names = ("resolution", "train", "val", "test", "spp_train", "spp_test")
+    return [word for name in names for word in (f"--{name.replace('_', '-')}", str(getattr(views, name)))]
+
+
 def _render(
     scenes: list[str],
     views: ViewSettings,
@@ -162,16 +168,7 @@ def _render(
     limit: float | None = None,
 ) -> Iterator[RenderProgress]:
     named = scenes if scene_file is None else ["--scene-file", scene_file]
-    command = [sys.executable, "-m", "scenes", "render", *named, "--view-sets", str(cache), *options]
-    for option, value in {
-        "resolution": views.resolution,
-        "train": views.train,
-        "val": views.val,
-        "test": views.test,
-        "spp-train": views.spp_train,
-        "spp-test": views.spp_test,
-    }.items():
-        command += [f"--{option}", str(value)]
+    command = [sys.executable, "-m", "scenes", "render", *named, "--view-sets", str(cache), *options, *sizes_of(views)]
     if (integrator := _forced_integrator(views)) is not None:
         command += ["--integrator", integrator]
     with tempfile.TemporaryFile("w+") as complaints:

@@ -17,6 +17,7 @@ from baselines.contract import NO_ACCELERATION
 from baselines.numerics.encoding import PHI, encode, fourier_features, frequency_ladder
 from baselines.numerics.quadrature import Rule as QuadratureRule
 from baselines.numerics.quadrature import listing4, midpoint
+from harness.execution.ground_truth import sizes_of
 from harness.plan.settings import ViewSettings
 from harness.records.study import Check
 from harness.studies.renderer import printed_rows
@@ -206,17 +207,7 @@ def seconds_a_view(scene: str, views: ViewSettings, variant: Variant, cache: Pat
 
     Raises `RuntimeError` with its error output if it fails.
     """
-    options = {
-        "resolution": views.resolution,
-        "train": views.train,
-        "val": views.val,
-        "test": views.test,
-        "spp-train": views.spp_train,
-        "spp-test": views.spp_test,
-        "variant": variant.name,
-        "view-sets": cache,
-    }
-    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    words = [*sizes_of(views), "--variant", variant.name, "--view-sets", str(cache)]
     moments: list[float] = []
 
     def on_row(row: dict[str, Any]) -> None:
