@@ -1,13 +1,15 @@
 """`python -m harness run`: its options, and what it does; the options of a plan serve other commands as well."""
 
 import argparse
+from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.command.options import add_shared
 from harness.command.tensorboard_command import also_written, checked
-from harness.execution.executors import add_executor_options, chosen_machine, device_and_bfloat16
+from harness.execution.executors import add_executor_options, chosen_machine, device_and_bfloat16, device_here
 from harness.plan.defaults import RENDER_LIMIT
 from scenes.files.errors import InputError
 
@@ -15,8 +17,8 @@ if TYPE_CHECKING:
     import torch
 
     from harness.execution.progress import Progress
-    from harness.execution.run import Serve, Verify
-    from harness.plan.profiles import Plan
+    from harness.execution.run import Verify
+    from harness.plan.profiles import Machine, Plan
 
 LEAST_SEEDS = 3
 """The fewest seeds with which omissions are verified: the interval of two is six times as wide."""
@@ -96,7 +98,8 @@ def scene_source(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def run_run(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.execution.run import outcome, plan_lines, run
+    from harness.execution.run import run
+    from harness.records.cells import read_cells
     from harness.run_folder.output_folder import claimed, fresh_folder, latest_folder, point_latest_to
     from scenes.files.errors import InputError
 
@@ -123,27 +126,77 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         with claimed(out, plan, machine, options.resume, show.line):
             point_latest_to(out)
             shown = also_written(options, out, show)
-            code = run(plan, out, options.view_sets, machine, options.line, shown, *_afterwards(options))
+            code = run(
+                plan,
+                out,
+                options.view_sets,
+                machine,
+                options.line,
+                shown,
+                *_afterwards(options, plan, machine, out, shown),
+            )
     except InputError:
         if before is not None and latest_folder() is None:  # its folder was given up again
             point_latest_to(before)
         raise
-    show.line(f"{outcome(out)}; records in {out / 'records'}")
+    counts = Counter(cell.status for cell in read_cells(out))
+    outcome = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+    show.line(f"{outcome}; records in {out / 'records'}")
     return code
 
 
-def _afterwards(options: argparse.Namespace) -> "tuple[Verify | None, Serve | None]":
+def _afterwards(
+    options: argparse.Namespace, plan: "Plan", machine: "Machine", out: Path, show: "Progress"
+) -> "tuple[Verify | None, Callable[[], None] | None]":
     """Return the measurements that follow once a run is trained."""
-    verify = serve = None
+    verify, serve = None, None
     if options.verify_omissions:
         from harness.studies.choices.omissions import verify_run
 
-        verify = verify_run
+        verify = partial(verify_run, plan, machine, out, show)
     if not options.no_serving:
         from harness.studies.serving.serving_run import after_run
 
-        serve = after_run
+        serve = partial(after_run, out, device_here(machine), options.view_sets, show)
     return verify, serve
+
+
+def plan_lines(plan: "Plan", machine: "Machine") -> list[str]:
+    """Return the plan in words, for the terminal."""
+    budget = " or ".join(
+        text
+        for text in (
+            f"{plan.budget.steps} steps" if plan.budget.steps else "",
+            f"{plan.budget.seconds:g} s of training" if plan.budget.seconds else "",
+        )
+        if text
+    )
+    network, views = plan.train.network, plan.views
+    own = f"{plan.scene_file}: " if plan.scene_file else ""
+    rendered = f"{own}{views.train} train / {views.val} val / {views.test} test views a scene"
+    source = " ".join(plan.view_set) if plan.view_set else rendered
+    return [
+        f"profile {plan.profile}: {len(plan.cells())} cells of {budget} each",
+        f"  scenes   {' '.join(plan.scenes)}",
+        f"  methods  {' '.join(plan.methods)}",
+        f"  seeds    {' '.join(map(str, plan.seeds))}",
+        *(f"  also     {' '.join(extra.methods)} on {extra.scene}, {_seeds(extra.seeds)}" for extra in plan.extras),
+        f"  views    {views.resolution} px wide; {source}",
+        f"  network  {network.depth} × {network.width}, L = {network.position_bands}/{network.direction_bands}, "
+        f"{plan.train.rays} rays a step, {plan.train.precision} products",
+        f"  machine  {machine.device}, {_at_once(machine)} of {machine.threads} threads",
+    ]
+
+
+def _seeds(seeds: tuple[int, ...]) -> str:
+    """Return the seeds in words: `seeds 0 1 2`."""
+    return f"seed{'s' if len(seeds) > 1 else ''} {' '.join(map(str, seeds))}"
+
+
+def _at_once(machine: "Machine") -> str:
+    if machine.executor == "ray":
+        return "as many groups at once as the Ray cluster has room for, each"
+    return f"{machine.workers} workers"
 
 
 def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":

@@ -115,7 +115,7 @@ def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
 
 def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dict[str, Path]:
     """Return the view sets of `plan`, rendered where they are missing; raises `InputError` if `--out` is no file."""
-    from harness.execution.run import view_set_folders
+    from harness.execution.ground_truth import view_set_folders
     from scenes.files.errors import InputError
 
     if not options.out.parent.is_dir() or options.out.is_dir():

@@ -73,8 +73,11 @@ def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
         except DamagedRecord:
             return False
 
-    groups = ((scene, seed, plan.methods_of(scene, seed)) for scene, seed in plan.groups())
-    return tuple(methods for scene, seed, methods in groups if not all(is_there(scene, name, seed) for name in methods))
+    return tuple(
+        methods
+        for (scene, seed), methods in plan.groups().items()
+        if not all(is_there(scene, name, seed) for name in methods)
+    )
 
 
 def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int) -> list[str]:

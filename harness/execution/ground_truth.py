@@ -15,34 +15,18 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from harness.execution.progress import Progress, RenderProgress
 from harness.plan.defaults import RENDER_LIMIT
+from harness.plan.needed import with_needs
+from harness.plan.profiles import Plan
 from harness.plan.settings import ViewSettings
 from scenes.files.errors import InputError
-
-if TYPE_CHECKING:
-    from scenes.view_sets.view_set import ViewSet
-
-
-@dataclass(frozen=True)
-class RenderProgress:
-    """Progress of one scene, and its folder once it is complete."""
-
-    scene: str
-    done: int
-    total: int
-    path: Path | None = None
-    note: str = ""
-    """A note for the user before anything is rendered."""
-    doing: str = ""
-    """The current work of the renderer."""
-    kept: int = 0
-    """The number of finished views that were there before."""
-    share: float = 0.0
-    """The finished share of the samples that were to be taken."""
+from scenes.view_sets.foreign import source_of
+from scenes.view_sets.view_set import ViewSet, read_view_set
 
 
 def scenes_output(*words: str, **options: object) -> str:
@@ -62,17 +46,12 @@ def scenes_output(*words: str, **options: object) -> str:
     return ended.stdout
 
 
-def read_views(
-    folder: Path, views: ViewSettings, scratch: Path, scored_on: Literal["val", "test"] = "test"
-) -> "ViewSet":
+def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Literal["val", "test"] = "test") -> ViewSet:
     """Read the views that a cell trains on and is scored on, as its settings ask; decoded images go to `scratch`, a
     folder on a disk.
 
     Raises `InputError` for any fault of the folder.
     """
-    from harness.plan.needed import with_needs
-    from scenes.view_sets.view_set import read_view_set
-
     found = read_view_set(
         folder,
         resolution=views.resolution,
@@ -84,6 +63,25 @@ def read_views(
         region=views.region,
     )
     return with_needs(found, views.need, views.no_need)
+
+
+def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
+    """Map scene → its view set: the user's own, or rendered, or from the cache."""
+    if plan.view_set:
+        given = dict(zip(plan.scenes, map(Path, plan.view_set), strict=True))
+        for scene, path in given.items():
+            for note in source_of(path).notes:
+                show.line(f"view set {scene}: {note}")
+        return given
+    folders: dict[str, Path] = {}
+    for event in render_view_sets(plan.scenes, plan.views, cache, plan.scene_file, plan.render_limit):
+        if event.note:
+            show.line(event.note)
+            continue
+        show.rendered(event, len(plan.scenes))
+        if event.path is not None:
+            folders[event.scene] = event.path
+    return folders
 
 
 def render_view_sets(

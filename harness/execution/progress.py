@@ -6,6 +6,8 @@ The remaining time is estimated from finished work; there is no estimate before 
 import sys
 import time
 from collections.abc import Hashable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from harness.plan.schedule import checkpoint_fractions
@@ -13,7 +15,6 @@ from harness.plan.schedule import checkpoint_fractions
 if TYPE_CHECKING:
     from rich.progress import TaskID
 
-    from harness.execution.ground_truth import RenderProgress
     from harness.plan.group_task import GroupTask
     from harness.records.cells import CellRecord
 
@@ -79,13 +80,31 @@ class TimeLeft:
         return f"{span(SPREAD[0] * left, SPREAD[1] * left)} left"
 
 
+@dataclass(frozen=True)
+class RenderProgress:
+    """Progress of one scene, and its folder once it is complete."""
+
+    scene: str
+    done: int
+    total: int
+    path: Path | None = None
+    note: str = ""
+    """A note for the user before anything is rendered."""
+    doing: str = ""
+    """The current work of the renderer."""
+    kept: int = 0
+    """The number of finished views that were there before."""
+    share: float = 0.0
+    """The finished share of the samples that were to be taken."""
+
+
 @runtime_checkable
 class Progress(Protocol):
     """The receiver of all events."""
 
     def line(self, text: str) -> None: ...
 
-    def rendered(self, event: "RenderProgress", scenes: int) -> None: ...
+    def rendered(self, event: RenderProgress, scenes: int) -> None: ...
 
     def start_training(self, cells: int, missing: int) -> None: ...
 
@@ -105,7 +124,7 @@ class Quiet:
 
     def line(self, text: str) -> None: ...
 
-    def rendered(self, event: "RenderProgress", scenes: int) -> None: ...
+    def rendered(self, event: RenderProgress, scenes: int) -> None: ...
 
     def start_training(self, cells: int, missing: int) -> None: ...
 
@@ -132,7 +151,7 @@ class Lines:
         sys.stdout.write(text + "\n")
         sys.stdout.flush()
 
-    def rendered(self, event: "RenderProgress", scenes: int) -> None:
+    def rendered(self, event: RenderProgress, scenes: int) -> None:
         if event.path is not None:
             self._scenes_done += 1
             self._show("rendering", f"rendered {event.scene}", self._scenes_done / scenes)

@@ -16,8 +16,7 @@ import torch
 from msgspec import structs
 from scipy.stats import norm
 
-from harness.execution.ground_truth import read_views
-from harness.execution.run import view_set_folders
+from harness.execution.ground_truth import read_views, view_set_folders
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import (
     DRAWS,

@@ -1,6 +1,7 @@
 """The plan of a run: scenes × methods × seeds, how much, and on what. Profiles hold the differences."""
 
 import hashlib
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -11,6 +12,7 @@ from baselines.catalog import CATALOG as METHODS
 from baselines.contract import Accelerations, NetworkSize, Precision
 from baselines.methods.ablations import LADDER
 from harness.plan.defaults import KEPT_EVERY
+from harness.plan.group_task import GroupTask
 from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.plan.schedule import Budget
 from harness.plan.settings import RAY_ATTENTION, GridSettings, ScoreSettings, TrainSettings, ViewSettings, VoxelSettings
@@ -62,26 +64,44 @@ class Plan:
     """The seconds that the scene file, or one of its views, may take, else the default; no result depends on it."""
     extras: tuple[Extra, ...] = ()
 
+    def groups(self) -> dict[tuple[str, int], tuple[str, ...]]:
+        """Map (scene, seed) → the methods that train in lockstep there: those of the plan, then the further ones.
+
+        Seeds are outermost, so that a stopped run has every scene.
+        """
+        groups = {}
+        for seed, scene in itertools.product(self.seeds, self.scenes):
+            further = (extra.methods for extra in self.extras if extra.scene == scene and seed in extra.seeds)
+            groups[scene, seed] = tuple(dict.fromkeys(itertools.chain(self.methods, *further)))
+        return groups
+
     def cells(self) -> list[tuple[str, str, int]]:
         """Return (scene, method, seed) in the order in which they are run."""
-        return [(scene, method, seed) for scene, seed in self.groups() for method in self.methods_of(scene, seed)]
-
-    def methods_of(self, scene: str, seed: int) -> tuple[str, ...]:
-        """Return the methods that train in lockstep there: those of the plan, then the further ones of that scene and
-        seed.
-        """
-        more = (name for one in self.extras if one.scene == scene and seed in one.seeds for name in one.methods)
-        return tuple(dict.fromkeys((*self.methods, *more)))
+        return [(scene, method, seed) for (scene, seed), methods in self.groups().items() for method in methods]
 
     def all_methods(self) -> tuple[str, ...]:
         """Return the methods of all scenes, then those of single ones."""
-        return tuple(dict.fromkeys((*self.methods, *(name for one in self.extras for name in one.methods))))
+        return tuple(dict.fromkeys(itertools.chain(self.methods, *(extra.methods for extra in self.extras))))
 
-    def groups(self) -> list[tuple[str, int]]:
-        """Return (scene, seed), whose methods train in lockstep. Seeds are outermost, so that a stopped run has every
-        scene.
-        """
-        return [(scene, seed) for seed in self.seeds for scene in self.scenes]
+    def tasks(self, view_sets: dict[str, Path], machine: "Machine", out: Path) -> list[GroupTask]:
+        """Return the work of every group, its view set taken from scene → folder."""
+        return [
+            GroupTask(
+                scene=scene,
+                seed=seed,
+                methods=methods,
+                view_set=view_sets[scene],
+                views=self.views,
+                train=self.train,
+                score=self.score,
+                budget=self.budget,
+                out=out,
+                device=machine.device,
+                threads=machine.threads,
+                keep_every=machine.keep_every,
+            )
+            for (scene, seed), methods in self.groups().items()
+        ]
 
     def in_float32(self) -> "Plan":
         """Return the plan with matrix multiplications in float32, the rest as it is."""
@@ -122,10 +142,6 @@ class Machine:
     executor: Literal["local", "ray"] = "local"
     keep_every: float = KEPT_EVERY
     """The seconds between two times that cells are kept in the middle of their training; changes no result."""
-
-    def of_a_group(self) -> dict[str, Any]:
-        """Return the settings that a group's task takes from it."""
-        return {"device": self.device, "threads": self.threads, "keep_every": self.keep_every}
 
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON, without defaults, so that runs from before there was a choice can be resumed."""

@@ -213,6 +213,11 @@ class SceneRecord(Record, frozen=True):
     """How it was rendered: variant, spp, seconds, integrator, versions; empty for a view set from elsewhere."""
     left_out: list[LeftOut]
 
+    @property
+    def costs_more(self) -> bool:
+        """Tell whether something that was left out costs more than its bound."""
+        return any(row.verdict == "costs more" for row in self.left_out)
+
 
 class RunRecord(Record, frozen=True):
     """The run as a whole."""

@@ -39,11 +39,6 @@ def with_measured(scenes: list[SceneRecord], earlier: RunRecord | None) -> list[
     ]
 
 
-def costs_more(scenes: list[SceneRecord]) -> bool:
-    """Whether something that was left out costs more than its bound."""
-    return any(row.verdict == "costs more" for scene in scenes for row in scene.left_out)
-
-
 def _measured(row: LeftOut, before: list[LeftOut]) -> LeftOut:
     found = next((one for one in before if one.verdict and _asked(one) == _asked(row)), row)
     return replace(row, **{name: getattr(found, name) for name in MEASURED})

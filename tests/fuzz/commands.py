@@ -187,7 +187,8 @@ def _value(random: Random, action: argparse.Action) -> str:
 # --- commands in this process up to where their work would begin
 
 WORK = {
-    "harness.execution.run": ("run", "view_set_folders"),
+    "harness.execution.run": ("run",),
+    "harness.execution.ground_truth": ("view_set_folders",),
     "harness.studies.speed.speed_run": ("run",),
     "harness.studies.stability.stability_context": ("run",),
     "harness.studies.evidence.evidence_context": ("run",),

@@ -126,12 +126,12 @@ def verified(
 
 def verify_run(
     plan: Plan,
-    cells: list[CellRecord],
-    scenes: list[SceneRecord],
-    folders: dict[str, Path],
     machine: Machine,
     out: Path,
     show: Progress,
+    cells: list[CellRecord],
+    scenes: list[SceneRecord],
+    folders: dict[str, Path],
 ) -> list[SceneRecord]:
     """Return `scenes` with what leaving out saved and changed, by one method."""
     trained = [name for name in plan.methods if any(cell.method == name and cell.status == "done" for cell in cells)]

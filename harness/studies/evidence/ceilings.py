@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from harness.execution.run import view_set_folders
+from harness.execution.ground_truth import view_set_folders
 from harness.records.cells import read_cells
 from harness.records.json_record import DamagedRecord
 from harness.records.study import Series, Table, check

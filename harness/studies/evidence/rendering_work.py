@@ -16,8 +16,7 @@ from baselines.contract import Box, RadianceField, Rays
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
-from harness.execution.ground_truth import read_views
-from harness.execution.run import view_set_folders
+from harness.execution.ground_truth import read_views, view_set_folders
 from harness.machine.device import use_threads
 from harness.plan.needed import for_scene
 from harness.plan.profiles import Plan

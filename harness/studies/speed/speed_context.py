@@ -13,8 +13,7 @@ import torch
 from torch import Tensor
 
 from baselines.contract import Accelerations, Box, NetworkSize, Precision, Rays
-from harness.execution.ground_truth import read_views
-from harness.execution.run import view_set_folders
+from harness.execution.ground_truth import read_views, view_set_folders
 from harness.machine.device import has_amx, multiplies_bfloat16
 from harness.plan.profiles import Plan, planned
 from harness.plan.schedule import Budget

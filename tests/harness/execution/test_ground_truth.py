@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from harness.execution import ground_truth
-from harness.execution.ground_truth import RenderProgress, render_view_sets, usual_limit
+from harness.execution.ground_truth import render_view_sets, usual_limit
+from harness.execution.progress import RenderProgress
 from harness.plan.settings import ViewSettings
 from scenes.files.errors import InputError
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.ground_truth import RenderProgress
-from harness.execution.progress import Lines
+from harness.execution.progress import Lines, RenderProgress
 from harness.plan.group_task import GroupTask
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget

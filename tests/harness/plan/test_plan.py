@@ -71,9 +71,9 @@ def test_the_default_profile_compares_on_all_eight_scenes_with_three_seeds() -> 
 
 def test_further_methods_explain_one_scene_and_go_where_methods_are_named() -> None:
     plan = planned("reduced")
-    assert plan.methods_of("lego", 1) == (*plan.methods, *plan.extras[0].methods)
-    assert plan.methods_of("chair", 0) == plan.methods
-    assert len({parts for name in plan.methods_of("lego", 0) if (parts := METHODS[name].parts)}) == 18, "no cell twice"
+    assert plan.groups()["lego", 1] == (*plan.methods, *plan.extras[0].methods)
+    assert plan.groups()["chair", 0] == plan.methods
+    assert len({parts for name in plan.groups()["lego", 0] if (parts := METHODS[name].parts)}) == 18, "no cell twice"
     assert planned("reduced", methods=["nerf", "qnerf"]).extras == ()
     assert planned("reduced", scenes=["chair"]).extras == ()
     assert {one.seeds for one in planned("reduced", seeds=1).extras} == {(0,)}
@@ -91,7 +91,7 @@ def test_the_full_profile_is_the_papers_setting() -> None:
 
 def test_cells_come_seed_by_seed_so_that_a_stopped_run_has_every_scene() -> None:
     plan = planned("smoke", scenes=["lego", "mic"], methods=["nerf", "qnerf"], seeds=2)
-    assert plan.groups() == [("lego", 0), ("mic", 0), ("lego", 1), ("mic", 1)]
+    assert list(plan.groups()) == [("lego", 0), ("mic", 0), ("lego", 1), ("mic", 1)]
     assert plan.cells()[:3] == [("lego", "nerf", 0), ("lego", "qnerf", 0), ("mic", "nerf", 0)]
     assert len(set(plan.cells())) == 8
 

@@ -13,6 +13,7 @@ import pytest
 from harness.execution import run
 from harness.execution.progress import Quiet
 from harness.plan.group_task import GroupTask
+from harness.plan.planned_record import planned_record
 from harness.plan.profiles import Machine, planned
 from harness.records.cells import CellRecord
 from harness.records.json_record import DamagedRecord
@@ -241,5 +242,7 @@ def test_its_folder_goes_with_the_last_of_them_whoever_trains(
     if kept:
         path.write_bytes(b"of a cell that ended in an error")
     plan = planned("smoke", scenes=["lego"], methods=["nerf"], seeds=1)
-    run._train(plan, {"lego": tmp_path}, Machine("cpu", 1, 1), tmp_path, {"commit": "unknown"}, Quiet())
+    machine, record = Machine("cpu", 1, 1), planned_record(plan, "run")
+    record.provenance["commit"] = "unknown"
+    run._train(plan.tasks({"lego": tmp_path}, machine, tmp_path), plan.cells(), record, machine, Quiet())
     assert path.parent.exists() == kept

@@ -64,7 +64,7 @@ def with_parts(context: StabilityContext) -> tuple[list[str], list[Check]]:
 @cache
 def setup(context: StabilityContext) -> Setup:
     """Return a rendered scene at 64 pixels and a 6 × 64 network; a drawn disc and a smaller one with `quick`."""
-    from harness.execution.run import view_set_folders
+    from harness.execution.ground_truth import view_set_folders
 
     plan = replace(context.plan("smoke", [SCENE]), methods=("nerf",))
     sizes, count = plan.views, 300

@@ -154,8 +154,7 @@ COLUMNS = ["left out", "because", "concerns", "seconds saved", "of", "change", "
 
 def omissions(context: StabilityContext) -> Iterator[Found]:
     """N1: small cells, three seeds, every omission that concerns model, sampling or rendering."""
-    from harness.execution.ground_truth import read_views
-    from harness.execution.run import view_set_folders
+    from harness.execution.ground_truth import read_views, view_set_folders
     from harness.studies.choices.omissions import compared_integrators, omission_of_integrators, verified
 
     plan = _plan(context)

@@ -1,0 +1,25 @@
+"""The part of a run's record that its plan decides, before anything is measured."""
+
+from harness.plan.caveats import deviations, not_tested
+from harness.plan.plugins import origins, title_of
+from harness.plan.profiles import Plan
+from harness.records.cells import RunRecord
+
+
+def planned_record(plan: Plan, command: str) -> RunRecord:
+    """Return the record of a run of `command` that has not begun; its provenance holds the methods' packages alone."""
+    methods = plan.all_methods()
+    return RunRecord(
+        profile=plan.profile,
+        command=command,
+        scenes=[],
+        methods={name: title_of(name) for name in methods},
+        paper={},
+        seeds=list(plan.seeds),
+        settings=plan.settings(),
+        provenance=origins(methods),
+        phases={},
+        finished=False,
+        not_tested=not_tested(plan),
+        deviations=deviations(plan),
+    )
