@@ -7,6 +7,7 @@ Several outputs are compared in outputs.html, each with the first.
 
 import argparse
 import sys
+from collections import Counter
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -58,7 +59,8 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     out, several = options.out[0], len(options.out) > 1
-    twice = sorted({str(out) for out in options.out if [one.resolve() for one in options.out].count(out.resolve()) > 1})
+    places = Counter(out.resolve() for out in options.out)
+    twice = sorted({str(out) for out in options.out if places[out.resolve()] > 1})
     refusals = {
         "--page: goes with several outputs alone; give a second one, or leave it out": options.page and not several,
         "--publish: goes with one output alone": options.publish and several,
@@ -79,7 +81,7 @@ def main(arguments: list[str] | None = None) -> int:
         return STOPPED
     except (NoRecords, DamagedRecord, NotForPublishing) as problem:
         words = str(problem)  # without a file if it was found only when what it holds was to be shown
-        print(words if any(str(one) in words for one in options.out) else f"{out}: {words}", file=sys.stderr)
+        print(words if any(str(given) in words for given in options.out) else f"{out}: {words}", file=sys.stderr)
         return BAD_INPUT
     except OSError as error:
         where = error.filename or out
@@ -131,7 +133,10 @@ def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
     from reports.studies.study_page import shelf_shown
 
     shown = {shelf: shelf_shown(record, out) for shelf, record in studies.items()}
-    codes = [build_shelf(one, shown[shelf], out, quiet, publish, records is not None) for shelf, one in studies.items()]
+    codes = [
+        build_shelf(study_record, shown[shelf], out, quiet, publish, records is not None)
+        for shelf, study_record in studies.items()
+    ]
     if records is not None:
         codes.append(build_report(records, quiet, publish, beside, shown))
     return max(codes)
@@ -190,8 +195,8 @@ def build_shelf(
         write_published(record, publish)
     if not quiet:
         print(headline(record))
-        for study, one in record.broken:
-            print(broken_line(study, one))
+        for study, fault in record.broken:
+            print(broken_line(study, fault))
     print(page)
     return SOME_FAILED if record.broken else 0
 

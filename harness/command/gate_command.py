@@ -70,14 +70,14 @@ def chosen(names: list[str] | None) -> tuple[Gate, ...]:
     table = gates()
     if names is None:
         return table
-    found = [gate for gate in table if any(_begins(gate.name, name) for name in names)]
+    selected = [gate for gate in table if any(_begins(gate.name, name) for name in names)]
     unknown = [name for name in names if not any(_begins(gate.name, name) for gate in table)]
     if unknown:
         raise InputError(
             f"--only: no gate's name begins with {' '.join(map(repr, unknown))}; known: {' '.join(KINDS)}, "
             "and what --list prints"
         )
-    return tuple(found)
+    return tuple(selected)
 
 
 def _begins(name: str, start: str) -> bool:

@@ -68,8 +68,8 @@ def run_compare(options: argparse.Namespace, show: "Progress") -> int:
     from harness.records.json_record import write_json
     from harness.verdicts.two_runs import as_json, lines_of, two_runs
 
-    found = two_runs(options.first, options.second)
-    sys.stdout.write("\n".join(lines_of(found)) + "\n")
+    runs = two_runs(options.first, options.second)
+    sys.stdout.write("\n".join(lines_of(runs)) + "\n")
     if options.json is not None:
-        write_json(options.json, as_json(found))
+        write_json(options.json, as_json(runs))
     return 0

@@ -110,22 +110,22 @@ def bound(host: str, port: int) -> socket.socket:
     from scenes.files.errors import InputError
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    found = socket.socket(family, socket.SOCK_STREAM)
+    listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        found.bind((host, port))
-        found.listen(128)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(128)
     except OSError as error:
-        found.close()
+        listener.close()
         if error.errno == errno.EADDRINUSE:
             raise InputError(f"--port {port}: another program listens there; --port 0 takes a free one") from error
         if error.errno == errno.EACCES:
             raise InputError(f"--port {port}: not allowed; choose one above 1023, or --port 0") from error
         raise InputError(f"--host {host}: not an address of this machine ({error.strerror or error})") from error
     except (UnicodeError, ValueError) as error:
-        found.close()
+        listener.close()
         raise InputError(f"--host {host!r}: not an address") from error
-    return found
+    return listener
 
 
 def hosts_of(host: str) -> list[str]:

@@ -76,16 +76,16 @@ def run_doctor(options: argparse.Namespace, show: "Progress") -> int:
     """Return 0, or 2 if something is missing that nothing works without."""
     from harness.machine.doctor import findings
 
-    found = []
+    all_findings = []
     for finding in findings():
-        found.append(finding)
+        all_findings.append(finding)
         if not options.json:
             show.line(f"{finding.verdict:8} {finding.what}: {finding.found}")
             if finding.verdict != "ok":
                 show.line(f"         → {finding.to_do}")
     if options.json:
-        show.line(json.dumps([asdict(finding) for finding in found], indent=2, ensure_ascii=False))
-    lacking = [finding.what for finding in found if finding.verdict == "missing" and finding.needed]
+        show.line(json.dumps([asdict(finding) for finding in all_findings], indent=2, ensure_ascii=False))
+    lacking = [finding.what for finding in all_findings if finding.verdict == "missing" and finding.needed]
     if not options.json:
         show.line(f"missing, and needed: {', '.join(lacking)}" if lacking else "everything that is needed is there")
     return 2 if lacking else 0

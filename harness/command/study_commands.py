@@ -162,7 +162,7 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
             raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
         asked = ServingRequest(
             finished,
-            [one.name for one in scenes],
+            [scene.name for scene in scenes],
             methods,
             options.seed,
             options.width,

@@ -97,25 +97,25 @@ def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores
         low, high = low + phases[name][0], high + phases[name][1]
     at_most = {"scoring"} if plan.view_set else set()  # the number of test views was not read
     notes = {"rendering": _where_from(plan, extent.missing)}
-    found = [f"estimated cost: {span(low, high)}"]
+    lines = [f"estimated cost: {span(low, high)}"]
     if probe.delayed > BUSY:
-        found[0] += " if nothing else ran here; now others use this machine, and it takes "
-        found[0] += f"{probe.delayed:.1f}".removesuffix(".0") + " times as long"
+        lines[0] += " if nothing else ran here; now others use this machine, and it takes "
+        lines[0] += f"{probe.delayed:.1f}".removesuffix(".0") + " times as long"
     for name, phase in phases.items():
         if phase[1] > 0 or name in notes:
             length = span(*phase) if phase[1] > 0 else "none"
             most = "at most, " if name in at_most else ""
             note = f" ({notes[name]})" if notes.get(name) else ""
-            found.append(f"  {name} {most}{length}{note}")
+            lines.append(f"  {name} {most}{length}{note}")
     if len(groups) < len(plan.groups()):
         ended = len(plan.groups()) - len(groups)
-        found.append(f"  {ended} of {len(plan.groups())} groups of cells are finished, not in it")
+        lines.append(f"  {ended} of {len(plan.groups())} groups of cells are finished, not in it")
     if extent.verify:
-        found.append("  verification of omissions is not in it: it trains cells again")
+        lines.append("  verification of omissions is not in it: it trains cells again")
     if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # none of the catalogue is full
-        found.append("  training and scoring take longer if a medium fills your scene: no empty space is left out then")
-    found += [f"  {method} is not in it: {why}" for method, why in probe.untried.items()]
-    return found
+        lines.append("  training and scoring take longer if a medium fills your scene: no empty space is left out then")
+    lines += [f"  {method} is not in it: {why}" for method, why in probe.untried.items()]
+    return lines
 
 
 def training_seconds(plan: Plan, pace: "Pace") -> Range:

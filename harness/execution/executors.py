@@ -55,14 +55,14 @@ def device_and_bfloat16(
     threads = _threads(options) or 1
     say("asking the nodes of the Ray cluster what they have")
     connect(options.ray_address)
-    found = hardware(threads)
-    say(found.line())
-    for warning in found.crowded:
+    cluster = hardware(threads)
+    say(cluster.line())
+    for warning in cluster.crowded:
         say(f"warning: {warning}")
-    if options.device == "cuda" and not found.gpus:
+    if options.device == "cuda" and not cluster.gpus:
         raise InputError("--device cuda: the Ray cluster offers no GPU; use --device cpu, or start Ray with --num-gpus")
-    if options.device == "cpu" or not found.gpus:
-        return torch.device("cpu"), found.bfloat16
+    if options.device == "cpu" or not cluster.gpus:
+        return torch.device("cpu"), cluster.bfloat16
     return torch.device("cuda"), gpus_multiply_bfloat16()
 
 
@@ -98,15 +98,15 @@ def shared_by(machine: "Machine", cores: int, gpus: int) -> list[str]:
     """Describe which of the physical `cores` and GPUs timed cells would have to share: their clocks then measure each
     other.
     """
-    found = []
+    warnings = []
     if machine.workers * machine.threads > cores:
-        found.append(
+        warnings.append(
             f"{machine.workers} workers of {machine.threads} threads share {cores} cores; training seconds are not "
             f"comparable (--workers {max(1, cores // machine.threads)}, or fewer --threads)"
         )
     if machine.device == "cuda" and machine.workers > gpus:
-        found.append(f"{machine.workers} workers share {gpus} GPUs; training seconds are not comparable")
-    return found
+        warnings.append(f"{machine.workers} workers share {gpus} GPUs; training seconds are not comparable")
+    return warnings
 
 
 def run_groups(

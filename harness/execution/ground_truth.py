@@ -52,7 +52,7 @@ def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Lite
 
     Raises `InputError` for any fault of the folder.
     """
-    found = read_view_set(
+    all_views = read_view_set(
         folder,
         resolution=views.resolution,
         splits=("train", scored_on),
@@ -62,7 +62,7 @@ def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Lite
         scratch=scratch,
         region=views.region,
     )
-    return with_needs(found, views.need, views.no_need)
+    return with_needs(all_views, views.need, views.no_need)
 
 
 def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
@@ -198,14 +198,14 @@ def _render(
                 process.kill()  # at once: it may be in the middle of something long
                 process.wait()
         complaints.seek(0)
-        said = complaints.read().strip()
+        complaint = complaints.read().strip()
     if code == 2:
-        raise InputError(said.removeprefix("scenes: "))
+        raise InputError(complaint.removeprefix("scenes: "))
     if code < 0:
-        why = "as the system does where memory runs out" if -code == signal.SIGKILL else said[-2000:]
+        why = "as the system does where memory runs out" if -code == signal.SIGKILL else complaint[-2000:]
         raise _Aborted(f"{now.doing} was ended by signal {-code} ({signal.Signals(-code).name}), {why}")
     if code:
-        raise RuntimeError(f"rendering ended with exit code {code}: {said[-2000:]}")
+        raise RuntimeError(f"rendering ended with exit code {code}: {complaint[-2000:]}")
 
 
 def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[str, Any] | None]:
@@ -213,25 +213,25 @@ def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[st
 
     If it has ended, a process that it started may hold its pipe open: messages then end once none came for two beats.
     """
-    found: queue.Queue[dict[str, Any] | None] = queue.Queue()
-    said = process.stdout
-    assert isinstance(said, io.TextIOWrapper)
+    messages: queue.Queue[dict[str, Any] | None] = queue.Queue()
+    output = process.stdout
+    assert isinstance(output, io.TextIOWrapper)
 
     def read() -> None:
         try:
-            with said, contextlib.suppress(ValueError, OSError):
-                said.reconfigure(errors="replace")  # a user's own scene may print anything
-                for line in said:
+            with output, contextlib.suppress(ValueError, OSError):
+                output.reconfigure(errors="replace")  # a user's own scene may print anything
+                for line in output:
                     if (message := _message(line)) is not None:
-                        found.put(message)
+                        messages.put(message)
         finally:
-            found.put(None)
+            messages.put(None)
 
     threading.Thread(target=read, daemon=True).start()
     ended = False
     while True:
         try:
-            message = found.get(timeout=beat)
+            message = messages.get(timeout=beat)
         except queue.Empty:
             if ended:
                 return

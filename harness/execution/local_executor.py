@@ -106,7 +106,7 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
             start()
         while any(worker.task for worker in pool):
             for ready in wait([worker.connection for worker in pool if worker.task]):
-                worker = next(one for one in pool if one.connection is ready)
+                worker = next(candidate for candidate in pool if candidate.connection is ready)
                 task = worker.task
                 assert task is not None
                 try:

@@ -32,7 +32,7 @@ SCORED_RAY = 2.0
 
 def span(low: float, high: float) -> str:
     """Return seconds in words, no more exact than they are known: `40 to 70 s`, `13 to 24 min`, `about 3 h`."""
-    size, unit = next((one for one in UNITS if high >= 1.5 * one[0]), UNITS[-1])
+    size, unit = next((unit for unit in UNITS if high >= 1.5 * unit[0]), UNITS[-1])
     ends = [_rounded(value / size) for value in (low, high)]
     return f"about {ends[0]} {unit}" if ends[0] == ends[1] else f"{ends[0]} to {ends[1]} {unit}"
 
@@ -234,7 +234,7 @@ def _work(task: "GroupTask", share: float) -> float:
     trained = TRAINED_RAY * task.budget.steps * task.train.rays
     scored = SCORED_RAY * task.score.checkpoints * task.views.test * task.views.resolution**2
     due = checkpoint_fractions(task.score.checkpoints, task.score.earliest)
-    ended = sum(share >= one for one in due) / len(due)
+    ended = sum(share >= cell for cell in due) / len(due)
     return (share * trained + ended * scored) / (trained + scored)
 
 

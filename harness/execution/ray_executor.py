@@ -111,28 +111,28 @@ def _run(tasks: list[GroupTask], commit: str, head: Head[Look]) -> Iterator[Even
         while running:
             ended, _ = ray.wait(list(running), num_returns=1, timeout=POLL_SECONDS)
             yield from told()
-            in_training = sum(one.node is not None for one in running.values())
+            in_training = sum(attempt.node is not None for attempt in running.values())
             for line in (head.listen(), head.answer and room.look(*head.answer, in_training)):
                 if line:
                     yield Event(tasks[0], notice=line)
             for reference in ended:
-                one = running[reference]
+                attempt = running[reference]
                 lost = _lost(reference)
                 # everything that it delivered before its end has arrived by now
                 yield from told()
                 del running[reference]
-                if lost is None or not _missing(one.task):
-                    yield Event(one.task, share=1.0)
-                elif one.attempt < MOST_ATTEMPTS:
-                    left = len(_missing(one.task))
-                    kept = len(one.task.methods) - left
-                    yield Event(one.task, notice=_notice(one, lost, left, kept))
-                    submit(one.task, one.attempt + 1)
+                if lost is None or not _missing(attempt.task):
+                    yield Event(attempt.task, share=1.0)
+                elif attempt.attempt < MOST_ATTEMPTS:
+                    left = len(_missing(attempt.task))
+                    kept = len(attempt.task.methods) - left
+                    yield Event(attempt.task, notice=_notice(attempt, lost, left, kept))
+                    submit(attempt.task, attempt.attempt + 1)
                 else:
-                    reason = f"{lost}, {one.attempt} times in a row"
-                    for cell in failed_cells(one.task, reason):
-                        yield Event(one.task, cell=cell)
-                    yield Event(one.task, share=1.0)
+                    reason = f"{lost}, {attempt.attempt} times in a row"
+                    for cell in failed_cells(attempt.task, reason):
+                        yield Event(attempt.task, cell=cell)
+                    yield Event(attempt.task, share=1.0)
     finally:
         if not head.is_lost:  # else these would wait for it
             with suppress(ray.exceptions.RayError):
@@ -149,7 +149,7 @@ def _beside_us(listings: list[Listing]) -> tuple[Handle, Handle]:
 
     here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
     mailbox = ray.remote(Mailbox).options(num_cpus=0, scheduling_strategy=here).remote()
-    by_digest = {one.digest: one for one in listings}
+    by_digest = {listing.digest: listing for listing in listings}
     return mailbox, ray.remote(Files).options(num_cpus=0, scheduling_strategy=here, max_concurrency=4).remote(by_digest)
 
 
@@ -180,13 +180,13 @@ def _kept_files(task: GroupTask) -> list[Path]:
 
 def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Event]:
     """Write delivered cells, record last, and yield the other events; late messages of a lost attempt are dropped."""
-    by_group: dict[Key, _Running] = {(one.task.scene, one.task.seed): one for one in running.values()}
+    by_group: dict[Key, _Running] = {(attempt.task.scene, attempt.task.seed): attempt for attempt in running.values()}
     for message in messages:
-        one = by_group.get(message.group)
-        if one is None:
+        attempt = by_group.get(message.group)
+        if attempt is None:
             continue
-        task, cell = one.task, message.cell
-        if cell is None and message.attempt != one.attempt:
+        task, cell = attempt.task, message.cell
+        if cell is None and message.attempt != attempt.attempt:
             continue
         known = cell is not None and cell_path(task.out, cell.scene, cell.method, cell.seed).exists()
         for relative, content in message.files.items() if not known else ():
@@ -200,10 +200,10 @@ def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Eve
         if message.notice is not None:
             yield Event(task, notice=message.notice)
         if message.node is not None:
-            one.node = message.node
+            attempt.node = message.node
         if message.share is not None:
-            before = len(task.methods) - one.missing
-            share = (before + message.share * one.missing) / len(task.methods)
+            before = len(task.methods) - attempt.missing
+            share = (before + message.share * attempt.missing) / len(task.methods)
             yield Event(task, share=share)
 
 
@@ -231,11 +231,11 @@ def _lost(reference: Any) -> str | None:
     return None
 
 
-def _notice(one: _Running, lost: str, left: int, kept: int) -> str:
-    kept_files = _kept_files(replace(one.task, methods=_missing(one.task)))
+def _notice(attempt: _Running, lost: str, left: int, kept: int) -> str:
+    kept_files = _kept_files(replace(attempt.task, methods=_missing(attempt.task)))
     known = f", {len(kept_files)} of them kept on their way" if kept_files else ""
     has = f"; {kept} of its cells had ended and are kept" if kept else ""
     return (
-        f"{one.task.scene} seed {one.task.seed}: {lost} (node {one.node or 'unknown'}) at attempt {one.attempt}{has}; "
-        f"{left} cells are trained again{known}"
+        f"{attempt.task.scene} seed {attempt.task.seed}: {lost} (node {attempt.node or 'unknown'}) at attempt "
+        f"{attempt.attempt}{has}; {left} cells are trained again{known}"
     )

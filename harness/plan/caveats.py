@@ -88,11 +88,11 @@ def deviations(plan: Plan) -> list[str]:
             "neighbours are pulled together, was chosen on validation views of chair and ship; the networks had no "
             "such choice."
         )
-    told: dict[str, list[str]] = {}
+    scenes_of: dict[str, list[str]] = {}
     for scene, folder in zip(plan.scenes, map(Path, plan.view_set or ()), strict=False):
         for note in source_of(folder).notes if folder.exists() else ():
-            told.setdefault(note, []).append(scene)
-    rows += [f"Of the view set of {', '.join(scenes)}: {note}" for note, scenes in told.items()]
+            scenes_of.setdefault(note, []).append(scene)
+    rows += [f"Of the view set of {', '.join(scenes)}: {note}" for note, scenes in scenes_of.items()]
     if plan.views.region is not None:
         rows.append("Where the view set has what is seen (bounds, near or far) was given by hand.")
     for names, option, words in ((plan.views.need, "--need", "kept"), (plan.views.no_need, "--no-need", "left out")):

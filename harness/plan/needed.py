@@ -28,8 +28,8 @@ def needs_of(views: "ViewSet") -> Needs:
 def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]) -> "ViewSet":
     """Return the same images, with parts forced in or out; without depth if nothing has one."""
     if need or no_need:
-        found = forced(needs_of(views), need, no_need)
-        views = replace(views, rendered={**views.rendered, "needs": as_rows(found), "left_out": left_out(found)})
+        needs = forced(needs_of(views), need, no_need)
+        views = replace(views, rendered={**views.rendered, "needs": as_rows(needs), "left_out": left_out(needs)})
     depth = needs_of(views).get("depth_metric")
     if depth is not None and not depth.needed:
         views = replace(views, val=replace(views.val, depth=None), test=replace(views.test, depth=None))
@@ -49,11 +49,11 @@ def for_scene(train: TrainSettings, views: "ViewSet") -> TrainSettings:
     The view direction is not in these settings: whoever makes a learner asks
     `harness.training.lockstep.needs_view_direction`.
     """
-    found = needs_of(views)
-    sampling = tuple(name for name in ("outside_box", "empty_space", "behind_opaque") if _is(found, name, True))
+    needs = needs_of(views)
+    sampling = tuple(name for name in ("outside_box", "empty_space", "behind_opaque") if _is(needs, name, True))
     train = kept(train, sampling)
-    return replace(train, fine_bins=0) if _is(found, "fine_pass", False) else train
+    return replace(train, fine_bins=0) if _is(needs, "fine_pass", False) else train
 
 
-def _is(found: Needs, name: str, needed: bool) -> bool:
-    return name in found and found[name].needed == needed
+def _is(needs: Needs, name: str, needed: bool) -> bool:
+    return name in needs and needs[name].needed == needed

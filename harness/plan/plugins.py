@@ -53,22 +53,22 @@ def offered() -> dict[str, list[EntryPoint]]:
 
     A package whose list of them cannot be read offers nothing, and takes nothing away from the others.
     """
-    found: dict[str, list[EntryPoint]] = {}
+    points: dict[str, list[EntryPoint]] = {}
     for point in _points():
-        if point not in found.setdefault(point.name, []):
-            found[point.name].append(point)
-    return found
+        if point not in points.setdefault(point.name, []):
+            points[point.name].append(point)
+    return points
 
 
 def _points() -> Sequence[EntryPoint]:
     try:
         return tuple(entry_points(group=GROUP))
     except (ValueError, TypeError, OSError):  # a fault of one package, whichever it is: read each by itself
-        found: list[EntryPoint] = []
-        for one in distributions():
+        points: list[EntryPoint] = []
+        for package in distributions():
             with suppress(ValueError, TypeError, OSError):
-                found += one.entry_points.select(group=GROUP)
-        return found
+                points += package.entry_points.select(group=GROUP)
+        return points
 
 
 def method_names() -> list[str]:
@@ -101,14 +101,14 @@ def method_named(name: str) -> Method:
 
 def origin_of(name: str) -> dict[str, str] | None:
     """Return package, version, entry point and digest of a method that came from a package; None for one of ours."""
-    found = _loaded.get(name)
-    return None if found is None else dict(vars(found))
+    origin = _loaded.get(name)
+    return None if origin is None else dict(vars(origin))
 
 
 def origins(names: Iterable[str]) -> dict[str, Any]:
     """Return the entry of a record: `{"plugins": {name: origin}}`, or nothing if all are ours."""
-    found = {name: origin for name in names if (origin := origin_of(name)) is not None}
-    return {"plugins": found} if found else {}
+    packages = {name: origin for name in names if (origin := origin_of(name)) is not None}
+    return {"plugins": packages} if packages else {}
 
 
 def title_of(name: str) -> str:
@@ -183,7 +183,7 @@ def _wrong_with(method: object) -> str | None:
         ("amplifier", AMPLIFIERS, method.amplifiers),
         ("skip", SKIPS, method.skips),
     ):
-        if taken := [one for one in own if one in table and table[one] is not own[one]]:
+        if taken := [name for name in own if name in table and table[name] is not own[name]]:
             return f"its {kind} {taken[0]!r} is taken already; give it another name"
         if method.parts is not None and getattr(method.parts, kind) not in {**table, **own}:
             known = " ".join([*table, *own])
@@ -202,11 +202,11 @@ def sources_digest(point: EntryPoint) -> str:
 
     Raises `OSError`, and `ValueError`, `TypeError` or `csv.Error` if the installer's notes cannot be read.
     """
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name, file in sorted(_files(point)):
         with file.open("rb") as content:
-            found.update(f"{name} {hashlib.file_digest(content, 'sha256').hexdigest()}\n".encode())
-    return found.hexdigest()
+            digest.update(f"{name} {hashlib.file_digest(content, 'sha256').hexdigest()}\n".encode())
+    return digest.hexdigest()
 
 
 def _files(point: EntryPoint) -> set[tuple[str, Path]]:
@@ -218,11 +218,11 @@ def _files(point: EntryPoint) -> set[tuple[str, Path]]:
             for module in pkgutil.iter_modules([folder]):
                 places |= _places(PathFinder.find_spec(module.name, [folder]))
     elif point.dist is not None:
-        listed = [one for one in point.dist.files or () if not one.parts[0].endswith((".dist-info", ".egg-info"))]
-    found: set[tuple[PurePath, Path]] = {(one, Path(str(one.locate()))) for one in listed}
+        listed = [file for file in point.dist.files or () if not file.parts[0].endswith((".dist-info", ".egg-info"))]
+    files: set[tuple[PurePath, Path]] = {(file, Path(str(file.locate()))) for file in listed}
     for place in places:
-        found |= {(file.relative_to(place.parent), file) for file in (place, *place.rglob("*"))}
-    return {(name.as_posix(), file.resolve()) for name, file in found if _counts(name) and file.is_file()}
+        files |= {(file.relative_to(place.parent), file) for file in (place, *place.rglob("*"))}
+    return {(name.as_posix(), file.resolve()) for name, file in files if _counts(name) and file.is_file()}
 
 
 def _places(spec: ModuleSpec | None) -> set[Path]:
@@ -230,7 +230,7 @@ def _places(spec: ModuleSpec | None) -> set[Path]:
     if spec is None:
         return set()
     if spec.submodule_search_locations is not None:
-        return {Path(one) for one in spec.submodule_search_locations}
+        return {Path(place) for place in spec.submodule_search_locations}
     return {Path(spec.origin)} if spec.has_location and spec.origin is not None else set()
 
 

@@ -125,8 +125,11 @@ class Plan:
         """Map method → the density where its amplifier gives 1 and the length that it is per, for
         methods of our parts.
         """
-        parts = {name: METHODS[name].parts for name in self.all_methods() if name in METHODS}
-        return {name: {"scale": one.density_scale, "per": one.density_per} for name, one in parts.items() if one}
+        return {
+            name: {"scale": parts.density_scale, "per": parts.density_per}
+            for name in self.all_methods()
+            if name in METHODS and (parts := METHODS[name].parts)
+        }
 
 
 @dataclass(frozen=True)
@@ -308,9 +311,9 @@ def planned(
     require_methods(plan.methods)
     if seeds is not None:
         plan = replace(plan, seeds=tuple(range(seeds)))
-    there = [one for one in plan.extras if one.scene in plan.scenes]
-    there = [replace(one, seeds=tuple(seed for seed in one.seeds if seed in plan.seeds)) for one in there]
-    plan = replace(plan, extras=tuple(one for one in there if one.seeds))
+    there = [extra for extra in plan.extras if extra.scene in plan.scenes]
+    there = [replace(extra, seeds=tuple(seed for seed in extra.seeds if seed in plan.seeds)) for extra in there]
+    plan = replace(plan, extras=tuple(extra for extra in there if extra.seeds))
     if budget_steps is not None or budget_seconds is not None:
         plan = replace(plan, budget=Budget(budget_steps, budget_seconds))
     if resolution is not None:
@@ -323,7 +326,7 @@ def planned(
             raise InputError(f"--ray-attention: unknown {ray_attention!r}; known: {known}")
         plan = replace(plan, train=replace(plan.train, ray_attention=ray_attention))
     if without is not None:
-        off = known_names("--without", without, [one.name for one in fields(Accelerations)])
+        off = known_names("--without", without, [extra.name for extra in fields(Accelerations)])
         plan = replace(plan, train=replace(plan.train, accelerations=plan.train.accelerations.without(off)))
     return _forced(plan, need or [], no_need or [])
 
@@ -356,15 +359,15 @@ def _names_of(view_sets: Sequence[Path]) -> tuple[str, ...]:
     from scenes.view_sets.foreign import check_listed
 
     known: dict[str, Path] = {}
-    for one in view_sets:
+    for path in view_sets:
         try:
-            check_listed(one)
+            check_listed(path)
         except InputError as error:
             raise InputError(f"--view-set {error}") from error
-        name = scene_name_of(one)
+        name = scene_name_of(path)
         if name in known:
-            raise InputError(f"--view-set {known[name]} {one}: both would be the scene {name}; rename one of them")
-        known[name] = one
+            raise InputError(f"--view-set {known[name]} {path}: both would be the scene {name}; rename one of them")
+        known[name] = path
     return tuple(known)
 
 

@@ -98,16 +98,16 @@ def connect(address: str | None) -> None:
             "in ~/.ray/auth_token or RAY_AUTH_TOKEN (`ray get-auth-token` on a node of it prints it)"
         ) from error
     except (ConnectionError, ValueError, RuntimeError, OSError) as error:
-        said = " ".join(str(error).split())[:300]
-        if "Version mismatch" in said:
+        message = " ".join(str(error).split())[:300]
+        if "Version mismatch" in message:
             raise InputError(
-                f"--ray-address {wanted}: the cluster runs another Ray or Python than this command ({said}); install "
-                "the same versions on every node"
+                f"--ray-address {wanted}: the cluster runs another Ray or Python than this command ({message}); "
+                "install the same versions on every node"
             ) from error
         if wanted is None:
-            raise InputError(f"--executor ray: a Ray of this machine alone does not start ({said})") from error
+            raise InputError(f"--executor ray: a Ray of this machine alone does not start ({message})") from error
         raise InputError(
-            f"--ray-address {wanted}: no Ray cluster there ({said}); start one with `ray start --head`, "
+            f"--ray-address {wanted}: no Ray cluster there ({message}); start one with `ray start --head`, "
             "or leave the option out for a Ray on this machine alone"
         ) from error
 
@@ -161,22 +161,22 @@ def hardware(threads: int) -> Hardware:
         ).remote()
         for node in able
     }
-    found: list[dict[str, Any]] = []
+    answers: list[dict[str, Any]] = []
     offered: dict[str, float] = defaultdict(float)
     for node in able:
         name = node["NodeID"][:8]
         answer = _answered(asked[node["NodeID"]], f"node {name} runs nothing")
         if wrong := differences(versions(), answer["versions"]):
             raise InputError(wrong_node(name, wrong))
-        found.append(answer)
+        answers.append(answer)
         offered[answer["machine"]] += node["Resources"]["CPU"]
     return Hardware(
         gpus=sum(int(node["Resources"].get("GPU", 0)) for node in able),
         cores=int(sum(node["Resources"].get("CPU", 0) for node in able)),
-        bfloat16=all(answer["bfloat16"] for answer in found),
+        bfloat16=all(answer["bfloat16"] for answer in answers),
         nodes=len(able),
-        processors=tuple(sorted({answer["processor"] for answer in found})),
-        crowded=crowded(offered, found),
+        processors=tuple(sorted({answer["processor"] for answer in answers})),
+        crowded=crowded(offered, answers),
     )
 
 
@@ -216,8 +216,8 @@ def _answered(reference: Any, otherwise: str) -> Any:
         return ray.get(reference, timeout=CHECK_SECONDS)
     except ray.exceptions.RayError as error:
         ray.cancel(reference, force=True)
-        said = " ".join(str(error).split())[:300]
-        raise InputError(f"--executor ray: {otherwise} ({said})") from error
+        message = " ".join(str(error).split())[:300]
+        raise InputError(f"--executor ray: {otherwise} ({message})") from error
 
 
 def _this_node() -> dict[str, Any]:

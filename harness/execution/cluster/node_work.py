@@ -119,24 +119,24 @@ def wrong_node(node: str, wrong: str) -> str:
 
 def _kept_since(scratch: Path, times: dict[Path, int]) -> dict[str, bytes]:
     """Return the cells in training that were kept since `times`, which is brought up to date."""
-    found = {}
+    changed = {}
     for file in (scratch / UNFINISHED).glob("*.safetensors"):
         if times.get(file) != (now := file.stat().st_mtime_ns):
             times[file] = now
-            found[file.relative_to(scratch).as_posix()] = file.read_bytes()
-    return found
+            changed[file.relative_to(scratch).as_posix()] = file.read_bytes()
+    return changed
 
 
 def _new_files(scratch: Path, sent: set[Path]) -> dict[str, bytes]:
     """Return complete files that were not sent before, without records of cells and without files that are being
     written.
     """
-    found = {}
+    files = {}
     for folder in SENT:
         for file in sorted((scratch / folder).rglob("*")):
             relative = file.relative_to(scratch)
             if file in sent or not file.is_file() or file.name.startswith(".") or relative.parts[1:2] == ("cells",):
                 continue
             sent.add(file)
-            found[relative.as_posix()] = file.read_bytes()
-    return found
+            files[relative.as_posix()] = file.read_bytes()
+    return files

@@ -27,7 +27,7 @@ def fits(needs: Mapping[str, int], node: Mapping[str, Any]) -> bool:
 def lack(needs: Mapping[str, int], nodes: list[dict[str, Any]]) -> str:
     """Return why no node holds `needs`, in words: the most that a living one offers."""
     alive = [node["Resources"] for node in nodes if node["Alive"]]
-    most = {name: max((one.get(name, 0) for one in alive), default=0) for name in needs}
+    most = {name: max((resources.get(name, 0) for resources in alive), default=0) for name in needs}
     return (
         f"a group of cells takes {_in_words(needs)}, and none of the {len(alive)} nodes alive has that "
         f"(the most of one: {_in_words(most)})"
@@ -67,7 +67,9 @@ class Room:
         if self._idle_said or now - self._idle_since < IDLE_SECONDS:
             return None
         self._idle_said = True
-        all_in_all = {name: sum(one["Resources"].get(name, 0) for one in nodes if one["Alive"]) for name in self._needs}
+        all_in_all = {
+            name: sum(node["Resources"].get(name, 0) for node in nodes if node["Alive"]) for name in self._needs
+        }
         return (
             f"Ray: no group is in training yet; of the cluster's {_in_words(all_in_all)} are free: "
             f"{_in_words({name: free.get(name, 0) for name in self._needs})}"

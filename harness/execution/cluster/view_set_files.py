@@ -31,7 +31,7 @@ class Listing:
 
 def listed(folder: Path) -> Listing:
     """List a folder; raises `InputError` if it cannot be read."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     files = {}
     try:
         for file in sorted(folder.rglob("*")):
@@ -40,10 +40,10 @@ def listed(folder: Path) -> Listing:
                 files[relative.as_posix()] = file.stat().st_size
                 with file.open("rb") as handle:
                     content = hashlib.file_digest(handle, "sha256").hexdigest()
-                found.update(f"{relative.as_posix()} {content}\n".encode())
+                digest.update(f"{relative.as_posix()} {content}\n".encode())
     except OSError as error:
         raise InputError(f"{error.filename or folder}: cannot be read ({error.strerror})") from error
-    return Listing(folder.resolve(), files, found.hexdigest())
+    return Listing(folder.resolve(), files, digest.hexdigest())
 
 
 def piece(listing: Listing, relative: str, offset: int) -> bytes:
@@ -92,9 +92,9 @@ def node_folder() -> Path:
     folder = Path(tempfile.gettempdir()) / f"radiance-verdict-{'node' if user is None else user}"
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700, parents=True)
-    found = folder.lstat()
-    shared = user is not None and (found.st_uid != user or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
-    if shared or not stat.S_ISDIR(found.st_mode):
+    status = folder.lstat()
+    shared = user is not None and (status.st_uid != user or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
+    if shared or not stat.S_ISDIR(status.st_mode):
         raise InputError(f"{folder}: is no folder of this user alone; remove it, or set TMPDIR to a folder of your own")
     return folder
 
