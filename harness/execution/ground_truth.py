@@ -21,10 +21,10 @@ from typing import Any, Literal
 
 from harness.execution.progress import Progress, RenderProgress
 from harness.plan.defaults import RENDER_LIMIT
-from harness.plan.needed import with_needs
 from harness.plan.profiles import Plan
 from harness.plan.settings import ViewSettings
 from scenes.files.errors import InputError
+from scenes.modelling.needs import with_needs
 from scenes.view_sets.foreign import source_of
 from scenes.view_sets.view_set import ViewSet, read_view_set
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from harness.plan.settings import TrainSettings
-from scenes.modelling.needs import Needs, as_rows, forced, left_out, needs_from_rows
+from scenes.modelling.needs import Needs, needs_of
 
 if TYPE_CHECKING:
     from scenes.view_sets.view_set import ViewSet
@@ -18,22 +18,6 @@ LEFT_OUT_BY = {
 """Map need → the acceleration that leaves it out (`--need NAME` and `--without ACCELERATION` are the same)."""
 FORCEABLE = (*LEFT_OUT_BY, "fine_pass", "participating_media", "depth_metric")
 """The parts with a choice: no method has the other parts, or all are compared with them."""
-
-
-def needs_of(views: "ViewSet") -> Needs:
-    """Return the needs of a view set; empty for one from elsewhere, about whose scene nothing is known."""
-    return needs_from_rows(views.rendered.get("needs"))
-
-
-def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]) -> "ViewSet":
-    """Return the same images, with parts forced in or out; without depth if nothing has one."""
-    if need or no_need:
-        needs = forced(needs_of(views), need, no_need)
-        views = replace(views, rendered={**views.rendered, "needs": as_rows(needs), "left_out": left_out(needs)})
-    depth = needs_of(views).get("depth_metric")
-    if depth is not None and not depth.needed:
-        views = replace(views, val=replace(views.val, depth=None), test=replace(views.test, depth=None))
-    return views
 
 
 def kept(train: TrainSettings, need: tuple[str, ...]) -> TrainSettings:

@@ -10,7 +10,6 @@ import torch
 
 from baselines.catalog import CATALOG
 from baselines.contract import Box
-from harness.plan.needed import with_needs
 from harness.plan.plugins import require_methods
 from harness.plan.profiles import known_names
 from harness.plan.schedule import Budget
@@ -33,6 +32,7 @@ from harness.training.learner import Learner
 from harness.training.lockstep import needs_view_direction_of, stream_of
 from harness.training.make_learner import learner_for
 from scenes.files.errors import InputError
+from scenes.modelling.needs import with_needs
 from scenes.view_sets.foreign import source_of
 from scenes.view_sets.source import Region
 from scenes.view_sets.transforms import transforms_file

@@ -6,12 +6,15 @@ measured (`harness.studies.choices.omissions`), not assumed.
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from scenes.modelling.scene import Description
+
+if TYPE_CHECKING:
+    from scenes.view_sets.view_set import ViewSet
 
 LAMBERTIAN = frozenset({"diffuse", "null", "twosided", "mask", "bumpmap", "normalmap", "blendbsdf"})
 """The BSDFs that look the same from every side; the wrappers among them if all that they wrap does."""
@@ -178,6 +181,22 @@ def forced(known: Needs, need: tuple[str, ...], no_need: tuple[str, ...]) -> Nee
     everything = known | {name: Need(name, True, "forced in by --need") for name in need}
     everything |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
     return {name: everything[name] for name in PARTS if name in everything}
+
+
+def needs_of(views: "ViewSet") -> Needs:
+    """Return the needs of a view set; empty for one from elsewhere, about whose scene nothing is known."""
+    return needs_from_rows(views.rendered.get("needs"))
+
+
+def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]) -> "ViewSet":
+    """Return the same images, with parts forced in or out; without depth if nothing has one."""
+    if need or no_need:
+        needs = forced(needs_of(views), need, no_need)
+        views = replace(views, rendered={**views.rendered, "needs": as_rows(needs), "left_out": left_out(needs)})
+    depth = needs_of(views).get("depth_metric")
+    if depth is not None and not depth.needed:
+        views = replace(views, val=replace(views.val, depth=None), test=replace(views.test, depth=None))
+    return views
 
 
 def useful_bands(cycles: float, base: float) -> int:

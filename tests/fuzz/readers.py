@@ -23,8 +23,9 @@ def view_set(folder: Path) -> None:
 
 
 def needed_view_set(folder: Path) -> None:
-    from harness.plan.needed import for_scene, with_needs
+    from harness.plan.needed import for_scene
     from harness.plan.profiles import PROFILES
+    from scenes.modelling.needs import with_needs
     from scenes.rendering.store import is_complete
     from scenes.view_sets.view_set import read_view_set
 

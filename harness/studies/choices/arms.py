@@ -17,7 +17,7 @@ from baselines.contract import Precision
 from harness.execution.ground_truth import read_views
 from harness.machine.stopping import in_workers
 from harness.machine.stopwatch import Stopwatch
-from harness.plan.needed import kept, with_needs
+from harness.plan.needed import kept
 from harness.plan.profiles import Plan
 from harness.plan.settings import TrainSettings
 from harness.training import evaluate
@@ -25,6 +25,7 @@ from harness.training.lockstep import stream_of, trained_alone
 from harness.training.trainer import Diverged, Trainer
 from harness.verdicts.statistics import PairedDifference, paired_difference
 from scenes.files.errors import InputError
+from scenes.modelling.needs import with_needs
 from scenes.view_sets.view_set import ViewSet
 
 PLANNED = "as planned"

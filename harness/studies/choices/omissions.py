@@ -19,12 +19,11 @@ from baselines.catalog import CATALOG
 from harness.execution.executors import device_here
 from harness.execution.ground_truth import read_views, scenes_output
 from harness.execution.progress import Progress
-from harness.plan.needed import needs_of
 from harness.plan.profiles import Machine, Plan
 from harness.records.cells import CellRecord, LeftOut, SceneRecord
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
 from harness.verdicts.statistics import PairedDifference, paired_difference
-from scenes.modelling.needs import PARTS, Unit
+from scenes.modelling.needs import PARTS, Unit, needs_of
 from scenes.view_sets.view_set import ViewSet
 
 Verdict = Literal["within its bound", "costs more", "inconclusive"]

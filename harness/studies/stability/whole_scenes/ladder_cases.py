@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.plan.needed import needs_of
 from harness.plan.profiles import Plan, planned
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
@@ -27,7 +26,7 @@ from harness.studies.stability.whole_scenes.scene_truth import (
     trained,
 )
 from scenes.catalog.ladders.ladders import LADDERS, Ladder
-from scenes.modelling.needs import PARTS, Needs, left_out
+from scenes.modelling.needs import PARTS, Needs, left_out, needs_of
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from harness.plan.needed import LEFT_OUT_BY, for_scene, kept, needs_of, with_needs
+from harness.plan.needed import LEFT_OUT_BY, for_scene, kept
 from harness.plan.profiles import Plan, planned
 from harness.plan.schedule import Budget
 from harness.records.cells import LeftOut
@@ -23,7 +23,7 @@ from harness.studies.choices.omissions import (
     verifiable,
 )
 from harness.verdicts.statistics import paired_difference
-from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out
+from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
 from scenes.rendering.checks import in_blocks
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from tests.harness.ball import write_ball
