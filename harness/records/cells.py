@@ -18,6 +18,8 @@ from harness.records.json_record import (
 )
 from harness.records.metric_table import ALONG_TRAINING, METRICS
 
+Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
+
 
 class Estimate(Record, frozen=True):
     """An estimate of a difference in one of two senses: on these scenes, or on scenes like these."""
@@ -28,7 +30,7 @@ class Estimate(Record, frozen=True):
     """The interval that the verdict is taken from: all those of the `family` hold the truth together in 95 %."""
     family: int
     """The number of comparisons that are looked at together (`harness.verdicts.comparisons.family_of`)."""
-    verdict: Literal["better", "worse", "equivalent", "inconclusive"]
+    verdict: Verdict
     smallest_detectable: float | None
     """The smallest true difference that is called better or worse in 80 % of runs with just this spread."""
     effect: float | None
@@ -53,7 +55,7 @@ class Comparison(Record, frozen=True):
     difference: float | None
     interval: tuple[float, float] | None
     """Taken, as every field that `Estimate` has too, from the estimate that speaks for the row."""
-    verdict: Literal["better", "worse", "equivalent", "inconclusive"]
+    verdict: Verdict
     smallest_detectable: float | None
     pairs: int
     unpaired: int
@@ -298,8 +300,7 @@ def read_cells_of(out: Path, keys: Iterable[tuple[str, str, int]]) -> Iterator[C
 
 def cell_files(out: Path) -> list[Path]:
     """Return the files of cells, sorted; without hidden ones, which other systems leave on a shared disk."""
-    found = (records_folder(out) / "cells").glob("*.json")
-    return sorted(path for path in found if not path.name.startswith("."))
+    return sorted(path for path in (records_folder(out) / "cells").glob("*.json") if not path.name.startswith("."))
 
 
 def read_run(out: Path) -> RunRecord:
@@ -323,20 +324,6 @@ def read_comparisons(out: Path) -> list[Comparison]:
 def unscored(scene: str, method: str, seed: int, status: Status, reason: str) -> CellRecord:
     """Return a record without a step, a score or a weight that gives the reason."""
     return CellRecord(
-        scene=scene,
-        method=method,
-        seed=seed,
-        status=status,
-        reason=reason,
-        steps=0,
-        train_seconds=0.0,
-        scores={},
-        curve=[],
-        views=[],
-        trace={},
-        parameters={},
-        properties={},
-        warnings=[],
-        settings={},
-        provenance={},
-    )
+        scene, method, seed, status, reason, steps=0, train_seconds=0.0, scores={}, curve=[], views=[], trace={},
+        parameters={}, properties={}, warnings=[], settings={}, provenance={},
+    )  # fmt: skip

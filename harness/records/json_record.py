@@ -56,10 +56,10 @@ def load_json(path: Path) -> Any:
     """Read strict JSON of finite numbers. Raises `OSError`, and `ValueError`, which names no file, for anything
     else, however deeply it is nested and however large it is.
     """
-    found = path.stat()
-    if not stat.S_ISREG(found.st_mode):  # a pipe would keep us waiting for ever
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
         raise ValueError("is no file")
-    if (size := found.st_size) > LARGEST_FILE:
+    if (size := status.st_size) > LARGEST_FILE:
         raise ValueError(f"has {size} bytes, more than the {LARGEST_FILE} of any record")
     try:
         return msgspec.json.decode(path.read_bytes())
@@ -104,9 +104,9 @@ def read_record(
     """Read a record; keys that were there `formerly` are dropped. Raises `DamagedRecord` for anything else."""
     try:
         data = load_record(path)
-        if (found := data.get("schema")) != schema:
+        if (written := data.get("schema")) != schema:
             remedy = "run again into a fresh folder" if remedy == REMEDY else remedy
-            raise ValueError(f"schema {shown(found)}, this version reads {schema}")
+            raise ValueError(f"schema {shown(written)}, this version reads {schema}")
         return as_promised({name: value for name, value in data.items() if name not in formerly}, kind)
     except (OSError, ValueError) as error:
         raise DamagedRecord(f"{path}: {error}; {remedy}") from error
@@ -127,5 +127,5 @@ def as_promised(data: Any, kind: Any) -> Any:
     try:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
-        said = str(error)
-        raise ValueError(said if len(said) <= 400 else f"{said[:200]}…{said[-200:]}") from error
+        words = str(error)
+        raise ValueError(words if len(words) <= 400 else f"{words[:200]}…{words[-200:]}") from error

@@ -5,9 +5,8 @@ This module imports modules of records alone, as reports read it.
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
-from harness.records.cells import Estimate
+from harness.records.cells import Estimate, Verdict
 from harness.records.json_record import DamagedRecord, Record, read_record, write_record
 
 JUDGEMENT_SCHEMA = 1
@@ -28,7 +27,7 @@ class Pair(Record, frozen=True):
     """The estimate with the error of seeds alone; None without seeds."""
 
     @property
-    def verdict(self) -> Literal["better", "worse", "equivalent", "inconclusive"]:
+    def verdict(self) -> Verdict:
         return self.scenes_like_these.verdict if self.scenes_like_these else "inconclusive"
 
     @property
@@ -60,9 +59,8 @@ class Ranking(Record, frozen=True):
     @property
     def neighbours(self) -> list[Pair]:
         """Return the pairs of methods that are next to each other in the order."""
-        names = [one.method for one in self.places]
-        wanted = {frozenset(two) for two in pairwise(names)}
-        return [pair for pair in self.pairs if frozenset((pair.method, pair.against)) in wanted]
+        neighbours = {frozenset(names) for names in pairwise(place.method for place in self.places)}
+        return [pair for pair in self.pairs if frozenset((pair.method, pair.against)) in neighbours]
 
 
 class Suspect(Record, frozen=True):
@@ -104,16 +102,16 @@ class JudgementRecord(Record, frozen=True):
 
 
 def changed_pairs(record: JudgementRecord) -> list[tuple[Pair, str]]:
-    """The pairs whose verdict differs without the suspect results, and that verdict."""
+    """Return the pairs whose verdict differs without the suspect results, and that verdict."""
     if record.without_suspects is None:
         return []
     turned = {"better": "worse", "worse": "better"}
-    after: dict[tuple[str, str], str] = {
-        (one.method, one.against): one.verdict for one in record.without_suspects.pairs
-    }
-    after |= {(b, a): turned.get(said, said) for (a, b), said in after.items()}
+    after: dict[tuple[str, str], str] = {}
+    for pair in record.without_suspects.pairs:
+        after[pair.method, pair.against] = pair.verdict
+        after[pair.against, pair.method] = turned.get(pair.verdict, pair.verdict)
     pairs = [(pair, after[pair.method, pair.against]) for pair in record.given.pairs]
-    return [(pair, said) for pair, said in pairs if said != pair.verdict]
+    return [(pair, verdict) for pair, verdict in pairs if verdict != pair.verdict]
 
 
 def write_judgement(path: Path, record: JudgementRecord) -> None:

@@ -30,7 +30,7 @@ def sealed(key: str, listing: dict[str, Any], tensors: Tensors) -> bytes:
     """
     text = json.dumps({**listing, "digest": digest_of(listing, tensors)}, allow_nan=False)
     # safetensors writes memory as it lies there, whatever the strides
-    return save({name: np.asarray(one, order="C") for name, one in tensors.items()}, {key: text})
+    return save({name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}, {key: text})
 
 
 def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
@@ -49,11 +49,11 @@ def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
 
 def digest_of(listing: dict[str, Any], tensors: Tensors) -> str:
     """Return 64 hexadecimal digits of listing and tensors."""
-    found = hashlib.blake2b(json.dumps(listing, sort_keys=True).encode(), digest_size=32)
+    state = hashlib.blake2b(json.dumps(listing, sort_keys=True).encode(), digest_size=32)
     for name, tensor in sorted(tensors.items()):
-        found.update(f"{name} {tensor.dtype} {tensor.shape}\n".encode())
-        found.update(np.ascontiguousarray(tensor).view(np.uint8).data if tensor.size else b"")
-    return found.hexdigest()
+        state.update(f"{name} {tensor.dtype} {tensor.shape}\n".encode())
+        state.update(np.ascontiguousarray(tensor).view(np.uint8).data if tensor.size else b"")
+    return state.hexdigest()
 
 
 EVERY_CHECKPOINT_SEED = 0
@@ -141,14 +141,14 @@ def truth_pictures(scene: str) -> str:
 
 def write_truth(path: Path, views: list[Truth]) -> None:
     """Write the truth, unless the file holds just that already. Raises `OSError` naming the file."""
-    parts = [[name for name in TRUTH if getattr(one, name) is not None] for one in views]
-    rows = [ListedPicture(view=one.view, parts=names) for one, names in zip(views, parts, strict=True)]
+    parts = [[name for name in TRUTH if getattr(truth, name) is not None] for truth in views]
+    rows = [ListedPicture(view=truth.view, parts=names) for truth, names in zip(views, parts, strict=True)]
     _write(path, "truth", rows, views)
 
 
 def write_renders(path: Path, renders: list[Render]) -> None:
     """Write renders as `write_truth` does."""
-    rows = [ListedPicture(view=one.view, step=one.step, parts=list(RENDER)) for one in renders]
+    rows = [ListedPicture(view=render.view, step=render.step, parts=list(RENDER)) for render in renders]
     _write(path, "renders", rows, renders)
 
 
@@ -167,17 +167,17 @@ def read_renders(path: Path) -> list[Render]:
 
 def last_of(renders: list[Render]) -> list[Render]:
     """Return the renders of the last checkpoint."""
-    step = max((one.step for one in renders), default=0)
-    return [one for one in renders if one.step == step]
+    step = max((render.step for render in renders), default=0)
+    return [render for render in renders if render.step == step]
 
 
 def _write(path: Path, kind: str, rows: list[ListedPicture], pictures: list[Any]) -> None:
     tensors = {
-        f"{place:04}.{name}": np.ascontiguousarray(getattr(one, name), dtype=np.float16)
-        for place, (row, one) in enumerate(zip(rows, pictures, strict=True))
+        f"{place:04}.{name}": np.ascontiguousarray(getattr(picture, name), dtype=np.float16)
+        for place, (row, picture) in enumerate(zip(rows, pictures, strict=True))
         for name in row.parts
     }
-    if sum(one.nbytes for one in tensors.values()) > LARGEST_BYTES - HEADER_BYTES:
+    if sum(tensor.nbytes for tensor in tensors.values()) > LARGEST_BYTES - HEADER_BYTES:
         raise OSError(errno.EFBIG, f"pictures of more than {LARGEST_BYTES} bytes; store fewer views", str(path))
     data = sealed(LISTING, plain(PicturesListing(SCHEMA, kind, rows)), tensors)
     try:
@@ -197,17 +197,17 @@ def _read(
         if path.stat().st_size > LARGEST_BYTES:
             raise ValueError(f"larger than {LARGEST_BYTES} bytes")
         listing, tensors = unsealed(LISTING, path.read_bytes())
-        found: PicturesListing = as_promised(listing, PicturesListing)
-        if (found.schema, found.kind) != (SCHEMA, kind):
-            raise ValueError(f"{found.kind} of schema {found.schema}, not {kind} of schema {SCHEMA}")
-        rows = [(row, _parts(place, row, tensors, channels, needed)) for place, row in enumerate(found.pictures)]
+        read: PicturesListing = as_promised(listing, PicturesListing)
+        if (read.schema, read.kind) != (SCHEMA, kind):
+            raise ValueError(f"{read.kind} of schema {read.schema}, not {kind} of schema {SCHEMA}")
+        rows = [(row, _parts(place, row, tensors, channels, needed)) for place, row in enumerate(read.pictures)]
         if len(tensors) != sum(len(parts) for _, parts in rows):
             raise ValueError("tensors that its listing does not know")
         return rows
     except (OSError, ValueError, KeyError) as error:
-        said = " ".join(str(error).split())[:200] or type(error).__name__
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
         remedy = f"delete it and {REMEDY}" if os.path.lexists(path) else REMEDY
-        raise DamagedRecord(f"{path}: not the pictures of a run ({said}); {remedy}") from error
+        raise DamagedRecord(f"{path}: not the pictures of a run ({reason}); {remedy}") from error
 
 
 def _parts(

@@ -11,11 +11,10 @@ from harness.records.pictures import Tensors, sealed, unsealed
 from scenes.files.atomic import write_atomically
 
 FOLDER = "unfinished"
-"""The folder of snapshots in OUT."""
+"""The folder of snapshots in OUT, and the key of their listings."""
 ENDED = ("done", "diverged")
 """The states without a snapshot; a cell with an error resumes from its own."""
 SCHEMA = 1
-LISTING = "unfinished"
 LARGEST_BYTES = 4 << 30
 """A larger file is not read."""
 
@@ -29,9 +28,8 @@ class Unfinished:
 
     def under(self, prefix: str) -> Tensors:
         """Return the tensors whose names begin with `prefix` and a dot, without these."""
-        return {
-            name.removeprefix(f"{prefix}."): one for name, one in self.tensors.items() if name.startswith(f"{prefix}.")
-        }
+        start = f"{prefix}."
+        return {name.removeprefix(start): self.tensors[name] for name in self.tensors if name.startswith(start)}
 
 
 def unfinished_path(out: Path, scene: str, method: str, seed: int) -> Path:
@@ -40,7 +38,7 @@ def unfinished_path(out: Path, scene: str, method: str, seed: int) -> Path:
 
 def write_unfinished(path: Path, cell: Unfinished) -> None:
     """Write atomically. Raises `OSError`, naming the file."""
-    write_atomically(path, sealed(LISTING, {"schema": SCHEMA, **cell.listing}, cell.tensors))
+    write_atomically(path, sealed(FOLDER, {"schema": SCHEMA, **cell.listing}, cell.tensors))
 
 
 def read_unfinished(path: Path) -> Unfinished:
@@ -50,13 +48,13 @@ def read_unfinished(path: Path) -> Unfinished:
             raise ValueError("is no file")
         if (size := path.stat().st_size) > LARGEST_BYTES:
             raise ValueError(f"has {size} bytes, more than any cell")
-        listing, tensors = unsealed(LISTING, path.read_bytes())
+        listing, tensors = unsealed(FOLDER, path.read_bytes())
         if listing.pop("schema") != SCHEMA:
             raise ValueError("is of another version")
         return Unfinished(listing, tensors)
     except (OSError, ValueError, KeyError) as error:
-        said = " ".join(str(error).split())[:200]
-        raise DamagedRecord(f"{path}: {said}; delete it and run again with --resume") from error
+        reason = " ".join(str(error).split())[:200]
+        raise DamagedRecord(f"{path}: {reason}; delete it and run again with --resume") from error
 
 
 def drop_ended(out: Path, cell: CellRecord) -> None:

@@ -13,8 +13,8 @@ from typing import Any, Literal
 import msgspec
 from msgspec import field
 
-from harness.records.cells import Estimate
-from harness.records.json_record import DamagedRecord, Record, as_promised, load_record, write_record
+from harness.records.cells import Estimate, Verdict
+from harness.records.json_record import DamagedRecord, Record, as_promised, finite_or_none, load_record, write_record
 
 SCHEMA = 2
 SHELVES = {
@@ -103,8 +103,8 @@ class Check(Record, frozen=True, tag="check"):
     @property
     def limit(self) -> float | None:
         """Return the only limit, or the nearer one of two."""
-        limits = [one for one in (self.low, self.high) if one is not None]
-        return min(limits, key=lambda one: abs(one - (self.value or 0.0)), default=None)
+        limits = [end for end in (self.low, self.high) if end is not None]
+        return min(limits, key=lambda end: abs(end - (self.value or 0.0)), default=None)
 
 
 class Effect(Record, frozen=True, tag="effect"):
@@ -125,7 +125,7 @@ class Effect(Record, frozen=True, tag="effect"):
     simultaneous: tuple[float, float] | None
     """The interval that the verdict is taken from: `family` says how many comparisons are judged together."""
     family: int
-    verdict: Literal["better", "worse", "equivalent", "inconclusive"]
+    verdict: Verdict
     smallest_detectable: float | None
     pairs: int
     unpaired: int
@@ -202,31 +202,31 @@ class StudyRecord(Record, frozen=True):
     @property
     def cut_short(self) -> bool:
         """Whether it failed, or had to leave something out because its time was over."""
-        return any(one.id in CUT_SHORT for one in self.checks)
+        return any(check.id in CUT_SHORT for check in self.checks)
 
     @property
     def answers(self) -> list[str]:
-        return [one.text for one in self.findings if isinstance(one, Answer)]
+        return [finding.text for finding in self.findings if isinstance(finding, Answer)]
 
     @property
     def checks(self) -> list[Check]:
-        return [one for one in self.findings if isinstance(one, Check)]
+        return [finding for finding in self.findings if isinstance(finding, Check)]
 
     @property
     def effects(self) -> list[Effect]:
-        return [one for one in self.findings if isinstance(one, Effect)]
+        return [finding for finding in self.findings if isinstance(finding, Effect)]
 
     @property
     def series(self) -> list[Series]:
-        return [one for one in self.findings if isinstance(one, Series)]
+        return [finding for finding in self.findings if isinstance(finding, Series)]
 
     @property
     def tables(self) -> list[Table]:
-        return [one for one in self.findings if isinstance(one, Table)]
+        return [finding for finding in self.findings if isinstance(finding, Table)]
 
     @property
     def pictures(self) -> list[Picture]:
-        return [one for one in self.findings if isinstance(one, Picture)]
+        return [finding for finding in self.findings if isinstance(finding, Picture)]
 
 
 class Studies(Record, frozen=True):
@@ -240,7 +240,7 @@ class Studies(Record, frozen=True):
     schema: int = SCHEMA
 
     def study(self, name: str) -> StudyRecord | None:
-        return next((one for one in self.studies if one.info.id == name), None)
+        return next((study for study in self.studies if study.info.id == name), None)
 
     def checks(self) -> Iterator[tuple[StudyRecord, Check]]:
         return ((study, check) for study in self.studies for check in study.checks)
@@ -253,7 +253,7 @@ class Studies(Record, frozen=True):
     @property
     def is_complete(self) -> bool:
         """Whether everything that was to be measured was."""
-        return self.finished and not any(one.cut_short for one in self.studies)
+        return self.finished and not any(study.cut_short for study in self.studies)
 
     @property
     def is_quick(self) -> bool:
@@ -277,8 +277,7 @@ def check(
 ) -> Check:
     """Check `value` against its limits. One that is missing or not finite fails, whatever the limits."""
     if value is not None and not math.isfinite(value):
-        why = f"the figure is {value}" + (f"; {why}" if why else "")
-        value = None
+        value, why = None, f"the figure is {value}" + (f"; {why}" if why else "")
     if value is None:
         status: Status = "fail"
     elif low is None and high is None:
@@ -294,13 +293,17 @@ def write_studies(path: Path, record: Studies) -> None:
     Raises `ValueError` if another figure is not finite.
     """
     data = msgspec.to_builtins(record)
-    for finding in (one for study in data["studies"] for one in study["findings"]):
+    for finding in (finding for study in data["studies"] for finding in study["findings"]):
         if finding["type"] == "series":
             for name in ("y", "low", "high"):
-                finding[name] = None if finding[name] is None else [_finite_or_gap(value) for value in finding[name]]
+                finding[name] = None if finding[name] is None else [finite_or_none(value) for value in finding[name]]
         elif finding["type"] == "table":
             finding["rows"] = [[_in_words(value) for value in row] for row in finding["rows"]]
     write_record(path, data)
+
+
+def _in_words(value: str | float | None) -> str | float | None:
+    return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class FormerRecord(DamagedRecord):
@@ -325,19 +328,10 @@ def read_studies(path: Path) -> Studies:
             data = converted(shelf, data)
         if data.get("schema") != SCHEMA:
             raise ValueError(f"not a record of studies of schema {SCHEMA}")
-        found: Studies = as_promised(data, Studies)
-        return found
+        return as_promised(data, Studies)
     except FormerRecord:
         raise
     except OSError as error:
         raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
         raise DamagedRecord(f"{path}: {error}; {again(shelf, path.parent)}") from error
-
-
-def _finite_or_gap(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
-def _in_words(value: str | float | None) -> str | float | None:
-    return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value

@@ -33,30 +33,29 @@ def converted(shelf: str, data: Row) -> Row:
 
 
 def _of_kinds(row: Row) -> list[Row]:
-    return [{"type": kind, **one} for name, kind in KINDS.items() for one in row.get(name, [])]
+    return [{"type": kind, **finding} for name, kind in KINDS.items() for finding in row.get(name, [])]
 
 
-def _check(row: Row, value: str, same: tuple[str, ...], **others: Any) -> Row:
-    return {"type": "check", "value": row[value], **{name: row[name] for name in same}, **others}
+def _check(row: Row, value: str, limits: tuple[float | None, float | None], names: str, **others: Any) -> Row:
+    """Return a check with what else stands in `row` under `names`; its status is computed unless it stands there."""
+    figure, (low, high) = row[value], limits
+    holds = figure is not None and (low is None or figure >= low) and (high is None or figure <= high)
+    facts = {"value": figure, "low": low, "high": high, "status": "pass" if holds else "fail"}
+    return {"type": "check", **facts, **{name: row[name] for name in names.split()}, **others}
 
 
-def _status(value: float | None, low: float | None, high: float | None) -> str:
-    holds = value is not None and (low is None or value >= low) and (high is None or value <= high)
-    return "pass" if holds else "fail"
+def _limits(row: Row, name: str) -> tuple[float | None, float | None]:
+    return (None, row[name]) if row["sense"] == "at_most" else (row[name], None)
 
 
 def _evidence(data: Row) -> list[Row]:
     studies = []
     for row in data["studies"]:
-        checks = [
-            _check(
-                check, "figure", ("what", "low", "high", "unit", "why"),
-                status=_status(check["figure"], check["low"], check["high"]),
-            )
-            for check in row["checks"]
-        ]  # fmt: skip
-        findings = [*({"type": "answer", "text": text} for text in row["findings"]), *checks, *_of_kinds(row)]
-        studies.append({**{name: row[name] for name in ("info", "scale", "seconds")}, "findings": findings})
+        findings = [{"type": "answer", "text": text} for text in row["findings"]]
+        for check in row["checks"]:
+            findings.append(_check(check, "figure", (check["low"], check["high"]), "what unit why"))
+        kept = {name: row[name] for name in ("info", "scale", "seconds")}
+        studies.append({**kept, "findings": [*findings, *_of_kinds(row)]})
     return studies
 
 
@@ -65,12 +64,9 @@ def _stability(data: Row) -> list[Row]:
     for row in data["cases"]:
         info = row["info"]
         checks = [
-            _check(
-                one, "figure", ("what", "unit", "why", "subject", "status"), owner=one["whose"],
-                **{"high" if one["sense"] == "at_most" else "low": one["bar"]},
-            )
-            for one in row["outcomes"]
-        ]  # fmt: skip
+            _check(check, "figure", _limits(check, "bar"), "what unit why subject status", owner=check["whose"])
+            for check in row["outcomes"]
+        ]
         facts = {name: info[name] for name in ("input", "danger", "reference", "bar")}
         about = {"id": info["id"], "title": info["title"], "facts": facts}
         studies.append({"info": about, "seconds": row["seconds"], "findings": [*checks, *_of_kinds(row)]})
@@ -81,7 +77,7 @@ def _speed(data: Row) -> list[Row]:
     studies = []
     for item in [*QUESTIONS, *sorted({row["item"] for row in data["measurements"]} - set(QUESTIONS))]:
         findings = [_measurement(row) for row in data["measurements"] if row["item"] == item]
-        findings += [one for one in _of_kinds(data) if one["item"] == item]
+        findings += [finding for finding in _of_kinds(data) if finding["item"] == item]
         if findings or str(item) in data["seconds"]:
             info = {"id": str(item), "title": QUESTIONS.get(item, f"Question {item}")}
             studies.append({"info": info, "findings": findings, "seconds": data["seconds"].get(str(item), 0.0)})
@@ -89,11 +85,8 @@ def _speed(data: Row) -> list[Row]:
 
 
 def _measurement(row: Row) -> Row:
-    end = "low" if row["sense"] == "at_least" else "high"
-    limit = {"low": None, "high": None, end: row["target"]}
-    status = _status(row["value"], **limit)
-    return _check(
-        row, "value", ("id", "unit", "repeats"), what=row["title"], why=row["detail"], owner="machine", **limit,
-        status="measured" if status == "pass" and row["target"] is None else status,
-        spread=None if row["low"] is None or row["high"] is None else [row["low"], row["high"]],
-    )  # fmt: skip
+    spread = None if row["low"] is None or row["high"] is None else [row["low"], row["high"]]
+    words = {"what": row["title"], "why": row["detail"], "owner": "machine", "spread": spread}
+    check = _check(row, "value", _limits(row, "target"), "id unit repeats", **words)
+    measured = row["target"] is None and check["status"] == "pass"
+    return {**check, "status": "measured"} if measured else check

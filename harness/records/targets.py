@@ -7,7 +7,7 @@ This module imports modules of records alone, as reports read it.
 from pathlib import Path
 from typing import Literal
 
-from harness.records.cells import Estimate, records_folder
+from harness.records.cells import Estimate, Verdict, records_folder
 from harness.records.json_record import Record, read_record, write_record
 
 TARGETS_SCHEMA = 1
@@ -15,7 +15,6 @@ TARGETS_FILE = "targets.json"
 
 Axis = Literal["steps", "seconds"]
 """The axis of time: training steps, or training seconds of the run's own clock."""
-Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 
 
 class Reach(Record, frozen=True):
@@ -118,9 +117,10 @@ class TargetsRecord(Record, frozen=True):
     schema: int = TARGETS_SCHEMA
 
     def comparison(self, scene: str, method: str, against: str, axis: str) -> TargetComparison | None:
-        wanted = (scene, method, against, axis)
-        found = (one for one in self.comparisons if (one.scene, one.method, one.against, one.axis) == wanted)
-        return next(found, None)
+        for row in self.comparisons:
+            if (row.scene, row.method, row.against, row.axis) == (scene, method, against, axis):
+                return row
+        return None
 
 
 def write_targets(out: Path, record: TargetsRecord) -> None:

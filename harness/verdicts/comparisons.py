@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,8 @@ FEWEST_SEEDS = 3
 
 Budget = Literal["steps", "seconds"]
 Key = tuple[str, str, int]
+
+NO_ESTIMATE = Estimate(None, None, 1, "inconclusive", None, None)
 
 
 def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS)) -> int:
@@ -47,8 +49,16 @@ class Judgement:
         """The estimate that a verdict without a name is of: scenes like these if several were tried."""
         return self.scenes_like_these or self.on_these_scenes or NO_ESTIMATE
 
+    @property
+    def fields(self) -> dict[str, Any]:
+        """The fields of `Comparison` and of `Effect` that hold it."""
+        names = ("difference", "pairs", "unpaired", "on_these_scenes")
+        return {name: getattr(self, name) for name in names} | fields_of(self.chosen)
 
-NO_ESTIMATE = Estimate(None, None, 1, "inconclusive", None, None)
+
+def fields_of(chosen: Estimate) -> dict[str, Any]:
+    """Return what a row repeats of the estimate that speaks for it."""
+    return {name: getattr(chosen, name) for name in ("interval", "simultaneous", "verdict", "smallest_detectable")}
 
 
 def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
@@ -66,7 +76,21 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
             budgets: tuple[Budget, ...] = ("steps", "seconds") if metric.along_training else ("steps",)
             for budget in budgets:
                 table = differences(by_key, shared, seeds, method, against, name, budget)
-                rows += [_comparison(table, scene, method, against, name, budget) for scene in where]
+                for scene in where:
+                    family = family_of(name, scene, len(table))
+                    judgement = judged(table, name, family, scene)
+                    rows.append(
+                        Comparison(
+                            scene=scene,
+                            method=method,
+                            against=against,
+                            metric=name,
+                            budget=budget,
+                            family=family,
+                            scenes_like_these=judgement.scenes_like_these,
+                            **judgement.fields,
+                        )
+                    )
     return rows
 
 
@@ -75,17 +99,15 @@ def duels(methods: list[str]) -> list[tuple[str, str]]:
     it.
     """
     baseline = "nerf" if "nerf" in methods else methods[0]
-    found = [(method, baseline) for method in methods if method != baseline]
+    pairs = [(method, baseline) for method in methods if method != baseline]
     if "nerf_matched" in methods:
-        found += [(method, "nerf_matched") for method in methods if method not in (baseline, "nerf_matched")]
+        pairs += [(method, "nerf_matched") for method in methods if method not in (baseline, "nerf_matched")]
     steps = [(row["method"], above["method"]) for above, row in pairwise(TABLE4)]
-    return found + [pair for pair in steps if set(pair) <= set(methods) and pair not in found]
+    return pairs + [pair for pair in steps if set(pair) <= set(methods) and pair not in pairs]
 
 
 def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:
-    """Return where two methods are compared: the scenes on which both have cells, and `all` first if
-    that is every one.
-    """
+    """Return the scenes on which both methods have cells, and `all` first if that is every one."""
     planned = {(cell.scene, cell.method) for cell in cells}
     scenes = sorted({cell.scene for cell in cells})
     shared = [scene for scene in scenes if {(scene, method), (scene, against)} <= planned]
@@ -138,30 +160,6 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
     return Judgement(here.mean, estimate(here, *of_interest), estimate(elsewhere, *of_interest), pairs, unpaired)
 
 
-def _comparison(
-    table: dict[str, np.ndarray], scene: str, method: str, against: str, metric: str, budget: Budget
-) -> Comparison:
-    family = family_of(metric, scene, len(table))
-    one = judged(table, metric, family, scene)
-    return Comparison(
-        scene=scene,
-        method=method,
-        against=against,
-        metric=metric,
-        budget=budget,
-        difference=one.difference,
-        interval=one.chosen.interval,
-        verdict=one.chosen.verdict,
-        smallest_detectable=one.chosen.smallest_detectable,
-        pairs=one.pairs,
-        unpaired=one.unpaired,
-        simultaneous=one.chosen.simultaneous,
-        family=family,
-        on_these_scenes=one.on_these_scenes,
-        scenes_like_these=one.scenes_like_these,
-    )
-
-
 def scores_at(
     first: CellRecord | None, second: CellRecord | None, name: str, budget: Budget
 ) -> tuple[float | None, float | None]:
@@ -180,9 +178,8 @@ def score_on_curve(cell: CellRecord, name: str, axis: Literal["step", "seconds"]
 
     The result is None before the first checkpoint, and for a metric that is scored at the end alone.
     """
-    points = [
-        (getattr(point, axis), value) for point in cell.curve if (value := getattr(point, name, None)) is not None
-    ]
+    scored = [(getattr(point, axis), getattr(point, name, None)) for point in cell.curve]
+    points = [(position, value) for position, value in scored if value is not None]
     if not points or at < points[0][0]:
         return None
     positions = [math.log(position) for position, _ in points]

@@ -19,6 +19,7 @@ COLLAPSED = "empty collapse"
 FINISHED = ("done", "diverged")
 """The states of a run that says something of its method."""
 Failure = Literal["diverged", "empty collapse"]
+Called = Literal["better", "worse", "inconclusive"]
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class FailureComparison:
     """The share of the pairs in which `method` failed less that of `against`."""
     p_value: float
     """The two-sided p-value: how often chance alone makes the counts as unequal, if both fail equally often."""
-    verdict: Literal["better", "worse", "inconclusive"]
+    verdict: Called
     """The verdict; better: `method` fails less often."""
 
 
@@ -109,7 +110,7 @@ def exact_interval(failed: int, runs: int) -> tuple[float, float]:
 def _comparison(method: str, against: str, pairs: int, only_method: int, only_against: int) -> FailureComparison:
     difference = (only_method - only_against) / pairs
     p_value = sign_test(only_method, only_against)
-    called: Literal["better", "worse", "inconclusive"] = "worse" if only_method > only_against else "better"
+    called: Called = "worse" if only_method > only_against else "better"
     if p_value >= 1.0 - CONFIDENCE:
         called = "inconclusive"
     return FailureComparison(method, against, pairs, only_method, only_against, difference, p_value, called)

@@ -3,9 +3,9 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations, pairwise
 
 import numpy as np
-from msgspec import structs
 
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
@@ -17,8 +17,8 @@ from scenes.files.errors import InputError
 
 def headline(record: JudgementRecord) -> str:
     """State the table's facts, as given."""
-    facts = in_words(record, record.given)
-    return f"{len(record.given.places)} methods on {len(record.scenes)} scenes: {facts}"
+    many = f"{len(record.given.places)} methods on {len(record.scenes)} scenes"
+    return f"{many}: {in_words(record, record.given)}"
 
 
 def in_words(record: JudgementRecord, ranking: Ranking) -> str:
@@ -43,13 +43,11 @@ def number(record: JudgementRecord, value: float | None, sign: str = "") -> str:
     return text.replace("-", "−")
 
 
-def suspect_line(record: JudgementRecord, one: Suspect) -> str:
+def suspect_line(record: JudgementRecord, suspect: Suspect) -> str:
     unit = f" {record.unit}" if record.unit else ""
-    seed = f", seed {one.seed}" if one.seed else ""
-    return (
-        f"{one.method} on {one.scene}{seed}: {number(record, one.value)}{unit} where method and scene let one expect "
-        f"{number(record, one.expected)}{unit}"
-    )
+    seed = f", seed {suspect.seed}" if suspect.seed else ""
+    value, expected = (number(record, score) + unit for score in (suspect.value, suspect.expected))
+    return f"{suspect.method} on {suspect.scene}{seed}: {value} where method and scene let one expect {expected}"
 
 
 def without_line(record: JudgementRecord) -> str:
@@ -67,10 +65,10 @@ def lines(record: JudgementRecord) -> Iterator[str]:
     pairs = {pair.method: pair for pair in record.given.pairs}
     last = "groups" if record.baseline is None else f"against {record.baseline}"
     rows = [("method", f"mean {record.metric}", "scenes", last)]
-    for one in record.given.places:
-        last = shown_groups(one.groups) if record.baseline is None else _against(record, pairs.get(one.method))
-        rows.append((one.method, number(record, one.mean), str(one.scenes), last))
-    widths = [max(len(row[place]) for row in rows) for place in range(3)]
+    for place in record.given.places:
+        last = shown_groups(place.groups) if record.baseline is None else _against(record, pairs.get(place.method))
+        rows.append((place.method, number(record, place.mean), str(place.scenes), last))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for name, mean, scenes, last in rows:
         yield f"  {name:{widths[0]}}  {mean:>{widths[1]}}  {scenes:>{widths[2]}}  {last}"
     if record.baseline is None:
@@ -123,8 +121,8 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None, digest
         margin = MARGINS.get(table.metric, 0.0)
     if not 0 <= margin < float("inf"):
         raise InputError(f"--margin {margin}: must be 0 or more")
-    found = suspects(table, margin)
-    cleaned = without(table, found)
+    suspicious = suspects(table, margin)
+    cleaned = without(table, suspicious)
     has = np.isfinite(table.values).any(axis=2)
     return JudgementRecord(
         source=table.source,
@@ -138,7 +136,7 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None, digest
         results=int(np.isfinite(table.values).sum()),
         missing=[f"{table.methods[i]}, {table.scenes[j]}" for i, j in np.argwhere(~has)],
         notes=[*table.notes, *notes(table, margin)],
-        suspects=found,
+        suspects=suspicious,
         given=ranking(table, margin, baseline),
         without_suspects=ranking(cleaned, margin, baseline) if cleaned else None,
         digests=digests,
@@ -149,25 +147,24 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
     """Compare every pair, or every method with `baseline`; returns the methods from best to worst."""
     means = adjusted_means(scene_means(table.values))
     order = [int(place) for place in np.argsort(-means if table.higher_is_better else means, kind="stable")]
-    many = len(order)
     if baseline is None:
-        duels = [(a, b) for a in range(many) for b in range(a + 1, many)]
+        duels = list(combinations(order, 2))
     else:
-        rival = order.index(table.methods.index(baseline))
-        duels = [(a, rival) for a in range(many) if a != rival]
+        rival = table.methods.index(baseline)
+        duels = [(row, rival) for row in order if row != rival]
+    neighbours = set(pairwise(order))
     pairs = []
     for a, b in duels:
-        shown = baseline is not None or b == a + 1
-        differences = table.values[order[a]] - table.values[order[b]]
-        names = table.methods[order[a]], table.methods[order[b]]
+        shown = baseline is not None or (a, b) in neighbours
+        names, differences = (table.methods[a], table.methods[b]), table.values[a] - table.values[b]
         pairs.append(_pair(*names, differences, len(duels), margin, table.higher_is_better, shown))
+    groups = _groups([table.methods[row] for row in order], pairs) if baseline is None else [[] for _ in order]
     scenes = np.isfinite(table.values).any(axis=2).sum(axis=1)
     places = [
-        Place(table.methods[row], float(means[row]), int(scenes[row]), table.seconds[row], table.steps[row], [])
-        for row in order
+        Place(table.methods[row], float(means[row]), int(scenes[row]), table.seconds[row], table.steps[row], of)
+        for row, of in zip(order, groups, strict=True)
     ]
-    ranked = Ranking(places, pairs, len(duels))
-    return ranked if baseline is not None else _grouped(ranked)
+    return Ranking(places, pairs, len(duels))
 
 
 def scene_means(values: np.ndarray) -> np.ndarray:
@@ -211,16 +208,18 @@ def _pair(
         )
 
     like = estimated(paired_difference(there, family)) if there.size > 1 else None
-    here = None
-    if np.isfinite(differences).sum(axis=1).max() > 1:
-        here = estimated(on_these_scenes({str(place): row for place, row in enumerate(differences)}, family))
+    seeded = np.isfinite(differences).sum(axis=1).max() > 1
+    here = (
+        estimated(on_these_scenes({str(place): row for place, row in enumerate(differences)}, family))
+        if seeded
+        else None
+    )
     return Pair(method, against, int(there.size), float(there.mean()), like, here)
 
 
-def _grouped(ranked: Ranking) -> Ranking:
-    """Add the groups: the longest runs of neighbours in which no two methods are told apart."""
-    names = [one.method for one in ranked.places]
-    apart = {frozenset((pair.method, pair.against)) for pair in ranked.pairs if pair.told_apart}
+def _groups(names: list[str], pairs: list[Pair]) -> list[list[int]]:
+    """Return each method's groups: the longest runs of neighbours in which no two methods are told apart."""
+    apart = {frozenset((pair.method, pair.against)) for pair in pairs if pair.told_apart}
     runs: list[tuple[int, int]] = []
     first = 0
     for last in range(len(names)):
@@ -230,10 +229,7 @@ def _grouped(ranked: Ranking) -> Ranking:
             runs[-1] = first, last
         else:
             runs.append((first, last))
-    groups = [[number for number, (a, b) in enumerate(runs, 1) if a <= place <= b] for place in range(len(names))]
-    return structs.replace(
-        ranked, places=[structs.replace(one, groups=of) for one, of in zip(ranked.places, groups, strict=True)]
-    )
+    return [[number for number, (a, b) in enumerate(runs, 1) if a <= place <= b] for place in range(len(names))]
 
 
 def suspects(table: ResultTable, margin: float) -> list[Suspect]:
@@ -252,15 +248,12 @@ def suspects(table: ResultTable, margin: float) -> list[Suspect]:
     spread = 1.4826 * np.maximum(np.nanmedian(sizes), np.maximum(of_method, of_scene)) / taken
     least = np.maximum(SUSPECT_DEVIATIONS * spread, SUSPECT_MARGINS * margin)
     rounding = 1e-9 * np.nanmax(np.abs(values))
-    found = [
-        Suspect(
-            table.methods[i], table.scenes[j], table.seeds[k], float(values[i, j, k]), float(fit[i, j]),
-            # without any other spread the count is arbitrary
-            float(residuals[i, j, k] / max(spread[i, j, 0], rounding)),
-        )
-        for i, j, k in np.argwhere(sizes > np.maximum(least, rounding))
-    ]  # fmt: skip
-    return sorted(found, key=lambda one: -abs(one.value - one.expected))
+    far = []
+    for i, j, k in np.argwhere(sizes > np.maximum(least, rounding)):
+        deviation = residuals[i, j, k] / max(spread[i, j, 0], rounding)  # arbitrary without any other spread
+        where = table.methods[i], table.scenes[j], table.seeds[k]
+        far.append(Suspect(*where, float(values[i, j, k]), float(fit[i, j]), float(deviation)))
+    return sorted(far, key=lambda suspect: -abs(suspect.value - suspect.expected))
 
 
 def polished(cells: np.ndarray) -> np.ndarray:
@@ -277,17 +270,18 @@ def polished(cells: np.ndarray) -> np.ndarray:
 def _median(values: np.ndarray, axis: int) -> np.ndarray:
     """Return `nanmedian`, but NaN without a warning if nothing is there."""
     there = np.isfinite(values).any(axis=axis, keepdims=True)
-    found = np.nanmedian(np.where(there, values, 0.0), axis=axis, keepdims=True)
-    return np.asarray(np.where(there, found, np.nan).squeeze(axis))
+    medians = np.nanmedian(np.where(there, values, 0.0), axis=axis, keepdims=True)
+    return np.asarray(np.where(there, medians, np.nan).squeeze(axis))
 
 
-def without(table: ResultTable, found: list[Suspect]) -> ResultTable | None:
+def without(table: ResultTable, suspicious: list[Suspect]) -> ResultTable | None:
     """Return `table` without these results; None if there is none, or if a method would have no result left."""
-    if not found:
+    if not suspicious:
         return None
     values = table.values.copy()
-    for one in found:
-        values[table.methods.index(one.method), table.scenes.index(one.scene), table.seeds.index(one.seed)] = np.nan
+    for suspect in suspicious:
+        row, column = table.methods.index(suspect.method), table.scenes.index(suspect.scene)
+        values[row, column, table.seeds.index(suspect.seed)] = np.nan
     kept = np.isfinite(values).any(axis=(0, 2))
     if not np.isfinite(values).any(axis=(1, 2)).all():
         return None

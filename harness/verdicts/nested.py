@@ -54,10 +54,10 @@ def on_these_scenes(values: np.ndarray) -> Estimated:
 def on_each_scene(values: np.ndarray) -> Estimated:
     """Estimate the mean over seeds of every scene [..., scenes], its variance moderated by those of the others."""
     means, variances, counts = _by_scene(values)
-    found, freedom = moderated(variances, np.maximum(counts - 1.0, 0.0))
+    posterior, freedom = moderated(variances, np.maximum(counts - 1.0, 0.0))
     with np.errstate(invalid="ignore", divide="ignore"):
-        error = np.where(freedom > 0, np.sqrt(found / counts), np.nan)
-    return _estimated(means, error, freedom, np.sqrt(found))
+        error = np.where(freedom > 0, np.sqrt(posterior / counts), np.nan)
+    return _estimated(means, error, freedom, np.sqrt(posterior))
 
 
 def scenes_like_these(values: np.ndarray) -> Estimated:
@@ -82,11 +82,11 @@ def moderated(variances: np.ndarray, freedom: np.ndarray) -> tuple[np.ndarray, n
     `freedom` [..., scenes] is 0 where a scene has no variance of its own. With fewer than two scenes that have a
     variance there is nothing to learn from.
     """
-    location, prior = (one[..., None] for one in _prior(variances, freedom))
+    location, prior = (part[..., None] for part in _prior(variances, freedom))
     with np.errstate(invalid="ignore", divide="ignore"):
         mixed = (prior * location + freedom * variances) / (prior + freedom)
-    found = np.where(np.isinf(prior), location, np.where(prior > 0, mixed, variances))
-    return found, np.minimum(prior + freedom, freedom.sum(axis=-1, keepdims=True))
+    posterior = np.where(np.isinf(prior), location, np.where(prior > 0, mixed, variances))
+    return posterior, np.minimum(prior + freedom, freedom.sum(axis=-1, keepdims=True))
 
 
 def _prior(variances: np.ndarray, freedom: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,20 +114,20 @@ def _prior(variances: np.ndarray, freedom: np.ndarray) -> tuple[np.ndarray, np.n
 def _median(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     ordered = np.sort(np.where(known, values, np.inf), axis=-1)
     middle = np.maximum(known.sum(axis=-1, keepdims=True) - 1, 0) // 2
-    found = np.take_along_axis(ordered, middle, axis=-1)[..., 0]
-    return np.asarray(np.where(np.isfinite(found), found, 0.0))
+    medians = np.take_along_axis(ordered, middle, axis=-1)[..., 0]
+    return np.asarray(np.where(np.isfinite(medians), medians, 0.0))
 
 
 def _inverse_trigamma(values: np.ndarray) -> np.ndarray:
     """Invert by Newton's method on 1/trigamma, which is convex: Smyth 2004, appendix."""
-    found = np.asarray(0.5 + 1.0 / values)
+    inverse = np.asarray(0.5 + 1.0 / values)
     for _ in range(50):
-        trigamma = polygamma(1, found)
-        step = trigamma * (1.0 - trigamma / values) / polygamma(2, found)
-        found = np.asarray(found + step)
-        if not (np.abs(step) > 1e-9 * found).any():
+        trigamma = polygamma(1, inverse)
+        step = trigamma * (1.0 - trigamma / values) / polygamma(2, inverse)
+        inverse = np.asarray(inverse + step)
+        if not (np.abs(step) > 1e-9 * inverse).any():
             break
-    return found
+    return inverse
 
 
 def _by_scene(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

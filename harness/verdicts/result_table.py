@@ -6,8 +6,7 @@ An ambiguous table is refused with a one-line message.
 import csv
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from itertools import chain
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,35 +27,72 @@ FORMS = (
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of one file, a list of equal length for each column."""
+    """The rows of one file or several, a list of equal length for each column."""
 
-    source: Path
     columns: dict[str, list[Any]]
-    first: int = 1
-    """The number of the first row: line 2 of a file with a head."""
-    lower: frozenset[str] = field(default_factory=frozenset)
-    """The metrics that the file itself declares to be better when lower."""
+    stretches: list[tuple[Path, int, int]]
+    """For each file its path, how many rows it has, and the number of the first: line 2 of a file with a head."""
+    lower: frozenset[str] = frozenset()
+    """The metrics that a file itself declares to be better when lower."""
 
     def __len__(self) -> int:
-        return len(next(iter(self.columns.values()), []))
+        return sum(many for _, many, _ in self.stretches)
 
     def where(self, row: int) -> str:
-        return f"{self.source}, {'line' if self.first > 1 else 'row'} {row + self.first}"
+        for path, many, first in self.stretches:
+            if row < many:
+                return f"{path}, {'line' if first > 1 else 'row'} {row + first}"
+            row -= many
+        raise IndexError(row)
 
 
-def read_rows(path: Path) -> list[Rows]:
-    """Read the rows of a file, or of all JSON files below a folder; raises `InputError` if there is no table."""
+def read_rows(paths: Iterable[Path]) -> Rows:
+    """Read the rows of files, and of all JSON files below folders; raises `InputError` if one is no table."""
+    parts = [_from_file(file) for path in paths for file in _files(path)]
+    for part in parts:
+        source = part.stretches[0][0]
+        lacking = [name for name in ("scene", "method") if name not in part.columns]
+        if lacking:
+            known = ", ".join(part.columns) or "none"
+            raise InputError(f"{source}: has no column {' and no column '.join(lacking)} (columns: {known})")
+        if not len(part):
+            raise InputError(f"{source}: has a head and no rows")
+    names = dict.fromkeys(name for part in parts for name in part.columns)
+    columns = {
+        name: [value for part in parts for value in part.columns.get(name) or [None] * len(part)] for name in names
+    }
+    return Rows(columns, [part.stretches[0] for part in parts], frozenset().union(*(part.lower for part in parts)))
+
+
+def _files(path: Path) -> list[Path]:
     if path.is_dir():
         files = sorted(path.rglob("*.json"))
         if not files:
             raise InputError(f"{path}: holds no .json file; give a table, or a folder of nerfbaselines' result files")
-        return [_from_json(file) for file in files]
+        return files
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a table as CSV, Parquet or JSON")
     if (size := path.stat().st_size) > LARGEST_FILE:
         raise InputError(f"{path}: has {size} bytes, more than the {LARGEST_FILE} that are read; leave columns out")
+    return [path]
+
+
+def _from_file(path: Path) -> Rows:
     readers: dict[str, Callable[[Path], Rows]] = {".json": _from_json, ".parquet": _from_parquet}
-    return [readers.get(path.suffix.lower(), _from_csv)(path)]
+    return readers.get(path.suffix.lower(), _from_csv)(path)
+
+
+def _rows(
+    path: Path, names: Iterable[Any], columns: list[list[Any]], first: int = 1, lower: frozenset[str] = frozenset()
+) -> Rows:
+    """Return rows with column names in lower case, by one name each; raises `InputError` if two are the same."""
+    known = [str(name).strip().lower() for name in names]
+    known = [SYNONYMS.get(name, name) if SYNONYMS.get(name) not in known else name for name in known]
+    twice = next((name for name in known if known.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{path}: two columns are called {twice!r}; rename one")
+    many = len(columns[0]) if columns else 0
+    return Rows(dict(zip(known, columns, strict=True)), [(path, many, first)], lower)
 
 
 def _from_csv(path: Path) -> Rows:
@@ -75,9 +111,7 @@ def _from_csv(path: Path) -> Rows:
         rows.pop()
     if not all(rows):
         raise InputError(f"{path}, line {rows.index([]) + 2}: is empty; delete it")
-    named = _named(path, names)
-    columns = [list(values) for values in zip(*rows, strict=True)] or [[] for _ in named]
-    return Rows(path, dict(zip(named, columns, strict=True)), 2)
+    return _rows(path, names, [list(values) for values in zip(*rows, strict=True)] or [[] for _ in names], 2)
 
 
 def _from_parquet(path: Path) -> Rows:
@@ -92,17 +126,7 @@ def _from_parquet(path: Path) -> Rows:
         table = parquet.read_table(path)
     except (ArrowException, OSError) as error:
         raise InputError(f"{path}: is no Parquet file ({str(error).splitlines()[0]})") from error
-    return Rows(path, dict(zip(_named(path, table.column_names), map(list, table.to_pydict().values()), strict=True)))
-
-
-def _named(path: Path, names: Iterable[Any]) -> list[str]:
-    """Return column names in lower case, by one name each; raises `InputError` if two are the same."""
-    known = [str(name).strip().lower() for name in names]
-    known = [SYNONYMS.get(name, name) if SYNONYMS.get(name) not in known else name for name in known]
-    twice = next((name for name in known if known.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(f"{path}: two columns are called {twice!r}; rename one")
-    return known
+    return _rows(path, table.column_names, [list(values) for values in table.to_pydict().values()])
 
 
 def _from_json(path: Path) -> Rows:
@@ -111,17 +135,15 @@ def _from_json(path: Path) -> Rows:
     except (OSError, ValueError) as error:
         why = f"is no JSON ({error})" if isinstance(error, msgspec.DecodeError) else str(error)
         raise InputError(f"{path}: {why}; where there is no result, write null") from error
-    lower: frozenset[str] = frozenset()
-    if isinstance(data, dict) and "metrics" in data and isinstance(data["metrics"], list):
-        lower = frozenset(
-            str(one.get("id")) for one in data["metrics"] if isinstance(one, dict) and one.get("ascending") is False
-        )
+    metrics = data.get("metrics") if isinstance(data, dict) else None
+    declared = [each for each in metrics if isinstance(each, dict)] if isinstance(metrics, list) else []
+    lower = frozenset(str(each.get("id")) for each in declared if each.get("ascending") is False)
     rows = _json_rows(data, path)
     if not rows or not all(isinstance(row, dict) for row in rows):
         raise InputError(f"{path}: holds no rows; {FORMS}")
     names = list(dict.fromkeys(name for row in rows for name, value in row.items() if _is_plain(value)))
     columns = [[row.get(name) if _is_plain(row.get(name)) else None for row in rows] for name in names]
-    return Rows(path, dict(zip(_named(path, names), columns, strict=True)), lower=lower)
+    return _rows(path, names, columns, lower=lower)
 
 
 def _is_plain(value: Any) -> bool:
@@ -131,8 +153,8 @@ def _is_plain(value: Any) -> bool:
 def _json_rows(data: Any, path: Path) -> list[Any]:
     """Return the rows of each known form; none of any other."""
     if isinstance(data, list):
-        nested = data and all(isinstance(one, dict) and isinstance(one.get("scenes"), dict) for one in data)
-        return [row for one in data for row in _of_method(one)] if nested else data
+        nested = data and all(isinstance(each, dict) and isinstance(each.get("scenes"), dict) for each in data)
+        return [row for each in data for row in _of_method(each)] if nested else data
     if not isinstance(data, dict):
         return []
     if isinstance(data.get("metrics"), dict):
@@ -141,14 +163,14 @@ def _json_rows(data: Any, path: Path) -> list[Any]:
         return _of_method(data)
     for name in ("methods", "cells"):
         # our own summary lists the names of its methods beside its cells
-        if isinstance(data.get(name), list) and all(isinstance(one, dict) for one in data[name]):
+        if isinstance(data.get(name), list) and all(isinstance(each, dict) for each in data[name]):
             return _json_rows(data[name], path)
     return []
 
 
-def _of_method(one: dict[str, Any]) -> list[dict[str, Any]]:
-    name = one.get("id", one.get("method", one.get("name")))
-    scenes = one["scenes"].items()
+def _of_method(row: dict[str, Any]) -> list[dict[str, Any]]:
+    name = row.get("id", row.get("method", row.get("name")))
+    scenes = row["scenes"].items()
     return [{**scores, "scene": scene, "method": name} for scene, scores in scenes if isinstance(scores, dict)]
 
 
@@ -201,63 +223,60 @@ def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence
     """Read a table; `metric` is psnr, else the first one, if it is not given. Raises `InputError` if it cannot be
     judged.
     """
-    parts = [rows for path in paths for rows in read_rows(path)]
-    for rows in parts:
-        lacking = [name for name in ("scene", "method") if name not in rows.columns]
-        if lacking:
-            known = ", ".join(rows.columns) or "none"
-            raise InputError(f"{rows.source}: has no column {' and no column '.join(lacking)} (columns: {known})")
-        if not len(rows):
-            raise InputError(f"{rows.source}: has a head and no rows")
-    metrics = _metrics(parts)
-    chosen = _chosen(metrics, metric, parts)
-    names = {key: _names(parts, key) for key in ("method", "scene", "seed")}
-    codes, known = zip(*(_coded(names[key]) for key in ("method", "scene", "seed")), strict=True)
-    shape = tuple(len(one) for one in known)
-    _check_shape(parts, shape)
+    rows = read_rows(paths)
+    source = rows.stretches[0][0]
+    metrics = [name for name in rows.columns if name not in KEYS and _holds_numbers(rows.columns[name])]
+    chosen = _chosen(rows, metrics, metric)
+    codes, known = zip(*(_coded(rows, key) for key in ("method", "scene", "seed")), strict=True)
+    shape = tuple(map(len, known))
+    if shape[0] > MOST_METHODS:
+        raise InputError(f"{source}: {shape[0]} methods are more than the {MOST_METHODS} that are compared in pairs")
+    if math.prod(shape) > MOST_CELLS:
+        size = " × ".join(map(str, shape))
+        raise InputError(
+            f"{source}: {size} methods, scenes and seeds are more than {MOST_CELLS} cells; average views before"
+        )
     flat = np.asarray(np.ravel_multi_index(codes, shape))
-    _refuse_duplicates(flat, parts, seeded="seed" in parts[0].columns)
-    numbers = {name: _numbers(parts, name) for name in (chosen, "seconds", "steps")}
+    _refuse_duplicates(flat, rows)
+    scores, seconds, steps = (_numbers(rows, name) for name in (chosen, "seconds", "steps"))
     values = np.full(shape, np.nan)
-    values.ravel()[flat] = numbers[chosen]
+    values.ravel()[flat] = scores
     there = np.isfinite(values)
-    methods, scenes = there.any(axis=(1, 2)), there.any(axis=(0, 2))
-    _check_size(parts, int(methods.sum()), int(scenes.sum()))
-    notes = [f"{name}: no result at all, left out." for name, has in zip(known[0], methods, strict=True) if not has]
+    has_method, has_scene = there.any(axis=(1, 2)), there.any(axis=(0, 2))
+    methods, scenes = np.flatnonzero(has_method), np.flatnonzero(has_scene)
+    if len(methods) < 2:
+        many = f"{len(methods)} method{'s' * (len(methods) != 1)}"
+        raise InputError(f"{source}: has {many} with results; a comparison needs two")
+    if len(scenes) < 2:
+        raise InputError(
+            f"{source}: has {len(scenes)} scene with results; how much scenes differ is not known below two"
+        )
+    notes = [f"{name}: no result at all, left out." for name, has in zip(known[0], has_method, strict=True) if not has]
     if others := [name for name in metrics if name != chosen]:
         notes.append(f"Other metrics in the table, not judged here (--metric): {', '.join(others)}.")
-    higher, note = _direction(chosen, {one.lower() for one in lower}.union(*(rows.lower for rows in parts)))
-    per_method = [
-        [_mean(numbers[name][codes[0] == place]) for place in np.flatnonzero(methods)] for name in ("seconds", "steps")
-    ]
+    higher, note = _direction(chosen, {name.lower() for name in lower} | rows.lower)
     return ResultTable(
         source=", ".join(map(str, paths)),
         metric=chosen,
         higher_is_better=higher,
-        methods=[known[0][place] for place in np.flatnonzero(methods)],
-        scenes=[known[1][place] for place in np.flatnonzero(scenes)],
+        methods=[known[0][place] for place in methods],
+        scenes=[known[1][place] for place in scenes],
         seeds=known[2],
-        values=values[methods][:, scenes],
-        seconds=per_method[0],
-        steps=per_method[1],
+        values=values[has_method][:, has_scene],
+        seconds=[_mean(seconds[codes[0] == place]) for place in methods],
+        steps=[_mean(steps[codes[0] == place]) for place in methods],
         notes=notes + note,
     )
 
 
-def _metrics(parts: list[Rows]) -> list[str]:
-    """Return columns whose first entry is a number, in their order."""
-    found = []
-    for name in dict.fromkeys(chain.from_iterable(rows.columns for rows in parts)):
-        if name not in KEYS:
-            values = (value for rows in parts for value in rows.columns.get(name, ()) if value not in (None, ""))
-            first = next(values, None)
-            if first is not None and _number(first) is not None:
-                found.append(name)
-    return found
+def _holds_numbers(values: list[Any]) -> bool:
+    """Return whether the first entry that is not empty is a number."""
+    first = next((value for value in values if value not in (None, "")), None)
+    return first is not None and _number(first) is not None
 
 
-def _chosen(metrics: list[str], asked: str | None, parts: list[Rows]) -> str:
-    every = set(chain.from_iterable(rows.columns for rows in parts)) - set(KEYS)
+def _chosen(rows: Rows, metrics: list[str], asked: str | None) -> str:
+    every = rows.columns.keys() - set(KEYS)
     if asked is not None and asked.lower() not in every:
         raise InputError(f"--metric {asked}: no such column; metrics of the table: {', '.join(metrics) or 'none'}")
     if asked is not None:
@@ -265,7 +284,8 @@ def _chosen(metrics: list[str], asked: str | None, parts: list[Rows]) -> str:
     if PRIMARY in every:
         return PRIMARY
     if not metrics:
-        raise InputError(f"{parts[0].source}: has no column of numbers beside {', '.join(KEYS)}: nothing to judge")
+        source = rows.stretches[0][0]
+        raise InputError(f"{source}: has no column of numbers beside {', '.join(KEYS)}: nothing to judge")
     return metrics[0]
 
 
@@ -279,50 +299,30 @@ def _direction(metric: str, lower: set[str]) -> tuple[bool, list[str]]:
     return True, [f"{metric} is taken to be better when higher; give --lower {metric} where it is not."]
 
 
-def _names(parts: list[Rows], key: str) -> list[str]:
-    names: list[str] = []
-    for rows in parts:
-        column = rows.columns.get(key)
-        if column is None:
-            names += [""] * len(rows)
-            continue
-        found = [value if isinstance(value, str) else "" if value is None else str(value) for value in column]
-        if key != "seed" and (empty := next((i for i, name in enumerate(found) if not name.strip()), None)) is not None:
-            raise InputError(f"{rows.where(empty)}: has no {key}")
-        names += found
-    return names
-
-
-def _coded(names: list[str]) -> tuple[np.ndarray, list[str]]:
-    """Return each name's place among the distinct ones, in the order of their first appearance."""
+def _coded(rows: Rows, key: str) -> tuple[np.ndarray, list[str]]:
+    """Return for each row the place of its name among the distinct ones, in the order of their first appearance."""
+    column = rows.columns.get(key) or [None] * len(rows)
     places: dict[str, int] = {}
-    codes = np.fromiter((places.setdefault(name, len(places)) for name in names), np.int64, len(names))
-    return codes, list(places)
+    codes = []
+    for row, value in enumerate(column):
+        name = "" if value is None else str(value)
+        if key != "seed" and not name.strip():
+            raise InputError(f"{rows.where(row)}: has no {key}")
+        codes.append(places.setdefault(name, len(places)))
+    return np.array(codes, dtype=np.int64), list(places)
 
 
-def _numbers(parts: list[Rows], name: str) -> np.ndarray:
+def _numbers(rows: Rows, name: str) -> np.ndarray:
     """Return a column as numbers, NaN where it is empty; raises `InputError` at the first entry that is none."""
-    return np.concatenate([_column(rows, name) for rows in parts])
-
-
-def _column(rows: Rows, name: str) -> np.ndarray:
-    values = rows.columns.get(name)
-    if values is None:
-        return np.full(len(rows), np.nan)
-    empty = np.fromiter((value is None or value == "" for value in values), bool, len(values))
-    try:
-        found = np.array(["0" if none else value for value, none in zip(values, empty, strict=True)], dtype=np.float64)
-        wrong = ~(np.abs(found) <= LARGEST)
-        wrong |= np.fromiter((isinstance(value, bool) for value in values), bool, len(values))
-    except (ValueError, TypeError, OverflowError):
-        wrong = np.array([not none and _number(value) is None for value, none in zip(values, empty, strict=True)])
-    if wrong.any():
-        first = int(np.argmax(wrong))
+    column = rows.columns.get(name) or [None] * len(rows)
+    numbers = [math.nan if value is None or value == "" else _number(value) for value in column]
+    if None in numbers:
+        first = numbers.index(None)
         raise InputError(
-            f"{rows.where(first)}: {name} is {values[first]!r}, no finite number within ±{LARGEST:g}; leave the field "
+            f"{rows.where(first)}: {name} is {column[first]!r}, no finite number within ±{LARGEST:g}; leave the field "
             "empty where there is no result"
         )
-    return np.where(empty, np.nan, found)
+    return np.array(numbers, dtype=np.float64)
 
 
 def _number(value: Any) -> float | None:
@@ -330,10 +330,10 @@ def _number(value: Any) -> float | None:
     if isinstance(value, bool):
         return None
     try:
-        found = float(value)
+        number = float(value)
     except (TypeError, ValueError, OverflowError):
         return None
-    return found if abs(found) <= LARGEST else None
+    return number if abs(number) <= LARGEST else None
 
 
 def _mean(values: np.ndarray) -> float | None:
@@ -341,39 +341,13 @@ def _mean(values: np.ndarray) -> float | None:
     return float(there.mean()) if there.size else None
 
 
-def _refuse_duplicates(flat: np.ndarray, parts: list[Rows], seeded: bool) -> None:
+def _refuse_duplicates(flat: np.ndarray, rows: Rows) -> None:
     order = np.argsort(flat, kind="stable")
     same = np.flatnonzero(np.diff(flat[order]) == 0)
     if same.size:
         second = int(order[same + 1].min())
         first = int(np.argmax(flat == flat[second]))
+        seeded = "seed" in rows.columns
         what = "scene, method and seed" if seeded else "scene and method"
         remedy = "delete one" if seeded else "give repetitions a column seed, or delete one"
-        raise InputError(f"{_where(parts, second)}: repeats {what} of {_where(parts, first)}; {remedy}")
-
-
-def _where(parts: list[Rows], row: int) -> str:
-    for rows in parts:
-        if row < len(rows):
-            return rows.where(row)
-        row -= len(rows)
-    raise IndexError(row)
-
-
-def _check_shape(parts: list[Rows], shape: tuple[int, ...]) -> None:
-    source = parts[0].source
-    if shape[0] > MOST_METHODS:
-        raise InputError(f"{source}: {shape[0]} methods are more than the {MOST_METHODS} that are compared in pairs")
-    if math.prod(shape) > MOST_CELLS:
-        raise InputError(
-            f"{source}: {' × '.join(map(str, shape))} methods, scenes and seeds are more than {MOST_CELLS} cells; "
-            "average views before"
-        )
-
-
-def _check_size(parts: list[Rows], methods: int, scenes: int) -> None:
-    source = parts[0].source
-    if methods < 2:
-        raise InputError(f"{source}: has {methods} method{'s' * (methods != 1)} with results; a comparison needs two")
-    if scenes < 2:
-        raise InputError(f"{source}: has {scenes} scene with results; how much scenes differ is not known below two")
+        raise InputError(f"{rows.where(second)}: repeats {what} of {rows.where(first)}; {remedy}")

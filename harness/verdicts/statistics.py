@@ -13,16 +13,13 @@ Pixels or views are never the units.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gammainc, stdtrit  # scipy.stats takes a second longer to import
 
-from harness.records.cells import Estimate
+from harness.records.cells import Estimate, Verdict
 from harness.verdicts import nested
-
-Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 
 CONFIDENCE = 0.95
 LEAST_FREEDOM = 1.0
@@ -108,16 +105,16 @@ def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
     there = [values for values in table.values() if np.isfinite(values).any()]
     if not there:
         raise ValueError("no scene has a difference")
-    found = np.full((len(there), max(map(len, there))), np.nan)
-    for row, values in zip(found, there, strict=True):
+    rows = np.full((len(there), max(map(len, there))), np.nan)
+    for row, values in zip(rows, there, strict=True):
         row[: len(values)] = values
-    return found
+    return rows
 
 
-def _difference(found: nested.Estimated, units: int, family: int, place: int | None = None) -> PairedDifference:
+def _difference(estimates: nested.Estimated, units: int, family: int, place: int | None = None) -> PairedDifference:
     """Return the difference of one table: `place` is the scene where each has an estimate of its own."""
-    parts = (found.mean, found.error, found.freedom, found.spread)
-    mean, error, freedom, spread = (float(one if place is None else one[place]) for one in parts)
+    parts = (estimates.mean, estimates.error, estimates.freedom, estimates.spread)
+    mean, error, freedom, spread = (float(part if place is None else part[place]) for part in parts)
     if np.isnan(error) or freedom < LEAST_FREEDOM:
         return PairedDifference(mean, None, None, units, family=family)
     freedom = rounded_down(freedom)
@@ -135,11 +132,11 @@ def rounded_down(freedom: float) -> float:
     return max(float(np.floor(10 * min(freedom, MOST_FREEDOM) + 1e-6)) / 10, min(freedom, LEAST_FREEDOM))
 
 
-def half_widths(found: nested.Estimated) -> np.ndarray:
+def half_widths(estimates: nested.Estimated) -> np.ndarray:
     """Return half the widths of the 95 % intervals of many estimates, as they are printed for one."""
-    values, places = np.unique(found.freedom, return_inverse=True)
-    factors = np.array([critical(rounded_down(float(one))) if one > 0 else np.nan for one in values])
-    return np.asarray(factors[places.reshape(found.freedom.shape)] * found.error)
+    values, places = np.unique(estimates.freedom, return_inverse=True)
+    factors = np.array([critical(rounded_down(float(value))) if value > 0 else np.nan for value in values])
+    return np.asarray(factors[places.reshape(estimates.freedom.shape)] * estimates.error)
 
 
 def critical(freedom: float, family: int = 1) -> float:
@@ -189,10 +186,11 @@ def _shift_found(threshold: float, freedom: float, of_interest: float) -> float:
     high = threshold + of_interest + 2.0
     while share_found(high, threshold, freedom, of_interest) < POWER:
         high *= 2.0
-    found = brentq(
-        lambda shift: share_found(shift, threshold, freedom, of_interest) - POWER, 0.0, high, xtol=1e-9 * high
-    )
-    return float(found)
+
+    def excess(shift: float) -> float:
+        return share_found(shift, threshold, freedom, of_interest) - POWER
+
+    return float(brentq(excess, 0.0, high, xtol=1e-9 * high))
 
 
 def share_found(shift: float, threshold: float, freedom: float, of_interest: float = 0.0) -> float:

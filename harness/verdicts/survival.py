@@ -14,14 +14,14 @@ from itertools import pairwise, product
 from typing import Literal
 
 import numpy as np
+from msgspec.structs import replace
 
-from harness.records.cells import CellRecord, Estimate
+from harness.records.cells import CellRecord, Estimate, Verdict
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
-from harness.verdicts.comparisons import FEWEST_SEEDS, NO_ESTIMATE, Key, duels, family_of, scenes_of
+from harness.verdicts.comparisons import FEWEST_SEEDS, NO_ESTIMATE, Key, duels, family_of, fields_of, scenes_of
 from harness.verdicts.statistics import (
     CONFIDENCE,
     PairedDifference,
-    Verdict,
     estimate,
     on_one_scene,
     on_these_scenes,
@@ -52,7 +52,7 @@ def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
     reaches = [reach(cell, axis, target) for axis in AXES for cell in runs]
     curves = []
     for axis, method, scene in product(AXES, methods, ["all", *scenes]):
-        own = [one for one in reaches if (one.axis, one.method) == (axis, method) and scene in ("all", one.scene)]
+        own = [each for each in reaches if (each.axis, each.method) == (axis, method) and scene in ("all", each.scene)]
         curves += [ReachCurve(method, scene, axis, *kaplan_meier(own))] if own else []
     comparisons = [
         compared(runs, method, against, axis, target, scene)
@@ -69,17 +69,14 @@ def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, 
 
     The target is None if fewer than half of them finished with a score.
     """
-    best = sorted(
-        (
-            max((psnr for _, psnr in scored(cell, "steps")), default=-math.inf) if cell.status == "done" else -math.inf
-            for cell in runs
-        ),
-        reverse=True,
-    )
+    best = [
+        max((psnr for _, psnr in scored(cell, "steps") if cell.status == "done"), default=-math.inf) for cell in runs
+    ]
+    best.sort(reverse=True)
     median = best[math.ceil(len(best) / 2) - 1] if best else -math.inf
     if not math.isfinite(median):
         return None, f"No target: fewer than half of {baseline}'s runs have a score."
-    at_paper = sum(one >= PRINTED_TARGET for one in best)
+    at_paper = sum(psnr >= PRINTED_TARGET for psnr in best)
     if median >= PRINTED_TARGET:
         return PRINTED_TARGET, (
             f"{PRINTED_TARGET:g} dB as in the paper's Table 3: {at_paper} of {len(best)} runs of {baseline} reach it."
@@ -87,7 +84,7 @@ def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, 
     target = math.floor(median)
     return float(target), (
         f"{target} dB, the largest whole number that at least half of {baseline}'s runs reach "
-        f"({sum(one >= target for one in best)} of {len(best)}; {at_paper} reach the paper's {PRINTED_TARGET:g} dB); "
+        f"({sum(psnr >= target for psnr in best)} of {len(best)}; {at_paper} reach the paper's {PRINTED_TARGET:g} dB); "
         f"chosen from {baseline}'s runs alone."
     )
 
@@ -127,10 +124,10 @@ def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[i
     until then: to take them out as if they had only been watched for a shorter time would count them as no worse than
     the others. Runs that failed for other reasons were watched until they did.
     """
-    end = max(one.time for one in reaches)
-    lost = [one.known == "never" and one.why in (LOST["diverged"], LOST["done"]) for one in reaches]
-    watched = np.array([end if gone else one.time for one, gone in zip(reaches, lost, strict=True)])
-    event = np.array([one.known != "never" for one in reaches])
+    end = max(each.time for each in reaches)
+    lost = [each.known == "never" and each.why in (LOST["diverged"], LOST["done"]) for each in reaches]
+    watched = np.array([end if gone else each.time for each, gone in zip(reaches, lost, strict=True)])
+    event = np.array([each.known != "never" for each in reaches])
     times = np.unique(np.append(watched[event], end))
     left, share, at_risk = 1.0, [], []
     for time in times:
@@ -170,16 +167,6 @@ class Paired:
         ours, theirs = (sum(pair[side].known == known for pair in self.pairs.values()) for side in (0, 1))
         return ours, theirs
 
-    @property
-    def bounded(self) -> bool:
-        """Whether a time is a bound alone, so that it is unknown how far a pair is apart."""
-        return any(one.known != "reached" for pair in self.pairs.values() for one in pair)
-
-    @property
-    def silent(self) -> bool:
-        """Whether both times of every pair are bounds on the same side, so that it is unknown which was sooner."""
-        return all(ours.known == theirs.known != "reached" for ours, theirs in self.pairs.values())
-
     def sooner(self, family: int) -> Verdict:
         """Return which was known to be there first in more pairs than chance explains (sign test, exact and
         two-sided).
@@ -204,63 +191,63 @@ def compared(
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
     shared = [name for name in scenes_of(list(runs.values()), method, against) if name != "all"]
     chosen = sorted({name for name, _, _ in runs}) if scene == "all" else [scene]
-    found = _paired(runs, chosen, method, against, axis, target)
+    paired = _paired(runs, chosen, method, against, axis, target)
     family = family_of("psnr", scene, len(shared))
     here = elsewhere = apart = saving = None
-    if not found.silent:
-        saving = _per_cent(on_these_scenes(found.ratios).mean)
-        if scene == "all" and len(found.horizons) > 1:
-            here = _estimate(found, on_these_scenes(found.ratios, family))
-            elsewhere = _estimate(found, scenes_like_these(found.ratios, family))
-            apart = scenes_like_these(found.apart)
+    # where both times of every pair are bounds on the same side, it is unknown which was sooner
+    if not all(ours.known == theirs.known != "reached" for ours, theirs in paired.pairs.values()):
+        saving = _per_cent(on_these_scenes(paired.ratios).mean)
+        if scene == "all" and len(paired.horizons) > 1:
+            here = _estimate(paired, on_these_scenes(paired.ratios, family))
+            elsewhere = _estimate(paired, scenes_like_these(paired.ratios, family))
+            apart = scenes_like_these(paired.apart)
         else:
-            (only,) = found.horizons
+            (only,) = paired.horizons
             beside = _paired(runs, shared, method, against, axis, target)
-            settled = len(found.seeds) >= FEWEST_SEEDS
-            here = _estimate(found, on_one_scene(beside.ratios, only, family), settled)
+            here = _estimate(paired, on_one_scene(beside.ratios, only, family), len(paired.seeds) >= FEWEST_SEEDS)
             apart = on_one_scene(beside.apart, only)
-    one = elsewhere or here or NO_ESTIMATE
-    never, earlier = found.count("never"), found.count("earlier")
-    low, high = one.interval or (None, None)
+    estimated = elsewhere or here or NO_ESTIMATE
+    never, earlier = paired.count("never"), paired.count("earlier")
+    low, high = estimated.interval or (None, None)
     return TargetComparison(
         scene=scene,
         method=method,
         against=against,
         axis=axis,
-        horizon=min(found.horizons.values(), default=0.0),
+        horizon=min(paired.horizons.values(), default=0.0),
         saving=saving,
-        interval=one.interval,
-        simultaneous=one.simultaneous,
         family=family,
-        verdict=one.verdict,
-        smallest_detectable=one.smallest_detectable,
         difference=apart.mean if apart else None,
         difference_interval=_with_width(apart.interval if apart else None),
-        pairs=len(found.pairs),
+        pairs=len(paired.pairs),
         never=never,
         earlier=earlier,
-        unpaired=len(chosen) * len(found.seeds) - len(found.pairs),
+        unpaired=len(chosen) * len(paired.seeds) - len(paired.pairs),
         # what was cut short of `against`, or came before the first look at `method`, can only have been saved besides
         at_least=None if never[0] or earlier[1] else low,
         at_most=None if never[1] or earlier[0] else high,
         on_these_scenes=here,
         scenes_like_these=elsewhere,
+        **fields_of(estimated),
     )
 
 
-def _estimate(found: Paired, result: PairedDifference, settled: bool = True) -> Estimate:
+def _estimate(paired: Paired, result: PairedDifference, settled: bool = True) -> Estimate:
     """Return the estimate in per cent of time saved, without a verdict unless `settled`."""
-    one = estimate(result, -math.log1p(-SMALLEST_SAVING / 100), higher_is_better=False)
-    called = one.verdict
-    if found.bounded and not _with_width(result.interval):  # times that are bounds alone agree by construction
-        called = found.sooner(result.family)
+    of_logs = estimate(result, -math.log1p(-SMALLEST_SAVING / 100), higher_is_better=False)
+    verdict = of_logs.verdict
+    bounds = any(each.known != "reached" for pair in paired.pairs.values() for each in pair)
+    if bounds and not _with_width(result.interval):  # times that are bounds alone agree by construction
+        verdict = paired.sooner(result.family)
+    if not settled or (verdict == "equivalent" and bounds):
+        verdict = "inconclusive"
     return Estimate(
         _in_per_cent(_with_width(result.interval)),
         _in_per_cent(_with_width(result.simultaneous)),
         result.family,
-        "inconclusive" if not settled or (called == "equivalent" and found.bounded) else called,
-        None if one.smallest_detectable is None else _per_cent(-one.smallest_detectable),
-        None if one.effect is None else -one.effect,
+        verdict,
+        None if of_logs.smallest_detectable is None else _per_cent(-of_logs.smallest_detectable),
+        None if of_logs.effect is None else -of_logs.effect,
     )
 
 
@@ -272,9 +259,9 @@ def _with_width(interval: tuple[float, float] | None) -> tuple[float, float] | N
 def _paired(
     runs: dict[Key, CellRecord], scenes: list[str], method: str, against: str, axis: Axis, target: float
 ) -> Paired:
-    found = Paired({}, {}, sorted({seed for _, _, seed in runs}))
+    paired = Paired({}, {}, sorted({seed for _, _, seed in runs}))
     for scene in scenes:
-        sides = {seed: (runs.get((scene, method, seed)), runs.get((scene, against, seed))) for seed in found.seeds}
+        sides = {seed: (runs.get((scene, method, seed)), runs.get((scene, against, seed))) for seed in paired.seeds}
         finished = [cell for pair in sides.values() for cell in pair if cell is not None and cell.status == "done"]
         horizon = min((points[-1][0] for cell in finished if (points := scored(cell, axis))), default=None)
         if horizon is None:
@@ -282,23 +269,22 @@ def _paired(
         for seed, (ours, theirs) in sides.items():
             if ours is not None and theirs is not None and "error" not in (ours.status, theirs.status):
                 first, second = reach(ours, axis, target), reach(theirs, axis, target)
-                found.pairs[scene, seed] = _cut(first, horizon), _cut(second, horizon)
-                found.horizons[scene] = horizon
-    return found
+                paired.pairs[scene, seed] = _cut(first, horizon), _cut(second, horizon)
+                paired.horizons[scene] = horizon
+    return paired
 
 
 def scored(cell: CellRecord, axis: Axis) -> list[tuple[float, float]]:
     """Return (steps or seconds, PSNR) of the checkpoints that have one, in the order of training."""
-    times = [float(point.step if axis == "steps" else point.seconds) for point in cell.curve]
-    scores = [point.psnr for point in cell.curve]
-    return sorted((time, psnr) for time, psnr in zip(times, scores, strict=True) if psnr is not None and time > 0)
+    points = [(float(point.step if axis == "steps" else point.seconds), point.psnr) for point in cell.curve]
+    return sorted((time, psnr) for time, psnr in points if psnr is not None and time > 0)
 
 
-def _cut(one: Reach, horizon: float) -> Reach:
+def _cut(full: Reach, horizon: float) -> Reach:
     """Return what is known of a time that is watched until `horizon`."""
-    if one.known != "never" and one.time <= horizon:
-        return one
-    return Reach(one.scene, one.method, one.seed, one.axis, horizon, "never", one.why)
+    if full.known != "never" and full.time <= horizon:
+        return full
+    return replace(full, time=horizon, known="never")
 
 
 def _per_cent(log_ratio: float) -> float:

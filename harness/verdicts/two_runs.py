@@ -69,37 +69,34 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
     cells = [{(cell.scene, cell.method, cell.seed): cell for cell in read_cells(out)} for out in outs]
     _refuse_other_plans(runs, cells, outs)
     pairs = [(cells[0][key], cells[1][key]) for key in sorted(cells[0])]
-    scored = [(one, other) for one, other in pairs if None not in (one.scores.get("psnr"), other.scores.get("psnr"))]
-    rows = [compare(list(found.values()), list(runs[0].methods)) for found in cells]
-    again = list(zip(*rows, strict=True))
-    groups: dict[str, dict[str, list[tuple[CellRecord, CellRecord]]]] = {"method": {}, "scene": {}}
-    for pair in scored:
-        for kind, group in groups.items():
-            group.setdefault(getattr(pair[0], kind), []).append(pair)
+    scored = [pair for pair in pairs if all(cell.scores.get("psnr") is not None for cell in pair)]
+    before, after = (compare(list(side.values()), list(runs[0].methods)) for side in cells)
+    rows = list(zip(before, after, strict=True))
     origins = {}
     for name in PLACE:
-        ours, theirs = (
-            sorted({str(cell.provenance.get(name, "not recorded")) for cell in found.values()}) for found in cells
-        )
+        ours, theirs = ({str(cell.provenance.get(name, "not recorded")) for cell in side.values()} for side in cells)
         if ours != theirs:
-            origins[name] = (ours, theirs)
+            origins[name] = (sorted(ours), sorted(theirs))
+
+    def apart_by(kind: str) -> list[Apart]:
+        names = dict.fromkeys(getattr(cell, kind) for cell, _ in scored)
+        return [_apart(name, [pair for pair in scored if getattr(pair[0], kind) == name]) for name in names]
+
     return TwoRuns(
         origins=origins,
-        identical=sum(one.scores == other.scores for one, other in pairs),
-        lost=[
-            f"{_named(one)}: {one.status}, then {other.status}" for one, other in pairs if (one, other) not in scored
-        ],
-        by_method=[_apart(name, some) for name, some in groups["method"].items()],
-        by_scene=[_apart(name, some) for name, some in groups["scene"].items()],
+        identical=sum(ours.scores == theirs.scores for ours, theirs in pairs),
+        lost=[f"{_named(pair[0])}: {pair[0].status}, then {pair[1].status}" for pair in pairs if pair not in scored],
+        by_method=apart_by("method"),
+        by_scene=apart_by("scene"),
         all=_apart("all", scored) if scored else None,
-        changed=[_changed(again, sense) for sense in ("on_these_scenes", "scenes_like_these")],
+        changed=[_changed(rows, sense) for sense in ("on_these_scenes", "scenes_like_these")],
         headline=[
-            f"{one.method} − {one.against}: {one.difference:+.2f} dB ({one.verdict}) → "
-            f"{other.difference:+.2f} dB ({other.verdict})"
-            for one, other in again
-            if (one.scene, one.metric, one.budget) == ("all", "psnr", "steps")
-            and one.difference is not None
-            and other.difference is not None
+            f"{ours.method} − {ours.against}: {ours.difference:+.2f} dB ({ours.verdict}) → "
+            f"{theirs.difference:+.2f} dB ({theirs.verdict})"
+            for ours, theirs in rows
+            if (ours.scene, ours.metric, ours.budget) == ("all", "psnr", "steps")
+            and ours.difference is not None
+            and theirs.difference is not None
         ],
     )
 
@@ -108,14 +105,14 @@ def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]
     where = f"{outs[0]} and {outs[1]} are not outputs of the same plan"
     remedy = "run the second with the command of the first"
     for place, name in enumerate(("scenes", "methods", "seeds")):
-        sides = [sorted({str(key[place]) for key in found}) for found in cells]
+        sides = [sorted({str(key[place]) for key in side}) for side in cells]
         if sides[0] != sides[1]:
             raise InputError(f"{where}: {name} {', '.join(sides[0])} against {', '.join(sides[1])}; {remedy}")
     if alone := sorted(cells[0].keys() ^ cells[1].keys()):
         raise InputError(f"{where}: {' '.join(map(str, alone[0]))} is in one alone; finish both with --resume")
     settings = [dict(_flat(run.settings)) for run in runs]
     for name in sorted(settings[0].keys() | settings[1].keys()):
-        values = [found.get(name) for found in settings]
+        values = [side.get(name) for side in settings]
         if values[0] != values[1] and not any(word in name for word in OF_THE_MACHINE):
             raise InputError(f"{where}: {name} is {values[0]} against {values[1]}; {remedy}")
 
@@ -133,7 +130,8 @@ def _named(cell: CellRecord) -> str:
 
 
 def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
-    differences = np.array([(other.scores["psnr"] or 0.0) - (one.scores["psnr"] or 0.0) for one, other in pairs])
+    before, after = (np.array([pair[side].scores["psnr"] for pair in pairs], dtype=np.float64) for side in (0, 1))
+    differences = after - before
     worst = int(np.abs(differences).argmax())
     return Apart(
         where,
@@ -145,36 +143,35 @@ def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
     )
 
 
-def _changed(again: list[tuple[Comparison, Comparison]], sense: str) -> Changed:
+def _changed(rows: list[tuple[Comparison, Comparison]], sense: str) -> Changed:
     """Compare the verdicts of rows in one of the two senses, if both have it."""
-    judged = [(row, getattr(row, sense), getattr(other, sense)) for row, other in again]
-    verdicts = [
-        (row, one.verdict, other.verdict) for row, one, other in judged if one is not None and other is not None
-    ]
-    changed = [(row, before, after) for row, before, after in verdicts if before != after]
-    signs = sum({before, after} == {"better", "worse"} for _, before, after in changed)
-    rows = [
-        f"{row.method} − {row.against}, {row.metric} at equal {row.budget}, {row.scene}: {before} → {after}"
-        for row, before, after in changed
-    ]
-    return Changed(sense, len(verdicts), len(changed), signs, rows)
+    compared, signs, lines = 0, 0, []
+    for row, again in rows:
+        before, after = getattr(row, sense), getattr(again, sense)
+        if before is not None and after is not None:
+            compared += 1
+            if before.verdict != after.verdict:
+                signs += {before.verdict, after.verdict} == {"better", "worse"}
+                where = f"{row.method} − {row.against}, {row.metric} at equal {row.budget}, {row.scene}"
+                lines.append(f"{where}: {before.verdict} → {after.verdict}")
+    return Changed(sense, compared, len(lines), signs, lines)
 
 
-def as_json(found: TwoRuns) -> dict[str, Any]:
-    return {"schema": 1, **asdict(found)}
+def as_json(runs: TwoRuns) -> dict[str, Any]:
+    return {"schema": 1, **asdict(runs)}
 
 
-def lines_of(found: TwoRuns) -> list[str]:
+def lines_of(runs: TwoRuns) -> list[str]:
     """Return the lines of a table for the terminal."""
-    lines = [f"{name}: {', '.join(one)} | {', '.join(other)}" for name, (one, other) in found.origins.items()]
-    total = found.all.cells if found.all else 0
-    lines += [f"{found.identical} of {total + len(found.lost)} cells are the same to the last bit", *found.lost, ""]
+    lines = [f"{name}: {', '.join(ours)} | {', '.join(theirs)}" for name, (ours, theirs) in runs.origins.items()]
+    total = runs.all.cells if runs.all else 0
+    lines += [f"{runs.identical} of {total + len(runs.lost)} cells are the same to the last bit", *runs.lost, ""]
     lines += [f"{'test PSNR':<24}{'cells':>6}{'RMS dB':>9}{'mean dB':>9}{'largest':>9}"]
-    for one in [*found.by_method, *found.by_scene, *([found.all] if found.all else [])]:
-        figures = f"{one.rms:>9.3f}{one.mean:>+9.3f}{one.largest:>+9.3f}"
-        lines.append(f"{one.where:<24}{one.cells:>6}{figures}  {one.largest_of}")
-    for change in found.changed:
+    for apart in [*runs.by_method, *runs.by_scene, *([runs.all] if runs.all else [])]:
+        figures = f"{apart.rms:>9.3f}{apart.mean:>+9.3f}{apart.largest:>+9.3f}"
+        lines.append(f"{apart.where:<24}{apart.cells:>6}{figures}  {apart.largest_of}")
+    for change in runs.changed:
         words = change.sense.replace("_", " ")
         lines += ["", f"verdicts {'on ' if words[0] == 's' else ''}{words}: {change.verdicts} of {change.compared} "
                   f"changed, {change.signs} in sign", *(f"  {row}" for row in change.rows)]  # fmt: skip
-    return [*lines, "", "over all scenes, PSNR at equal steps:", *(f"  {row}" for row in found.headline)]
+    return [*lines, "", "over all scenes, PSNR at equal steps:", *(f"  {row}" for row in runs.headline)]
