@@ -152,7 +152,8 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
     def prepare() -> Measure:
         from harness.machine.device import chosen_device
         from harness.playback.run_loader import FinishedRun
-        from harness.studies.serving.serving_run import ServingRequest, run
+        from harness.studies.serving.serving_context import ServingRequest
+        from harness.studies.serving.serving_run import run
         from scenes.files.errors import InputError
 
         finished = FinishedRun.of(options.out)
@@ -162,7 +163,7 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
             raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
         asked = ServingRequest(
             finished,
-            [scene.name for scene in scenes],
+            scenes,
             methods,
             options.seed,
             options.width,

@@ -2,7 +2,6 @@
 by attention.
 """
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -10,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import torch
 
+from baselines.contract import Rendering
 from baselines.numerics.attention.priorities import checked, is_equal, region_order
 from baselines.numerics.attention.regions import Regions
 from harness.training.batches import Camera
@@ -17,11 +17,9 @@ from harness.training.evaluate import View, pixel_order
 from harness.training.learner import Learner
 
 Order = Literal["attention", "raster", "spread"]
-ORDERS: dict[str, str] = {
-    "attention": "regions by priority, the most attended first (Eq. 7)",
-    "raster": "regions row by row from the top left",
-    "spread": "pixels of all regions at once in a fixed random order, in as many parts as there are regions",
-}
+"""Regions by priority, the most attended first (Eq. 7); row by row from the top left; or pixels of all regions at once
+in a fixed random order, in as many parts as there are regions.
+"""
 RAYS_A_CALL = 1024
 """The least rays per chunk for small regions: the overhead made chunks of 100 rays six times as slow as 2048 on one
 thread of a processor (reduced profile, 100 × 100 pixels), and those of 1024 rays 1.3 times.
@@ -55,11 +53,9 @@ class Canvas:
 
     def __init__(self, height: int, width: int, start: View | None = None) -> None:
         shape = (height, width)
-        self.view = View(
-            colour=np.ones((*shape, 3), np.float32) if start is None else start.colour.copy(),
-            opacity=np.zeros(shape, np.float32) if start is None else start.opacity.copy(),
-            depth=np.zeros(shape, np.float32) if start is None else start.depth.copy(),
-        )
+        if start is None:
+            start = View(np.ones((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.float32))
+        self.view = View(start.colour.copy(), start.opacity.copy(), start.depth.copy())
         """The pixels so far; changes with `put`."""
 
     def put(self, done: Done) -> None:
@@ -89,31 +85,21 @@ def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int 
     sees chunks like those of its training; its picture is another one all the same, as with any other chunk.
     `bins` per ray replaces the learner's. Raises `ValueError` for a stride below 1.
     """
-    pixels = coarse_pixels(camera, stride).reshape(-1)
-    mixed = pixel_order(len(pixels))
-    rays = camera.rays(learner.device).chosen(torch.as_tensor(pixels)[mixed].to(learner.device))
-    render = learner.render(rays, chunk, bins)
-    index = np.empty(len(pixels), np.int64)
-    index[mixed.numpy()] = np.arange(len(pixels))
-    parts = (_array(values)[index] for values in (render.colour, render.opacity, render.depth))
-    return CoarseFrame(over_squares(camera, stride, *parts), len(pixels), render.network_evaluations)
-
-
-def over_squares(camera: Camera, stride: int, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray) -> View:
-    """Spread the renders of `coarse_pixels`, in their order, each over its square."""
-    row, column = np.arange(camera.height) // stride, np.arange(camera.width) // stride
-    of_pixel = row[:, None] * math.ceil(camera.width / stride) + column[None, :]
-    return View(colour[of_pixel], opacity[of_pixel], depth[of_pixel])
-
-
-def coarse_pixels(camera: Camera, stride: int) -> np.ndarray:
-    """Return flat indices [rows, columns] of the middle pixels of the squares."""
     if stride < 1:
         raise ValueError(f"stride {stride}: must be at least 1")
     rows, columns = (
         np.minimum(np.arange(0, size, stride) + (stride - 1) // 2, size - 1) for size in (camera.height, camera.width)
     )
-    return rows[:, None] * camera.width + columns[None, :]
+    pixels = (rows[:, None] * camera.width + columns).reshape(-1)
+    mixed = pixel_order(len(pixels))
+    rays = camera.rays(learner.device).chosen(torch.as_tensor(pixels)[mixed].to(learner.device))
+    render = learner.render(rays, chunk, bins)
+    index = np.empty(len(pixels), np.int64)
+    index[mixed.numpy()] = np.arange(len(pixels))
+    row, column = np.arange(camera.height) // stride, np.arange(camera.width) // stride
+    of_pixel = index[row[:, None] * len(columns) + column]
+    view = View(*(values[of_pixel] for values in _arrays(render)))
+    return CoarseFrame(view, len(pixels), render.network_evaluations)
 
 
 class ErrorEstimate(NamedTuple):
@@ -144,7 +130,7 @@ def refine(
     order: Order = "attention",
     rays_a_call: int = RAYS_A_CALL,
 ) -> Iterator[Done]:
-    """Yield every pixel of the view once, in `order` (`ORDERS`; only the first uses `attention`: the others are its
+    """Yield every pixel of the view once, in `order` (only the first uses `attention`: the others are its
     reference, and stay what they are under equal attention).
 
     There is one `Done` per region, several of them after each chunk if regions are small. Two cases are plain
@@ -154,9 +140,10 @@ def refine(
 
     Raises `BadAttention` before anything is rendered, and `Diverged`.
     """
-    if order not in ORDERS:
-        raise ValueError(f"unknown order {order!r}; known: {' '.join(ORDERS)}")
-    _require_regions(camera, regions)
+    if (regions.height, regions.width) != (camera.height, camera.width):
+        raise ValueError(
+            f"regions of {regions.height} × {regions.width} pixels, the view has {camera.height} × {camera.width}"
+        )
     attended = checked(attention, regions.count)
     if why_plain(learner) or (order == "attention" and is_equal(attended)):
         return _plain(learner, camera, chunk)
@@ -178,10 +165,7 @@ def render_allocated(
     plain rendering with so many, to the bit. A method that is not pointwise is rendered plainly with the mean number,
     rounded down.
     """
-    _require_regions(camera, regions)
     bins = np.asarray(bins_by_region)
-    if bins.shape != (regions.count,) or bins.min() < 1:
-        raise ValueError(f"bins {list(bins.shape)}: must be at least one in each of {regions.count} regions")
     mean = int((bins * regions.rays).sum() // regions.rays.sum())
     if why_plain(learner) or bins.min() == bins.max():
         return filled(camera, _plain(learner, camera, chunk, mean))
@@ -220,7 +204,7 @@ def _by_parts(
     for together in _chunks(parts, at_least):
         pixels = np.concatenate(together)
         render = learner.render(rays.chosen(torch.as_tensor(pixels).to(learner.device)), chunk, bins)
-        colour, opacity, depth = _array(render.colour), _array(render.opacity), _array(render.depth)
+        colour, opacity, depth = _arrays(render)
         evaluations, start = render.network_evaluations, 0
         for some in together:
             stop = start + len(some)
@@ -252,47 +236,7 @@ def _by_bins(
         done += rays
 
 
-def _array(values: torch.Tensor) -> np.ndarray:
-    return values.cpu().numpy()
-
-
-def _require_regions(camera: Camera, regions: Regions) -> None:
-    if (regions.height, regions.width) != (camera.height, camera.width):
-        raise ValueError(
-            f"regions of {regions.height} × {regions.width} pixels, the view has {camera.height} × {camera.width}"
-        )
-
-
-class RegionCost(NamedTuple):
-    """The estimated network evaluations for all rays of each region, int [count], at least 1; the evaluations spent on
-    the estimate; and the coarse frame that they are the pixels of.
-    """
-
-    by_region: np.ndarray
-    network_evaluations: int
-    view: View
-
-
-def evaluations_by_region(
-    learner: Learner, camera: Camera, regions: Regions, stride: int, chunk: int, bins: int
-) -> RegionCost:
-    """Estimate by the coarse pixels of each region, a chunk for each: slow on a small machine, cheap in evaluations.
-
-    A region without a coarse pixel is assumed to cost as much per ray as the mean.
-    """
-    rays = camera.rays(learner.device)
-    pixels = coarse_pixels(camera, stride).reshape(-1)
-    region_of = regions.of_pixel.reshape(-1)[pixels]
-    counts = np.bincount(region_of, minlength=regions.count)
-    evaluations = np.zeros(regions.count)
-    colour = np.empty((len(pixels), 3), np.float32)
-    opacity, depth = np.empty(len(pixels), np.float32), np.empty(len(pixels), np.float32)
-    for region in np.flatnonzero(counts).tolist():
-        here = np.flatnonzero(region_of == region)
-        seen = learner.render(rays.chosen(torch.as_tensor(pixels[here]).to(learner.device)), chunk, bins)
-        evaluations[region] = seen.network_evaluations
-        for whole, part in ((colour, seen.colour), (opacity, seen.opacity), (depth, seen.depth)):
-            whole[here] = _array(part)
-    a_ray = np.where(counts > 0, evaluations / np.maximum(counts, 1), evaluations.sum() / len(pixels))
-    estimate = np.maximum(1, np.round(a_ray * regions.rays)).astype(np.int64)
-    return RegionCost(estimate, int(evaluations.sum()), over_squares(camera, stride, colour, opacity, depth))
+def _arrays(render: Rendering) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return colour, opacity and depth."""
+    colour, opacity, depth = (values.cpu().numpy() for values in (render.colour, render.opacity, render.depth))
+    return colour, opacity, depth

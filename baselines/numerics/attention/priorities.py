@@ -87,9 +87,6 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
     regions have as many rays, else what is left over is less than the largest region has rays. Equal attention gives
     `bins` everywhere. `bins` is a mean and need not be whole (equal attention rounds it down).
     Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
-
-    `rays` may be any integer cost ≥ 1 of one more bin in each region: with `cost.evaluations_by_region` the total that
-    is fixed is that of the network's evaluations, where empty space costs none.
     """
     found = checked(attention)
     counts = np.asarray(rays)

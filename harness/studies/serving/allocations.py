@@ -1,12 +1,12 @@
-"""Samples distributed evenly, and by attention at as many samples or network evaluations: errors, seconds."""
+"""Samples distributed by attention against as many distributed evenly: errors, network evaluations, seconds."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from baselines.numerics.attention.priorities import allocated_bins, in_steps, is_equal
-from harness.playback.progressive import evaluations_by_region, render_allocated
+from harness.playback.progressive import render_allocated
 from harness.records.study import Table
 from harness.studies.framework import Found
 from harness.studies.serving.anytime import attended_pixels
@@ -21,177 +21,126 @@ from harness.studies.serving.attention_views import (
 )
 from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext, factor, rmse, study
 
-WAYS = {
-    "even": "the same for each ray",
-    "samples": "by attention, as many samples",
-    "evaluations": "by attention, as many evaluations",
+WAY = "by attention, as many samples"
+COMPARED = {
+    "whole": "error in the whole picture",
+    "attended": "error in the attended quarter",
+    "truth": "error against the ground truth",
+    "evaluations": "network evaluations",
+    "seconds": "seconds",
 }
-"""How samples are shared out; those by attention with what it cost to find out."""
-WHERE = ("whole", "attended")
-Choice = tuple[str, str | None]
-"""The way, and the map."""
+"""What of a picture is compared with the even one's, by its name in `Allocation.figures`, in words."""
+COLUMNS = {
+    "bins": "samples a ray",
+    "evaluations": "evaluations",
+    "own": "to find out",
+    "seconds": "seconds",
+    "whole": "whole, against the integral",
+    "attended": "attended, against the integral",
+    "truth": "whole, against the truth",
+    "attended_truth": "attended, against the truth",
+}
 
 
-@dataclass(frozen=True)
-class AllocatedRender:
-    """One picture with its samples distributed in one way."""
+class AllocatedRender(NamedTuple):
+    """One picture with its samples distributed evenly, or by a map of attention."""
 
     colour: np.ndarray
     bins: float
     evaluations: int
     own: int
-    """The evaluations spent on the distribution itself."""
+    """The evaluations spent on the map itself."""
     seconds: float
 
 
-@dataclass(frozen=True)
-class Sampled:
-    """All measurements of one view."""
-
-    of: AttendedView
-    reference: np.ndarray
-    pictures: dict[Choice, AllocatedRender]
-    seconds: dict[Choice, list[float]]
-
-
-@dataclass(frozen=True)
-class Allocation:
-    """A picture with its samples shared out in one way."""
+class Allocation(NamedTuple):
+    """A picture of a scene, evenly sampled or by attention, measured where the map `kind` attends."""
 
     scene: str
     kind: str
-    way: str
-    picture: AllocatedRender
-    seconds: float
-    """The median of the repeats, with finding out."""
-    errors: dict[str, float]
-    """Where → root mean square error of display colour against the same field, finely integrated."""
-    truths: dict[str, float]
-    """Where → that against the ground truth; empty where its views are not there any more."""
-
-    @property
-    def row(self) -> list[str | float | None]:
-        one = self.picture
-        figures = (one.bins, one.evaluations, one.own, self.seconds)
-        against = (errors.get(where) for errors in (self.errors, self.truths) for where in WHERE)
-        return [self.scene, self.kind, WAYS[self.way], *map(float, figures), *against]
-
-
-COMPARED: dict[str, tuple[str, Callable[[Allocation], float]]] = {
-    "whole": ("error in the whole picture", lambda one: one.errors["whole"]),
-    "attended": ("error in the attended quarter", lambda one: one.errors["attended"]),
-    "truth": ("error against the ground truth", lambda one: one.truths.get("whole", 0.0)),
-    "evaluations": ("network evaluations", lambda one: one.picture.evaluations),
-    "seconds": ("seconds", lambda one: one.seconds),
-}
-"""Id → what of a picture is compared with the even one's, in words, and where it stands."""
+    is_even: bool
+    figures: dict[str, float]
+    """Name → cost, the median of the repeats for seconds, or root mean square error of display colour against the same
+    field, finely integrated, and against the ground truth, if its views are still there."""
 
 
 @study
 def samples(context: ServingContext) -> Iterator[Found]:
     """Yield errors and costs of samples by attention against those of the even picture with as many a ray."""
-    some = [one for one in attended_views(context) if not one.number]
     rows: list[Allocation] = []
-    for one in some:
-        if context.is_over(f"samples by attention on {one.scene}"):
+    for attended in attended_views(context):
+        if attended.number:
+            continue
+        if context.is_over(f"samples by attention on {attended.scene}"):
             break
-        rows += allocations(sampled(one, context.sizes.reference_bins, context.sizes.shared))
+        rows += allocations(attended, context.sizes.reference_bins, context.sizes.shared)
     if not rows:
         yield NOTHING
         return
-    yield from compared(rows)
+    even = {(row.scene, row.kind): row.figures for row in rows if row.is_even}
+    pairs = [(row.figures, even[row.scene, row.kind]) for row in rows if not row.is_even]
+    checks = [
+        factor(f"samples.samples.{name}", f"{what}, {WAY}", ratios)
+        for name, what in COMPARED.items()
+        if (ratios := [a[name] / b[name] for a, b in pairs if a.get(name, 0.0) > 0.0 and b[name] > 0.0])
+    ]
+    share = np.mean([figures["own"] / figures["evaluations"] for figures, _ in pairs])
+    words = ", ".join(f"{check.what.removesuffix(f', {WAY}')} {check.value:.2f} ×" for check in checks)
+    yield f"{WAY.capitalize()} ({100 * share:.0f} % to find out), against the same for each ray: {words}."
+    yield from checks
+    table = [
+        [row.scene, row.kind, "even" if row.is_even else WAY, *(row.figures.get(name) for name in COLUMNS)]
+        for row in rows
+    ]
+    columns = ["scene", "attention", "samples", *COLUMNS.values()]
+    yield Table("samples", 0, "Every picture with its samples shared out", columns, table)
 
 
-def compared(rows: Sequence[Allocation]) -> Iterator[Found]:
-    """Yield everything that follows from the pictures."""
-    even = {(one.scene, one.kind): one for one in rows if one.way == "even"}
-    for way in ("evaluations", "samples"):
-        pairs = [(one, even[one.scene, one.kind]) for one in rows if one.way == way]
-        checks = [
-            factor(f"samples.{way}.{id}", f"{what}, {WAYS[way]}", ratios)
-            for id, (what, figure) in COMPARED.items()
-            if (ratios := [a / b for one, other in pairs if (a := figure(one)) > 0 and (b := figure(other)) > 0])
-        ]
-        share = np.mean([one.picture.own / one.picture.evaluations for one, _ in pairs])
-        words = ", ".join(f"{one.what.removesuffix(f', {WAYS[way]}')} {one.value:.2f} ×" for one in checks)
-        yield f"{WAYS[way].capitalize()} ({100 * share:.0f} % to find out), against the same for each ray: {words}."
-        yield from checks
-    columns = ["scene", "attention", "samples", "a ray", "evaluations", "to find out", "seconds"]
-    columns += [f"{where}, against {what}" for what in ("the integral", "the truth") for where in WHERE]
-    yield Table("samples", 0, "Every picture with its samples shared out", columns, [one.row for one in rows])
-
-
-def shared_out(view: Looked, way: str, kind: str | None, bins: int, budget: int, least: int) -> tuple[np.ndarray, int]:
-    """Return the samples per ray of each region, and the network evaluations that finding them took.
-
-    `even`: `bins` everywhere. `samples`: as many in all, by the map `kind`. `evaluations`: so that all evaluations,
-    including those of the map, come to about `budget`; the cost of a sample is estimated from the coarse frame's rays,
-    region by region, and that frame is the map's.
-    """
-    if way == "even" or kind is None:
-        return np.full(view.regions.count, bins), 0
-    view = replace(view, bins=bins)
-    if way == "samples":
-        attention, spent = attention_of(kind, view)
-        return in_steps(allocated_bins(attention, view.regions.rays, bins, least), view.regions.rays), spent
-    cost = evaluations_by_region(view.cell.learner, view.camera, view.regions, view.stride, view.cell.chunk, bins)
-    attention, spent = attention_of(kind, view, cost.view)
-    spent += cost.network_evaluations
-    affordable = bins * (budget - spent) / int(cost.by_region.sum())
-    number = allocated_bins(attention, cost.by_region, max(float(least), affordable), least)
-    return in_steps(number, cost.by_region), spent
-
-
-def rendered(
-    view: Looked, way: str, kind: str | None, bins: int, budget: int = 0, clock: Clock = CLOCK
-) -> AllocatedRender:
-    """Distribute and render on one clock; the picture is an array in memory by then. A chunk has no more samples than a
-    plain one.
+def rendered(view: Looked, kind: str | None, bins: int, clock: Clock = CLOCK) -> AllocatedRender:
+    """Distribute `bins` samples per ray, evenly or by the map `kind`, and render, on one clock; the picture is an array
+    in memory by then. A chunk has no more samples than a plain one.
     """
     chunk = max(1, view.cell.chunk * view.bins // max(bins, view.bins))
-    began = clock()
-    number, spent = shared_out(view, way, kind, bins, budget, least_bins(bins))
+    began, own, rays = clock(), 0, view.regions.rays
+    number = np.full(view.regions.count, bins)
+    if kind is not None:
+        attention, own = attention_of(kind, view)
+        number = in_steps(allocated_bins(attention, rays, bins, least_bins(bins)), rays)
     picture, evaluations = render_allocated(view.cell.learner, view.camera, view.regions, number, chunk)
     seconds = clock() - began
-    mean = float((number * view.regions.rays).sum() / view.regions.rays.sum())
-    return AllocatedRender(picture.colour, mean, evaluations + spent, spent, seconds)
+    return AllocatedRender(picture.colour, float((number * rays).sum() / rays.sum()), evaluations + own, own, seconds)
 
 
-def sampled(one: AttendedView, reference_bins: int, repeats: int, clock: Clock = CLOCK) -> Sampled:
-    """Measure the run's own number of samples in every way, by every map that attends unequally, and evenly. Each
-    is rendered once off the clock, which allocates and chooses kernels, and then in turn with all
-    others, as often as requested, in changing order.
+def allocations(seen: AttendedView, reference_bins: int, repeats: int, clock: Clock = CLOCK) -> list[Allocation]:
+    """Measure the run's own number of samples, evenly and by every map that attends unequally. Each picture is rendered
+    once off the clock, which allocates and chooses kernels, and then in turn with all others, as often as requested, in
+    changing order.
     """
-    view, own = one.view, one.view.bins
-    kinds = [kind for kind, attention in one.maps.items() if not is_equal(attention)]
-    choices: list[Choice] = [("even", None), *((way, kind) for way in list(WAYS)[1:] for kind in kinds)]
-    budget = rendered(view, "even", None, own).evaluations
-    pictures = {choice: rendered(view, *choice, own, budget) for choice in choices}
-    seconds: dict[Choice, list[float]] = {choice: [] for choice in choices}
+    view = seen.view
+    kinds = [kind for kind in KINDS if not is_equal(seen.maps[kind])]
+    choices = [None, *kinds]
+    pictures = {kind: rendered(view, kind, view.bins) for kind in choices}
+    seconds: dict[str | None, list[float]] = {kind: [] for kind in choices}
     for repeat in range(repeats):
-        for choice in choices[:: 1 if repeat % 2 == 0 else -1]:
-            seconds[choice].append(rendered(view, *choice, own, budget, clock).seconds)
+        for kind in choices[:: 1 if repeat % 2 == 0 else -1]:
+            seconds[kind].append(rendered(view, kind, view.bins, clock).seconds)
     # so fine that the remaining error of the quadrature is small
-    reference = rendered(view, "even", None, reference_bins).colour
-    return Sampled(one, reference, pictures, seconds)
-
-
-def allocations(seen: Sampled) -> list[Allocation]:
-    """Return the pictures in every way, for each map that attends unequally."""
+    reference = rendered(view, None, reference_bins).colour
     rows = []
-    for kind in KINDS:
-        if is_equal(seen.of.maps[kind]):
-            continue
-        attended = attended_pixels(seen.of.view.regions, seen.of.maps[kind])
-        for choice, picture in seen.pictures.items():
-            if choice[1] in (None, kind):
-                truth = _errors(picture.colour, seen.of.truth, attended) if seen.of.truth is not None else {}
-                errors = _errors(picture.colour, seen.reference, attended)
-                seconds = float(np.median(seen.seconds[choice]))
-                rows.append(Allocation(seen.of.scene, kind, choice[0], picture, seconds, errors, truth))
+    for kind in kinds:
+        attended = attended_pixels(view.regions, seen.maps[kind])
+        for choice in (None, kind):
+            picture = pictures[choice]
+            figures = {"bins": picture.bins, "evaluations": float(picture.evaluations), "own": float(picture.own)}
+            figures["seconds"] = float(np.median(seconds[choice]))
+            figures["whole"], figures["attended"] = _errors(picture.colour, reference, attended)
+            if seen.truth is not None:
+                figures["truth"], figures["attended_truth"] = _errors(picture.colour, seen.truth, attended)
+            rows.append(Allocation(seen.scene, kind, choice is None, figures))
     return rows
 
 
-def _errors(colour: np.ndarray, wanted: np.ndarray, attended: np.ndarray) -> dict[str, float]:
+def _errors(colour: np.ndarray, wanted: np.ndarray, attended: np.ndarray) -> tuple[float, float]:
+    """Return the errors in the whole picture and in the attended pixels."""
     flat, right = colour.reshape(-1, 3), wanted.reshape(-1, 3)
-    return {"whole": rmse(flat, right), "attended": rmse(flat[attended], right[attended])}
+    return rmse(flat, right), rmse(flat[attended], right[attended])

@@ -3,8 +3,9 @@
 import math
 import statistics
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,28 +58,19 @@ Run = tuple[str, str | None]
 
 @dataclass(frozen=True)
 class Refined:
-    """One view refined once, with the time of each part."""
+    """One view refined in one order. All repeats give the same picture, their clocks differ."""
 
     first: View
-    seconds: list[float]
-    """Seconds since the view was requested: of the first frame, and of each part."""
     parts: list[Done]
-
-
-@dataclass(frozen=True)
-class Measured:
-    """One view in one order, refined several times: all give the same picture, their clocks differ."""
-
-    refined: Refined
     seconds: np.ndarray
-    """Seconds [repeats, points]."""
+    """Seconds [repeats, points] since the view was requested: of the first frame, and of each part."""
 
     def after(self, limit: float) -> View:
         """Return what is shown after so many seconds, by the median of the repeats; the first frame at least."""
         done = int((np.median(self.seconds, axis=0) <= limit).sum()) - 1
-        height, width = self.refined.first.opacity.shape
-        canvas = Canvas(height, width, self.refined.first)
-        for part in self.refined.parts[: max(done, 0)]:
+        height, width = self.first.opacity.shape
+        canvas = Canvas(height, width, self.first)
+        for part in self.parts[: max(done, 0)]:
             canvas.put(part)
         return canvas.view
 
@@ -89,11 +81,10 @@ class Seen:
 
     of: AttendedView
     finished: View
-    runs: dict[Run, Measured]
+    runs: dict[Run, Refined]
 
 
-@dataclass(frozen=True)
-class Curve:
+class Curve(NamedTuple):
     """Errors over time of one scene, map and order: means over the views, point by point."""
 
     seconds: np.ndarray
@@ -107,8 +98,7 @@ class Curve:
         return np.asarray(np.median(self.seconds, axis=0))
 
 
-@dataclass(frozen=True)
-class Reaching:
+class Reaching(NamedTuple):
     """When an error has fallen far enough and stays so: the median, the least and the most of the repeats."""
 
     seconds: float
@@ -148,24 +138,28 @@ def anytime(context: ServingContext) -> Iterator[Found]:
 def compared(cases: Sequence[Case]) -> Iterator[Found]:
     """Yield everything that follows from the curves."""
     wholes = [case.times("whole") for case in cases]
-    medians = {order: found[0] for order in ORDERS if (found := _medians(wholes, order))}
-    words = ", ".join(f"{ORDERS[order]} {brief(seconds)}" for order, seconds in medians.items())
-    won = sum(first_of(one) == "attention" for one in wholes)
+    checks = []
+    for order, words in ORDERS.items():
+        milliseconds = [1e3 * at.seconds for times in wholes if (at := times[order]) is not None]
+        if len(milliseconds) == len(cases):
+            checks.append(
+                Check(
+                    f"until {100 * SHARE_OF_ERROR:.0f} % of the error is left, {words}",
+                    statistics.median(milliseconds),
+                    unit="ms",
+                    owner="machine",
+                    spread=(min(milliseconds), max(milliseconds)),
+                    repeats=len(cases),
+                    id=f"whole.{order}",
+                )
+            )
+    medians = ", ".join(f"{check.what.partition(', ')[2]} {brief(1e-3 * (check.value or 0.0))}" for check in checks)
+    won = sum(first_of(times) == "attention" for times in wholes)
     yield (
-        f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error is left in the whole picture: {words} "
+        f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error is left in the whole picture: {medians} "
         f"(medians); attention is first in {won} of {len(cases)} cases of scene and map."
     )
-    for order in ORDERS:
-        if middles := _medians(wholes, order):
-            yield Check(
-                f"until {100 * SHARE_OF_ERROR:.0f} % of the error is left, {ORDERS[order]}",
-                1e3 * middles[0],
-                unit="ms",
-                owner="machine",
-                spread=(1e3 * middles[1], 1e3 * middles[2]),
-                repeats=len(cases),
-                id=f"whole.{order}",
-            )
+    yield from checks
     yield from (_earlier_check(cases, measure) for measure in MEASURES)
     yield from _against_others(cases)
     yield from _lines(cases)
@@ -174,32 +168,32 @@ def compared(cases: Sequence[Case]) -> Iterator[Found]:
 
 def _seen(context: ServingContext) -> Iterator[Seen]:
     sizes = context.sizes
-    for one in attended_views(context):
-        name = f"{one.scene}, view {one.number + 1} of {sizes.views}"
+    for attended in attended_views(context):
+        view, name = attended.view, f"{attended.scene}, view {attended.number + 1} of {sizes.views}"
         if context.is_over(name):
             return
-        context.show.line(f"  {one.view.cell.learner.method} on {name}")
-        finished = plain(one.view.cell.learner, one.view.camera, one.view.cell.chunk)
-        runs = runs_of(one.maps)
-        for kind in KINDS:
-            if ("attention", kind) not in runs:
+        context.show.line(f"  {view.cell.learner.method} on {name}")
+        runs: list[Run] = []
+        for kind, attention in attended.maps.items():
+            if is_equal(attention):
                 context.leave_out(f"{name}, {kind}", "it attends to all alike, which is plain rendering")
-        yield Seen(one, finished, measured(one.view, runs, sizes.repeats))
+            else:
+                runs.append(("attention", kind))
+        runs += [(order, None) for order in ORDERS if order != "attention"]
+        finished = plain(view.cell.learner, view.camera, view.cell.chunk)
+        yield Seen(attended, finished, measure(view, runs, sizes.repeats))
 
 
-def runs_of(maps: dict[str, np.ndarray]) -> list[Run]:
-    """Return each order once; attention for every map that attends to something more than to something else."""
-    attended: list[Run] = [("attention", kind) for kind, attention in maps.items() if not is_equal(attention)]
-    return [*attended, *((order, None) for order in ORDERS if order != "attention")]
-
-
-def measured(view: Looked, runs: Sequence[Run], repeats: int, clock: Clock = CLOCK) -> dict[Run, Measured]:
+def measure(view: Looked, runs: Sequence[Run], repeats: int, clock: Clock = CLOCK) -> dict[Run, Refined]:
     """Measure all runs in turn, as often as requested, in changing order: a busy machine affects all alike."""
     again: dict[Run, list[Refined]] = {run: [] for run in runs}
     for repeat in range(repeats):
         for run in runs[:: 1 if repeat % 2 == 0 else -1]:
-            again[run].append(refined(view, run[0], run[1], clock))
-    return {run: Measured(found[0], np.array([one.seconds for one in found])) for run, found in again.items()}
+            again[run].append(refined(view, *run, clock))
+    return {
+        run: replace(repeated[0], seconds=np.concatenate([each.seconds for each in repeated]))
+        for run, repeated in again.items()
+    }
 
 
 def refined(view: Looked, order: str, kind: str | None, clock: Clock = CLOCK) -> Refined:
@@ -220,7 +214,7 @@ def refined(view: Looked, order: str, kind: str | None, clock: Clock = CLOCK) ->
     for done in refine(cell.learner, camera, regions, attention, cell.chunk, order):  # type: ignore[arg-type]
         seconds.append(clock() - began)
         parts.append(done)
-    return Refined(first, seconds, parts)
+    return Refined(first, parts, np.array([seconds]))
 
 
 def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
@@ -232,49 +226,42 @@ def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
     return attended
 
 
-def hardest_pixels(regions: Regions, first: View, finished: View) -> np.ndarray:
-    """Return bool [pixels]: those of the quarter of the regions in which the coarse frame is most wrong."""
-    squares = ((first.colour.astype(np.float64) - finished.colour) ** 2).mean(axis=-1)
-    return attended_pixels(regions, regions.mean(squares))
-
-
 def errors_along(run: Refined, finished: View, *where: np.ndarray) -> Iterator[list[float]]:
     """Yield the root mean square error everywhere and in each of `where`, of the first frame and after each part."""
     wanted = finished.colour.reshape(-1, 3).astype(np.float64)
     squares = ((run.first.colour.reshape(-1, 3) - wanted) ** 2).mean(axis=-1)
-    yield _roots(squares, where)
-    for part in run.parts:
-        squares[part.pixels] = ((part.colour - wanted[part.pixels]) ** 2).mean(axis=-1)
-        yield _roots(squares, where)
-
-
-def _roots(squares: np.ndarray, where: Sequence[np.ndarray]) -> list[float]:
-    roots = [float(np.sqrt(some.mean())) for some in (squares, *(squares[chosen] for chosen in where))]
-    if not np.isfinite(roots).all():
-        raise ValueError("an error of a picture that is being refined is not finite")
-    return roots
+    for part in (None, *run.parts):
+        if part is not None:
+            squares[part.pixels] = ((part.colour - wanted[part.pixels]) ** 2).mean(axis=-1)
+        roots = [float(np.sqrt(chosen.mean())) for chosen in (squares, *(squares[pixels] for pixels in where))]
+        if not np.isfinite(roots).all():
+            raise ValueError("an error of a picture that is being refined is not finite")
+        yield roots
 
 
 def cases_of(seen: Sequence[Seen]) -> list[Case]:
     """Return every scene with every map that attends to something more on some view."""
     cases = []
-    for scene in dict.fromkeys(one.of.scene for one in seen):
+    for scene in dict.fromkeys(view.of.scene for view in seen):
         for kind in KINDS:
-            some = [one for one in seen if one.of.scene == scene and ("attention", kind) in one.runs]
-            if some:
-                cases.append(Case(scene, kind, {order: curve(some, kind, order) for order in ORDERS}))
+            attended = [view for view in seen if view.of.scene == scene and ("attention", kind) in view.runs]
+            if attended:
+                cases.append(Case(scene, kind, {order: curve_of(attended, kind, order) for order in ORDERS}))
     return cases
 
 
-def curve(seen: Sequence[Seen], kind: str, order: str) -> Curve:
-    """Return means over the views, point by point."""
-    runs = [one.runs[order, kind if order == "attention" else None] for one in seen]
+def curve_of(seen: Sequence[Seen], kind: str, order: str) -> Curve:
+    """Return means over the views, point by point. The hardest regions are those in which the coarse frame is most
+    wrong.
+    """
+    runs = [view.runs[order, kind if order == "attention" else None] for view in seen]
     errors = []
-    for one, run in zip(seen, runs, strict=True):
-        regions = one.of.view.regions
-        hardest = hardest_pixels(regions, one.of.coarse, one.finished)
-        attended = attended_pixels(regions, one.of.maps[kind])
-        errors.append(list(errors_along(run.refined, one.finished, hardest, attended)))
+    for view, run in zip(seen, runs, strict=True):
+        regions = view.of.view.regions
+        wrong = ((view.of.coarse.colour.astype(np.float64) - view.finished.colour) ** 2).mean(axis=-1)
+        hardest = attended_pixels(regions, regions.mean(wrong))
+        attended = attended_pixels(regions, view.of.maps[kind])
+        errors.append(list(errors_along(run, view.finished, hardest, attended)))
     means = np.mean(errors, axis=0).T.tolist()
     return Curve(np.mean([run.seconds for run in runs], axis=0), dict(zip(MEASURES, means, strict=True)))
 
@@ -290,43 +277,37 @@ def reaching(curve: Curve, measure: str, limit: float) -> Reaching | None:
 
 
 def earlier(times: Times, order: str, other: str) -> bool:
-    """Whether `order` gets there, and `other` never, or later in every repeat than `order` in any."""
+    """Tell whether `order` gets there, and `other` never, or later in every repeat than `order` in any."""
     mine, theirs = times[order], times[other]
     return mine is not None and (theirs is None or mine.most < theirs.least)
 
 
 def first_of(times: Times) -> str | None:
     """Return the order that gets there before all others; None if the repeats leave it undecided."""
-    return next((one for one in times if all(earlier(times, one, other) for other in times if other != one)), None)
-
-
-def _medians(times: Sequence[Times], order: str) -> tuple[float, float, float] | tuple[()]:
-    """Return median, least and most over all cases; nothing if some case never got there."""
-    seconds = [at.seconds for one in times if (at := one[order]) is not None]
-    return (statistics.median(seconds), min(seconds), max(seconds)) if len(seconds) == len(times) else ()
+    return next((mine for mine in times if all(earlier(times, mine, other) for other in times if other != mine)), None)
 
 
 def _earlier_check(cases: Sequence[Case], measure: str) -> Check:
     """Return in how many cases attention is earlier than raster order. Of the attended quarter it is the paper's claim:
     it holds if it is so in every case of enough scenes, and fails if it is so in none.
     """
-    times = [case.times(measure) for case in cases]
-    scenes = list(dict.fromkeys(case.scene for case in cases))
-    ahead = [earlier(one, "attention", "raster") for one in times]
-    open_ = sum(map(_overlap, times))
-    behind = len(cases) - sum(ahead) - open_
+    times = [(case.scene, case.times(measure)) for case in cases]
+    scenes = {case.scene for case in cases}
+    behind_on = {scene for scene, at in times if not earlier(at, "attention", "raster")}
+    ahead = sum(earlier(at, "attention", "raster") for _, at in times)
+    behind = sum(earlier(at, "raster", "attention") for _, at in times)
+    undecided = len(cases) - ahead - behind
     status: Status = "measured"
-    words = f"of {len(cases)} cases, later in {behind}" + (f", undecided in {open_}" if open_ else "")
+    words = f"of {len(cases)} cases, later in {behind}" + (f", undecided in {undecided}" if undecided else "")
     if measure == "attended":
         status = "inconclusive"
-        if len(scenes) >= LEAST_SCENES and (all(ahead) or not (any(ahead) or open_)):
-            status = "pass" if all(ahead) else "fail"
-        won = sum(all(a for a, case in zip(ahead, cases, strict=True) if case.scene == scene) for scene in scenes)
-        words += f", earlier in all of them on {won} of {len(scenes)} scenes"
+        if len(scenes) >= LEAST_SCENES and len(cases) in (ahead, behind):
+            status = "pass" if ahead else "fail"
+        words += f", earlier in all of them on {len(scenes - behind_on)} of {len(scenes)} scenes"
         words += "; the map that orders regions says which are attended: earlier by construction, but for its own time"
     return Check(
         f"cases in which attention is earlier than raster order, in {MEASURES[measure]}",
-        float(sum(ahead)),
+        float(ahead),
         why=words,
         subject="Eq. 7",
         owner="paper",
@@ -336,17 +317,11 @@ def _earlier_check(cases: Sequence[Case], measure: str) -> Check:
     )
 
 
-def _overlap(times: Times) -> bool:
-    """Whether attention and raster order both get there, and neither before the other in all repeats."""
-    there = times["attention"] is not None and times["raster"] is not None
-    return there and not earlier(times, "attention", "raster") and not earlier(times, "raster", "attention")
-
-
 def _against_others(cases: Sequence[Case]) -> Iterator[Check]:
     """Yield how much later raster order is useful, and the seconds until all is there."""
-    pairs = [case.times("attended") for case in cases]
+    attended = [case.times("attended") for case in cases]
     sooner = [
-        raster.seconds / mine.seconds for one in pairs if (raster := one["raster"]) and (mine := one["attention"])
+        raster.seconds / mine.seconds for at in attended if (raster := at["raster"]) and (mine := at["attention"])
     ]
     if sooner:
         yield factor("sooner.attended", "time of raster order against attention, in the most attended quarter", sooner)
@@ -360,8 +335,8 @@ def _lines(cases: Sequence[Case]) -> Iterator[Series]:
     for measure, words in MEASURES.items():
         for case in cases:
             if case.kind == DRAWN:
-                for order, one in case.curves.items():
-                    x, y = steps(one.middle.tolist(), one.errors[measure])
+                for order, curve in case.curves.items():
+                    x, y = steps(curve.middle.tolist(), curve.errors[measure])
                     yield Series(
                         f"{case.scene}, {words}, {DRAWN}", 0, ORDERS[order], "seconds since the view was asked for",
                         "RMSE, display", x, y, log_x=False,
@@ -386,14 +361,8 @@ def _table(cases: Sequence[Case]) -> Table:
         for measure, words in MEASURES.items():
             times = case.times(measure)
             best = first_of(times)
-            rows.append(
-                [
-                    case.scene,
-                    case.kind,
-                    words,
-                    *(f"{brief(at.seconds)}{' ▲' * (one == best)}" if at else "never" for one, at in times.items()),
-                ]
-            )
+            shown = [f"{brief(at.seconds)}{' ▲' * (order == best)}" if at else "never" for order, at in times.items()]
+            rows.append([case.scene, case.kind, words, *shown])
     title = f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error is left (▲ the first in every repeat)"
     return Table("times", 0, title, ["scene", "attention", "in", *ORDERS.values()], rows)
 

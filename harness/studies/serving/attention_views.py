@@ -78,8 +78,8 @@ def attended_views(context: ServingContext) -> list[AttendedView]:
                 maps = {kind: attention_of(kind, view, first)[0] for kind in KINDS}
                 views.append(AttendedView(view, number, first, maps, truth))
         context.memory["attended views"] = views
-    found: list[AttendedView] = context.memory["attended views"]
-    return found
+    remembered: list[AttendedView] = context.memory["attended views"]
+    return remembered
 
 
 def looked(context: ServingContext, cell: TrainedCell, pose: np.ndarray) -> Looked:
@@ -156,15 +156,17 @@ def least_bins(bins: int) -> int:
 def priorities(context: ServingContext) -> Iterator[Found]:
     """Yield what the factor φ of Eq. 7 changes, for every map."""
     effects = [
-        without_phi(attention, one.view.regions.rays, one.view.bins, least_bins(one.view.bins))
-        for one in attended_views(context)
-        for attention in one.maps.values()
+        without_phi(attention, seen.view.regions.rays, seen.view.bins, least_bins(seen.view.bins))
+        for seen in attended_views(context)
+        for attention in seen.maps.values()
     ]
     if not effects:
         yield NOTHING
         return
-    orders, allocations = sum(one.order_changed for one in effects), sum(one.allocation_changed for one in effects)
-    total = max((one.sum_of_priorities for one in effects), key=lambda value: abs(value - PHI))
+    orders, allocations = (
+        sum(getattr(effect, f"{what}_changed") for effect in effects) for what in ("order", "allocation")
+    )
+    total = max((effect.sum_of_priorities for effect in effects), key=lambda value: abs(value - PHI))
     yield (
         f"The priorities sum to {total:.4g}, not to 1: they are no probabilities. Without φ, which scales all alike, "
         f"{orders} of {len(effects)} maps have another order of regions, and {allocations} other samples."

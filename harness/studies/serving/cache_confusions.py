@@ -23,6 +23,7 @@ from harness.training.learner import Learner, at_step, train
 from harness.training.make_learner import learner_for
 from harness.training.metrics import mse
 from harness.training.trainer import Trainer
+from scenes.view_sets.view_set import ViewSet
 
 LONGER = 1.25
 """The factor by which the focal length is longer."""
@@ -82,15 +83,14 @@ def confusions(context: ServingContext) -> Iterator[Found]:
 
 def compared(rows: Sequence[Confusion]) -> Iterator[Found]:
     """Yield everything that follows from the confusions."""
-    stale, views = [one for one in rows if one.stale], sum(one.views for one in rows)
-    worst = max(stale, key=lambda one: one.rmse, default=None)
-    hidden = [one.changed for one in stale if one.rmse <= LEAST_VISIBLE]
-    missed = sum(one.missed for one in rows)
+    stale, views = [row for row in rows if row.stale], sum(row.views for row in rows)
+    worst = max(stale, key=lambda row: row.rmse, default=None)
+    hidden = [row.changed for row in stale if row.rmse <= LEAST_VISIBLE]
     off = f", off by up to {significant(worst.rmse)} ({worst.changed})" if worst else ""
     unseen = f"; invisible in 8 bits: {', '.join(hidden)}" if hidden else ""
     yield (
         f"A key of the pose alone would return another picture after {len(stale)} of {len(rows)} kinds of change{off}; "
-        f"ours is new for {missed} of {views} views."
+        f"ours is new for {sum(row.missed for row in rows)} of {views} views."
     )
     yield Check(
         "kinds of change after which a key of the pose alone returns another picture",
@@ -104,10 +104,10 @@ def compared(rows: Sequence[Confusion]) -> Iterator[Found]:
         id="key.pose",
     )
     if stale:
-        caught = 100.0 * sum(one.caught for one in rows) / sum(one.stale for one in rows)
+        caught = 100.0 * sum(row.caught for row in rows) / sum(row.stale for row in rows)
         yield check("share of the stale views for which our key is new", caught, 100.0, unit="%", id="key.ours")
     columns = ["changed at the same pose", "views", "stale by the pose alone", "off by", "new for our key"]
-    lines = [[one.changed, one.views, one.stale, one.rmse if one.stale else None, one.missed] for one in rows]
+    lines = [[row.changed, row.views, row.stale, row.rmse if row.stale else None, row.missed] for row in rows]
     yield Table("confusions", 0, "What a key has to tell apart", columns, lines)
 
 
@@ -151,7 +151,12 @@ def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
     """
     learner, chunk, scene = cell.learner, cell.chunk, cell.scene
     if isinstance(learner, Trainer):
-        yield from _retrained(context, cell, learner)
+        if (views := context.views(scene)) is None:
+            context.leave_out(f"more training on {scene.name}", "there are no views to train on")
+        else:
+            yield Variant(
+                f"{context.sizes.extra_steps} more steps of training", _further(context, learner, views), chunk
+            )
         more = replace(learner.settings, bins=2 * learner.settings.bins)
         yield Variant(f"{more.bins} samples a ray instead of {learner.settings.bins}", copied(learner, more), chunk)
         other = "left" if learner.quadrature != "left" else "midpoint"
@@ -167,7 +172,7 @@ def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
         yield Variant("a black background instead of white", black, chunk)
     else:
         context.leave_out("more training, samples, quadrature, precision, background", f"not of {learner.method}")
-    another = next((one for one in context.run.run.seeds if one != context.seed), None)
+    another = next((seed for seed in context.run.run.seeds if seed != context.seed), None)
     if another is not None and (trained := context.trained(scene, learner.method, another)) is not None:
         yield Variant("weights of another seed", trained.learner, trained.chunk)
     for method in context.methods:
@@ -212,23 +217,14 @@ def one_ulp_away(camera: Camera) -> Camera:
     return camera.at(pose)
 
 
-def _retrained(context: ServingContext, cell: TrainedCell, learner: Trainer) -> Iterator[Variant]:
-    views = context.views(cell.scene)
-    if views is None:
-        context.leave_out(f"more training on {cell.scene.name}", "there are no views to train on")
-        return
+def _further(context: ServingContext, learner: Trainer, views: ViewSet) -> Trainer:
+    """Return a copy that has trained a few steps more."""
     settings = learner.settings
     # a refresh would count as empty what it has not measured: a checkpoint has the grid's mask and no densities
-    kept = replace(settings, grid=replace(settings.grid, every=NEVER))
-    further = copied(learner, kept)
+    further = copied(learner, replace(settings, grid=replace(settings.grid, every=1 << 60)))
     batches = Batches(cameras_of(views, views.train, learner.device), views.train.rgba)
-    steps = context.sizes.extra_steps
-    train(further, batches.stream("serving", settings.rays), at_step(further.step + steps))
-    yield Variant(f"{steps} more steps of training", further, cell.chunk)
-
-
-NEVER = 1 << 60
-"""A number of steps that is never reached."""
+    train(further, batches.stream("serving", settings.rays), at_step(further.step + context.sizes.extra_steps))
+    return further
 
 
 def copied(learner: Trainer, settings: Any = None) -> Trainer:

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from harness.playback.cached import CachedMethod, picture_of
 from harness.playback.run_loader import TrainedCell
@@ -32,20 +31,13 @@ METHODS = ("nerf", "qnerf")
 """The methods preferred if the run has them."""
 
 
-class Hit(NamedTuple):
-    """A kind of hit."""
-
-    words: str
-    target: float
-    """How many times as long rendering should take at least: our reading of “instantly”."""
-
-
 HITS = {
-    "memory.0": Hit("from memory, asked for again (level 0)", 1000.0),
-    "memory.1": Hit("from memory, asked for once (level 1)", 1000.0),
-    "disk.warm": Hit("from disk, file in the system's memory (level 2)", 50.0),
-    "disk.cold": Hit("from disk, file not in the system's memory", 50.0),
+    "memory.0": ("from memory, asked for again (level 0)", 1000.0),
+    "memory.1": ("from memory, asked for once (level 1)", 1000.0),
+    "disk.warm": ("from disk, file in the system's memory (level 2)", 50.0),
+    "disk.cold": ("from disk, file not in the system's memory", 50.0),
 }
+"""Kind of hit → words, and how many times as long rendering should take at least: our reading of “instantly”."""
 LEVELS = {None: "rendered", 2: "disk (level 2)", 1: "memory (level 1)", 0: "memory (level 0)"}
 """The level that a view came from, in words."""
 
@@ -69,9 +61,9 @@ def latency(context: ServingContext) -> Iterator[Found]:
         return
     parts = []
     for place, where in (("memory.0", "in memory"), ("disk.warm", "on disk")):
-        ratios = [one.value or 0.0 for one in checks if one.id.startswith(f"hit.{place}.")]
+        ratios = [check.value or 0.0 for check in checks if check.id.startswith(f"hit.{place}.")]
         ends = " to ".join(dict.fromkeys(significant(end) for end in (min(ratios), max(ratios))))
-        parts.append(f"{ends} times as long as a hit {where} (target {HITS[place].target:g})")
+        parts.append(f"{ends} times as long as a hit {where} (target {HITS[place][1]:g})")
     yield f"Rendering a view {context.width} px wide takes {' and '.join(parts)}."
     yield from checks
 
@@ -80,13 +72,13 @@ def hit_check(cell: TrainedCell, name: str, seconds: Sequence[float], rendering:
     """Return how many times as long rendering takes, and quartile against the opposite quartile, both ways. Its target
     is met or missed by this spread: it may lie above, below, or across.
     """
-    target, method = HITS[name].target, cell.learner.method
+    (words, target), method = HITS[name], cell.learner.method
     low = quantile(rendering, 0.25) / quantile(seconds, 0.75)
     high = quantile(rendering, 0.75) / quantile(seconds, 0.25)
     times = [brief(quantile(seconds, share)) for share in (0.5, 0.05, 0.95)]
     why = f"{times[0]} ({times[1]} to {times[2]}) against {brief(quantile(rendering, 0.5))} on {cell.scene.name}"
     return Check(
-        f"rendering against a hit {HITS[name].words}",
+        f"rendering against a hit {words}",
         quantile(rendering, 0.5) / quantile(seconds, 0.5),
         low=target,
         unit="×",
@@ -168,14 +160,10 @@ def dropped(folder: Path) -> bool:
     """
     if not hasattr(os, "posix_fadvise"):
         return False
-    for file in folder.rglob("*"):
-        if file.is_file():
-            handle = os.open(file, os.O_RDONLY)
-            try:
-                os.fsync(handle)
-                os.posix_fadvise(handle, 0, 0, os.POSIX_FADV_DONTNEED)
-            finally:
-                os.close(handle)
+    for file in folder.iterdir():
+        with file.open("rb") as opened:
+            os.fsync(opened)
+            os.posix_fadvise(opened.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
     return True
 
 
@@ -207,7 +195,7 @@ def _hit(cached: CachedMethod, camera: Camera, view: View, level: int, clock: Cl
     return took
 
 
-def same(one: View, other: View) -> bool:
-    """Whether both are equal to the last bit: −0 is not 0."""
-    a, b = picture_of(one), picture_of(other)
+def same(view: View, other: View) -> bool:
+    """Tell whether both are equal to the last bit: −0 is not 0."""
+    a, b = picture_of(view), picture_of(other)
     return a.shape == b.shape and a.tobytes() == b.tobytes()

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,11 +14,9 @@ from harness.records.study import Check, Table
 from harness.studies.framework import Found
 from harness.studies.serving.cache_latency import LEVELS, ROOM, cells_of, frozen, level_of_last
 from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext, plain, study, timed
-from harness.training.evaluate import View
 
 
-@dataclass(frozen=True)
-class Route:
+class Route(NamedTuple):
     """A path, and the cache through which it is rendered."""
 
     path: str
@@ -29,11 +27,10 @@ class Route:
     disk_bytes: int = 0
     """The capacity on disk; 0 is a cache without one."""
     others: Sequence[np.ndarray] = ()
-    """The poses of similar paths, of which the hits alone are counted."""
+    """The poses of similar paths, whose hits in a memory that keeps everything are counted."""
 
 
-@dataclass(frozen=True)
-class PathUse:
+class PathUse(NamedTuple):
     """A path that was followed."""
 
     sources: Counter[int | None]
@@ -45,6 +42,11 @@ class PathUse:
     @property
     def hit_rate(self) -> float:
         return 1.0 - self.sources[None] / self.sources.total()
+
+
+def hit_rate(poses: np.ndarray) -> float:
+    """Return the share of poses that were seen before."""
+    return (len(poses) - len({pose.tobytes() for pose in poses})) / len(poses)
 
 
 @study
@@ -61,7 +63,7 @@ def paths(context: ServingContext) -> Iterator[Found]:
         use = followed(context, cell, route, number)
         if use is None:
             continue
-        rates = [100.0 * rate for rate in (use.hit_rate, *(hit_rate(context, cell, one, ROOM) for one in route.others))]
+        rates = [100.0 * rate for rate in (use.hit_rate, *map(hit_rate, route.others))]
         counts = [float(use.sources[level]) for level in LEVELS]
         rows.append([route.path, *counts, use.seconds, use.seconds_without])
         checks.append(
@@ -77,7 +79,7 @@ def paths(context: ServingContext) -> Iterator[Found]:
             )
         )
     if checks:
-        parts = [f"{one.value:.0f} % of {one.what.removeprefix('hits of ')}" for one in checks]
+        parts = [f"{check.value:.0f} % of {check.what.removeprefix('hits of ')}" for check in checks]
         yield f"From the cache come {'; '.join(parts)}."
     yield from checks
     columns = ["path", *LEVELS.values(), "seconds", "all rendered"]
@@ -130,21 +132,3 @@ def followed(
             seconds[name] += timed(call, clock)[1]
         sources[level_of_last(store, before)] += 1
     return PathUse(sources, seconds["with"], seconds["without"])
-
-
-def hit_rate(context: ServingContext, cell: TrainedCell, poses: np.ndarray, memory_bytes: int) -> float:
-    """Return the hit rate of a path through a cache in memory. It does not depend on what a picture shows: a miss
-    stores a black one.
-    """
-    cached = frozen(cell, ViewStore(memory_bytes))
-    camera = context.camera(cell, poses[0])
-    shape = (camera.height, camera.width)
-    picture = View(*(np.zeros(one, np.float32) for one in ((*shape, 3), shape, shape)))
-    hits = 0
-    for pose in poses:
-        camera = context.camera(cell, pose)
-        if cached.lookup(camera) is None:
-            cached.keep(camera, picture)
-        else:
-            hits += 1
-    return hits / len(poses)

@@ -4,13 +4,12 @@ import hashlib
 import json
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import torch
+from msgspec import structs
 
 from harness.execution.progress import Progress
 from harness.machine.device import keep_freed_memory, use_threads
@@ -22,15 +21,10 @@ from harness.records.json_record import DamagedRecord
 from harness.records.study import Studies, read_studies
 from harness.run_folder.integrity import aside
 from harness.studies import framework
-from harness.studies.serving.serving_context import ServingContext, reason_of
+from harness.studies.serving.serving_context import ServingContext, ServingRequest, reason_of
 from harness.studies.serving.serving_studies import SHELF, STUDIES
 from harness.training.checkpoints import checkpoint_path
 
-THREADS = 1
-"""The threads of torch. Several wait for each other whenever the machine does something else, and rendering then takes
-many times as long; on two cores that do nothing else, two render 1.4 to 1.6 times as fast as one. A hit uses one in any
-case.
-"""
 MEASURING = ("harness/studies/serving/*.py", "harness/playback/*.py")
 """The sources that figures come from, besides those that render."""
 SAME = ("system", "processor", "cores", "device", "torch_build", "packages", "python")
@@ -41,54 +35,25 @@ QUICK_SHARE = 0.1
 """The share of the time that `quick` takes."""
 
 
-@dataclass(frozen=True)
-class ServingRequest:
-    """The part of a run to measure."""
-
-    run: FinishedRun
-    scenes: list[str]
-    methods: list[str]
-    seed: int
-    width: int
-    quick: bool
-    device: torch.device
-    view_sets: Path
-    threads: int = THREADS
-
-    def context(self, scratch: Path, show: Progress, deadline: float | None = None) -> ServingContext:
-        return ServingContext(
-            self.run,
-            self.run.scenes(self.scenes),
-            self.methods,
-            self.seed,
-            self.width,
-            self.device,
-            self.view_sets,
-            scratch,
-            self.quick,
-            show,
-            deadline,
-            survive=deadline is not None,
-        )
-
-    def settings(self) -> dict[str, Any]:
-        """Return everything that the figures depend on but the machine, as JSON."""
-        return {
-            "scenes": self.scenes,
-            "methods": self.methods,
-            "seed": self.seed,
-            "width": self.width,
-            "threads": self.threads,
-            "quick": self.quick,
-            "device": self.device.type,
-            "code": _code(),
-            "weights": {
-                f"{scene}.{method}": hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
-                for scene in self.scenes
-                for method in self.methods
-                if (path := checkpoint_path(self.run.out, scene, method, self.seed)).is_file()
-            },
-        }
+def settings_of(asked: ServingRequest) -> dict[str, Any]:
+    """Return everything that the figures depend on but the machine, as JSON."""
+    scenes = [scene.name for scene in asked.scenes]
+    return {
+        "scenes": scenes,
+        "methods": asked.methods,
+        "seed": asked.seed,
+        "width": asked.width,
+        "threads": asked.threads,
+        "quick": asked.quick,
+        "device": asked.device.type,
+        "code": _code(),
+        "weights": {
+            f"{scene}.{method}": hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
+            for scene in scenes
+            for method in asked.methods
+            if (path := checkpoint_path(asked.run.out, scene, method, asked.seed)).is_file()
+        },
+    }
 
 
 def run(
@@ -103,23 +68,23 @@ def run(
     use_threads(asked.threads)
     keep_freed_memory()
     if not resume:
-        _make_room(out)
+        try:
+            read_studies(out / SHELF.file)
+            (out / SHELF.file).unlink()
+        except DamagedRecord:
+            aside(out, SHELF.file)
     deadline = None if most_seconds is None else time.monotonic() + most_seconds
-
-    def context(scratch: Path, missing: tuple[str, ...]) -> ServingContext:
-        return asked.context(scratch, show, deadline)
-
     return framework.run(
         SHELF,
         studies,
         out,
         resume,
-        asked.settings(),
+        settings_of(asked),
         provenance(asked.device),
-        context,
+        lambda scratch, _: ServingContext(**vars(asked), scratch=scratch, show=show, deadline=deadline),
         show,
         lambda name: STUDIES[name].seconds * (QUICK_SHARE if asked.quick else 1.0),
-        lambda record, _: msgspec.structs.replace(record, studies=[one for one in record.studies if not one.cut_short]),
+        lambda record, _: structs.replace(record, studies=[each for each in record.studies if not each.cut_short]),
     )
 
 
@@ -131,10 +96,10 @@ def after_run(out: Path, device: str, view_sets: Path, show: Progress) -> None:
         finished = FinishedRun.of(out)
         asked = ServingRequest(
             finished,
-            [one.name for one in finished.run.scenes],
+            finished.run.scenes,
             finished.run.main_methods,
             finished.run.seeds[0],
-            min(SERVING_WIDTH, *(one.width for one in finished.run.scenes)),
+            min(SERVING_WIDTH, *(scene.width for scene in finished.run.scenes)),
             finished.run.settings.get("profile") == "smoke",
             torch.device(device),
             view_sets,
@@ -155,20 +120,10 @@ def _earlier(asked: ServingRequest) -> Studies | None:
     origin = provenance(asked.device)
     with suppress(DamagedRecord):
         there = read_studies(asked.run.out / SHELF.file)
-        same = there.settings == json.loads(json.dumps(asked.settings()))
+        same = there.settings == json.loads(json.dumps(settings_of(asked)))
         if same and all(there.provenance.get(name) == origin[name] for name in SAME):
             return there
     return None
-
-
-def _make_room(out: Path) -> None:
-    """Remove the existing record, or move it to OUT/damaged if it cannot be read."""
-    path = out / SHELF.file
-    try:
-        read_studies(path)
-        path.unlink()
-    except DamagedRecord:
-        aside(out, SHELF.file)
 
 
 @cache

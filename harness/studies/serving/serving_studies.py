@@ -53,9 +53,9 @@ STUDIES: dict[str, Study] = catalogue(
         "samples",
         "Samples shared out by attention",
         "Is a picture less wrong if attended regions get more samples?",
-        "The same field with samples shared out by attention, as many samples or as many network evaluations in all, "
-        "with what it costs to find out, against the same number for each ray. Errors are those of display colour, "
-        "against the finely integrated field and against the ground truth.",
+        "The same field with as many samples in all, shared out by attention, with what it costs to find out, against "
+        "the same number for each ray. Errors are those of display colour, against the finely integrated field and "
+        "against the ground truth.",
         "allocations:samples",
         15,
     ),

@@ -1,6 +1,6 @@
 """However a view is rendered in parts, it is the view; and what is not, says so."""
 
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -78,7 +78,7 @@ def test_the_views_looked_at_show_something(nerf: Learner) -> None:
     assert nerf.rendered_by()["sampling"]["bins"] == BINS
 
 
-@pytest.mark.parametrize("order", list(progressive.ORDERS))
+@pytest.mark.parametrize("order", get_args(progressive.Order))
 def test_any_order_gives_the_plain_picture(nerf: Learner, order: Any) -> None:
     found, _ = filled(CAMERA, refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))
     assert largest_difference(found, plain(nerf)) < ROUNDING
@@ -91,7 +91,7 @@ def test_equal_attention_is_plain_to_the_bit(nerf: Learner, attention: np.ndarra
     assert [len(done.pixels) for done in parts] == [150, 150, 96]
 
 
-@pytest.mark.parametrize("order", list(progressive.ORDERS))
+@pytest.mark.parametrize("order", get_args(progressive.Order))
 def test_a_method_that_is_not_pointwise_is_plain_to_the_bit_whatever_is_attended(qnerf: Learner, order: Any) -> None:
     reason = progressive.why_plain(qnerf)
     assert reason is not None
@@ -99,7 +99,7 @@ def test_a_method_that_is_not_pointwise_is_plain_to_the_bit_whatever_is_attended
     assert same_bits(filled(CAMERA, refine(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))[0], plain(qnerf))
 
 
-@pytest.mark.parametrize("order", list(progressive.ORDERS))
+@pytest.mark.parametrize("order", get_args(progressive.Order))
 @pytest.mark.parametrize("rays_a_call", [1, 60, 10_000])
 def test_every_pixel_comes_once_with_one_part_a_region(nerf: Learner, order: Any, rays_a_call: int) -> None:
     parts = list(refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order, rays_a_call))

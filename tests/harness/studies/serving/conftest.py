@@ -8,8 +8,7 @@ import torch
 
 from harness.execution.progress import Quiet
 from harness.playback.run_loader import FinishedRun, TrainedCell
-from harness.studies.serving.serving_context import ServingContext
-from harness.studies.serving.serving_run import ServingRequest
+from harness.studies.serving.serving_context import ServingContext, ServingRequest
 from tests.harness.trained_runs import SIZE, train_run
 
 CPU = torch.device("cpu")
@@ -29,11 +28,12 @@ def out(trained: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def context(trained: Path, tmp_path: Path) -> ServingContext:
-    return asked_of(trained, tmp_path).context(tmp_path, Quiet())
+    return ServingContext(**vars(asked_of(trained, tmp_path)), scratch=tmp_path, show=Quiet())
 
 
 def asked_of(out: Path, view_sets: Path) -> ServingRequest:
-    return ServingRequest(FinishedRun.of(out), ["ball"], ["nerf", "qnerf"], 0, SIZE, True, CPU, view_sets)
+    finished = FinishedRun.of(out)
+    return ServingRequest(finished, finished.scenes(["ball"]), ["nerf", "qnerf"], 0, SIZE, True, CPU, view_sets)
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@ from harness.studies.serving.anytime import (
     ORDERS,
     Case,
     Curve,
-    Measured,
     Reaching,
     Refined,
     Seen,
@@ -26,7 +25,6 @@ from harness.studies.serving.anytime import (
     earlier,
     errors_along,
     first_of,
-    hardest_pixels,
     reaching,
     refined,
     steps,
@@ -50,7 +48,8 @@ def done(pixels: list[int], value: float, share: float) -> Done:
     return Done(np.array(pixels), np.repeat(ones[:, None], 3, axis=1), ones, ones, share, 1)
 
 
-BY_HAND = Refined(flat(0.0), [1.0, 2.0, 4.0], [done([0, 1], 0.5, 0.5), done([2, 3], 0.5, 1.0)])
+PARTS = [done([0, 1], 0.5, 0.5), done([2, 3], 0.5, 1.0)]
+BY_HAND = Refined(flat(0.0), PARTS, np.array([[1.0, 2.0, 4.0]]))
 
 
 def test_errors_fall_part_by_part() -> None:
@@ -129,16 +128,6 @@ def test_the_claim_holds_on_every_scene_or_fails_on_every_one(
     assert anytime._earlier_check(cases(kinds), "whole").status == "measured"
 
 
-def test_the_hardest_quarter_is_where_the_coarse_frame_is_most_wrong() -> None:
-    finished = flat(0.5, 4, 4)
-    first = flat(0.5, 4, 4)
-    first.colour[2:, :2] = 0.1
-    first.colour[:2, 2:] = 0.4
-    found = hardest_pixels(Regions(4, 4, 2), first, finished).reshape(4, 4)
-    assert found[2:, :2].all()
-    assert found.sum() == 4
-
-
 @pytest.fixture
 def view(context: ServingContext, cell: TrainedCell) -> Looked:
     return looked(context, cell, context.orbit(cell.scene, 1)[0])
@@ -147,7 +136,7 @@ def view(context: ServingContext, cell: TrainedCell) -> Looked:
 @pytest.mark.parametrize("order", ["attention", "raster", "spread"])
 def test_every_order_ends_in_the_plain_picture(view: Looked, ticks: Ticks, order: Any) -> None:
     found = refined(view, order, "foveal" if order == "attention" else None, ticks)
-    assert np.diff(found.seconds).tolist() == [1.0] * len(found.parts), "one look at the clock a part"
+    assert np.diff(found.seconds).tolist() == [[1.0] * len(found.parts)], "one look at the clock a part"
     assert len(found.parts) == view.regions.count
     wanted = plain(view.cell.learner, view.camera, view.cell.chunk)
     np.testing.assert_allclose(filled(view.camera, found.parts)[0].colour, wanted.colour, atol=1e-5)
@@ -168,10 +157,10 @@ def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, mon
 
     def with_clock(view: Looked, order: Any, kind: str | None, clock: Any) -> Refined:
         scale = next(clocks)
-        return Refined(flat(0.0), [scale, 2 * scale, 3 * scale], BY_HAND.parts)
+        return Refined(flat(0.0), PARTS, scale * np.array([[1.0, 2.0, 3.0]]))
 
     monkeypatch.setattr(anytime, "refined", with_clock)
-    found = anytime.measured(view, [("raster", None)], 3)
+    found = anytime.measure(view, [("raster", None)], 3)
     assert found["raster", None].seconds.tolist() == [[1.0, 2.0, 3.0], [5.0, 10.0, 15.0], [3.0, 6.0, 9.0]]
 
     small = replace(view, regions=Regions(2, 2, 1))
@@ -181,7 +170,7 @@ def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, mon
     rough.colour[1, 0] = 9.0
 
     def seen(value: float, seconds: np.ndarray) -> Seen:
-        runs: Any = {(order, None): Measured(BY_HAND, seconds) for order in ("raster", "spread", "plain")}
+        runs: Any = {(order, None): Refined(flat(0.0), PARTS, seconds) for order in ("raster", "spread", "plain")}
         runs["attention", "point"] = runs["raster", None]
         return Seen(AttendedView(small, 0, rough, maps, None), flat(value), runs)
 
@@ -224,33 +213,24 @@ def every_evaluation(view: Looked) -> tuple[Looked, list[int]]:
     return replace(view, cell=replace(view.cell, learner=learner)), counted
 
 
-@pytest.mark.parametrize("way", ["even", "samples", "evaluations"])
-@pytest.mark.parametrize("kind", ["point", "gradients", "error"])
-def test_all_evaluations_of_a_picture_are_counted(view: Looked, way: Any, kind: str) -> None:
+@pytest.mark.parametrize("kind", [None, "point", "gradients", "error"])
+def test_all_evaluations_of_a_picture_are_counted(view: Looked, kind: str | None) -> None:
     watched, counted = every_evaluation(view)
-    budget = allocations.rendered(view, "even", None, 16).evaluations
-    found = allocations.rendered(watched, way, kind, 16, budget)
+    found = allocations.rendered(watched, kind, 16)
     assert found.evaluations == sum(counted)
-    assert (found.own == 0) == (way == "even" or (way, kind) == ("samples", "point"))
-    if way == "evaluations":
-        assert found.evaluations == pytest.approx(budget, rel=0.15)
-        assert found.bins < 16.0, "what it took to find out is taken off"
-    else:
-        assert 0.95 * 16.0 < found.bins <= 16.0
+    assert (found.own == 0) == (kind in (None, "point"))
+    assert 0.95 * 16.0 < found.bins <= 16.0
 
 
-def test_ways_are_compared_with_the_even_picture(context: ServingContext, ticks: Ticks) -> None:
-    one = attended_views(context)[0]
-    one = replace(one, maps={**one.maps, "mask": np.ones(one.view.regions.count)})
-    seen = allocations.sampled(one, 64, 2, ticks)
-    assert {len(seconds) for seconds in seen.seconds.values()} == {2}
-    assert {second for seconds in seen.seconds.values() for second in seconds} == {1.0}, "one look at the clock each"
-    rows = [row for row in allocations.allocations(seen) if row.kind == "point"]
-    assert [row.way for row in rows] == ["even", "samples", "evaluations"]
-    assert "mask" not in {row.kind for row in allocations.allocations(seen)}, "all alike is the plain picture"
-    assert rows[0].truths["whole"] > 0.0
-    blind = replace(seen, of=replace(one, truth=None))
-    assert {tuple(row.truths) for row in allocations.allocations(blind)} == {()}
+def test_pictures_by_attention_are_compared_with_the_even_one(context: ServingContext, ticks: Ticks) -> None:
+    seen = attended_views(context)[0]
+    seen = replace(seen, maps={**seen.maps, "mask": np.ones(seen.view.regions.count)})
+    rows = allocations.allocations(seen, 64, 2, ticks)
+    assert {row.figures["seconds"] for row in rows} == {1.0}, "one look at the clock each"
+    assert [row.is_even for row in rows if row.kind == "point"] == [True, False]
+    assert "mask" not in {row.kind for row in rows}, "all alike is the plain picture"
+    assert rows[0].figures["truth"] > 0.0
+    assert "truth" not in allocations.allocations(replace(seen, truth=None), 64, 1, ticks)[0].figures
 
 
 def test_the_studies_are_complete(context: ServingContext) -> None:

@@ -103,7 +103,7 @@ def test_nothing_reads_a_file_before_it_is_timed(
 )
 def test_views_come_from_where_they_must(
     context: ServingContext, cell: TrainedCell, ticks: Ticks, places: list[int], memory: int, disk: int,
-    hits: dict[int | None, int], monkeypatch: pytest.MonkeyPatch,
+    hits: dict[int | None, int],
 ) -> None:  # fmt: skip
     poses = context.orbit(cell.scene, 2)[places]
     found = followed(context, cell, Route("by hand", poses, memory, disk), 0, ticks)
@@ -111,9 +111,8 @@ def test_views_come_from_where_they_must(
     assert found.sources == hits
     assert (found.seconds, found.seconds_without) == (len(places), len(places))
     assert found.hit_rate == pytest.approx(1 - hits[None] / len(places))
-    if not disk:
-        monkeypatch.setattr("harness.studies.serving.cache_paths.plain", None)
-        assert hit_rate(context, cell, poses, memory) == found.hit_rate, "counted without rendering"
+    if memory == ROOM:
+        assert hit_rate(poses) == found.hit_rate, "counted without rendering"
 
 
 def test_paths_are_what_their_words_say(context: ServingContext, cell: TrainedCell) -> None:
