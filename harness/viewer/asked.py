@@ -7,7 +7,7 @@ import json
 import math
 import re
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -40,22 +40,13 @@ Coordinate = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
 
 
 class Orbit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The place of a camera that looks at `target`, without roll.
-
-    Raises `ValueError` for a number that is not finite, and for a distance that is not positive.
-    """
+    """The place of a camera that looks at `target`, without roll."""
 
     target: tuple[Coordinate, Coordinate, Coordinate]
     azimuth: Angle
     """The angle counterclockwise from x, seen from above."""
     elevation: Angle
     distance: Annotated[float, Meta(ge=NEAREST, le=FARTHEST)]
-
-    def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (*self.target, self.azimuth, self.elevation, self.distance))):
-            raise ValueError("a camera is given by finite numbers")
-        if self.distance <= 0.0:
-            raise ValueError(f"distance {self.distance}: a camera stands away from what it looks at")
 
     def pose(self) -> np.ndarray:
         """Return camera to world [4, 4], OpenGL axes; elevations beyond the poles are taken to be just below them."""
@@ -114,7 +105,12 @@ class ViewRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def parsed(body: bytes) -> ViewRequest:
     """Parse a request; raises `BadRequest` unless it is valid in every detail; names are not looked up here."""
-    data = _json(body)
+    if len(body) > LARGEST_BODY:
+        raise BadRequest(f"the request has {len(body)} bytes, at most {LARGEST_BODY} are read")
+    try:
+        data = json.loads(body, parse_constant=_refused)
+    except (ValueError, RecursionError) as error:
+        raise BadRequest(f"the request is not JSON: {str(error)[:100]}") from error
     place = data.get("place") if isinstance(data, dict) else None
     if isinstance(place, dict) and set(place) == {"view"}:
         data["place"] = place["view"]
@@ -136,13 +132,5 @@ def view_number(text: str | None) -> int:
     return int(text)
 
 
-def _json(body: bytes) -> Any:
-    def refuse(name: str) -> None:
-        raise ValueError(f"{name} is not a number that can be shown")
-
-    if len(body) > LARGEST_BODY:
-        raise BadRequest(f"the request has {len(body)} bytes, at most {LARGEST_BODY} are read")
-    try:
-        return json.loads(body, parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
-        raise BadRequest(f"the request is not JSON: {str(error)[:100]}") from error
+def _refused(name: str) -> None:
+    raise ValueError(f"{name} is not a number that can be shown")

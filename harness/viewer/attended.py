@@ -1,9 +1,11 @@
 """The attention of every region, from what a viewer attends to."""
 
 from collections.abc import Callable
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
 from baselines.numerics.attention.maps import MAPS, MapInputs
 from baselines.numerics.attention.regions import Regions
@@ -21,25 +23,19 @@ ATTENTIONS: dict[str, str] = {
 """Map of `baselines.numerics.attention.maps.MAPS` → the label for a reader."""
 
 
+Share = Annotated[float, Meta(ge=0, le=1)]
+
+
 class Attention(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The object of attention: `foveal` and `point` about a point, `gradients` and `error` of the coarse frame, or
     nothing.
-
-    Raises `ValueError` for another kind, and for a point that is not in the picture.
     """
 
-    kind: str = "foveal"
+    kind: Literal["foveal", "point", "gradients", "error", "none"] = "foveal"
     """The kind, a key of `ATTENTIONS`."""
-    row: float = 0.5
+    row: Share = 0.5
     """The place from 0 at the top to 1 at the bottom."""
-    column: float = 0.5
-
-    def __post_init__(self) -> None:
-        if self.kind not in ATTENTIONS:
-            raise ValueError(f"kind {self.kind!r}: choose one of {' '.join(ATTENTIONS)}")
-        if not (0.0 <= self.row <= 1.0 and 0.0 <= self.column <= 1.0):
-            where = f"row {self.row:g} and column {self.column:g} of the point of interest"
-            raise ValueError(f"{where}: both lie between 0 and 1")
+    column: Share = 0.5
 
 
 def attention_map(

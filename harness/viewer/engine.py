@@ -7,8 +7,8 @@ of them has stopped the rendering.
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -73,10 +73,6 @@ class MethodView:
             _, rays, _ = coarse(self.learner, camera, COARSEST_STRIDE // 2, self.chunk)
             self.rays_per_second = rays / max(time.perf_counter() - began, 1e-6)
 
-    @property
-    def pointwise(self) -> bool:
-        return self.learner.field.pointwise
-
 
 @dataclass(frozen=True)
 class FreshPixels:
@@ -110,11 +106,6 @@ class FreshPixels:
     """A note for the reader, in one sentence."""
 
 
-def regions_of(camera: Camera) -> Regions:
-    side = max(REGION, math.ceil(max(camera.width, camera.height) / REGIONS_A_SIDE))
-    return Regions(camera.height, camera.width, side)
-
-
 def frames(
     seats: Sequence[MethodView],
     camera: Camera,
@@ -133,13 +124,12 @@ def frames(
     waiting = []
     for seat in seats:
         turn = _Turn(seat, camera, attention, truth, start)
-        cached = turn.from_cache()
-        if cached is not None:
+        if (cached := turn.from_cache()) is not None:
             yield cached
         else:
             waiting.append((turn, turn.rendered()))
     while waiting:
-        turn, rendering = min(waiting, key=lambda one: one[0].work)
+        turn, rendering = min(waiting, key=lambda pair: pair[0].work)
         frame = next(rendering, None)
         if frame is None:
             waiting.remove((turn, rendering))
@@ -157,23 +147,26 @@ class _Turn:
     truth: np.ndarray | None
     start: float
     work: float = 0.0
-    regions: Regions = field(init=False)
+    rays: int = 0
+    evaluations: int = 0
 
     def __post_init__(self) -> None:
-        self.regions = regions_of(self.camera)
+        camera, attends, plain = self.camera, self.attention.kind != "none", why_plain(self.seat.learner)
+        side = max(REGION, math.ceil(max(camera.width, camera.height) / REGIONS_A_SIDE))
+        self.regions = Regions(camera.height, camera.width, side)
+        self.by_regions = attends and not plain
+        self.note = NOT_BY_REGIONS if attends and plain else ""
 
     def from_cache(self) -> FreshPixels | None:
         """Return the picture that rendering now would give, or the plain one, which differs from it by
         rounding alone.
         """
         began = time.perf_counter()
-        for calls in dict.fromkeys((self._calls(self._by_regions()), plain_calls(self.seat.chunk))):
-            found = self.seat.cached.lookup(self.camera, calls)
-            if found is not None:
-                view, level = found
+        for calls in dict.fromkeys((self._calls(self.by_regions), plain_calls(self.seat.chunk))):
+            if (kept := self.seat.cached.lookup(self.camera, calls)) is not None:
+                view, level = kept
                 self.work = time.perf_counter() - began
-                psnr_here, note = self._psnr(view), self._note()
-                return self._frame("whole", *_all(view), share=1.0, level=level, psnr=psnr_here, note=note)
+                return self._frame("whole", *_all(view), share=1.0, level=level, psnr=self._psnr(view))
         return None
 
     def rendered(self) -> Iterator[FreshPixels]:
@@ -181,62 +174,49 @@ class _Turn:
             yield from self._rendered()
         except Diverged as reason:
             none = np.zeros(0, np.float32)
-            nothing = (np.zeros(0, np.int64), np.zeros((0, 3), np.float32), none, none)
-            yield self._frame("failed", *nothing, share=0.0, note=f"The picture is not finite: {reason}")
+            self.note = f"The picture is not finite: {reason}"
+            yield self._frame("failed", np.zeros(0, np.int64), np.zeros((0, 3), np.float32), none, none, share=0.0)
 
     def _rendered(self) -> Iterator[FreshPixels]:
         seat, camera, size = self.seat, self.camera, self.camera.width * self.camera.height
         stride = seat.stride(size)
         began = time.perf_counter()
-        first, rays, _ = coarse(seat.learner, camera, stride, seat.chunk)
-        passed = time.perf_counter() - began
-        seat.learn(rays, passed)
-        self.work += passed
-        note = self._note()
-        yield self._frame(
-            "coarse", *_all(first), share=0.0, rays=rays, stride=stride, psnr=self._psnr(first), note=note
-        )
+        first, self.rays, _ = coarse(seat.learner, camera, stride, seat.chunk)
+        self.work = passed = time.perf_counter() - began
+        seat.learn(self.rays, passed)
+        yield self._frame("coarse", *_all(first), share=0.0, stride=stride, psnr=self._psnr(first))
         began = time.perf_counter()
-        evaluations = 0
-
-        def error() -> np.ndarray:
-            nonlocal rays, evaluations
-            how = seat.learner.rendered_by()
-            bins = int(how.get("sampling", how)["bins"])  # samples per ray
-            found = estimated_error(seat.learner, camera, first, stride, seat.chunk, bins)
-            rays, evaluations = rays + found.rays, evaluations + found.network_evaluations
-            return found.error
-
-        attended = self._attended(first, error)
+        attended = self._attended(first, stride)
         canvas = Canvas(camera.height, camera.width)
         for done in refine(seat.learner, camera, self.regions, attended, seat.chunk):
             canvas.put(done)
-            rays, evaluations = rays + len(done.pixels), evaluations + done.network_evaluations
+            self.rays += len(done.pixels)
+            self.evaluations += done.network_evaluations
             self.work += time.perf_counter() - began
-            parts = (done.pixels, done.colour, done.opacity, done.depth)
-            yield self._frame("refining", *parts, share=done.share, rays=rays, evaluations=evaluations, note=note)
+            yield self._frame("refining", done.pixels, done.colour, done.opacity, done.depth, share=done.share)
             began = time.perf_counter()
-        view, score = canvas.view, self._psnr(canvas.view)
+        score = self._psnr(canvas.view)
         seat.learn(size, self.work - passed)
         self.work += time.perf_counter() - began
         try:
-            yield self._frame(
-                "whole", *_all(view), share=1.0, rays=rays, evaluations=evaluations, psnr=score, note=note
-            )
+            yield self._frame("whole", *_all(canvas.view), share=1.0, psnr=score)
         finally:  # also if the caller has seen enough
-            seat.cached.keep(camera, view, self._calls(seat.pointwise and not is_equal(attended)))
+            seat.cached.keep(camera, canvas.view, self._calls(self.by_regions and not is_equal(attended)))
 
-    def _attended(self, first: View, error: Callable[[], np.ndarray]) -> np.ndarray:
+    def _attended(self, first: View, stride: int) -> np.ndarray:
         """Return the attention; nothing is spent on it if it changes nothing."""
-        if not self._by_regions():
+        if not self.by_regions:
             return np.ones(self.regions.count)
+
+        def error() -> np.ndarray:
+            how = self.seat.learner.rendered_by()
+            bins = int(how.get("sampling", how)["bins"])  # samples per ray
+            estimate = estimated_error(self.seat.learner, self.camera, first, stride, self.seat.chunk, bins)
+            self.rays += estimate.rays
+            self.evaluations += estimate.network_evaluations
+            return estimate.error
+
         return attention_map(self.attention, self.regions, self.camera.focal, first.colour, error)
-
-    def _note(self) -> str:
-        return NOT_BY_REGIONS if self.attention.kind != "none" and why_plain(self.seat.learner) else ""
-
-    def _by_regions(self) -> bool:
-        return self.seat.pointwise and self.attention.kind != "none"
 
     def _calls(self, by_regions: bool) -> str:
         """Describe the chunks. A picture by regions is the same for all attention, to float32 rounding: the order is no
@@ -253,6 +233,7 @@ class _Turn:
     def _frame(
         self, state: State, pixels: np.ndarray, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray, **facts: Any
     ) -> FreshPixels:
+        facts |= {"rays": self.rays, "evaluations": self.evaluations, "note": self.note}
         seconds = time.perf_counter() - self.start
         return FreshPixels(
             self.seat.name, state, pixels, colour, opacity, depth, seconds=seconds, work=self.work, **facts

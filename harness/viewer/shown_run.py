@@ -2,11 +2,11 @@
 
 import math
 import time
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -26,24 +26,12 @@ from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import Split
 
 
-@dataclass(frozen=True)
-class TrueViews:
+class TrueViews(NamedTuple):
     """The test views of one scene at one size; without any, `missing` has the reason."""
 
     split: Split | None
+    names: tuple[str, ...]
     missing: str = ""
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.split.names if self.split else ()
-
-    @property
-    def poses(self) -> np.ndarray:
-        """Return the poses, float64 [views, 4, 4], OpenGL axes."""
-        return self.split.camera_to_world if self.split else np.zeros((0, 4, 4))
 
 
 MEMORY_BYTES = 256 << 20
@@ -73,8 +61,8 @@ class ShownRun:
     seats: dict[tuple[str, str], engine.MethodView] = field(default_factory=dict)
     lenses: dict[str, Camera] = field(default_factory=dict)
     """Map scene → a camera with the lens of its views."""
-    truths: OrderedDict[str, TrueViews] = field(default_factory=OrderedDict)
-    """The views of the scenes looked at last."""
+    truths: dict[str, TrueViews] = field(default_factory=dict)
+    """The views of the scenes opened last."""
     sources: Counter[str] = field(default_factory=Counter)
     """The origins of complete pictures: `level 0` … `level 2` of the cache, or `rendered`."""
 
@@ -90,7 +78,7 @@ class ShownRun:
     ) -> "ShownRun":
         """Load a run; raises `InputError` for names that it does not have, and if it left nothing to show."""
         run = FinishedRun.of(out)
-        scenes = [one.name for one in run.scenes([scene] if scene else None, "--scene")]
+        scenes = [record.name for record in run.scenes([scene] if scene else None, "--scene")]
         asked = run.methods(list(methods) if methods else None)
         if methods is None:
             asked = list(DEFAULT_METHODS) if set(DEFAULT_METHODS) <= set(asked) else asked[:2]
@@ -102,7 +90,11 @@ class ShownRun:
                 f"{out}: no checkpoint of {' '.join(asked)} with seed {seed} on {' '.join(scenes)}, so there is "
                 "nothing to show; choose other --methods, --scene or --seed, or train them again"
             )
-        store, memory_alone = _store(out / "view_cache")
+        store, memory_alone = ViewStore(MEMORY_BYTES, None, 0), ""
+        try:
+            store = ViewStore(MEMORY_BYTES, out / "view_cache", DISK_BYTES)
+        except InputError as reason:
+            memory_alone = str(reason)
         return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width)
 
     def listing(self) -> dict[str, Any]:
@@ -111,7 +103,7 @@ class ShownRun:
             "run": self.run.out.resolve().name,
             "profile": self.run.run.profile,
             "seed": self.seed,
-            "scenes": [{"name": one.name, "title": one.title} for one in self.run.run.scenes],
+            "scenes": [{"name": scene.name, "title": scene.title} for scene in self.run.run.scenes],
             "methods": [{"name": name, "about": about} for name, about in self.run.run.methods.items()],
             "attentions": [{"name": name, "about": about} for name, about in ATTENTIONS.items()],
             "first": {"scene": self.first_scene, "methods": self.first_methods},
@@ -133,7 +125,7 @@ class ShownRun:
             "start": asdict(_start(scene)),
             "views": [
                 {"name": view, **asdict(orbit_of(pose, centre))}
-                for view, pose in zip(truth.names, truth.poses, strict=True)
+                for view, pose in zip(truth.names, truth.split.camera_to_world if truth.split else (), strict=True)
             ],
             "missing": truth.missing,
             "psnr_ceiling": scene.psnr_ceiling,
@@ -163,23 +155,19 @@ class ShownRun:
         raise BadRequest("scene: the run has no such scene")
 
     def truth(self, scene: SceneRecord) -> TrueViews:
-        found = self.truths.pop(scene.name, None)
-        if found is None:
-            while len(self.truths) >= TRUTHS:
-                self.truths.popitem(last=False)
-            found = self._read_truth(scene)
-        self.truths[scene.name] = found
-        return found
-
-    def _read_truth(self, scene: SceneRecord) -> TrueViews:
-        """Read the views at their own width or, if that is smaller, at the shown one; decoded images go to the run's
+        """Return the views at their own width or, if that is smaller, at the shown one; decoded images go to the run's
         folder if it can be written. A fault of the view set is the reason why they are missing.
         """
-        width, scratch = min(self.width or scene.width, scene.width), None if self.memory_alone else self.run.out
-        try:
-            return TrueViews(self.run.views(scene, self.view_sets, width, scratch=scratch).test)
-        except (InputError, OSError) as error:
-            return TrueViews(None, f"No ground truth: {error}")
+        if scene.name not in self.truths:
+            if len(self.truths) >= TRUTHS:
+                del self.truths[next(iter(self.truths))]
+            width, scratch = min(self.width or scene.width, scene.width), None if self.memory_alone else self.run.out
+            try:
+                split = self.run.views(scene, self.view_sets, width, scratch=scratch).test
+                self.truths[scene.name] = TrueViews(split, split.names)
+            except (InputError, OSError) as error:
+                self.truths[scene.name] = TrueViews(None, (), f"No ground truth: {error}")
+        return self.truths[scene.name]
 
     def seat(self, scene: SceneRecord, method: str) -> engine.MethodView:
         """Load a cell; raises `InputError` if it cannot be shown."""
@@ -197,26 +185,32 @@ class ShownRun:
         unknown = [name for name in asked.methods if name not in self.run.run.methods]
         if unknown:
             raise BadRequest("methods: the run has no such method")
-        if isinstance(asked.place, int) and asked.place >= len(self.truth(scene)):
-            raise BadRequest(f"view: there are {len(self.truth(scene))} test views")
+        if isinstance(asked.place, int):
+            self._test_views(scene, asked.place)
+
+    def _test_views(self, scene: SceneRecord, view: int) -> Split:
+        """Return the test views, of which `view` is one; raises `BadRequest`."""
+        truth = self.truth(scene)
+        if truth.split is None or view >= len(truth.names):
+            raise BadRequest(f"view: there are {len(truth.names)} test views")
+        return truth.split
 
     def truth_message(self, name: str, view: int) -> bytes:
-        truth = self.truth(self.scene(name))
-        if view >= len(truth):
-            raise BadRequest(f"view: there are {len(truth)} test views")
-        assert truth.split is not None
-        rgba, depths = truth.split.rgba[view], truth.split.depth
+        split = self._test_views(self.scene(name), view)
+        rgba, depth = split.rgba[view], None if split.depth is None else split.depth[view]
         height, width = rgba.shape[:2]
-        facts = {"name": truth.names[view], "width": width, "height": height, "has_depth": depths is not None}
-        depth = None if depths is None else depths[view]
+        facts = {"name": split.names[view], "width": width, "height": height, "has_depth": depth is not None}
         return picture_message("truth", over_white(rgba), rgba[..., 3], depth, **facts)
 
     def messages(self, asked: ViewRequest) -> Generator[bytes, None, None]:
         """Yield all messages for a page's request, one piece of work after another; it has been `checked` before."""
         scene = self.scene(asked.scene)
-        truth = self.truth(scene)
-        exact = asked.place if isinstance(asked.place, int) else None
-        pose = asked.place.pose() if isinstance(asked.place, Orbit) else truth.poses[asked.place]
+        exact, picture = None, None
+        if isinstance(asked.place, Orbit):
+            pose = asked.place.pose()
+        else:
+            exact, split = asked.place, self._test_views(scene, asked.place)
+            pose, picture = split.camera_to_world[exact], over_white(split.rgba[exact])
         seats = []
         for method in asked.methods:
             if (scene.name, method) not in self.seats:
@@ -231,7 +225,6 @@ class ShownRun:
         began = time.perf_counter()
         camera = self._camera(scene, self.lenses[scene.name].at(pose), asked.width, exact is None)
         yield message("start", width=camera.width, height=camera.height, exact=exact)
-        picture = over_white(truth.split.rgba[exact]) if truth.split and exact is not None else None
         for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began):
             if frame.state == "whole":
                 self.sources["rendered" if frame.level is None else f"level {frame.level}"] += 1
@@ -245,20 +238,12 @@ class ShownRun:
         """Return a camera at the shown size; a free one sees the complete box, an exact one is the view's own to the
         last bit.
         """
-        found = covering(camera, np.asarray(scene.bounds)) if free else camera
+        camera = covering(camera, np.asarray(scene.bounds)) if free else camera
         wanted = width or self.width or scene.width
-        return found if wanted == found.width else found.resized(wanted)
+        return camera if wanted == camera.width else camera.resized(wanted)
 
 
 def _start(scene: SceneRecord) -> Orbit:
     """Return the camera's place until somebody moves it, if there is no test view to begin with."""
     x, y, z = np.mean(scene.bounds, axis=0).tolist()
     return Orbit((x, y, z), 0.5 * math.pi, ELEVATION, 0.5 * (scene.near + scene.far))
-
-
-def _store(folder: Path) -> tuple[ViewStore, str]:
-    """Return the store with level 2 if the folder can be written; else the reason."""
-    try:
-        return ViewStore(MEMORY_BYTES, folder, DISK_BYTES), ""
-    except InputError as reason:
-        return ViewStore(MEMORY_BYTES, None, 0), str(reason)

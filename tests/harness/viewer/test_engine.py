@@ -68,7 +68,7 @@ def test_the_last_picture_is_the_plain_one(seats: list[MethodView], camera: Came
     shown = list(frames(seats, camera, attention))
     for seat in seats:
         last, wanted = of(shown, seat.name)[-1], plain(seat, camera)
-        exactly = attention is PLAIN or not seat.pointwise
+        exactly = attention is PLAIN or not seat.learner.field.pointwise
         for name in ("colour", "opacity", "depth"):
             expected = getattr(wanted, name).reshape(getattr(last, name).shape)
             if exactly:
@@ -79,7 +79,7 @@ def test_the_last_picture_is_the_plain_one(seats: list[MethodView], camera: Came
 
 def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[MethodView], camera: Camera) -> None:
     shown = list(frames(seats, camera, FOVEAL))
-    assert [seat.pointwise for seat in seats] == [True, False]
+    assert [seat.learner.field.pointwise for seat in seats] == [True, False]
     assert {frame.note for frame in of(shown, "nerf")} == {""}
     assert all("share a call" in frame.note for frame in of(shown, "qnerf"))
     assert all(frame.note == "" for frame in frames(seats, camera, PLAIN))
@@ -152,11 +152,3 @@ def test_a_picture_that_is_not_finite_fails_alone(
     assert [frame.state for frame in of(shown, "nerf")] == ["failed"]
     assert "ray 7" in of(shown, "nerf")[0].note
     assert of(shown, "qnerf")[-1].state == "whole"
-
-
-@pytest.mark.parametrize(
-    "attention", [{"kind": "everywhere"}, {"row": 1.5}, {"column": float("nan")}, {"row": -0.1}]
-)  # fmt: skip
-def test_attention_to_nowhere_is_refused(attention: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"kind|point of interest"):
-        Attention(**attention)

@@ -108,8 +108,8 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"client": "x" * 500}, "client"),
     ({"client": None}, "client"),
     ({"more": 1}, "more"),
-    ({"attention": {"kind": "all", "row": 0, "column": 0}}, "attention"),
-    ({"attention": {"kind": "point", "row": 2, "column": 0}}, "point"),
+    ({"attention": {"kind": "all", "row": 0, "column": 0}}, "kind"),
+    ({"attention": {"kind": "point", "row": 2, "column": 0}}, "row"),
     ({"attention": {"kind": "point", "radius": 1}}, "attention"),
 ]
 
