@@ -28,7 +28,7 @@ class Accelerations:
 
     def without(self, names: tuple[str, ...]) -> "Accelerations":
         """Return a copy with the named ones switched off; raises `ValueError` naming the known ones."""
-        known = [one.name for one in fields(self)]
+        known = [acceleration.name for acceleration in fields(self)]
         unknown = [name for name in names if name not in known]
         if unknown:
             raise ValueError(f"unknown {' '.join(map(repr, unknown))}; known: {' '.join(known)}")
@@ -161,8 +161,8 @@ RayOf = Int[Tensor, " points"]
 
 
 @runtime_checkable
-class RadianceField(Protocol):
-    """A density and a colour for each point in space: all that a renderer needs of a method.
+class DensityField(Protocol):
+    """A density for each point in space.
 
     Density is in 1 / scene unit. A field that is made for a box k times as large has 1 / k of it, so that no result
     depends on the unit of length (`Box.half_extent`).
@@ -171,31 +171,35 @@ class RadianceField(Protocol):
     @property
     def pointwise(self) -> bool:
         """Whether a point's density does not depend on the other points of the chunk."""
-        ...
-
-    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views: ...
 
     def density(self, x: Points) -> Densities: ...
-
     def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:
         """Return the density entering the amplifier and the density that is rendered; equal without an amplifier."""
-        ...
 
+
+@runtime_checkable
+class RadianceField(DensityField, Protocol):
+    """A density and a colour for each point in space: all that a renderer needs of a method."""
+
+    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views: ...
     def density_and_colour(self, x: Points, view: Views, ray: RayOf) -> tuple[Densities, Float[Tensor, "points 3"]]: ...
 
 
 @runtime_checkable
-class TrainableField(RadianceField, Protocol):
-    """The interface of a method's own field, besides that of `torch.nn.Module`."""
+class LearnedField(DensityField, Protocol):
+    """A density that was learnt, and its components."""
 
     @property
     def density_limit(self) -> float:
         """The density that no point exceeds, in 1 / scene unit; infinite where there is no such limit."""
-        ...
 
     def parameter_counts(self) -> dict[str, int]:
         """Count the learnt numbers by component, with their `total`."""
-        ...
+
+
+@runtime_checkable
+class TrainableField(RadianceField, LearnedField, Protocol):
+    """The interface of a method's own field, besides that of `torch.nn.Module`."""
 
 
 def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name: str) -> Float[Tensor, "..."]:

@@ -167,7 +167,7 @@ def rounded_otherwise(draw: int) -> Callable[..., Learner]:
         if draw:
             generator = generator_for("rounding", draw, method)
             with torch.no_grad():
-                for weight in learner.fields.parameters():  # type: ignore[attr-defined]
+                for weight in learner.fields.parameters():
                     weight.mul_(1.0 + LAST_BIT * torch.randint(-1, 2, weight.shape, generator=generator))
         return learner
 

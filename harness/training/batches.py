@@ -130,20 +130,19 @@ class AttendedPixels:
     @staticmethod
     def by_gradients(images: Iterable[np.ndarray]) -> "AttendedPixels":
         """Make the distribution of straight RGBA images [height, width, 4] over white, read one at a time."""
-        regions: Regions | None = None
         attention = []
         for rgba in images:
             height, width = rgba.shape[:2]
-            regions = regions or Regions(height, width, max(1, width // REGIONS_ACROSS))
+            regions = Regions(height, width, max(1, width // REGIONS_ACROSS))
             attention.append(from_gradients(regions, over_white(rgba)) * regions.rays)
-        if regions is None:
-            raise ValueError("no image to attend to")
-        return AttendedPixels(regions, _until(attention, regions))
+        everything = np.concatenate(attention)
+        # images of one colour alone are equal attention: each pixel has the same chance, not each region
+        chance = shares(everything if everything.max() > 0.0 else np.tile(regions.rays, len(attention)))
+        until = np.cumsum(chance)
+        return AttendedPixels(regions, until / until[-1])
 
     def draw(self, count: int, generator: torch.Generator) -> Int[Tensor, " count"]:
-        """Draw pixels numbered through all images row by row, as `scenes.view_sets.image_stack.ImageStack.pixels` takes
-        them.
-        """
+        """Draw pixels numbered through all images row by row, as `ImageStack.pixels` takes them."""
         u = torch.rand(3, count, generator=generator, dtype=torch.float64).numpy()
         image, region = np.divmod(np.searchsorted(self.until, u[0], side="right"), self.regions.count)
         row, column = np.divmod(region, self.regions.columns)
@@ -161,16 +160,6 @@ def mixed(attended: AttendedPixels, pixels: int, count: int, seed: int | str, st
     return torch.cat([by_attention, torch.randint(pixels, (count - len(by_attention),), generator=generator)])
 
 
-def _until(attention: list[np.ndarray], regions: Regions) -> np.ndarray:
-    """Return the cumulative chances. Images of one colour alone are equal attention: each pixel has the same chance,
-    not each region.
-    """
-    everything = np.concatenate(attention)
-    chance = shares(everything if everything.max() > 0.0 else np.tile(regions.rays, len(attention)))
-    until = np.cumsum(chance)
-    return until / until[-1]
-
-
 Batch = tuple[Rays, Float[Tensor, "rays 3"]]
 
 
@@ -178,11 +167,10 @@ class Batches:
     """Random pixels of all training views, on the device of the cameras. Holds one batch and no image."""
 
     def __init__(self, cameras: Cameras, rgba: ImageStack, attention: RayAttention = "none") -> None:
-        """Store `rgba` [views, height, width, 4]: straight alpha, display colour. Raises `ValueError` on any other
-        shape.
+        """Store `rgba` [views, height, width, 4]: straight alpha, display colour. Raises `ValueError` if it is not.
 
         With `attention` `none` all pixels are alike; with `gradients` half of a batch is drawn by the gradients of the
-        images (`harness.training.batches`), which are read once, here.
+        images, which are read once, here.
         """
         expected = (len(cameras), cameras.height, cameras.width, 4)
         if rgba.shape != expected:
@@ -194,10 +182,10 @@ class Batches:
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
         """Return `count` rays and their colours over white; depends on its arguments alone. Must not be changed."""
-        wanted = (seed, step, count)
-        if self._last is None or self._last[0] != wanted:
+        key = (seed, step, count)
+        if self._last is None or self._last[0] != key:
             # kept for the other methods, which are at the same step
-            self._last = (wanted, self._drawn(*wanted))
+            self._last = (key, self._drawn(*key))
         return self._last[1]
 
     def stream(self, seed: int | str, count: int) -> Callable[[int], Batch]:
@@ -205,17 +193,13 @@ class Batches:
         return lambda step: self.batch(seed, step, count)
 
     def _drawn(self, seed: int | str, step: int, count: int) -> Batch:
-        index = self._chosen(seed, step, count)
+        pixels = math.prod(self.rgba.shape[:3])
+        if self._attended is None:
+            index = torch.randint(pixels, (count,), generator=generator_for(seed, step, "batch"))
+        else:
+            index = mixed(self._attended, pixels, count, seed, step)
         colours = torch.from_numpy(over_white(self.rgba.pixels(index.numpy())))
         device = self.cameras.camera_to_world.device
         index = index.to(device)
-        width, pixels = self.cameras.width, self.cameras.width * self.cameras.height
-        rays = self.cameras.rays(index // pixels, index % width, index % pixels // width)
-        return rays, colours.to(device)
-
-    def _chosen(self, seed: int | str, step: int, count: int) -> Int[Tensor, " count"]:
-        """Return pixels numbered through all views row by row."""
-        pixels = math.prod(self.rgba.shape[:3])
-        if self._attended is None:
-            return torch.randint(pixels, (count,), generator=generator_for(seed, step, "batch"))
-        return mixed(self._attended, pixels, count, seed, step)
+        width, size = self.cameras.width, self.cameras.width * self.cameras.height
+        return self.cameras.rays(index // size, index % width, index % size // width), colours.to(device)

@@ -1,11 +1,9 @@
 """One cell in training: it steps, scores at checkpoints, is kept on its way, and ends in a record."""
 
 import json
-import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from torch import nn
@@ -26,31 +24,23 @@ from harness.training.saved_renders import KeptRenders
 from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
 from scenes.rendering.occupancy import read_occupancy
-from scenes.view_sets.view_set import Split, ViewSet
+from scenes.view_sets.view_set import ViewSet
 
 CORNERS = 8
 """The voxels between which a point is interpolated."""
 
 
-@runtime_checkable
-class Voxels(Protocol):
-    """The values interpolated at a point: one density, and so many coefficients of each of three colours."""
-
-    @property
-    def coefficients(self) -> int: ...
-
-
 def flops_per_evaluation(field: object) -> int | None:
     """Count the operations of one forward evaluation of `field` at one point, density and colour; None if it is neither
-    a network nor voxels.
+    a network nor voxels, which interpolate one density, and so many coefficients of each of three colours.
     """
     if isinstance(field, nn.Module):
-        layers = [one for one in field.modules() if isinstance(one, nn.Linear)]
+        layers = [layer for layer in field.modules() if isinstance(layer, nn.Linear)]
         return 2 * sum(layer.in_features * layer.out_features for layer in layers) or None
-    if isinstance(field, Voxels):
-        colours = 3 * field.coefficients
-        return 2 * CORNERS * (1 + colours) + 2 * (colours if field.coefficients > 1 else 0)
-    return None
+    coefficients = getattr(field, "coefficients", None)
+    if coefficients is None:
+        return None
+    return 2 * CORNERS * (1 + 3 * coefficients) + (2 * 3 * coefficients if coefficients > 1 else 0)
 
 
 SAME = 1e-6
@@ -98,15 +88,17 @@ def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet)
 
 
 def _same(before: Any, now: Any) -> bool:
-    if isinstance(before, list) and isinstance(now, list):
-        return len(before) == len(now) and all(map(_same, before, now))
-    if isinstance(before, int | float) and isinstance(now, int | float):
-        return math.isclose(before, now, rel_tol=SAME, abs_tol=SAME)
-    return bool(before == now)
+    if isinstance(now, str):
+        return bool(before == now)
+    return np.shape(before) == np.shape(now) and np.allclose(before, now, rtol=SAME, atol=SAME)
 
 
 def _short(value: Any) -> Any:
     return f"{value[:12]}…" if isinstance(value, str) and len(value) > 12 else value
+
+
+def _in_words(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
 COLLAPSED_OPACITY = 0.02
@@ -116,30 +108,9 @@ BILLBOARD_GAP_DB = 6.0
 where the images are painted in front of the cameras, not in the scene.
 """
 FLAGGED_GAP_DB = 3.0
-"""The gap by which training views score above test views where the views are fitted better than the
-space between them.
-"""
+"""The gap between training and test views where the views are fitted better than the space between them."""
 REFERENCE_LIMITED_DB = 1.0
-"""The distance to the ceiling below which a score says more about the noise of the ground truth than
-about the method.
-"""
-
-
-@dataclass
-class _LastViews:
-    """The values that the record takes from the last rendering of the test views, which are in memory one at a time."""
-
-    test: Split
-    rows: list[ViewScore] = field(default_factory=list)
-    opacities: list[np.floating[Any]] = field(default_factory=list)
-    """The mean of each view."""
-
-    def passing(self, images: Iterable[evaluate.View]) -> Iterator[evaluate.View]:
-        """Yield the views themselves, each noted on its way."""
-        for index, image in enumerate(images):
-            self.rows.append(evaluate.view_scores(image, self.test, index))
-            self.opacities.append(image.opacity.mean())
-            yield image
+"""The distance to the ceiling below which a score tells more of the ground truth's noise than of the method."""
 
 
 class IncompatibleSnapshot(Exception):
@@ -204,31 +175,27 @@ class CellTraining:
         if not self.can_be_kept:
             return None
         try:
-            self._keep()
+            training = training_state(self.trainer)
+            renders = {
+                f"render.{place}.{name}": getattr(render, name)
+                for place, render in enumerate(self.kept.renders)
+                for name in RENDER
+            }
+            listing = {
+                "made_with": self._made_with(),
+                "resumed_at": self.resumed_at,
+                "due": len(self.due),
+                "curve": plain(self.curve),
+                "renders": [[render.view, render.step] for render in self.kept.renders],
+            }
+            write_unfinished(self.file, Unfinished(training.listing | listing, training.tensors | renders))
         except OSError:
             raise
         except Exception as error:
             # a user's own method with state that no file of ours holds: no reason to end its training
             self.can_be_kept = False
-            said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-            return f"{self.name}: cannot be kept in the middle of its training ({said})"
+            return f"{self.name}: cannot be kept in the middle of its training ({_in_words(error)})"
         return None
-
-    def _keep(self) -> None:
-        training = training_state(self.trainer)
-        renders = {
-            f"render.{place}.{name}": getattr(render, name)
-            for place, render in enumerate(self.kept.renders)
-            for name in RENDER
-        }
-        listing = {
-            "made_with": self._made_with(),
-            "resumed_at": self.resumed_at,
-            "due": len(self.due),
-            "curve": plain(self.curve),
-            "renders": [[render.view, render.step] for render in self.kept.renders],
-        }
-        write_unfinished(self.file, Unfinished(training.listing | listing, training.tensors | renders))
 
     def go_on(self) -> str | None:
         """Resume from the snapshot, if one was kept by the same code on the same kind of processor; returns a note for
@@ -246,9 +213,8 @@ class CellTraining:
         try:
             self._restore(kept)
         except Exception as error:
-            said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
             raise IncompatibleSnapshot(
-                f"{self.name}: trained from the start, as what was kept of it does not fit ({said})"
+                f"{self.name}: trained from the start, as what was kept of it does not fit ({_in_words(error)})"
             ) from error
         return f"{self.name}: goes on at step {self.trainer.step}"
 
@@ -269,7 +235,7 @@ class CellTraining:
         """Return all that its next steps depend on, except what training changed, as it comes back from JSON."""
         place = ("processor", "threads", "device", "torch_build", "bfloat16_products")
         packages = self.provenance.get("packages", {})
-        found = {
+        facts = {
             "Python": self.provenance.get("python"),
             PROGRAM: self.provenance.get("sources"),
             **{name: packages.get(name) for name in CHECKED},
@@ -278,7 +244,7 @@ class CellTraining:
             "settings": self.task.settings(),
             "view set": {key: value for key, value in view_set_facts(self.views).items() if key != "name"},
         }
-        return dict(json.loads(json.dumps(found)))
+        return dict(json.loads(json.dumps(facts)))
 
     def advance(self) -> CellRecord | None:
         """Take one step and run whatever is due after it; returns the record when the cell has ended."""
@@ -286,16 +252,23 @@ class CellTraining:
             take_step(self.trainer, self.batch_at)
             if self.trainer.progress < self.due[0]:
                 return None
-            while self.due and self.trainer.progress >= self.due[0]:
-                self.due.pop(0)
+            self.due = [share for share in self.due if self.trainer.progress < share]
             rendered = evaluate.render_split(self.trainer, self.test, self.task.score.chunk)
             images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
             if self.due:
                 self.curve.append(self._checkpoint(images))
                 return None
-            last = _LastViews(self.views.test)
-            self.curve.append(self._checkpoint(last.passing(images)))
-            return self._finished(last)
+            rows: list[ViewScore] = []
+            opacities: list[np.floating[Any]] = []
+
+            def scored(image: evaluate.View) -> evaluate.View:
+                """Take note of a view: only one is in memory at a time."""
+                rows.append(evaluate.view_scores(image, self.views.test, len(rows)))
+                opacities.append(image.opacity.mean())
+                return image
+
+            self.curve.append(self._checkpoint(map(scored, images)))
+            return self._finished(rows, float(np.mean(opacities)))
         except Diverged as stop:
             return self._stopped("diverged", str(stop))
         except OSError:
@@ -305,7 +278,6 @@ class CellTraining:
             return self._stopped("error", f"{type(error).__name__} at step {self.trainer.step}: {error}")
 
     def _stopped(self, status: Status, reason: str) -> CellRecord:
-        self.ended = True
         return self._record(status, reason, {}, [], {})
 
     def _checkpoint(self, images: Iterable[evaluate.View]) -> Checkpoint:
@@ -320,16 +292,15 @@ class CellTraining:
             **trainer.amplifier_scalars(),
         )
 
-    def _finished(self, last: _LastViews) -> CellRecord:
+    def _finished(self, rows: list[ViewScore], mean_opacity: float) -> CellRecord:
         trainer, score = self.trainer, self.task.score
-        scores = evaluate.mean_scores(last.rows)
+        scores = evaluate.mean_scores(rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
         save_checkpoint(trainer, checkpoint_path(self.task.out, self.task.scene, trainer.method, self.task.seed))
         properties = evaluate.measured_properties(trainer, self.test)
         properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
-        self.ended = True
-        return self._record("done", None, scores, last.rows, properties, float(np.mean(last.opacities)))
+        return self._record("done", None, scores, rows, properties, mean_opacity)
 
     def _record(
         self,
@@ -341,6 +312,7 @@ class CellTraining:
         mean_opacity: float | None = None,
     ) -> CellRecord:
         trainer, task = self.trainer, self.task
+        self.ended = True
         return CellRecord(
             scene=task.scene,
             method=trainer.method,
@@ -370,18 +342,18 @@ class CellTraining:
 
 def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
     """Return the states that a reader of the scores must know, in words."""
-    found = []
+    warnings = []
     psnr, floor, train, ceiling = (scores.get(f"psnr{name}") for name in ("", "_floor", "_train", "_ceiling"))
     if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:
-        found.append(f"empty collapse: mean test opacity {mean_opacity:.3f}, the method shows little but background")
+        warnings.append(f"empty collapse: mean test opacity {mean_opacity:.3f}, the method shows little but background")
     if grid_emptied:
-        found.append("the occupancy grid found no matter at its last refresh; nothing was left out from then on")
+        warnings.append("the occupancy grid found no matter at its last refresh; nothing was left out from then on")
     if psnr is not None and floor is not None and psnr < floor:
-        found.append(f"below the floor: {psnr:.2f} dB, copying the nearest training view gives {floor:.2f} dB")
+        warnings.append(f"below the floor: {psnr:.2f} dB, copying the nearest training view gives {floor:.2f} dB")
     if psnr is not None and train is not None and train - psnr > FLAGGED_GAP_DB:
         painted = train - psnr > BILLBOARD_GAP_DB and (floor is None or psnr < floor)
         name = "billboard" if painted else "gap"
-        found.append(f"{name}: training views {train:.2f} dB, test views {psnr:.2f} dB")
+        warnings.append(f"{name}: training views {train:.2f} dB, test views {psnr:.2f} dB")
     if psnr is not None and ceiling is not None and psnr > ceiling - REFERENCE_LIMITED_DB:
-        found.append(f"reference-limited: {psnr:.2f} dB, an image without noise would have {ceiling:.2f} dB")
-    return found
+        warnings.append(f"reference-limited: {psnr:.2f} dB, an image without noise would have {ceiling:.2f} dB")
+    return warnings

@@ -22,7 +22,7 @@ from torch import Tensor
 from harness.records.cells import checkpoint_name
 from harness.records.snapshot import Unfinished
 from scenes.files.atomic import write_atomically
-from scenes.files.errors import InputError
+from scenes.files.errors import InputError, short
 
 if TYPE_CHECKING:
     from harness.training.learner import Learner
@@ -64,18 +64,17 @@ def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | Non
             raise ValueError(f"{' '.join(spoilt)}: not finite")
         learner.restore(tensors, step)
     except (SafetensorError, RuntimeError, KeyError, ValueError, OSError) as error:
-        said = " ".join(str(error).split())[:300]
-        raise InputError(f"{path}: not a checkpoint of {learner.method} as this run has it ({said})") from error
+        raise InputError(f"{path}: not a checkpoint of {learner.method} as this run has it ({short(error)})") from error
 
 
 @torch.no_grad()
 def weights_digest(learner: "Learner") -> str:
     """Return 64 hexadecimal digits: equal if every tensor has the same name, type, shape and bits."""
-    found = hashlib.blake2b(digest_size=32)
+    digest = hashlib.blake2b(digest_size=32)
     for name, value in sorted(tensors_of(learner).items()):
-        found.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
-        found.update(value.detach().cpu().reshape(-1).view(torch.uint8).numpy().data)
-    return found.hexdigest()
+        digest.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
+        digest.update(value.detach().cpu().reshape(-1).view(torch.uint8).numpy().data)
+    return digest.hexdigest()
 
 
 LARGEST_SHARE = 0.02
@@ -108,8 +107,8 @@ class Keeping:
 def training_state(learner: "Learner") -> Unfinished:
     """Return all that training has changed in a learner."""
 
-    tensors = {f"trained.{name}": one for name, one in tensors_of(learner).items()}
-    tensors |= {f"optimiser.{name}": one for name, one in learner.optimiser_tensors().items()}
+    tensors = {f"trained.{name}": value for name, value in tensors_of(learner).items()}
+    tensors |= {f"optimiser.{name}": value for name, value in learner.optimiser_tensors().items()}
     listing: dict[str, Any] = {
         "step": learner.step,
         "seconds": learner.clock.seconds,
@@ -121,17 +120,16 @@ def training_state(learner: "Learner") -> Unfinished:
     if learner.grid is not None:
         tensors["grid.density"] = learner.grid.density
         listing["grid_emptied"] = learner.grid.emptied
-    return Unfinished(listing, {name: np.array(one.detach().cpu().numpy()) for name, one in tensors.items()})
+    return Unfinished(listing, {name: np.array(value.detach().cpu().numpy()) for name, value in tensors.items()})
 
 
 def restore_training(learner: "Learner", kept: Unfinished) -> None:
     """Restore a fresh learner of the same settings. If the state is of another one, raises any error, and leaves the
     learner unusable.
     """
-    import torch
 
-    def tensors(prefix: str) -> dict[str, torch.Tensor]:
-        return {name: torch.tensor(one, device=learner.device) for name, one in kept.under(prefix).items()}
+    def tensors(prefix: str) -> dict[str, Tensor]:
+        return {name: torch.tensor(value, device=learner.device) for name, value in kept.under(prefix).items()}
 
     listing = kept.listing
     learner.restore(tensors("trained"), listing["step"])

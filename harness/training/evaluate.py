@@ -90,12 +90,12 @@ def scores_of(image: View, split: Split, index: int, chosen: Iterable[str]) -> d
     }
     if split.depth is not None:
         sides["depth"] = (image.depth, split.depth[index], rgba[..., 3] > 0.99)
-    found: dict[str, float | None] = {}
+    scores: dict[str, float | None] = {}
     for name in chosen:
         arrays = sides.get(METRICS[name].compares)
         score = None if arrays is None else getattr(metrics, name)(*arrays)
-        found[name] = None if score is None else min(score, METRICS[name].largest)
-    return found
+        scores[name] = None if score is None else min(score, METRICS[name].largest)
+    return scores
 
 
 def scores_along(images: Iterable[View], split: Split) -> dict[str, float | None]:
@@ -111,6 +111,10 @@ def _mean(values: Iterable[float | None]) -> float | None:
 
 def _capped_psnr(image: np.ndarray, truth: np.ndarray) -> float:
     return min(metrics.psnr(image, truth), LARGEST_PSNR)
+
+
+def _mean_psnr(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float | None:
+    return finite_or_none(float(np.mean([_capped_psnr(image, truth) for image, truth in pairs])))
 
 
 def view_scores(image: View, split: Split, index: int) -> ViewScore:
@@ -129,26 +133,26 @@ def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
 
 
 def train_psnr(trainer: Learner, views: ViewSet, count: int, chunk: int) -> float | None:
-    """Return the mean PSNR over `count` evenly spread training views: how well they are fitted, beside
-    generalisation.
-    """
+    """Return the mean PSNR over `count` evenly spread training views: how well they are fitted."""
     cameras = cameras_of(views, views.train, trainer.device)
     chosen = np.unique(np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int))
-    values = [
-        _capped_psnr(render_view(trainer, cameras, int(i), chunk).colour, over_white(views.train.rgba[i]))
-        for i in chosen
-    ]
-    return finite_or_none(float(np.mean(values)))
+    return _mean_psnr(
+        (render_view(trainer, cameras, int(i), chunk).colour, over_white(views.train.rgba[i])) for i in chosen
+    )
 
 
 def floor_psnr(views: ViewSet) -> float | None:
     """Return the PSNR of answering every test view with the nearest training view: below it nothing is learnt."""
     train, test = views.train.camera_to_world[:, :3, 3], views.test.camera_to_world[:, :3, 3]
     nearest = np.argmin(np.linalg.norm(test[:, None] - train[None], axis=-1), axis=1)
-    values = [
-        _capped_psnr(over_white(views.train.rgba[i]), over_white(views.test.rgba[k])) for k, i in enumerate(nearest)
-    ]
-    return finite_or_none(float(np.mean(values)))
+    return _mean_psnr((over_white(views.train.rgba[i]), over_white(views.test.rgba[k])) for k, i in enumerate(nearest))
+
+
+def _grid_over(trainer: Learner, points: int) -> torch.Tensor:
+    """Return the middles [points³, 3] of equal cells of the box."""
+    axis = (torch.arange(points, device=trainer.device) + 0.5) / points
+    unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
+    return trainer.box.from_unit(unit)
 
 
 @torch.no_grad()
@@ -160,10 +164,8 @@ def density_histogram(trainer: Learner, occupied: np.ndarray | None = None, poin
     given for those inside and outside geometry, and how many of them there are; it is used here alone, never trained
     on.
     """
-    axis = (torch.arange(points, device=trainer.device) + 0.5) / points
-    unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
     per_box = trainer.box.half_extent
-    before, after = (one * per_box for one in trainer.field.density_before_and_after(trainer.box.from_unit(unit)))
+    before, after = (sigma * per_box for sigma in trainer.field.density_before_and_after(_grid_over(trainer, points)))
     if not bool(torch.isfinite(after).all()):
         raise Diverged(trainer.step, "density after the amplifier")
     limit = trainer.field.density_limit * per_box
@@ -173,13 +175,13 @@ def density_histogram(trainer: Learner, occupied: np.ndarray | None = None, poin
         name: np.clip(values.double().cpu().numpy().reshape(-1), edges[0], edges[-1])
         for name, values in (("before", before), ("after", after))
     }
-    found = {"edges": edges.tolist(), **{name: _shares(values, edges) for name, values in sides.items()}}
+    histogram = {"edges": edges.tolist(), **{name: _shares(values, edges) for name, values in sides.items()}}
     if occupied is None:
-        return found
+        return histogram
     inside = occupied.reshape(-1)
     for where, chosen in (("inside", inside), ("outside", ~inside)):
-        found |= {f"{name}_{where}": _shares(values[chosen], edges) for name, values in sides.items()}
-    return {**found, "points": [float(inside.sum()), float((~inside).sum())]}
+        histogram |= {f"{name}_{where}": _shares(values[chosen], edges) for name, values in sides.items()}
+    return {**histogram, "points": [float(inside.sum()), float((~inside).sum())]}
 
 
 def _shares(values: np.ndarray, edges: np.ndarray) -> list[float]:
@@ -193,12 +195,8 @@ def measured_properties(trainer: Learner, test: Cameras) -> dict[str, float | st
     of the box's longest side, with the opacity that this length of it has.
     """
     rays = test.all_rays(0)
-    large = trainer.render(rays, LARGE_CHUNK).colour
-    small = trainer.render(rays, SMALL_CHUNK).colour
-    difference = (large - small).abs()
-    axis = (torch.arange(48, device=trainer.device) + 0.5) / 48
-    unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
-    densest = float(trainer.field.density(trainer.box.from_unit(unit)).max()) * trainer.box.half_extent
+    difference = (trainer.render(rays, LARGE_CHUNK).colour - trainer.render(rays, SMALL_CHUNK).colour).abs()
+    densest = float(trainer.field.density(_grid_over(trainer, 48)).max()) * trainer.box.half_extent
     return {
         "chunk_max_difference": float(difference.max()),
         "chunk_rms_difference": float(difference.square().mean().sqrt()),

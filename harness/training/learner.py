@@ -1,13 +1,14 @@
 """The interface of a method in training, whatever its kind; the loop that steps it; the clipping of gradients."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from baselines.contract import Box, Rays, Rendering
+from baselines.contract import Box, LearnedField, Rays, Rendering
 from baselines.occupancy import OccupancyGrid
 from harness.machine.stopwatch import Stopwatch
 from harness.training.batches import Batch
@@ -20,15 +21,15 @@ norms counted only as they are clipped would not: one in ten batches would be cu
 """
 
 
+@dataclass
 class Clipping:
     """Clipping to a fixed norm and to a multiple of the usual one: a fixed bound may pass a hundred times as much."""
 
-    def __init__(self, norm: float, ratio: float) -> None:
-        self.norm = norm
-        self.ratio = ratio
-        self.usual_norm: float | None = None
-        """The running mean of the norm, spikes cut; None before the first that is not zero."""
-        self.clipped_steps = 0
+    norm: float
+    ratio: float
+    usual_norm: float | None = None
+    """The running mean of the norm, spikes cut; None before the first that is not zero."""
+    clipped_steps: int = 0
 
     @property
     def allowed(self) -> float:
@@ -48,41 +49,18 @@ class Clipping:
 
 
 @runtime_checkable
-class LearnedField(Protocol):
-    """The density that scoring looks at, and its components."""
+class Stepped(Protocol):
+    """The part of a `Learner` that the loop of training needs."""
+
+    step: int
 
     @property
-    def density_limit(self) -> float:
-        """The density that no point exceeds, in 1 / scene unit; infinite where there is no such limit."""
-        ...
-
-    @property
-    def pointwise(self) -> bool:
-        """Whether a point's density does not depend on the other points of the chunk."""
-        ...
-
-    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]: ...
-
-    def density_before_and_after(
-        self, x: Float[Tensor, "points 3"]
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
-        """Return the density entering the amplifier and the density that is rendered; equal without an amplifier."""
-        ...
-
-    def parameter_counts(self) -> dict[str, int]:
-        """Count the learnt numbers by component, with their `total`."""
-        ...
+    def progress(self) -> float: ...
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
 
 
 @runtime_checkable
-class Stored(Protocol):
-    """The state that a checkpoint keeps."""
-
-    def state_dict(self) -> dict[str, Any]: ...
-
-
-@runtime_checkable
-class Learner(Protocol):
+class Learner(Stepped, Protocol):
     """One method on one scene with one seed, trained one batch at a time; `harness.training.trainer.Trainer` is the
     usual one.
 
@@ -95,7 +73,6 @@ class Learner(Protocol):
     device: torch.device
     clock: Stopwatch
     clipping: Clipping
-    step: int
     network_evaluations: int
     """The number of points at which the method was evaluated for training so far."""
     trace: dict[str, list[float | None]]
@@ -106,48 +83,26 @@ class Learner(Protocol):
     def field(self) -> LearnedField: ...
 
     @property
-    def fields(self) -> Stored: ...
-
-    @property
-    def progress(self) -> float: ...
+    def fields(self) -> Any:
+        """Return the owner of the `state_dict` that a checkpoint keeps."""
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
-
-    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
-
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         """Render in chunks of `chunk` rays, with `bins` per ray instead of those of the settings."""
-        ...
 
     def rendered_by(self) -> dict[str, Any]:
         """Return all that a picture depends on besides rays, `chunk` and what training changed, as plain data."""
-        ...
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
         """Restore the tensors that `harness.training.checkpoints.tensors_of` returned after `step` steps."""
-        ...
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
         """Return the optimiser's state; names without an order."""
-        ...
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
         """Restore the state that `optimiser_tensors` returned, after `restore`."""
-        ...
 
     def amplifier_scalars(self) -> dict[str, float | None]: ...
-
-
-@runtime_checkable
-class Stepped(Protocol):
-    """The part of a `Learner` that the loop of training needs."""
-
-    step: int
-
-    @property
-    def progress(self) -> float: ...
-
-    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
 
 
 L = TypeVar("L", bound=Stepped)

@@ -86,7 +86,7 @@ def train_group(
                 yield record
             if keeping.is_due:
                 with keeping.done():
-                    for notice in filter(None, [one.keep() for one in active]):
+                    for notice in filter(None, [cell.keep() for cell in active]):
                         on_notice(notice)
         on_progress(sum(min(runner.progress, 1.0) for runner in runners) / len(runners))
 

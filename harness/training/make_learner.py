@@ -35,12 +35,13 @@ def learner_for(
     """Return the method ready to be trained. Raises `NotAvailable` if this machine lacks what it needs, and
     `InputError` if a user's own package that offers it cannot be loaded.
     """
+    given = method, box, settings, budget, seed, device, view_dependent
     if method_named(method).kind == "network":
-        return Trainer(method, box, settings, budget, seed, device, view_dependent)
+        return Trainer(*given)
     backend = drjit_backend(device)
     from harness.training.voxel_trainer import VoxelTrainer
 
-    return VoxelTrainer(method, box, settings, budget, seed, device, view_dependent, backend)
+    return VoxelTrainer(*given, backend)
 
 
 def drjit_backend(device: torch.device) -> Literal["llvm", "cuda"]:
@@ -50,8 +51,7 @@ def drjit_backend(device: torch.device) -> Literal["llvm", "cuda"]:
     if device.type == "cuda" and torch.version.hip:
         raise NotAvailable("Dr.Jit has no backend for ROCm; --device cpu trains it with LLVM")
     if device.type == "cuda":
-        failure = probe("cuda_ad_rgb", "")
-        if failure is not None:
+        if (failure := probe("cuda_ad_rgb", "")) is not None:
             raise NotAvailable(f"Dr.Jit's CUDA backend does not work here: {failure}")
         return "cuda"
     failures = []
@@ -61,8 +61,7 @@ def drjit_backend(device: torch.device) -> Literal["llvm", "cuda"]:
             os.environ["DRJIT_LIBLLVM_PATH"] = library
             return "llvm"
         failures.append(f"{library} failed: {failure}")
-    found = "; ".join(failures) or "none was found"
     raise NotAvailable(
-        f"needs the shared library of LLVM {OLDEST_LLVM} or newer for Dr.Jit: {found}; install one (Debian: libllvm19) "
-        "or name it in DRJIT_LIBLLVM_PATH"
+        f"needs the shared library of LLVM {OLDEST_LLVM} or newer for Dr.Jit: "
+        f"{'; '.join(failures) or 'none was found'}; install one (Debian: libllvm19) or name it in DRJIT_LIBLLVM_PATH"
     )

@@ -66,7 +66,7 @@ def flip(image: np.ndarray, truth: np.ndarray) -> float:
     _require_finite(image, truth)
     import flip_evaluator
 
-    reference, test = (np.clip(one, 0.0, 1.0).astype(np.float32) for one in (truth, image))
+    reference, test = (np.clip(side, 0.0, 1.0).astype(np.float32) for side in (truth, image))
     _, mean, _ = flip_evaluator.evaluate(
         reference, test, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True
     )
@@ -79,7 +79,7 @@ def delta_e(image: np.ndarray, truth: np.ndarray) -> float:
     import colour
 
     first, second = (
-        colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(np.clip(one, 0.0, 1.0)), "sRGB")) for one in (image, truth)
+        colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(np.clip(side, 0.0, 1.0)), "sRGB")) for side in (image, truth)
     )
     return float(np.mean(colour.delta_E(first, second, method="CIE 2000")))
 

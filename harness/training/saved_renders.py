@@ -57,23 +57,21 @@ def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
     `OSError`, and `InputError` if that is of other views, and for a view set that was damaged meanwhile.
     """
     test = views.test
-    found = []
+    now = []
     for index in kept_views(test, count):
-        rgba, light = test.rgba[index], linear_over_white(views, test.names[index])
-        found.append(
-            Truth(
-                test.names[index],
-                half(over_white(rgba)),
-                half(rgba[..., 3]),
-                None if light is None else half(light),
-                None if test.depth is None else half(test.depth[index]),
-            )
-        )
+        name, rgba = test.names[index], test.rgba[index]
+        light = linear_over_white(views, name)
+        linear = None if light is None else half(light)
+        depth = None if test.depth is None else half(test.depth[index])
+        now.append(Truth(name, half(over_white(rgba)), half(rgba[..., 3]), linear, depth))
     path = records_folder(out) / truth_pictures(scene)
-    kept = _kept_truth(path)
-    if kept is None and found:
-        write_truth(path, found)
-    elif kept is not None and not _same_truth(kept, found):
+    try:
+        kept = read_truth(path)
+    except DamagedRecord:
+        kept = None
+    if kept is None and now:
+        write_truth(path, now)
+    elif kept is not None and not _same_truth(kept, now):
         raise InputError(f"{views.path}: not the views that {path} is of; put those back, or name a fresh --out")
 
 
@@ -82,20 +80,12 @@ def drop_truth(out: Path, scene: str) -> None:
     (records_folder(out) / truth_pictures(scene)).unlink(missing_ok=True)
 
 
-def _kept_truth(path: Path) -> list[Truth] | None:
-    """Read the saved truth; None if there is none or it is damaged."""
-    try:
-        return read_truth(path)
-    except DamagedRecord:
-        return None
-
-
-def _same_truth(kept: list[Truth], found: list[Truth]) -> bool:
+def _same_truth(kept: list[Truth], now: list[Truth]) -> bool:
     """Return whether truths are equal as far as a processor or a version may change the last bits."""
-    return [(one.view, one.display.shape) for one in kept] == [(one.view, one.display.shape) for one in found] and all(
-        np.abs(one.display.astype(np.float32) - other.display).max() < SAME_COLOUR
-        for one, other in zip(kept, found, strict=True)
-    )
+    if [(truth.view, truth.display.shape) for truth in kept] != [(truth.view, truth.display.shape) for truth in now]:
+        return False
+    pairs = zip(kept, now, strict=True)
+    return all(np.abs(a.display.astype(np.float32) - b.display).max() < SAME_COLOUR for a, b in pairs)
 
 
 @dataclass

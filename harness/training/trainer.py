@@ -1,9 +1,10 @@
 """One method in training: its field, optimiser, occupancy grid and clock. Prints and writes nothing."""
 
 import math
+from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,6 +25,13 @@ from harness.plan.settings import TrainSettings
 from harness.training.checkpoints import OCCUPIED
 from harness.training.learner import Clipping
 
+LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
+"""The factor of the loss in the backward pass alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
+512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32.
+"""
+TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
+TRACE_EVERY = 20
+
 
 class Diverged(ArithmeticError):
     """A value is NaN or infinite; the message names the step and the tensor."""
@@ -34,115 +42,68 @@ class Diverged(ArithmeticError):
         self.tensor = tensor
 
 
-class Trainer:
-    """A trainer of one method on one scene with one seed, a batch at a time."""
+@dataclass(eq=False)
+class BudgetedTrainer(ABC):
+    """One method of whatever kind on one scene with one seed: its budget, clock, counters and trace."""
 
-    def __init__(
-        self,
-        method: str,
-        box: Box,
-        settings: TrainSettings,
-        budget: Budget,
-        seed: int | str,
-        device: torch.device,
-        view_dependent: bool = True,
-    ) -> None:
-        described = method_named(method)
-        self.method = method
-        self.parts = described.parts
-        self.settings = settings
-        self.budget = budget
-        self.seed = seed
-        self.device = device
-        self.box = box
-        self.background = torch.ones(3, device=device)
+    method: str
+    box: Box
+    settings: TrainSettings
+    budget: Budget
+    seed: int | str
+    device: torch.device
+    view_dependent: bool = True
+    """Whether colour may depend on direction; False where the scene looks the same from all sides."""
 
-        on = settings.accelerations
+    def __post_init__(self) -> None:
         # a direction that no colour depends on is left out, unless that is switched off
-        self.view_dependent = view_dependent = view_dependent or not on.directions
-
-        def field(name: str) -> Any:
-            asked = FieldSpec(settings.network, box, settings.precision, f"{seed}/{name}", view_dependent)
-            return field_of(described, asked, on).to(device)
-
-        self.coarse = field("coarse")
-        self.fine = field("fine") if settings.fine_bins else None
-        self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
-        # Listing 4 takes its background from the last point before `far`: it must see every point of the complete ray
-        self.quadrature = self.parts.quadrature if self.parts is not None else "midpoint"
-        self.whole_rays = self.quadrature == "listing4"
-        has_grid = on.grid and settings.grid.cells > 0 and not self.whole_rays
-        self.grid = OccupancyGrid(settings.grid.cells, box, settings.grid.opacity_threshold) if has_grid else None
-        self.clock = Stopwatch(device)
+        self.view_dependent = self.view_dependent or not self.settings.accelerations.directions
+        self.grid: OccupancyGrid | None = None
+        self.clock = Stopwatch(self.device)
         self.step = 0
         self.network_evaluations = 0
-        self.clipping = Clipping(settings.clip_norm, settings.clip_ratio)
+        self.clipping = Clipping(self.settings.clip_norm, self.settings.clip_ratio)
         self.last_loss: float | None = None
         """The loss of the batch of the last step, before that step."""
         self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
-
-    @cached_property
-    def optimiser(self) -> torch.optim.Optimizer:
-        """Return the optimiser, made when it is first needed: it imports torch's compiler, seconds that rendering need
-        not wait.
-        """
-        return torch.optim.Adam(self.fields.parameters(), lr=self.settings.learning_rate, fused=True)
-
-    @property
-    def field(self) -> Any:
-        """The field that is rendered in the end (`baselines.field.field_of`)."""
-        return self.fine or self.coarse
 
     @property
     def progress(self) -> float:
         return self.budget.progress(self.step, self.clock.seconds)
 
-    def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Run one forward and backward pass that changes nothing: allocations and kernel choices, outside the clock."""
-        self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
-        self.optimiser.zero_grad(set_to_none=True)
+    def _learning_rate(self) -> float:
+        settings = self.settings
+        first, last = settings.learning_rate, settings.last_learning_rate
+        return learning_rate(self.progress, self.step, first, last, settings.warm_up_steps)
 
-    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Take one step on one batch, on the clock.
+    @property
+    def _is_traced(self) -> bool:
+        """Whether the trace takes note of the next step."""
+        return (self.step + 1) % TRACE_EVERY == 0 or self.step == 0
 
-        Raises `Diverged`; the weights are then those before the step, unless it is one of them that is named.
-        """
-        noted = (self.step + 1) % TRACE_EVERY == 0 or self.step == 0
-        with self.clock.running():
-            self._refresh_grid()
-            rate = learning_rate(
-                self.progress,
-                self.step,
-                self.settings.learning_rate,
-                self.settings.last_learning_rate,
-                self.settings.warm_up_steps,
-            )
-            for group in self.optimiser.param_groups:
-                group["lr"] = rate
-            with training_step([self.coarse, self.fine] if self.fine else [self.coarse]):
-                loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
-                if not math.isfinite(loss_value := loss.item()):
-                    where = "loss" if _all_finite(self._weights()) else self._first_not_finite("weight")
-                    raise Diverged(self.step, where)
-                norms = self._clipped_gradient(loss, noted)
-                self.optimiser.step()
-            self.optimiser.zero_grad(set_to_none=True)
-            if not _all_finite(self._weights()):
-                raise Diverged(self.step, self._first_not_finite("weight"))
+    def _count(self, loss: float, norms: tuple[float, float], evaluations: int, rays: int) -> None:
+        """End a step on `rays` rays; `norms` are those of the gradient before and after it was clipped."""
+        traced = self._is_traced
         self.step += 1
-        self.last_loss = loss_value
-        self.network_evaluations += rendering.network_evaluations
-        if noted:
-            self._note(loss_value, norms, rendering.network_evaluations / len(rays))
+        self.last_loss = loss
+        self.network_evaluations += evaluations
+        if traced:
+            values = (float(self.step), loss, *norms, *self.amplifier_scalars().values(), evaluations / rays)
+            for series, value in zip(self.trace.values(), values, strict=True):
+                series.append(value)
+
+    def amplifier_scalars(self) -> dict[str, float | None]:
+        """Return α and β of the amplifier, None if the method has none."""
+        return {"alpha": None, "beta": None}
 
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         """Render all of `rays`, `chunk` at a time, at the midpoints of the bins; with `bins` of them per ray if that is
-        given, and as many more in the second pass. Raises `ValueError` for less than one bin, and `Diverged` on a pixel
+        given, and as many more in a second pass. Raises `ValueError` for less than one bin, and `Diverged` on a pixel
         not finite.
         """
-        if bins is not None:
-            require_bins(bins)
+        if bins is not None and bins < 1:
+            raise ValueError(f"{bins} bins a ray: must be at least 1")
         starts = range(0, max(len(rays), 1), chunk)
         parts = [self._rendered(rays.part(start, start + chunk), None, start, bins) for start in starts]
         whole = Rendering(
@@ -158,8 +119,74 @@ class Trainer:
                 raise Diverged(self.step, f"rendered {name} of ray {int(finite.int().argmin())}")
         return whole
 
+    @abstractmethod
+    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
+        """Render one chunk; `first` is the number of its first ray, for errors that name one."""
+
+
+class Trainer(BudgetedTrainer):
+    """A trainer of a method that is a field of torch: fused steps of Adam, and an occupancy grid."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        method, settings = method_named(self.method), self.settings
+        self.parts = method.parts
+        self.background = torch.ones(3, device=self.device)
+
+        def field(name: str) -> Any:
+            seed = f"{self.seed}/{name}"
+            spec = FieldSpec(settings.network, self.box, settings.precision, seed, self.view_dependent)
+            return field_of(method, spec, settings.accelerations).to(self.device)
+
+        self.coarse = field("coarse")
+        self.fine = field("fine") if settings.fine_bins else None
+        self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
+        # Listing 4 takes its background from the last point before `far`: it must see every point of the complete ray
+        self.quadrature = self.parts.quadrature if self.parts is not None else "midpoint"
+        self.whole_rays = self.quadrature == "listing4"
+        if settings.accelerations.grid and settings.grid.cells > 0 and not self.whole_rays:
+            self.grid = OccupancyGrid(settings.grid.cells, self.box, settings.grid.opacity_threshold)
+
+    @cached_property
+    def optimiser(self) -> torch.optim.Optimizer:
+        """Return the optimiser, made when it is first needed: it imports torch's compiler, seconds that rendering need
+        not wait.
+        """
+        return torch.optim.Adam(self.fields.parameters(), lr=self.settings.learning_rate, fused=True)
+
+    @property
+    def field(self) -> Any:
+        """The field that is rendered in the end (`baselines.field.field_of`)."""
+        return self.fine or self.coarse
+
+    def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """Run one forward and backward pass that changes nothing: allocations and kernel choices, outside the clock."""
+        self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
+        self.optimiser.zero_grad(set_to_none=True)
+
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """Take one step on one batch, on the clock.
+
+        Raises `Diverged`; the weights are then those before the step, unless it is one of them that is named.
+        """
+        with self.clock.running():
+            self._refresh_grid()
+            rate = self._learning_rate()
+            for group in self.optimiser.param_groups:
+                group["lr"] = rate
+            with training_step([self.coarse, self.fine] if self.fine else [self.coarse]):
+                loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
+                if not math.isfinite(loss_value := loss.item()):
+                    where = "loss" if _all_finite(self._weights()) else self._first_not_finite("weight")
+                    raise Diverged(self.step, where)
+                norms = self._clipped_gradient(loss)
+                self.optimiser.step()
+            self.optimiser.zero_grad(set_to_none=True)
+            if not _all_finite(self._weights()):
+                raise Diverged(self.step, self._first_not_finite("weight"))
+        self._count(loss_value, norms, rendering.network_evaluations, len(rays))
+
     def amplifier_scalars(self) -> dict[str, float | None]:
-        """Return α and β of the amplifier, None if the method has none."""
         amplifier = getattr(self.field, "amplifier", None)
         return {
             name: getattr(amplifier, name).item() if hasattr(amplifier, name) else None for name in ("alpha", "beta")
@@ -194,7 +221,7 @@ class Trainer:
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
         state = self.optimiser.state_dict()["state"]
-        return {f"{weight}.{name}": value for weight, one in state.items() for name, value in one.items()}
+        return {f"{weight}.{name}": value for weight, moments in state.items() for name, value in moments.items()}
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
         remembered: dict[int, dict[str, Tensor]] = defaultdict(dict)
@@ -203,10 +230,10 @@ class Trainer:
             remembered[int(number)][name] = value
         state: dict[int, dict[str, Tensor]] = {}
         for place, weight in enumerate(self.fields.parameters()):
-            if found := remembered.get(place):
+            if given := remembered.get(place):
                 # with the strides of the weight: a fused step ignores them
-                moments = {name: torch.empty_like(weight).copy_(found[name]) for name in ("exp_avg", "exp_avg_sq")}
-                state[place] = {"step": found["step"], **moments}
+                moments = {name: torch.empty_like(weight).copy_(given[name]) for name in ("exp_avg", "exp_avg_sq")}
+                state[place] = {"step": given["step"], **moments}
         groups = self.optimiser.state_dict()["param_groups"]
         self.optimiser.load_state_dict({"state": state, "param_groups": groups})
 
@@ -226,7 +253,6 @@ class Trainer:
     def _rendered(
         self, rays: Rays, generator: torch.Generator | None, first: int = 0, bins: int | None = None
     ) -> Rendering:
-        """Render one chunk; `first` is the number of its first ray, for errors that name one."""
         rays.require_finite()
         sampling = self._sampling()
         if bins is not None:
@@ -251,11 +277,9 @@ class Trainer:
             loss = loss + torch.mean((rendering.coarse_colour - colours) ** 2)
         return loss, rendering
 
-    def _clipped_gradient(self, loss: Tensor, measured: bool) -> tuple[float, float]:
-        """Leave the gradient of all weights, clipped; returns its norm before and, if it is to be `measured`, after
-        that.
-
-        Raises `Diverged`.
+    def _clipped_gradient(self, loss: Tensor) -> tuple[float, float]:
+        """Leave the gradient of all weights, clipped; returns its norm before and, if it is traced, after that. Raises
+        `Diverged`.
         """
         scale = LOSS_SCALE[self.settings.precision]
         (loss * scale).backward()
@@ -267,7 +291,7 @@ class Trainer:
             raise Diverged(self.step, self._first_not_finite("gradient"))
         if (kept := self.clipping.scale(norm)) < 1.0:
             torch._foreach_mul_(gradients, kept)
-        return norm, float(nn.utils.get_total_norm(gradients)) if measured else math.nan
+        return norm, float(nn.utils.get_total_norm(gradients)) if self._is_traced else math.nan
 
     def _refresh_grid(self) -> None:
         settings = self.settings.grid
@@ -281,18 +305,6 @@ class Trainer:
             # a NaN is not above any threshold: the cell would count as empty for good, and never be seen again
             raise Diverged(self.step, "density in the occupancy grid")
 
-    def _note(self, loss: float, norms: tuple[float, float], samples_per_ray: float) -> None:
-        values = {
-            "step": float(self.step),
-            "loss": loss,
-            "gradient_norm": norms[0],
-            "clipped_norm": norms[1],
-            "samples_per_ray": samples_per_ray,
-            **self.amplifier_scalars(),
-        }
-        for name, series in self.trace.items():
-            series.append(values[name])
-
     def _weights(self) -> Iterable[Tensor]:
         return (weight.detach() for weight in self.fields.parameters())
 
@@ -304,20 +316,8 @@ class Trainer:
         return f"norm of all {what}s"
 
 
-LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
-"""The factor of the loss in the backward pass alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
-512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32.
-"""
-TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
-TRACE_EVERY = 20
-
-
-def require_bins(bins: int) -> None:
-    if bins < 1:
-        raise ValueError(f"{bins} bins a ray: must be at least 1")
-
-
 def _all_finite(tensors: Iterable[Tensor]) -> bool:
     """Return whether all is finite, asking the device once if every norm is finite, as it nearly always is."""
-    some = list(tensors)
-    return bool(torch.isfinite(nn.utils.get_total_norm(some))) or all(bool(torch.isfinite(one).all()) for one in some)
+    listed = list(tensors)
+    norm_is_finite = bool(torch.isfinite(nn.utils.get_total_norm(listed)))
+    return norm_is_finite or all(bool(torch.isfinite(tensor).all()) for tensor in listed)
