@@ -21,7 +21,7 @@ from harness.gate.gates import (
     REFERENCE_BATCHES,
     RENEWAL_BLOCKS,
 )
-from harness.gate.limits import Limit, LimitsFile, judge
+from harness.gate.limits import Limit, judge
 from harness.records.json_record import file_digest
 from harness.records.study import Check
 from scenes.files.errors import InputError
@@ -122,9 +122,18 @@ def scenes_of(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def references_for(context: GateContext) -> dict[str, Reference]:
-    """Read the references. Raises `InputError` for one that is missing, damaged or not the one of the limits."""
-    scenes = scenes_of(context.of_kind("images"))
-    return {scene: _stored(context.limits, context.images, scene) for scene in scenes}
+    """Read the references that the limits were measured against. Raises `InputError` for one that is missing, damaged
+    or another.
+    """
+    facts, references = context.limits.kinds.get("images"), {}
+    for scene in scenes_of(context.of_kind("images")):
+        references[scene], file = read_reference(context.images, scene), context.images / f"{scene}.exr"
+        if facts is not None and facts.files.get(file.name) != file_digest(file):
+            raise InputError(
+                f"{file}: not the image that the limits were measured against; get both back from version control, or "
+                "renew both with `python -m harness gate --renew --only images`"
+            )
+    return references
 
 
 @complete("images")
@@ -147,20 +156,24 @@ def measure(context: GateContext) -> Iterator[Check]:
 
 
 def figures_of(
-    renders: Renders, references: dict[str, Reference], limits: Mapping[str, Limit]
+    renders: Renders, references: dict[str, Reference], limits: Mapping[str, Limit] | None = None
 ) -> dict[str, list[float]]:
-    """Return the measurements for each gate of these scenes; the spreads of the biases' limits weigh the scenes."""
+    """Return the measurements for each gate of these scenes, of every `IMAGE_BATCHES` renders those of one run. The
+    spreads of the biases' limits weigh the scenes, those of the renders without limits.
+    """
     figures = {}
     for scene, images in renders.items():
+        blocks = np.split(images, len(images) // IMAGE_BATCHES)
         figures[f"images.{scene}.bias"] = biases(images, references[scene]).tolist()
-        figures[f"images.{scene}.pixels"] = [mean_square(images, references[scene])]
+        figures[f"images.{scene}.pixels"] = [mean_square(block, references[scene]) for block in blocks]
         figures[f"images.{scene}.largest"] = largest(images, references[scene]).tolist()
-    scenes = sorted(renders)
-    known = [limits.get(f"images.{scene}.bias") for scene in scenes]
-    spreads = [limit.spread for limit in known if limit is not None and limit.spread]
-    if len(spreads) == len(scenes):
-        shifts = [np.array(figures[f"images.{scene}.bias"]) for scene in scenes]
-        figures["images.all.bias"] = pooled(shifts, spreads).tolist()
+    shifts = {name: np.array(figures[name]) for name in (f"images.{scene}.bias" for scene in sorted(renders))}
+    if limits is None:
+        spreads = [float(shift.std(ddof=1)) for shift in shifts.values()]
+    else:
+        spreads = [limits[name].spread or 0.0 if name in limits else 0.0 for name in shifts]
+    if spreads and all(spreads):
+        figures["images.all.bias"] = pooled(list(shifts.values()), spreads).tolist()
     return figures
 
 
@@ -173,21 +186,7 @@ def renew(context: GateContext) -> dict[str, list[float]]:
     further = rendered(IMAGE_SCENES, "renewal", RENEWAL_BLOCKS * IMAGE_BATCHES, context.scratch)
     # as it is read back, in single precision
     references = {scene: store(context.images, scene, reference_renders[scene]) for scene in IMAGE_SCENES}
-    return values_for_limits(further, references)
-
-
-def values_for_limits(further: Renders, references: dict[str, Reference]) -> dict[str, list[float]]:
-    """Return the measurements that the limits of all gates of these scenes are made of."""
-    values: dict[str, list[float]] = {}
-    shifts = {scene: biases(further[scene], references[scene]) for scene in further}
-    for scene, reference in references.items():
-        blocks = np.split(further[scene], RENEWAL_BLOCKS)
-        values[f"images.{scene}.bias"] = shifts[scene].tolist()
-        values[f"images.{scene}.largest"] = largest(further[scene], reference).tolist()
-        values[f"images.{scene}.pixels"] = [mean_square(block, reference) for block in blocks]
-    spreads = [float(shifts[scene].std(ddof=1)) for scene in sorted(shifts)]
-    values["images.all.bias"] = pooled([shifts[scene] for scene in sorted(shifts)], spreads).tolist()
-    return values
+    return figures_of(further, references)
 
 
 def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Renders:
@@ -223,18 +222,6 @@ def read_reference(folder: Path, scene: str) -> Reference:
         return Reference(mean, variance, REFERENCE_BATCHES, IMAGE_SPP)
     except (KeyError, ValueError) as error:
         raise InputError(f"{file}: no mean and variance of renders ({error}); {remedy}") from error
-
-
-def _stored(limits: LimitsFile, folder: Path, scene: str) -> Reference:
-    """Return the reference that the limits were measured against; raises `InputError` for another one."""
-    reference, file = read_reference(folder, scene), folder / f"{scene}.exr"
-    facts = limits.kinds.get("images")
-    if facts is not None and facts.files.get(file.name) != file_digest(file):
-        raise InputError(
-            f"{file}: not the image that the limits were measured against; get both back from version control, or "
-            "renew both with `python -m harness gate --renew --only images`"
-        )
-    return reference
 
 
 def leave_pictures(folder: Path, renders: np.ndarray, reference: Reference, test: str) -> None:

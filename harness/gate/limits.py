@@ -84,24 +84,17 @@ def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
         sample = np.log(sample)
     centre, spread, many = float(sample.mean()), float(sample.std(ddof=1)), int(sample.size)
     if gate.is_largest:
-        return _largest(centre, spread, many, gate.new)
+        # moments of a Fréchet distribution: the logarithm of the largest of very many pixels is taken to be Gumbel's,
+        # its scale at the upper end of its 99 % interval, as the limit is far beyond what was measured
+        scale = spread * math.sqrt(6) / math.pi
+        upper = scale * (1 + float(norm.ppf(0.99)) * 1.05 / math.sqrt(many))
+        high = math.exp(centre - EULER * scale + upper * (math.log(gate.new) - math.log(-math.log1p(-LEVEL))))
+        # a deviation is on top of noise of one standard deviation
+        return Limit(None, high, math.exp(centre), spread, many, high + float(norm.ppf(POWER)))
     error = spread * math.sqrt(1 / gate.new + 1 / many)
     beyond = _quantile(1 - LEVEL / 2, many - 1)
     wide = beyond * error
     return Limit(centre - wide, centre + wide, centre, spread, many, shift_found(beyond, many - 1) * error)
-
-
-def _largest(centre: float, spread: float, many: int, new: int) -> Limit:
-    """Return a limit by moments of a Fréchet distribution: the logarithm of the largest of very many pixels is taken to
-    be Gumbel's.
-
-    Its scale is taken at the upper end of its 99 % interval, as the limit is far beyond what was measured.
-    """
-    scale = spread * math.sqrt(6) / math.pi
-    upper = scale * (1 + float(norm.ppf(0.99)) * 1.05 / math.sqrt(many))
-    high = centre - EULER * scale + upper * (math.log(new) - math.log(-math.log1p(-LEVEL)))
-    # a deviation is on top of noise of one standard deviation
-    return Limit(None, math.exp(high), math.exp(centre), spread, many, math.exp(high) + float(norm.ppf(POWER)))
 
 
 @cache

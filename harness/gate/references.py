@@ -2,20 +2,19 @@
 the order of methods there predicts that of a complete run.
 """
 
-from collections import defaultdict
-from collections.abc import Iterable
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from msgspec import Meta, field
-from scipy.stats import kendalltau, spearmanr
 
 from harness.gate.gates import Kind
 from harness.gate.limits import SCHEMA, KindFacts, read_stored
 from harness.records.json_record import Record, load_json, write_json
 from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 USUAL = "avx2"
 """The class whose references a class without its own is held to, with wider limits."""
@@ -75,63 +74,52 @@ def read_references(folder: Path, name: str) -> References:
 RANK_FILE = "rank.json"
 FEWEST = 4
 """The fewest pairs of a scene and a method that a correlation needs."""
-Scores = dict[tuple[str, str], float]
-"""(scene, method) → PSNR, mean over seeds."""
 
 
-def ranks(ours: Scores, theirs: Scores) -> dict[str, float]:
-    """Compare two scales by the rank correlations over all `pairs` of a scene and a method, and by how many of the
-    `compared` pairs of methods on the same scene are in the same order.
-
-    Raises `ValueError` if there are too few pairs in common.
+def ranks(both: "pd.DataFrame") -> dict[str, float]:
+    """Compare the PSNR of two scales, the columns `gate` and `run` by scene and method: rank correlations over all
+    `pairs`, and how many of the `compared` pairs of methods on the same scene are in the same order.
     """
-    common = sorted(ours.keys() & theirs.keys())
-    if len(common) < FEWEST:
-        raise ValueError(f"{len(common)} pairs of a scene and a method in common, {FEWEST} are needed")
-    a, b = (np.array([scores[key] for key in common]) for scores in (ours, theirs))
+    values = [(scene, gate, run) for (scene, _), gate, run in both.itertuples()]
     same = [
-        (ours[first] - ours[second]) * (theirs[first] - theirs[second]) > 0
-        for first, second in combinations(common, 2)
+        (first[1] - second[1]) * (first[2] - second[2]) > 0
+        for first, second in combinations(values, 2)
         if first[0] == second[0]
     ]
-    return {
-        "spearman": round(float(spearmanr(a, b).statistic), 3),
-        "kendall": round(float(kendalltau(a, b).statistic), 3),
-        "pairs": len(common),
-        "compared": len(same),
-        "same_order": sum(same),
-    }
-
-
-def _means(scores: Iterable[tuple[str, str, float]]) -> Scores:
-    by_key = defaultdict(list)
-    for scene, method, score in scores:
-        by_key[scene, method].append(score)
-    return {key: float(np.mean(values)) for key, values in by_key.items()}
+    correlations = {name: round(float(both["gate"].corr(both["run"], name)), 3) for name in ("spearman", "kendall")}
+    return {**correlations, "pairs": len(both), "compared": len(same), "same_order": sum(same)}
 
 
 def publish(run: Path, folder: Path) -> str:
-    """Write `rank.json` beside the limits and return it in words. Raises `InputError` for a run that has no summary."""
+    """Write `rank.json` beside the limits and return it in words. Raises `InputError` for a run that has no summary, or
+    too few pairs in common.
+    """
+    import pandas as pd
+
+    def means(rows: list[tuple[str, str, float]]) -> "pd.Series[float]":
+        table = pd.DataFrame(rows, columns=["scene", "method", "psnr"]).astype({"psnr": float})
+        return table.groupby(["scene", "method"])["psnr"].mean()
+
     try:
         summary = load_json(run / "summary.json" if run.is_dir() else run)
-        scored = [cell for cell in summary["cells"] if cell["status"] == "done" and cell["psnr"] is not None]
-        theirs = _means((cell["scene"], cell["method"], float(cell["psnr"])) for cell in scored)
+        done = [cell for cell in summary["cells"] if cell["status"] == "done"]
+        theirs = means([(cell["scene"], cell["method"], cell["psnr"]) for cell in done])
         plan = {"profile": str(summary["profile"]), "commit": str(summary["provenance"]["commit"])}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"--rank {run}: no summary of a finished run ({error}); give a run's output folder") from error
-    cells = read_references(folder / "classes", USUAL).cells
-    stored = [(key.split("/"), scores["psnr"][0]) for key, scores in cells.items()]
-    ours = _means((scene, method, psnr) for (scene, method, _), psnr in stored)
-    try:
-        likeness = ranks(ours, theirs)
-    except ValueError as error:
-        raise InputError(f"--rank {run}: {error}; a default run has them") from error
+    stored = read_references(folder / "classes", USUAL).cells
+    ours = means([(*key.split("/")[:2], scores["psnr"][0]) for key, scores in stored.items()])
+    both = pd.DataFrame({"gate": ours, "run": theirs}).dropna()
+    if len(both) < FEWEST:
+        raise InputError(
+            f"--rank {run}: {len(both)} pairs of a scene and a method in common, {FEWEST} are needed; a default run "
+            "has them"
+        )
     rows = [
-        {"scene": scene, "method": method, "gate": round(ours[scene, method], 3), "run": round(score, 3)}
-        for (scene, method), score in sorted(theirs.items())
-        if (scene, method) in ours
+        {"scene": scene, "method": method, "gate": round(gate, 3), "run": round(psnr, 3)}
+        for (scene, method), gate, psnr in both.itertuples()
     ]
-    record = {"schema": 1, "run": plan, **likeness, "scores": rows}
+    record = {"schema": 1, "run": plan, **ranks(both), "scores": rows}
     write_json(folder / RANK_FILE, record)
     return f"{folder / RANK_FILE}: {rank_line(record)}"
 

@@ -60,19 +60,6 @@ TRAIN = replace(
 """In float32, so that machines differ by rounding alone."""
 
 
-def gate_plan(methods: Sequence[str]) -> Plan:
-    return Plan(
-        profile="gate",
-        scenes=TRAINED_SCENES,
-        methods=tuple(methods),
-        seeds=GATE_SEEDS,
-        budget=Budget(steps=STEPS, seconds=None),
-        train=TRAIN,
-        score=ScoreSettings(checkpoints=1, chunk=2048, train_views=1, stored_views=1),
-        views=ViewSettings(resolution=RESOLUTION, train=40, val=0, test=6, spp_train=16, spp_test=64),
-    )
-
-
 def _answer(checks: dict[str, Check]) -> str:
     """Take the answer from the mean PSNR over all cells, if that was asked for."""
     mean = checks.get("worse.all.psnr")
@@ -102,10 +89,9 @@ def renew(context: GateContext) -> References:
     draws = []
     for draw in range(DRAWS):
         cells = _trained(context, TRAINED_METHODS, draw)
-        stopped = [
+        if stopped := [
             f"{cell.scene} {cell.method} seed {cell.seed}: {cell.reason}" for cell in cells if cell.status != "done"
-        ]
-        if stopped:
+        ]:
             raise InputError(f"--renew: no references can be taken from cells that did not end ({'; '.join(stopped)})")
         draws.append(scores_of(cells))
         context.show.line(f"worse: draw {draw + 1} of {DRAWS} of the rounding")
@@ -138,7 +124,16 @@ def methods_of(names: Iterable[str]) -> tuple[str, ...]:
 
 def _trained(context: GateContext, methods: tuple[str, ...], draw: int) -> list[CellRecord]:
     """Return all cells of `methods`, trained in as many processes as there are cores."""
-    plan = gate_plan(methods)
+    plan = Plan(
+        profile="gate",
+        scenes=TRAINED_SCENES,
+        methods=methods,
+        seeds=GATE_SEEDS,
+        budget=Budget(steps=STEPS, seconds=None),
+        train=TRAIN,
+        score=ScoreSettings(checkpoints=1, chunk=2048, train_views=1, stored_views=1),
+        views=ViewSettings(resolution=RESOLUTION, train=40, val=0, test=6, spp_train=16, spp_test=64),
+    )
     folders = view_set_folders(plan, context.view_sets, context.show)
     tasks = [
         GroupTask(

@@ -49,7 +49,7 @@ def references() -> dict[str, Reference]:
 def limits(references: dict[str, Reference]) -> dict[str, Limit]:
     """As a renewal makes them."""
     further = {scene: renders(number, 10 * IMAGE_BATCHES, 2) for number, scene in enumerate(SCENES)}
-    values = images.values_for_limits(further, references)
+    values = images.figures_of(further, references)
     return {gate.name: limit_from(gate, values[gate.name]) for gate in GATES}
 
 

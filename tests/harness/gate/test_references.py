@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from msgspec import structs
 
@@ -94,19 +95,21 @@ def test_the_committed_references_are_of_these_gates(name: str) -> None:
 OURS = {("lego", "nerf"): 20.0, ("lego", "qnerf"): 18.0, ("hotdog", "nerf"): 25.0, ("hotdog", "qnerf"): 26.0}
 
 
-def test_the_same_order_and_the_reverse() -> None:
-    same = ranks(OURS, {key: 2 * value + 1 for key, value in OURS.items()})
-    assert same == {"spearman": 1.0, "kendall": 1.0, "pairs": 4, "compared": 2, "same_order": 2}
-    reverse = ranks(OURS, {key: -value for key, value in OURS.items()})
-    assert (reverse["spearman"], reverse["kendall"], reverse["same_order"]) == (-1.0, -1.0, 0)
-
-
-def test_one_pair_that_changed_places() -> None:
-    """Ranks 2 1 3 4 against 1 2 3 4: Spearman 1 − 6 · 2 / (4 · 15), Kendall (5 − 1) / 6."""
-    changed = ranks(OURS, {**OURS, ("lego", "nerf"): 17.0})
-    assert changed["spearman"] == pytest.approx(0.8)
-    assert changed["kendall"] == pytest.approx(2 / 3, abs=1e-3)
-    assert (changed["same_order"], changed["compared"]) == (1, 2)
+@pytest.mark.parametrize(
+    ("theirs", "wanted"),
+    [
+        ({key: 2 * value + 1 for key, value in OURS.items()}, (1.0, 1.0, 2)),
+        ({key: -value for key, value in OURS.items()}, (-1.0, -1.0, 0)),
+        # ranks 2 1 3 4 against 1 2 3 4: Spearman 1 − 6 · 2 / (4 · 15), Kendall (5 − 1) / 6
+        ({**OURS, ("lego", "nerf"): 17.0}, (0.8, 0.667, 1)),
+    ],
+)
+def test_the_same_order_the_reverse_and_one_pair_that_changed_places(
+    theirs: dict[tuple[str, str], float], wanted: tuple[float, float, int]
+) -> None:
+    both = pd.DataFrame({"gate": pd.Series(OURS), "run": pd.Series(theirs)})
+    spearman, kendall, same = wanted
+    assert ranks(both) == {"spearman": spearman, "kendall": kendall, "pairs": 4, "compared": 2, "same_order": same}
 
 
 def summary(folder: Path, scale: float = 1.0) -> Path:
