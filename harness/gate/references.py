@@ -108,7 +108,8 @@ def publish(run: Path, folder: Path) -> str:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"--rank {run}: no summary of a finished run ({error}); give a run's output folder") from error
     stored = read_references(folder / "classes", USUAL).cells
-    ours = means([(*key.split("/")[:2], scores["psnr"][0]) for key, scores in stored.items()])
+    keys = [(key.split("/"), scores["psnr"][0]) for key, scores in stored.items()]
+    ours = means([(scene, method, psnr) for (scene, method, _), psnr in keys])
     both = pd.DataFrame({"gate": ours, "run": theirs}).dropna()
     if len(both) < FEWEST:
         raise InputError(

@@ -16,7 +16,6 @@ NAME = "radiance-verdict-core-"
 CHOOSING = "choosing"
 """The name held while a worker chooses, so that two do not take half of what each needs."""
 LONGEST_CHOICE_SECONDS = 5.0
-PERIOD = "cpu.cfs_period_us"
 
 
 @contextmanager
@@ -64,19 +63,21 @@ def quota_cores(root: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/
 
     The quota is that of the process's control group and those above it, of either version of the interface.
     """
-    found = []
+    quotas = []
     for line in _words(groups, "\n"):
         _, controllers, path = [*line.split(":", 2), "", ""][:3]
         if controllers and "cpu" not in controllers.split(","):
             continue
-        top = root / controllers if controllers else root
+        top = root / controllers
         inside = top / path.strip("/")
-        for folder in {top, *(one for one in (inside, *inside.parents) if one.is_relative_to(top))}:
+        for folder in {top, *(folder for folder in (inside, *inside.parents) if folder.is_relative_to(top))}:
+            quota_and_period = _words(folder / "cpu.max")
+            quota_and_period += _words(folder / "cpu.cfs_quota_us") + _words(folder / "cpu.cfs_period_us")
             # "max 100000" if there is none, as -1 in the first version
-            told = _words(folder / "cpu.max") or [*_words(folder / "cpu.cfs_quota_us"), *_words(folder / PERIOD)]
-            if len(told) == 2 and all(word.isdecimal() for word in told) and int(told[1]):
-                found.append(max(1, int(told[0]) // int(told[1])))
-    return min(found, default=None)
+            if len(quota_and_period) == 2 and all(word.isdecimal() for word in quota_and_period):
+                quota, period = map(int, quota_and_period)
+                quotas += [max(1, quota // period)] if period else []
+    return min(quotas, default=None)
 
 
 def _words(file: Path, between: str | None = None) -> list[str]:
@@ -103,10 +104,8 @@ def chosen_cores(count: int, cores: list[tuple[int, ...]], free: set[int]) -> li
     there are too few. A core with a thread that somebody else holds is not available.
     """
     whole = [core for core in cores if set(core) <= free]
-    firsts = [core[0] for core in whole]
-    rest = [cpu for core in whole for cpu in core[1:]]
-    found = (firsts + rest)[:count]
-    return sorted(found) if len(found) == count else []
+    chosen = [*(core[0] for core in whole), *(cpu for core in whole for cpu in core[1:])][:count]
+    return sorted(chosen) if len(chosen) == count else []
 
 
 def _taken(held: ExitStack, count: int, allowed: list[int], name: str) -> list[int]:

@@ -17,8 +17,8 @@ def chosen_device(name: str) -> torch.device:
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     if name == "cuda" and not torch.cuda.is_available():
-        built = f"CUDA {torch.version.cuda}" if torch.version.cuda else f"ROCm {torch.version.hip}"
-        built = built if torch.version.cuda or torch.version.hip else "the CPU alone"
+        cuda, rocm = torch.version.cuda, torch.version.hip
+        built = f"CUDA {cuda}" if cuda else f"ROCm {rocm}" if rocm else "the CPU alone"
         raise InputError(
             f"--device cuda: torch {torch.__version__} (built for {built}) sees no GPU; "
             "use --device cpu, or install the torch build of your GPU (UV_TORCH_BACKEND, see README)"
@@ -76,7 +76,7 @@ def available_cores() -> int:
 
 
 def multiplies_bfloat16(device: torch.device) -> bool:
-    """Return whether the processor has matrix units for bfloat16; without them float32 is faster.
+    """Tell whether the processor has matrix units for bfloat16; without them float32 is faster.
 
     AVX-512's vector multiplications do not suffice: with them a step was measured to take 1.6 (6 × 64) to 1.7 times
     (8 × 256) as long as in float32.
@@ -100,10 +100,9 @@ def processor_flags(cpuinfo: Path = Path("/proc/cpuinfo")) -> set[str]:
     return {flag for line in lines if line.startswith(("flags", "Features")) for flag in line.split(":", 1)[1].split()}
 
 
-NVIDIA = ("CUDA_VISIBLE_DEVICES",)
 AMD = ("HIP_VISIBLE_DEVICES", "CUDA_VISIBLE_DEVICES")
-"""The variables for AMD. HIP reads the first, else the second; both count what `ROCR_VISIBLE_DEVICES` has left, which
-therefore stays as it is.
+"""HIP reads the first, else the second; both count what `ROCR_VISIBLE_DEVICES` has left, which therefore stays as it
+is.
 """
 
 
@@ -113,9 +112,9 @@ def only_gpu(number: int, count: int, amd: bool, environment: Mapping[str, str])
     """
     if count < 2:
         return {}
-    names = AMD if amd else NVIDIA
+    names = AMD if amd else AMD[1:]
     given = next((name for name in names if environment.get(name)), names[0])
-    listed = environment.get(given, "").split(",") if environment.get(given) else [str(one) for one in range(count)]
+    listed = environment.get(given, "").split(",") if environment.get(given) else [str(index) for index in range(count)]
     return {given: listed[number % count].strip()}
 
 

@@ -10,41 +10,35 @@ from harness.records.cells import CellRecord, cell_path
 
 
 def clocks_apart(cells: list[CellRecord]) -> list[str]:
-    """Return sentences on mixed hardware for what a run did not test: one clock for all cells. None if
-    all ran alike.
-    """
+    """Return sentences on mixed hardware for what a run did not test: one clock for all cells."""
     timed = [cell for cell in cells if cell.provenance and cell.train_seconds > 0]
-    kinds = sorted({_kind(cell) for cell in timed})
-    found = []
+    groups: dict[tuple[str, int], set[str]] = defaultdict(set)
+    for cell in timed:
+        groups[cell.scene, cell.seed].add(_kind(cell))
+    kinds = sorted(set().union(*groups.values()))
+    sentences = []
     if len(kinds) > 1:
-        groups: dict[tuple[str, int], set[str]] = defaultdict(set)
-        for cell in timed:
-            groups[cell.scene, cell.seed].add(_kind(cell))
         split = sum(len(kinds) > 1 for kinds in groups.values())
-        said = (
-            f"All {len(groups)} groups of one scene and seed were trained on one kind each: what is compared at equal "
-            "time is of one kind, but seconds of different scenes and seeds are not."
+        consequence = (
+            f"In {split} of {len(groups)} groups of one scene and seed the methods ran on different kinds: what is "
+            "compared at equal time mixes their clocks there."
+            if split
+            else f"All {len(groups)} groups of one scene and seed were trained on one kind each: what is compared at "
+            "equal time is of one kind, but seconds of different scenes and seeds are not."
         )
-        if split:
-            said = (
-                f"In {split} of {len(groups)} groups of one scene and seed the methods ran on different kinds: what is "
-                "compared at equal time mixes their clocks there."
-            )
-        found.append(f"One clock: cells ran on {len(kinds)} kinds of processor ({'; '.join(kinds)}). {said}")
+        sentences.append(f"One clock: cells ran on {len(kinds)} kinds of processor ({'; '.join(kinds)}). {consequence}")
     # runs from before cores were taken say nothing about them
-    unbound = sum(not cell.provenance.get("own_cores", True) for cell in timed)
-    if unbound:
-        found.append(
+    if unbound := sum(not cell.provenance.get("own_cores", True) for cell in timed):
+        sentences.append(
             f"Cores of their own for all timed cells: {unbound} of {len(timed)} could not be bound to any, so that "
             "their training seconds may be long."
         )
-    pieces = sum("resumed_at" in cell.provenance for cell in timed)
-    if pieces:
-        found.append(
+    if pieces := sum("resumed_at" in cell.provenance for cell in timed):
+        sentences.append(
             f"Clocks in one piece: {pieces} of {len(timed)} cells were interrupted and went on in another process; "
             "their training seconds are the sum of what both measured."
         )
-    return found
+    return sentences
 
 
 def _kind(cell: CellRecord) -> str:
@@ -59,48 +53,50 @@ NAMED = 4
 
 
 def code_apart(cells: Sequence[CellRecord]) -> list[str]:
-    """Return a sentence on mixed code for what a run did not test: one code for all cells. None if all
-    were made alike.
-    """
-    trained = [cell for cell in cells if cell.provenance]
-    made = [_made_by(cell.provenance, cell.method) for cell in trained]
+    """Return a sentence on mixed code for what a run did not test: one code for all cells."""
+    groups: dict[tuple[str, int], list[dict[str, str]]] = defaultdict(list)
+    for cell in cells:
+        if cell.provenance:
+            groups[cell.scene, cell.seed].append(_made_by(cell.provenance, cell.method))
+    made = [versions for group in groups.values() for versions in group]
     apart = _unlike(made)
     if not apart:
         return []
-    groups: dict[tuple[str, int], list[dict[str, str]]] = defaultdict(list)
-    for cell, one in zip(trained, made, strict=True):
-        groups[cell.scene, cell.seed].append(one)
-    counted = {name: Counter(one[name] for one in made if name in one) for name in apart}
+    counted = {name: Counter(versions[name] for versions in made if name in versions) for name in apart}
     what = "; ".join(
         f"{name} {', '.join(f'{value} ({count} cells)' for value, count in values.items())}"
         for name, values in counted.items()
     )
     split = sum(bool(_unlike(group)) for group in groups.values())
-    said = (
+    consequence = (
         f"In {split} of {len(groups)} groups of one scene and seed the methods were made by different ones: paired "
         "comparisons there hold one code against another as well."
         if split
         else f"All {len(groups)} groups of one scene and seed were made by one each: what differs between scenes and "
         "seeds may be the code's."
     )
-    return [f"One code and one set of packages for all cells: they differ in {what}. {said}"]
+    return [f"One code and one set of packages for all cells: they differ in {what}. {consequence}"]
 
 
 def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) -> str | None:
     """Return a line on the finished cells that other code or packages than those of `here`, the provenance of this
     process, made, and on how to make them again; None if there are none.
     """
-    found: dict[str, list[CellRecord]] = defaultdict(list)
+    unlike: dict[str, list[str]] = defaultdict(list)
     for cell in cells:
         before, now = (_made_by(origin, cell.method) for origin in (cell.provenance, here))
         if cell.provenance and (apart := _unlike([before, now])):
-            found[", ".join(f"{name} {before[name]} instead of {now[name]}" for name in apart)].append(cell)
-    if not found:
+            words = ", ".join(f"{name} {before[name]} instead of {now[name]}" for name in apart)
+            unlike[words].append(cell_path(out, cell.scene, cell.method, cell.seed).stem)
+    if not unlike:
         return None
-    which = "; ".join(f"{_named(some, out)}: {unlike}" for unlike, some in found.items())
+    which = "; ".join(
+        ", ".join(names[:NAMED]) + (f" and {len(names) - NAMED} more" if len(names) > NAMED else "") + f": {words}"
+        for words, names in unlike.items()
+    )
     return (
-        f"{sum(map(len, found.values()))} of {len(cells)} finished cells were made by other code or packages ({which}) "
-        "and are compared with the others all the same; to have them anew, remove their records in "
+        f"{sum(map(len, unlike.values()))} of {len(cells)} finished cells were made by other code or packages "
+        f"({which}) and are compared with the others all the same; to have them anew, remove their records in "
         f"{cell_path(out, '', '', 0).parent} and go on with --resume, or name a fresh --out"
     )
 
@@ -108,25 +104,19 @@ def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path)
 def _made_by(origin: dict[str, Any], method: str) -> dict[str, str]:
     """Return name → version of everything that the cell of `method` may depend on, as far as it is known."""
     packages, plugin = origin.get("packages", {}), origin.get("plugins", {}).get(method)
-    found = {"sources": origin.get("sources"), "commit": origin.get("commit"), "Python": origin.get("python")}
-    found |= {name: packages.get(name) for name in CHECKED}
+    made = {"sources": origin.get("sources"), "commit": origin.get("commit"), "Python": origin.get("python")}
+    made |= {name: packages.get(name) for name in CHECKED}
     if plugin is not None:
-        found[f"package of {method}"] = f"{plugin['package']} {plugin['version']} ({plugin['sources'][:12]})"
-    return {name: value for name, value in found.items() if value is not None}
+        made[f"package of {method}"] = f"{plugin['package']} {plugin['version']} ({plugin['sources'][:12]})"
+    return {name: value for name, value in made.items() if value is not None}
 
 
 def _unlike(made: list[dict[str, str]]) -> list[str]:
     """Return names with more than one value. A commit adds nothing to the sources, if those are known of all: it may
     have changed other files alone.
     """
-    names = dict.fromkeys(name for one in made for name in one)
-    apart = [name for name in names if len({one[name] for one in made if name in one}) > 1]
-    if "sources" not in apart and all("sources" in one for one in made):
+    names = dict.fromkeys(name for versions in made for name in versions)
+    apart = [name for name in names if len({versions[name] for versions in made if name in versions}) > 1]
+    if "sources" not in apart and all("sources" in versions for versions in made):
         return [name for name in apart if name != "commit"]
     return apart
-
-
-def _named(cells: list[CellRecord], out: Path) -> str:
-    names = [cell_path(out, cell.scene, cell.method, cell.seed).stem for cell in cells]
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return ", ".join(names[:NAMED]) + more

@@ -9,6 +9,7 @@ import io
 import platform
 import subprocess
 import tokenize
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -37,8 +38,8 @@ def our_folders() -> list[Path]:
 @cache
 def versions() -> dict[str, str]:
     """Return the versions of Python, `CHECKED` and our own sources (a digest) of this process at the first call."""
-    found = {"Python": platform.python_version(), PROGRAM: _digest(our_folders())}
-    return found | {name: installed(name) for name in CHECKED}
+    packages = {name: installed(name) for name in CHECKED}
+    return {"Python": platform.python_version(), PROGRAM: _digest(), **packages}
 
 
 @cache
@@ -61,17 +62,17 @@ def differences(ours: dict[str, str], theirs: dict[str, str]) -> str:
 
 def changed_since(ours: dict[str, str]) -> str:
     """Return `differences` to this process, with our own sources read again."""
-    return differences(ours, {**versions(), PROGRAM: _digest(our_folders())})
+    return differences(ours, {**versions(), PROGRAM: _digest()})
 
 
-def _digest(folders: list[Path]) -> str:
-    """Return 16 hexadecimal digits of every Python file's name and bytes."""
-    found = hashlib.sha256()
-    for folder in folders:
+def _digest() -> str:
+    """Return 16 hexadecimal digits of the name and bytes of every Python file of ours."""
+    digest = hashlib.sha256()
+    for folder in our_folders():
         for file in sorted(folder.rglob("*.py")):
-            found.update(file.relative_to(folder.parent).as_posix().encode())
-            found.update(hashlib.sha256(file.read_bytes()).digest())
-    return found.hexdigest()[:16]
+            digest.update(file.relative_to(folder.parent).as_posix().encode())
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()[:16]
 
 
 PARTS: dict[str, tuple[str, ...]] = {
@@ -83,22 +84,20 @@ PARTS: dict[str, tuple[str, ...]] = {
 """The files of `baselines` by part: Listing 1; Listing 2 and Eq. 4; Table 1 and Listing 3; Listing 4."""
 
 BASELINES = Path(__file__).parents[2] / "baselines"
-SILENT = frozenset(
-    {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
-)
+SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 
 
 def source_lines(text: str) -> int:
     """Count the lines of a Python module that hold code; raises `SyntaxError` for other text."""
-    told = set()
+    docstrings: set[int] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            told |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+            docstrings |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     held: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type not in SILENT:
             held |= set(range(token.start[0], token.end[0] + 1))
-    return len(held - told)
+    return len(held - docstrings)
 
 
 def core_module_lines() -> dict[str, int]:
@@ -142,9 +141,8 @@ def code_here() -> dict[str, Any]:
 @cache
 def processor() -> str:
     """Return the processor's model, as the system names it."""
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        for line in cpuinfo.read_text(encoding="utf-8").splitlines():
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     return platform.processor() or "unknown"
@@ -153,15 +151,8 @@ def processor() -> str:
 @cache
 def commit() -> str:
     """Return the commit as git names it, `-dirty` if files were changed since; "unknown" without git."""
-    here = Path(__file__).parent
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
     try:
-        found = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
-            cwd=here,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        return subprocess.check_output(command, cwd=BASELINES, stderr=subprocess.DEVNULL, text=True).strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return found.stdout.strip()

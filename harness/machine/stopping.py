@@ -76,17 +76,11 @@ def end_with_parent() -> None:
 
     threading.Thread(target=watch, daemon=True).start()
     if sys.platform == "linux":
-        _die_with_parent()
+        import ctypes
+
+        pr_set_pdeathsig = 1
+        # the kernel then ends this process even if no Python runs; where that is refused, the watching thread does
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL, 0, 0, 0)
         if not parent.is_alive():  # before the kernel was asked
             os._exit(1)
-
-
-def _die_with_parent() -> None:
-    """Let the kernel end this process even if no Python runs; elsewhere, or if that is refused, the watching thread
-    does.
-    """
-    import ctypes
-
-    pr_set_pdeathsig = 1
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL, 0, 0, 0)

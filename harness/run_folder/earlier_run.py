@@ -8,8 +8,8 @@ from msgspec.structs import replace
 from harness.records.cells import LeftOut, RunRecord, SceneRecord, read_run
 from harness.records.json_record import DamagedRecord
 
-MEASURED = ("seconds_saved", "difference", "interval", "clock", "verdict")
-"""The fields of `LeftOut` that `--verify-omissions` fills in."""
+UNMEASURED: dict[str, Any] = dict(seconds_saved=None, difference=None, interval=None, clock="", verdict="")
+"""The fields of `LeftOut` that `--verify-omissions` fills in, before it does."""
 
 
 def earlier_run(out: Path) -> RunRecord | None:
@@ -22,8 +22,8 @@ def earlier_run(out: Path) -> RunRecord | None:
 
 def notices_of(earlier: RunRecord | None) -> dict[str, Any]:
     """Return the notices of an executor for a record, `{"notices": lines}`, or an empty dictionary."""
-    found = earlier.provenance.get("notices", []) if earlier is not None else []
-    return {"notices": list(found)} if found else {}
+    notices = earlier.provenance.get("notices", []) if earlier is not None else []
+    return {"notices": list(notices)} if notices else {}
 
 
 def with_measured(scenes: list[SceneRecord], earlier: RunRecord | None) -> list[SceneRecord]:
@@ -40,13 +40,8 @@ def with_measured(scenes: list[SceneRecord], earlier: RunRecord | None) -> list[
 
 
 def _measured(row: LeftOut, before: list[LeftOut]) -> LeftOut:
-    found = next((one for one in before if one.verdict and _asked(one) == _asked(row)), row)
-    return replace(row, **{name: getattr(found, name) for name in MEASURED})
-
-
-def _asked(row: LeftOut) -> LeftOut:
-    """Return what the omission is and may cost, without what it did."""
-    return replace(row, seconds_saved=None, difference=None, interval=None, clock="", verdict="")
+    """Return the same omission under the same bound as it was measured before, if it was."""
+    return next((other for other in before if other.verdict and replace(other, **UNMEASURED) == row), row)
 
 
 def _views_of(scene: SceneRecord) -> tuple[object, ...]:

@@ -61,17 +61,17 @@ def lock_folder(out: Path, option: str = "--out") -> Lock:
     if lock.is_held:
         if os.fstat(lock.handle).st_size:
             time.sleep(LEFT_SECONDS)
-        said = json.dumps({"process": os.getpid(), "host": socket.gethostname()}).encode()
+        note = json.dumps({"process": os.getpid(), "host": socket.gethostname()}).encode()
         with suppress(OSError):  # on a full disk it holds all the same
             os.ftruncate(lock.handle, 0)
-            os.pwrite(lock.handle, said, 0)
+            os.pwrite(lock.handle, note, 0)
     return lock
 
 
 def _holder(note: bytes) -> str:
     try:
-        said = json.loads(note)
-        return f"process {int(said['process'])} on {str(said['host'])[:100]!r}"
+        holder = json.loads(note)
+        return f"process {int(holder['process'])} on {str(holder['host'])[:100]!r}"
     except (ValueError, TypeError, KeyError, OverflowError):
         return "another process"
 
@@ -96,7 +96,7 @@ def scratch_folder(out: Path) -> Iterator[Path]:
 def remove_abandoned(out: Path) -> int:
     """Remove the scratch folders whose owners were killed; returns their number."""
     folders = [folder for folder in out.glob(f"{PREFIX}*") if folder.is_dir()]
-    found = [folder for folder in folders if is_held(folder / LOCK_FILE, create=True) is False]
-    for folder in found:
+    abandoned = [folder for folder in folders if is_held(folder / LOCK_FILE, create=True) is False]
+    for folder in abandoned:
         shutil.rmtree(folder, ignore_errors=True)
-    return len(found)
+    return len(abandoned)

@@ -3,7 +3,9 @@
 Nothing is deleted but incomplete files of writers: what is not as it was written goes to OUT/damaged.
 """
 
+import json
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -57,68 +59,59 @@ def mend(out: Path, plan: Plan, say: Say) -> None:
     for scene, method, seed in plan.cells():
         path = cell_path(out, scene, method, seed)
         names = [checkpoint_name(scene, method, seed), f"records/pictures/{scene}.{method}.{seed}.safetensors"]
-        found, wrong = _cell_fault(out, path, (scene, method, seed), names)
-        _mend_unfinished(out, unfinished_path(out, scene, method, seed), found, say)
+        cell, wrong = _cell_fault(out, path, (scene, method, seed), names)
+        kept = unfinished_path(out, scene, method, seed)
+        if cell is not None and cell.status in ENDED and kept.is_file():
+            kept.unlink()
+        elif kept.exists():
+            faults = _fault(out, kept.relative_to(out).as_posix(), read_unfinished, "trained from the start")
+            _move_aside(out, faults, say)
         if wrong is not None:
             say(f"{wrong}: {scene}, {method}, seed {seed} is trained again")
             for name in (path.relative_to(out).as_posix(), *names):
                 aside(out, name)
-        elif found is not None:
-            cells, files = cells + 1, files + len(found.files)
+        elif cell is not None:
+            cells, files = cells + 1, files + len(cell.files)
         else:
             for name in names:  # of a cell that was not finished: written again
                 if (out / name).is_dir():
                     aside(out, name)
-    for name, wrong in _other_faults(out, plan):
-        say(wrong)
-        aside(out, name)
+    _move_aside(out, _other_faults(out, plan), say)
     say(f"{cells} finished cells and {files} files of theirs are as they were written")
 
 
-def _mend_unfinished(out: Path, kept: Path, cell: CellRecord | None, say: Say) -> None:
-    """Repair the snapshot of a cell in training; there is nothing to do for one that has ended."""
-    if cell is not None and cell.status in ENDED and kept.is_file():
-        kept.unlink()
-    elif kept.exists():
-        for name, wrong in _fault(out, kept.relative_to(out).as_posix(), read_unfinished, "trained from the start"):
-            say(wrong)
-            aside(out, name)
+def _move_aside(out: Path, faults: Iterator[tuple[str, str]], say: Say) -> None:
+    for name, wrong in faults:
+        say(wrong)
+        aside(out, name)
 
 
 def plan_of_cells(out: Path, plan: Plan) -> list[str]:
     """Return as sentences the settings in which finished cells differ from those of a plan: for a folder whose plan is
     lost.
     """
-    found = []
-    wanted = {"train": asdict(plan.train), "score": asdict(plan.score), "budget": asdict(plan.budget)}
+    wanted = json.loads(json.dumps({name: asdict(getattr(plan, name)) for name in ("train", "score", "budget")}))
+    sentences = []
     for scene, method, seed in plan.cells():
-        try:
-            cell = read_cell(cell_path(out, scene, method, seed))
-        except DamagedRecord:
-            continue
-        for name, now in wanted.items():
-            before = cell.settings.get(name)
+        with suppress(DamagedRecord):
+            settings = read_cell(cell_path(out, scene, method, seed)).settings
             # what a scene does not need is derived from its view set, and differs from the plan's
-            if before is not None and name != "train" and before != _plain(now):
-                found.append(f"{cell.scene}.{cell.method}.{cell.seed}: {name} was {before}, is {now}")
-            if before is not None and name == "train":
-                found += [
-                    f"{cell.scene}.{cell.method}.{cell.seed}: {key} was {before.get(key)}, is {value}"
-                    for key, value in _plain(now).items()
-                    if key in TRAINED_WITH and before.get(key) != value
-                ]
-    return found
+            pairs: dict[str, tuple[Any, Any]] = {}
+            for name in ("score", "budget"):
+                if settings.get(name) is not None:
+                    pairs[name] = settings[name], wanted[name]
+            if (before := settings.get("train")) is not None:
+                pairs |= {key: (before.get(key), wanted["train"].get(key)) for key in TRAINED_WITH}
+            sentences += [
+                f"{scene}.{method}.{seed}: {name} was {before}, is {now}"
+                for name, (before, now) in pairs.items()
+                if before != now
+            ]
+    return sentences
 
 
 TRAINED_WITH = ("network", "rays", "bins", "learning_rate", "last_learning_rate", "warm_up_steps", "precision")
 """The training settings that no scene changes."""
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as it comes back from JSON."""
-    if isinstance(value, dict):
-        return {key: _plain(one) for key, one in value.items()}
-    return [_plain(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
 def _cell_fault(
@@ -153,10 +146,10 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
     """Yield file → what is wrong with it and what becomes of it; a missing file is no fault, except a missing
     picture.
     """
-    started = any(cell_path(out, *key).exists() for key in plan.cells())
+    started = {scene for scene, method, seed in plan.cells() if cell_path(out, scene, method, seed).exists()}
     for scene in plan.scenes:
         name = f"records/{truth_pictures(scene)}"
-        if (out / name).exists() or (started and plan.score.stored_views and _has_cells(out, plan, scene)):
+        if (out / name).exists() or (plan.score.stored_views and scene in started):
             yield from _fault(out, name, read_truth, "taken from the view set again")
     tries: dict[str, tuple[Callable[[Path], Any], str]] = {
         "records/run.json": (lambda _: read_run(out), "written again"),
@@ -169,10 +162,6 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
             yield from _fault(out, name, read, remedy)
 
 
-def _has_cells(out: Path, plan: Plan, scene: str) -> bool:
-    return any(cell_path(out, *key).exists() for key in plan.cells() if key[0] == scene)
-
-
 def _fault(out: Path, name: str, read: Callable[[Path], Any], remedy: str) -> Iterator[tuple[str, str]]:
     try:
         read(out / name)
@@ -182,8 +171,7 @@ def _fault(out: Path, name: str, read: Callable[[Path], Any], remedy: str) -> It
 
 def reason_of(error: Exception, path: Path) -> str:
     """Return the reason without the file's name and without the remedy, which is being applied."""
-    said = " ".join(str(error).split()).removeprefix(f"{path}: ")
-    return said.rsplit("; ", 1)[0][:200]
+    return " ".join(str(error).split()).removeprefix(f"{path}: ").rsplit("; ", 1)[0][:200]
 
 
 def aside(out: Path, name: str) -> None:
@@ -197,5 +185,4 @@ def aside(out: Path, name: str) -> None:
     except FileExistsError:
         raise InputError(f"{folder}: is a file, and damaged files are moved there; remove it") from None
     stem = name.replace("/", ".")
-    free = next(one for count in range(1, 1_000_000) if not (one := folder / f"{stem}.{count}").exists())
-    path.rename(free)
+    path.rename(next(free for count in range(1, 1_000_000) if not (free := folder / f"{stem}.{count}").exists()))

@@ -67,15 +67,6 @@ def claim_for(out: Path, file: str, resume: bool) -> bool:
     return False
 
 
-def claim_beside(out: Path, file: str, resume: bool) -> bool:
-    """Claim the folder as `claim_for`, for a measurement that may also be added to the folder of a finished run that
-    lacks `file`.
-    """
-    if not resume and (records_folder(out) / "run.json").exists() and not (out / file).exists():
-        return False
-    return claim_for(out, file, resume)
-
-
 def gone_on_with(
     out: Path,
     file: str,
@@ -85,24 +76,27 @@ def gone_on_with(
     beside: bool = False,
     folders: tuple[str, ...] = (),
 ) -> Record | None:
-    """Claim the folder as `claim_for` does, or `beside` a run as `claim_beside`; returns the record to resume.
+    """Claim the folder as `claim_for` does, or `beside` a finished run that lacks `file`; returns the record to resume.
 
     It is None for a fresh start, also if `file` cannot be read: that is then reported and the file moved to
     OUT/damaged, and everything in it is measured again. The same holds if it is missing beside one of `folders`, or one
     of its own in OUT/damaged, which tell whose OUT is.
     """
+    path = out / file
     ours = any((out / name).is_dir() for name in folders) or any((out / DAMAGED).glob(f"{file}.*"))
-    if resume and ours and not (out / file).exists():
+    if resume and ours and not path.exists():
         sweep(out)
         say(f"{file}: missing: everything in it is measured again")
         return None
-    if not (claim_beside if beside else claim_for)(out, file, resume):
+    if beside and not resume and (records_folder(out) / "run.json").exists() and not path.exists():
+        return None
+    if not claim_for(out, file, resume):
         return None
     sweep(out)
     try:
-        return read(out / file)
+        return read(path)
     except DamagedRecord as error:
-        say(f"{file}: {reason_of(error, out / file)}: everything in it is measured again")
+        say(f"{file}: {reason_of(error, path)}: everything in it is measured again")
         aside(out, file)
     return None
 
@@ -116,8 +110,7 @@ def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable
     with locked_folder(out) as lock:
         if not lock.is_held:
             say(f"{out}: its file system has no locks; see to it that no other run uses it")
-        lost = _lost_plan(out) if resume else None
-        claim(out, plan, machine, resume)
+        lost = claim(out, plan, machine, resume)
         try:
             if lost is not None:
                 say(f"records/plan.json: {lost}: written again from the options, which fit what is finished")
@@ -129,35 +122,35 @@ def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable
             raise
 
 
-def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> None:
-    """Make the folder ours, or refuse it. A run is resumed by the same plan on the same kind of machine alone."""
+def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> str | None:
+    """Make the folder ours, or refuse it. A run is resumed by the same plan on the same kind of machine alone. Returns
+    why the plan of a resumed run could not be read; None if it could.
+    """
+    started_with = {**plan.settings(), "machine": machine.settings()}
+    path, lost = records_folder(out) / "plan.json", None
     try:
-        free = shutil.disk_usage(next(one for one in (out, *out.absolute().parents) if one.exists())).free
-        if free >= LEAST_FREE_BYTES:
-            _claim(out, plan, {**plan.settings(), "machine": machine.settings()}, resume)
+        free = shutil.disk_usage(next(folder for folder in (out, *out.absolute().parents) if folder.exists())).free
+        if free < LEAST_FREE_BYTES:
+            raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
+        used = path.parent.exists()
+        if out.exists() and not out.is_dir():
+            raise InputError(f"--out {out}: is a file; name a folder")
+        if used and not resume:
+            raise InputError(f"--out {out}: holds results already; name another folder, or go on with --resume")
+        if not used and not _is_free(out):
+            raise InputError(f"--out {out}: the folder is in use by something else; name another one")
+        if resume and not used:
+            raise InputError(
+                f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
+            )
+        if resume:
+            lost = _same_plan(out, plan, started_with)
+        write_record(path, started_with)
     except OSError as error:
         raise InputError(
             f"--out {out}: cannot be written ({error.strerror}); name a folder on a disk with room"
         ) from error
-    if free < LEAST_FREE_BYTES:
-        raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
-
-
-def _claim(out: Path, plan: Plan, started_with: dict[str, Any], resume: bool) -> None:
-    used = records_folder(out).exists()
-    if out.exists() and not out.is_dir():
-        raise InputError(f"--out {out}: is a file; name a folder")
-    if used and not resume:
-        raise InputError(f"--out {out}: holds results already; name another folder, or go on with --resume")
-    if not used and not _is_free(out):
-        raise InputError(f"--out {out}: the folder is in use by something else; name another one")
-    if resume and not used:
-        raise InputError(
-            f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
-        )
-    if resume:
-        _same_plan(out, plan, started_with)
-    write_record(records_folder(out) / "plan.json", started_with)
+    return lost
 
 
 def release(out: Path) -> None:
@@ -173,9 +166,9 @@ def release(out: Path) -> None:
             return  # not empty, or not ours to remove
 
 
-def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> None:
+def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> str | None:
     """Check that the plan is the same; one that is lost or damaged is taken from the options, if they fit what was
-    trained.
+    trained. Returns why it cannot be read, None if it can.
     """
     path = records_folder(out) / "plan.json"
     try:
@@ -188,41 +181,35 @@ def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> None:
             ) from error
         if path.is_dir():
             aside(out, path.relative_to(out).as_posix())
-        return
+        return "missing" if isinstance(error, FileNotFoundError) else str(error)
     now = json.loads(json.dumps(started_with))
-    if any(one.get("machine", {}).get("executor") == "ray" for one in (before, now)):
+    if any(settings.get("machine", {}).get("executor") == "ray" for settings in (before, now)):
         # how many groups run at once is the cluster's affair, and each cell's record says where it ran
-        for one in (before, now):
-            one["machine"] = {key: one.get("machine", {}).get(key) for key in ("device", "threads")}
-    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
-    if changed:
-        what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
+        for settings in (before, now):
+            settings["machine"] = {key: settings.get("machine", {}).get(key) for key in ("device", "threads")}
+    if what := differences(before, now):
         raise InputError(
             f"--resume: {out} was started with another plan ({what}); use the same options or a new folder"
         )
-
-
-def _lost_plan(out: Path) -> str | None:
-    """Return why the plan of a run cannot be read; None if it can."""
-    try:
-        _load_plan(records_folder(out) / "plan.json")
-    except FileNotFoundError:
-        return "missing"
-    except (OSError, ValueError, RecursionError) as error:
-        return str(error)
     return None
+
+
+def differences(before: dict[str, Any], now: dict[str, Any]) -> str:
+    """Return in words the keys whose values changed; empty if none did."""
+    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
+    return "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
 
 
 def _load_plan(path: Path) -> dict[str, Any]:
     """Load a plan, with the errors of `load_record`; a key that no plan has was damaged, be it the digest's own."""
-    found = load_record(path)
-    if unknown := sorted(set(found) - {"machine", "density_units", *(one.name for one in fields(Plan))}):
+    plan = load_record(path)
+    if unknown := sorted(plan.keys() - {"machine", "density_units", *(each.name for each in fields(Plan))}):
         raise ValueError(f"holds {shown(unknown[0])}, which no plan has, so it was damaged")
-    if not isinstance(found.get("machine", {}), dict):
-        raise ValueError(f"machine is {shown(found['machine'])}, not an object, so it was damaged")
-    return found
+    if not isinstance(plan.get("machine", {}), dict):
+        raise ValueError(f"machine is {shown(plan['machine'])}, not an object, so it was damaged")
+    return plan
 
 
 def _is_free(out: Path) -> bool:
-    """Whether there is nothing in it but a lock."""
-    return not out.exists() or all(one.name == LOCK_FILE for one in out.iterdir())
+    """Tell whether there is nothing in it but a lock."""
+    return not out.exists() or all(entry.name == LOCK_FILE for entry in out.iterdir())

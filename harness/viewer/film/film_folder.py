@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from harness.records.json_record import load_record, write_record
 from harness.run_folder.folder_lock import LOCK_FILE
 from harness.run_folder.integrity import DAMAGED, aside
+from harness.run_folder.output_folder import differences
 from harness.viewer.film.frames import LISTING
 from scenes.files.atomic import remove_leftovers
 from scenes.files.errors import InputError
@@ -37,7 +38,7 @@ def claim(folder: Path, wish: "FilmSpec", out: Path, say: Callable[[str], None])
     try:
         folder.mkdir(parents=True, exist_ok=True)
         remove_leftovers(folder, f"{RECORD}.*")
-        used = any(one.name not in (LOCK_FILE, DAMAGED) for one in folder.iterdir())
+        used = any(entry.name not in (LOCK_FILE, DAMAGED) for entry in folder.iterdir())
         if used and not (folder / RECORD).exists() and any(folder.glob(f"*/*/{LISTING}")):
             say(f"{folder / RECORD}: missing: written again")
         elif used and not (folder / RECORD).is_file():
@@ -58,7 +59,5 @@ def _same_film(folder: Path, now: dict[str, Any], say: Callable[[str], None]) ->
         say(f"{folder / RECORD}: {error}: written again")
         aside(folder, RECORD)
         return
-    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
-    if changed:
-        what = "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
+    if what := differences(before, now):
         raise InputError(f"--to {folder}: holds another film ({what}); use the same options or name another folder")
