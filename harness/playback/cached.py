@@ -34,14 +34,14 @@ class CachedMethod:
         self._plain = plain_calls(chunk)
         self._known: tuple[tuple[Any, ...], bytes] | None = None
 
-    def render(self, camera: Camera, use_cache: bool = True) -> View:
-        """Return the view; rendered, and kept, if it is not in the store or shall not be taken from there.
+    def render(self, camera: Camera) -> View:
+        """Return the view; rendered, and kept, if it is not in the store.
 
         Raises `harness.training.trainer.Diverged` on a pixel that is not finite.
         """
         key = self.key(camera)
-        if use_cache and (found := self._lookup(key, camera)) is not None:
-            return found[0]
+        if (hit := self._lookup(key, camera)) is not None:
+            return hit[0]
         picture = picture_of(render_view(self.learner, camera.cameras(self.learner.device), 0, self.chunk))
         if self.key(camera) == key:  # nobody has trained it meanwhile
             self.store.store(key, picture, self.levels)
@@ -58,20 +58,14 @@ class CachedMethod:
         return self._lookup(self.key(camera, calls), camera)
 
     def keep(self, camera: Camera, view: View, calls: str | None = None) -> None:
-        """Store a view that the caller has rendered with the method as it is now.
-
-        Raises `TypeError` and `ValueError` if it is no complete view of this camera.
-        """
-        picture = picture_of(view)
-        if picture.shape != (camera.height, camera.width, CHANNELS):
-            raise ValueError(f"a view of {picture.shape[:2]} pixels for a camera of {camera.height} × {camera.width}")
-        self.store.store(self.key(camera, calls), picture, self.levels)
+        """Store a view of this camera that the caller has rendered with the method as it is now."""
+        self.store.store(self.key(camera, calls), picture_of(view), self.levels)
 
     def _lookup(self, key: str, camera: Camera) -> tuple[View, int] | None:
-        found = self.store.get_with_level(key)
-        if found is None or found[0].shape != (camera.height, camera.width, CHANNELS):
+        picture, level = self.store.get_with_level(key) or (None, 0)
+        if picture is None or picture.shape != (camera.height, camera.width, CHANNELS):
             return None
-        return view_of(found[0]), found[1]
+        return view_of(picture), level
 
     def _method_digest(self) -> bytes:
         if not self.frozen:

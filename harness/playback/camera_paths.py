@@ -1,7 +1,6 @@
 """Camera paths, frame by frame: float64 [frames, 4, 4], OpenGL axes, z up and no roll (`CONVENTIONS.md`).
 
-Every path stands on a sphere about its target and looks at it, as the cameras of a view set do; angles in radians.
-Each raises `InputError` for a number of frames below 1 and for lengths and angles that are not finite.
+Every path stands on a sphere about the origin and looks at it, as the cameras of a view set do; angles in radians.
 """
 
 import math
@@ -12,68 +11,59 @@ import numpy as np
 from scenes.files.errors import InputError
 from scenes.view_sets.viewpoints import RADIUS, TILT, VIEW_COUNTS, poses_on_sphere
 
-ORIGIN = (0.0, 0.0, 0.0)
 ELEVATION = math.radians(30.0)
 QUARTER = 0.5 * math.pi
 """The azimuth of the first test view."""
 TURN_STEPS = 60
 """The steps of a walk, once round."""
+KEEP = 0.75
+"""The probability with which a walk goes on the same way."""
 
-Point = tuple[float, float, float] | np.ndarray
 
-
-def orbit(
-    frames: int,
-    radius: float = RADIUS,
-    elevation: float = ELEVATION,
-    target: Point = ORIGIN,
-    azimuth: float = QUARTER,
-) -> np.ndarray:
-    """Go once round at one height, in equal steps from `azimuth` counterclockwise seen from above.
+def orbit(frames: int, radius: float = RADIUS, elevation: float = ELEVATION) -> np.ndarray:
+    """Go once round at one height, in equal steps counterclockwise seen from above.
 
     The path is closed: one frame more would be the first again, so that it can be shown in a loop.
     """
-    turns = azimuth + 2.0 * math.pi * np.arange(_checked(frames)) / frames
-    return _on_sphere(turns, np.full(frames, float(elevation)), radius, target)
+    turns = QUARTER + 2.0 * math.pi * np.arange(frames) / frames
+    return _on_sphere(turns, np.full(frames, float(elevation)), radius)
 
 
-def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS, target: Point = ORIGIN) -> np.ndarray:
+def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS) -> np.ndarray:
     """Follow the test spiral of the NeRF synthetic set: twice round while the camera goes down and up again.
 
     With 200 frames it has the very test views of `scenes.view_sets.viewpoints`; with others the same curve in as many
     equal steps.
     """
     count = VIEW_COUNTS["test"]
-    k = np.arange(_checked(frames)) * (count / frames)
+    k = np.arange(frames) * (count / frames)
     azimuth = np.pi / 2 + np.radians(3.6) * k
     elevation = TILT + 0.35 * (1 + np.cos(2 * np.pi * np.maximum(k - 1, 0) / count))
-    return _on_sphere(azimuth, elevation, radius, target)
+    return _on_sphere(azimuth, elevation, radius)
 
 
-def walk(frames: int, seed: int = 0, radius: float = RADIUS, target: Point = ORIGIN, keep: float = 0.75) -> np.ndarray:
-    """Walk like someone who looks around: one step per frame to the left, right, up or down, with probability `keep`
-    the same way as before.
+def walk(frames: int, seed: int = 0, radius: float = RADIUS) -> np.ndarray:
+    """Walk like someone who looks around: one step per frame to the left, right, up or down, mostly the same way as
+    before.
 
     Steps are 6° on a lattice between the lowest and the highest elevation of the spiral, so that a revisited place is
     the same pose to the last bit.
     """
-    if not 0.0 <= keep <= 1.0:
-        raise InputError(f"walk: keep {keep}: a probability lies between 0 and 1")
     generator = np.random.default_rng(seed)
     step = 2.0 * math.pi / TURN_STEPS
     rows = math.floor(0.7 / step) + 1
     ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
     column, row, way = 0, rows // 2, 0
     places = []
-    for _ in range(_checked(frames)):
+    for _ in range(frames):
         places.append((column, row))
-        if generator.random() >= keep:
+        if generator.random() >= KEEP:
             way = int(generator.integers(len(ways)))
         if not 0 <= row + ways[way][1] < rows:
             way ^= 1  # turns back at the lowest and at the highest
         column, row = (column + ways[way][0]) % TURN_STEPS, row + ways[way][1]
     lattice = np.array(places, dtype=np.float64)
-    return _on_sphere(QUARTER + step * lattice[:, 0], TILT + step * lattice[:, 1], radius, target)
+    return _on_sphere(QUARTER + step * lattice[:, 0], TILT + step * lattice[:, 1], radius)
 
 
 def mean_distance(poses: np.ndarray) -> float:
@@ -82,23 +72,11 @@ def mean_distance(poses: np.ndarray) -> float:
 
 
 PATHS: dict[str, Callable[..., np.ndarray]] = {"orbit": orbit, "spiral": spiral, "walk": walk}
-"""The paths, called as `PATHS[name](frames, radius=…, target=…)`."""
+"""The paths, called as `PATHS[name](frames, radius=…)`."""
 
 
-def _on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float, target: Point) -> np.ndarray:
-    at = np.asarray(target, dtype=np.float64)
-    if at.shape != (3,) or not np.isfinite(at).all():
-        raise InputError(f"target {at.tolist()}: give three finite numbers")
+def _on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float) -> np.ndarray:
+    """Return the poses; raises `InputError` for a radius that is not positive, as that of cameras in the origin."""
     if not (math.isfinite(radius) and radius > 0.0):
         raise InputError(f"radius {radius}: must be a positive number of scene units")
-    if not (np.isfinite(azimuth).all() and np.isfinite(elevation).all()):
-        raise InputError("azimuth and elevation: give finite angles in radians")
-    poses = poses_on_sphere(azimuth, elevation, radius)
-    poses[:, :3, 3] += at
-    return poses
-
-
-def _checked(frames: int) -> int:
-    if frames < 1:
-        raise InputError(f"{frames} frames: a path has at least one")
-    return frames
+    return poses_on_sphere(azimuth, elevation, radius)

@@ -8,8 +8,8 @@ import shutil
 import stat
 import struct
 import time
+from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +31,6 @@ FILLED_AGAIN = 0.9
 """The share of the bound down to which pictures are evicted once it is reached."""
 UNSEEN = 0.05
 """The share of the bound that is written before the folder is looked at again: other processes write as well."""
-FORMER = ("objects", "keys", "parts")
-"""The folders of an earlier version, whose pictures are not read any more."""
 
 
 def frozen(value: np.ndarray) -> np.ndarray:
@@ -52,20 +50,6 @@ def frozen(value: np.ndarray) -> np.ndarray:
     return np.frombuffer(value.tobytes(), dtype=np.float32).reshape(value.shape)
 
 
-@dataclass
-class DiskCounts:
-    """Counts of events in the folder since it was opened here."""
-
-    evicted: int = 0
-    """The number of files that made room."""
-    damaged: int = 0
-    """The number of files that are not what was written, or cannot be read; each was dropped."""
-    failed: int = 0
-    """The number of writes that failed."""
-    reason: str | None = None
-    """The reason of the last of them."""
-
-
 class DiskPictures:
     """A folder of at most `bound` bytes; of several processes each may exceed that by `UNSEEN` of it.
 
@@ -75,13 +59,14 @@ class DiskPictures:
     def __init__(self, folder: Path, bound: int) -> None:
         self.folder = folder
         self.bound = bound
-        self.counts = DiskCounts()
+        self.counts: Counter[str] = Counter()
+        """Events since it was opened: files `evicted` for room, files `damaged` and dropped, `failed` writes."""
+        self.failure: str | None = None
+        """The reason of the last write that failed."""
         self._held = self._unseen = 0
         try:
             write_atomically(folder / ".probe", b"", fsync=False)
             (folder / ".probe").unlink(missing_ok=True)
-            for name in FORMER:
-                shutil.rmtree(folder / name, ignore_errors=True)
             self._look_and_evict(0)
         except OSError as error:
             raise InputError(
@@ -92,7 +77,8 @@ class DiskPictures:
         """Store a picture (of `frozen`). Returns False if that failed, which is counted and not raised; nothing is then
         under the key, if the system lets it be removed.
         """
-        content, file = _encoded(key, picture), self._file(key)
+        body, file = SHAPE.pack(*picture.shape) + picture.tobytes(), self._file(key)
+        content = START + _digest(key, body) + body
         try:
             if len(content) > self.bound:
                 raise OSError(errno.EFBIG, f"a picture of {len(content)} bytes in a cache of {self.bound}")
@@ -104,8 +90,8 @@ class DiskPictures:
             write_atomically(file, content, fsync=False)
             _touch(file)
         except OSError as error:
-            self.counts.failed += 1
-            self.counts.reason = (error.strerror or str(error))[:300]
+            self.counts["failed"] += 1
+            self.failure = (error.strerror or str(error))[:300]
             self.drop(key)
             return False
         return True
@@ -120,7 +106,7 @@ class DiskPictures:
         except FileNotFoundError:
             return None
         except (OSError, ValueError):
-            self.counts.damaged += 1
+            self.counts["damaged"] += 1
             _remove(file)
             return None
         if use:
@@ -155,19 +141,14 @@ class DiskPictures:
                 if self._held <= FILLED_AGAIN * self.bound:
                     break
                 _remove(file)
-                self.counts.evicted += 1
+                self.counts["evicted"] += 1
                 self._held -= size
-
-
-def _encoded(key: str, picture: np.ndarray) -> bytes:
-    body = SHAPE.pack(*picture.shape) + picture.tobytes()
-    return START + _digest(key, body) + body
 
 
 def _decoded(key: str, content: bytes) -> np.ndarray:
     """Return the picture of a file; raises `ValueError` unless it was written, just so, for this key."""
     body = content[HEADER_BYTES - SHAPE.size :]
-    if content[: len(START)] != START or content[len(START) : HEADER_BYTES - SHAPE.size] != _digest(key, body):
+    if content[: HEADER_BYTES - SHAPE.size] != START + _digest(key, body):
         raise ValueError("not the file that was written")
     return np.frombuffer(body, np.float32, offset=SHAPE.size).reshape(SHAPE.unpack_from(body))
 

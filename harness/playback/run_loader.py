@@ -42,7 +42,7 @@ from scenes.view_sets.viewpoints import RADIUS
 VIEW_SETS = Path("out/view_sets")
 """The default cache of view sets."""
 
-One = TypeVar("One")
+Settings = TypeVar("Settings")
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,15 @@ class TrainedCell:
 
     def camera(self, camera_to_world: np.ndarray) -> Camera:
         """Return the lens of the scene's views at a pose."""
-        one, focal = self.scene, float(self.cell.settings["view_set"]["focal"])
-        return Camera(camera_to_world, one.width, one.height, focal, one.near, one.far)
+        scene, focal = self.scene, float(self.cell.settings["view_set"]["focal"])
+        return Camera(camera_to_world, scene.width, scene.height, focal, scene.near, scene.far)
+
+
+class ForcedParts(msgspec.Struct):
+    """The parts that the settings of a run's views force in and out."""
+
+    need: tuple[str, ...] = ()
+    no_need: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -131,12 +138,12 @@ class FinishedRun:
         learner = learner_for(method, box, settings, budget, stream_of(scene.name, seed), device, directed)
         written = cell.files.get(checkpoint_name(scene.name, method, seed))  # none in old records
         load_checkpoint(learner, checkpoint, cell.steps, written)
-        found = TrainedCell(scene, cell, learner)
+        trained = TrainedCell(scene, cell, learner)
         try:
-            found.camera(np.eye(4))
+            trained.camera(np.eye(4))
         except (TypeError, ValueError, OverflowError) as error:
             raise DamagedRecord(f"{path}: no camera of {scene.name}: {error}; run again") from error
-        return found
+        return trained
 
     def view_set(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> Path:
         """Return the folder of its posed images: in `cache`, or in the folder `view_sets` beside the run; one that was
@@ -146,12 +153,11 @@ class FinishedRun:
         if isinstance(given, list):  # one per scene, if there are several
             given = given[self.run.settings["scenes"].index(scene.name)]
         places = [Path(given)] if given else [cache / scene.view_set, self.out.parent / "view_sets" / scene.view_set]
-        found = next((place for place in places if given or transforms_file(place, "train").is_file()), None)
-        found = found if found is not None and found.exists() else None
-        if found is None:
-            tried = " or ".join(str(place) for place in places)
-            raise InputError(f"{tried}: the view set of {scene.name} is not there; name its cache with --view-sets")
-        return found
+        for place in places:
+            if place.exists() if given else transforms_file(place, "train").is_file():
+                return place
+        tried = " or ".join(map(str, places))
+        raise InputError(f"{tried}: the view set of {scene.name} is not there; name its cache with --view-sets")
 
     def views(
         self,
@@ -168,11 +174,18 @@ class FinishedRun:
 
         Raises `InputError` for any fault of the view set, and for another rendering than the methods were trained on.
         """
+        path, asked = records_folder(self.out) / "run.json", self.run.settings.get("views", {})
         if missing := sorted({"train", "test"} - set(scene.views)):
-            path = records_folder(self.out) / "run.json"
             raise DamagedRecord(f"{path}: {scene.name}: views says no number of {' '.join(missing)}; run again")
-        asked, region, folder = self._needs_asked(), self._region(scene), self.view_set(scene, cache)
-        found = read_view_set(
+        folder = self.view_set(scene, cache)
+        try:
+            forced = msgspec.convert(asked, ForcedParts)
+            region = Region(tuple(np.ravel(scene.bounds).tolist()), scene.near, scene.far)
+        except msgspec.ValidationError as error:
+            raise DamagedRecord(f"{path}: settings.views {shown(asked)}: {error}; run again") from error
+        except InputError as error:
+            raise DamagedRecord(f"{path}: {scene.name}: {error}; run again") from error
+        views = read_view_set(
             folder,
             resolution=width or scene.width,
             splits=("train", "test") if train else ("test",),
@@ -182,27 +195,12 @@ class FinishedRun:
             scratch=scratch,
             region=region,
         )
-        if found.rendered.get("digest") != scene.rendered.get("digest"):
+        if views.rendered.get("digest") != scene.rendered.get("digest"):
             raise InputError(
                 f"{folder}: another rendering than the one that {scene.name} was trained on; name its cache with "
                 "--view-sets"
             )
-        return with_needs(found, *asked)
-
-    def _region(self, scene: SceneRecord) -> Region:
-        try:
-            return Region(tuple(np.ravel(scene.bounds).tolist()), scene.near, scene.far)
-        except InputError as error:
-            raise DamagedRecord(f"{records_folder(self.out) / 'run.json'}: {scene.name}: {error}; run again") from error
-
-    def _needs_asked(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return names of parts that its settings force in and out."""
-        views = self.run.settings.get("views", {})
-        found = [views.get(name, []) for name in ("need", "no_need")] if isinstance(views, dict) else [None]
-        if not all(isinstance(one, list) and all(isinstance(name, str) for name in one) for one in found):
-            path = records_folder(self.out) / "run.json"
-            raise DamagedRecord(f"{path}: settings.views {shown(views)} names no parts that were forced; run again")
-        return tuple(found[0] or []), tuple(found[1] or [])
+        return with_needs(views, forced.need, forced.no_need)
 
     def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
         """Return the distance of its cameras from the origin, in scene units: known for our own scenes, for others the
@@ -245,7 +243,7 @@ def _require_possible(settings: TrainSettings, path: Path, checkpoint: Path, our
         )
 
 
-def from_plain(kind: type[One], data: Any, path: Path) -> One:
+def from_plain(kind: type[Settings], data: Any, path: Path) -> Settings:
     """Make a frozen dataclass from the JSON of its `asdict`; raises `InputError` naming the file if a key is missing or
     unknown: settings that silently differ would render another picture.
     """

@@ -4,12 +4,11 @@ published: `key in store`, `store.get(key)`, `store.store(key, value, level=1)`.
 
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from harness.playback.disk import DiskCounts, DiskPictures, frozen
+from harness.playback.disk import DiskPictures, frozen
 
 PROTECTED = 0.75
 """The share of the bytes in memory that level 0 may take; level 1 has the rest."""
@@ -76,17 +75,6 @@ class SegmentedMemory:
         return key, picture
 
 
-@dataclass(frozen=True)
-class StoreStatistics:
-    """Counts of events in a store since it was opened."""
-
-    hits: dict[int, int]
-    """Map level → pictures that were found there."""
-    failed_writes: int
-    last_failure: str | None
-    """The reason why the last of them failed."""
-
-
 class ViewStore:
     """Pictures (finite float32 [height, width, channels]) under arbitrary keys, returned bit for bit and read-only.
 
@@ -118,19 +106,18 @@ class ViewStore:
             return level
 
     def get(self, key: str) -> np.ndarray | None:
-        found = self.get_with_level(key)
-        return None if found is None else found[0]
+        return (self.get_with_level(key) or (None,))[0]
 
     def get_with_level(self, key: str) -> tuple[np.ndarray, int] | None:
         """Return the picture, and the level at which it was found."""
         with self._lock:
-            found = self._memory.get(key)
-            if found is None and self._disk is not None and (picture := self._disk.get(key)) is not None:
+            hit = self._memory.get(key)
+            if hit is None and self._disk is not None and (picture := self._disk.get(key)) is not None:
                 self._memory.put(key, picture, 1)
-                found = picture, 2
-            if found is not None:
-                self._hits[found[1]] += 1
-            return found
+                hit = picture, 2
+            if hit is not None:
+                self._hits[hit[1]] += 1
+            return hit
 
     def store(self, key: str, value: np.ndarray, level: int | tuple[int, ...] = 1) -> None:
         """Make a copy of `value` the picture under `key`, at a level or at several; a picture that the disk refuses, or
@@ -154,8 +141,12 @@ class ViewStore:
                 self._memory.put(key, picture, min(1, *levels))
 
     @property
-    def statistics(self) -> StoreStatistics:
-        """Return the statistics now."""
+    def hits(self) -> dict[int, int]:
+        """Return level → pictures that were found there since the store was opened."""
         with self._lock:
-            counts = self._disk.counts if self._disk else DiskCounts()
-            return StoreStatistics(dict(self._hits), counts.failed, counts.reason)
+            return dict(self._hits)
+
+    @property
+    def failure(self) -> str | None:
+        """Return why the last write to disk failed that did; None if all succeeded."""
+        return self._disk.failure if self._disk is not None else None

@@ -171,7 +171,7 @@ def level_of_last(store: ViewStore, before: dict[int, int]) -> int | None:
     """Return the level that the last view came from, None if it was rendered: `before` are the hits of the store before
     it was requested.
     """
-    now = store.statistics.hits
+    now = store.hits
     return next((level for level in now if now[level] > before[level]), None)
 
 
@@ -186,7 +186,7 @@ def _hit(cached: CachedMethod, camera: Camera, view: View, level: int, clock: Cl
     """Return the seconds of one hit; raises `WrongHit`. Its level is checked afterwards, because checking takes
     time.
     """
-    before = cached.store.statistics.hits
+    before = cached.store.hits
     picture, took = timed(lambda: cached.render(camera), clock)
     if not same(picture, view):
         raise WrongHit(f"a hit of level {level} is not the picture that was stored")

@@ -123,7 +123,7 @@ def followed(
     for index, pose in enumerate(route.poses):
         if context.is_over(f"{route.path}, with {cell.learner.method}"):
             return None
-        camera, before = context.camera(cell, pose), store.statistics.hits
+        camera, before = context.camera(cell, pose), store.hits
         calls: list[tuple[str, Callable[[], object]]] = [
             ("with", lambda: cached.render(camera)),  # noqa: B023
             ("without", lambda: plain(cell.learner, camera, cell.chunk)),  # noqa: B023

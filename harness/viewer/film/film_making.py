@@ -63,7 +63,7 @@ def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
         size = write_animation(file, sheets, fps)
         yield f"{file}: {len(sheets)} frames, {len(sheets) / fps:.1f} s, {size / 1e3:.0f} kB"
     yield from (tally.line(method, plan.use_cache) for method, tally in tallies.items())
-    if plan.use_cache and (failure := plan.store.statistics.last_failure) is not None:
+    if plan.use_cache and (failure := plan.store.failure) is not None:
         yield f"the view cache could not be written ({failure}): frames are whole, another film renders them again"
 
 

@@ -83,15 +83,6 @@ def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(
     assert len(renders) == 1
 
 
-def test_without_the_cache_it_is_rendered_again_and_kept(renders: list[int]) -> None:
-    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
-    first = one.render(camera(), use_cache=False)
-    assert same(one.render(camera(), use_cache=False), first)
-    assert len(renders) == 2
-    assert same(one.render(camera()), first)
-    assert len(renders) == 2
-
-
 def test_nobody_can_change_what_is_kept() -> None:
     one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
     expected = plain(one.learner)  # type: ignore[arg-type]

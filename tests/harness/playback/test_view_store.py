@@ -35,8 +35,7 @@ def test_a_hit_goes_up_a_level(tmp_path: Path) -> None:
         assert same_bits(found[0], A)
         assert found[1] == levels[-1]
     assert levels == [2, 1, 0, 0]
-    statistics = store.statistics
-    assert statistics.hits == {0: 2, 1: 1, 2: 1}
+    assert store.hits == {0: 2, 1: 1, 2: 1}
 
 
 def test_without_a_disk_level_2_is_level_1_and_without_memory_nothing_is_kept() -> None:
@@ -97,7 +96,7 @@ def test_threads_at_once_on_one_store(tmp_path: Path) -> None:
     for thread in threads:
         thread.join()
     assert errors == []
-    assert store.statistics.failed_writes == 0
+    assert store.failure is None
     assert sum(file.stat().st_size for file in tmp_path.iterdir()) <= 6000
 
 

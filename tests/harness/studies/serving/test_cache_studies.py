@@ -62,7 +62,7 @@ def test_what_no_clock_gives_is_refused(seconds: list[float], words: str) -> Non
 def test_a_hit_that_is_another_picture_is_no_hit(
     context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def darker(self: CachedMethod, camera: Camera, use_cache: bool = True) -> View:
+    def darker(self: CachedMethod, camera: Camera) -> View:
         view = plain(self.learner, camera, self.chunk)
         return replace(view, colour=np.nextafter(view.colour, np.float32(-1.0)))
 
