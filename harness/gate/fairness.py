@@ -73,9 +73,7 @@ def task_of(methods: tuple[str, ...], seed: int, out: Path) -> GroupTask:
 
 
 def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
-    """Return how many first weights differ between methods in tensors of the same name and shape; None without any
-    such.
-    """
+    """Count first weights that differ between methods in tensors of one name and shape; None without any such."""
     train, box, budget = task_of(methods, 0, Path()).train, box_of(views, CPU), Budget(COPY_STEPS, None)
     states = [
         dict(learner_for(method, box, train, budget, "drawn/0", CPU, True).fields.state_dict()) for method in methods
@@ -90,9 +88,7 @@ def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
 
 
 def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | None:
-    """Return how many batches of lockstep training are not the first method's of the same step; None without two
-    methods.
-    """
+    """Count batches of lockstep training that are not the first method's of the same step; None without two."""
     given: dict[str, list[tuple[Tensor, ...]]] = {}
     cells = list(train_group(task_of(methods, 0, out), views, {}, lambda share: None, watching([], given)))
     if len(given) < 2 or any(cell.status != "done" for cell in cells):
@@ -147,9 +143,7 @@ def listed(name: str, method: str) -> Iterator[None]:
 
 
 def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:
-    """Return a function that makes the learners of lockstep training: each is put into `made`, and the batches that it
-    is given step by step into `batches`, by method.
-    """
+    """Return a maker of learners that puts them into `made`, and the batches they are given into `batches`."""
 
     def make(method: str, *others: Any) -> Learner:
         learner = learner_for(method, *others)
@@ -168,9 +162,7 @@ def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | Non
 
 
 def seen_differences(cells: list[CellRecord], method: str) -> int | None:
-    """Count comparisons of a method with its copy at equal steps with a difference that is not 0 or a verdict that is
-    better or worse; None without a comparison.
-    """
+    """Count comparisons with the copy at equal steps that see a difference; None without a comparison."""
     rows = [row for row in compare(cells, [method, copy_of(method)]) if row.budget == "steps" and row.pairs]
     if not rows:
         return None

@@ -65,9 +65,7 @@ def context_for(
     of_class: str | None,
     renewing: bool,
 ) -> GateContext:
-    """Return what `run` or `renew` works with. Raises `InputError` if limits, references or stored images cannot be
-    read.
-    """
+    """Return what `run` or `renew` works with; raises `InputError` if what is stored cannot be read."""
     name = of_class or class_here()
     folder = limits_file.parent
     fresh = renewing and not limits_file.exists()
@@ -81,9 +79,7 @@ def context_for(
 
 
 def run(context: GateContext, replay: str) -> int:
-    """Measure and judge; returns 0, or 4 if a gate failed. `replay` is the command that a failing gate's name is added
-    to.
-    """
+    """Measure and judge; returns 0, or 4 if a gate failed, whose name is added to the command `replay`."""
     use_threads(1)
     keep_freed_memory()
     began = time.monotonic()

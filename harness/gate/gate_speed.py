@@ -52,9 +52,7 @@ def measure(context: GateContext) -> Iterator[Check]:
 
 
 def renew(context: GateContext) -> References:
-    """Measure in several processes, one after another: where data lies in memory differs by process and is part of the
-    spread.
-    """
+    """Measure in several processes in turn, as where data lies in memory is part of the spread."""
     names = tuple(gate.name for gate in gates() if gate.kind == "speed")
     speed: dict[str, list[float]] = {name: [] for name in names}
     for number in range(RENEWAL_PROCESSES):

@@ -133,9 +133,7 @@ def gates() -> tuple[Gate, ...]:
 
 
 def settings_of(kind: Kind) -> dict[str, Any]:
-    """Return the settings that limits of a kind are only valid for, as JSON, without those whose change shows as a
-    failing gate.
-    """
+    """Return, as JSON, the settings that what is stored for a kind is only valid for."""
     settings: dict[Kind, dict[str, Any]] = {
         "changed": {"starts": list(STARTS)},
         "worse": {

@@ -93,9 +93,7 @@ def mean_square(renders: np.ndarray, reference: Reference) -> float:
 
 
 def standardised(images: np.ndarray, reference: Reference, count: int = 1) -> np.ndarray:
-    """Return the deviation from the reference of images [..., height, width, 4] that are means of `count` renders, in
-    standard errors of both.
-    """
+    """Return the deviation of means of `count` renders [..., height, width, 4] in standard errors of both."""
     x = np.asarray(images, dtype=np.float64)
     return (x - reference.mean) / np.sqrt(reference.variances() * (1 / count + 1 / reference.batches))
 
@@ -122,9 +120,7 @@ def scenes_of(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def references_for(context: GateContext) -> dict[str, Reference]:
-    """Read the references that the limits were measured against. Raises `InputError` for one that is missing, damaged
-    or another.
-    """
+    """Read the references that the limits were measured against; raises `InputError` if one is not there."""
     facts, references = context.limits.kinds.get("images"), {}
     for scene in scenes_of(context.of_kind("images")):
         references[scene], file = read_reference(context.images, scene), context.images / f"{scene}.exr"

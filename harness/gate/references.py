@@ -91,9 +91,7 @@ def ranks(both: "pd.DataFrame") -> dict[str, float]:
 
 
 def publish(run: Path, folder: Path) -> str:
-    """Write `rank.json` beside the limits and return it in words. Raises `InputError` for a run that has no summary, or
-    too few pairs in common.
-    """
+    """Write `rank.json` beside the limits and return it in words; raises `InputError` for a run without scores."""
     import pandas as pd
 
     def means(rows: list[tuple[str, str, float]]) -> "pd.Series[float]":

@@ -153,9 +153,7 @@ def train_one(task: GroupTask, draw: int) -> list[CellRecord]:
 
 
 def rounded_otherwise(draw: int) -> Callable[..., Learner]:
-    """Return a function that makes learners whose first weights differ at random in their last bit; draw 0 leaves them
-    as they are.
-    """
+    """Return a maker of learners whose first weights differ at random in their last bit; draw 0 leaves them."""
 
     def make(method: str, *others: object) -> Learner:
         learner = learner_for(method, *others)  # type: ignore[arg-type]
@@ -204,9 +202,7 @@ def loss_check(gate: Gate, new: Scores, stored: References, wider: float = 1.0) 
 
 
 def loss_limit(method: str, score: str, stored: References, wider: float = 1.0) -> Limit:
-    """Return `LARGEST_LOSS`, or more if rounding alone may cause more; `detects` is the loss found in nine of ten
-    draws.
-    """
+    """Return `LARGEST_LOSS`, or more if rounding may cause more; `detects` is found in nine of ten draws."""
     draws = list(_draws(method, score, stored).values())
     error = rounding_error(draws)
     least = LARGEST_LOSS[score] * (1.0 if method == "all" else 2.0) * wider
@@ -215,9 +211,7 @@ def loss_limit(method: str, score: str, stored: References, wider: float = 1.0) 
 
 
 def rounding_error(draws: Sequence[Sequence[float]]) -> float:
-    """Return the standard error, by rounding alone, of a mean over cells of one draw each minus the means of those
-    stored.
-    """
+    """Return the standard error, by rounding alone, of the mean over cells of one draw minus those stored."""
     several = [np.var(some, ddof=1) * (1.0 + 1.0 / len(some)) for some in draws if len(some) > 1]
     return math.sqrt(float(np.mean(several)) / len(draws)) if several else 0.0
 
@@ -238,9 +232,7 @@ def headline_check(gate: Gate, cells: Sequence[CellRecord], stored: References, 
 
 
 def statistics_of(cells: Sequence[CellRecord]) -> dict[str, list[float]]:
-    """Return the comparer's result for each headline: difference, interval on these scenes, interval on scenes like
-    these.
-    """
+    """Return for each headline the comparer's difference and the ends of its two intervals."""
     statistics = {}
     trained = {cell.method for cell in cells}
     for row in compare(list(cells), [method for method in TRAINED_METHODS if method in trained]):

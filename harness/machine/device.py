@@ -45,9 +45,7 @@ def keep_freed_memory() -> None:
 
 
 def return_freed_memory() -> None:
-    """Use the thresholds of a process without settings in its steady state, for comparisons, and release free memory
-    now.
-    """
+    """Use the thresholds of a process without settings, for comparisons, and release free memory now."""
     _set_thresholds(32 << 20, 64 << 20)
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
@@ -107,9 +105,7 @@ is.
 
 
 def only_gpu(number: int, count: int, amd: bool, environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the changes to the environment after which a new process sees GPU `number` (modulo `count`) of the `count`
-    that this one sees; an empty dictionary if there is nothing to choose.
-    """
+    """Return the environment in which a new process sees GPU `number` (modulo `count`) of those seen here alone."""
     if count < 2:
         return {}
     names = AMD if amd else AMD[1:]

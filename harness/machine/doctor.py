@@ -58,9 +58,7 @@ class Finding:
 
 
 def judge(what: str, found: str, *faults: tuple[bool, Verdict, str]) -> Finding:
-    """Return a finding with the first fault (whether it is there, verdict, remedy) that is there; what is then missing
-    is needed.
-    """
+    """Return a finding with the first fault (is it there, verdict, remedy) that is there; what is missing is needed."""
     for is_there, verdict, to_do in faults:
         if is_there:
             return Finding(what, found, verdict, to_do, needed=verdict == "missing")

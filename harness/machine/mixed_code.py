@@ -79,9 +79,7 @@ def code_apart(cells: Sequence[CellRecord]) -> list[str]:
 
 
 def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) -> str | None:
-    """Return a line on the finished cells that other code or packages than those of `here`, the provenance of this
-    process, made, and on how to make them again; None if there are none.
-    """
+    """Return a line on the finished cells that other code or packages than `here` made, and how to renew them."""
     unlike: dict[str, list[str]] = defaultdict(list)
     for cell in cells:
         before, now = (_made_by(origin, cell.method) for origin in (cell.provenance, here))

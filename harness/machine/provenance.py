@@ -29,9 +29,7 @@ PROGRAM = "this program"
 
 
 def our_folders() -> list[Path]:
-    """Return the folder of each of `OUR_PACKAGES`, as this process imports it: on a node each may lie
-    somewhere else.
-    """
+    """Return the folder of each of `OUR_PACKAGES`, which on a node may lie anywhere."""
     return [Path(next(iter(import_module(name).__path__))).resolve() for name in OUR_PACKAGES]
 
 
@@ -128,9 +126,7 @@ def provenance(device: torch.device) -> dict[str, Any]:
 
 
 def code_here() -> dict[str, Any]:
-    """Return commit, digest of our sources and packages, as they were at this process's first call: what it has
-    imported does not change any more.
-    """
+    """Return commit, digest of our sources and packages as of the first call: what is imported stays as it is."""
     return {
         "commit": commit(),
         "sources": versions()[PROGRAM],

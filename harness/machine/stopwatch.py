@@ -8,9 +8,7 @@ import torch
 
 
 class Stopwatch:
-    """A stopwatch of wall seconds; the device is synchronised before each reading, so launched work is
-    finished work.
-    """
+    """A stopwatch of wall seconds that waits for launched work before each reading."""
 
     def __init__(self, device: torch.device, clock: Callable[[], float] = time.perf_counter) -> None:
         self._synchronise = torch.cuda.synchronize if device.type == "cuda" else _nothing

@@ -35,10 +35,7 @@ class CachedMethod:
         self._known: tuple[tuple[Any, ...], bytes] | None = None
 
     def render(self, camera: Camera) -> View:
-        """Return the view; rendered, and kept, if it is not in the store.
-
-        Raises `harness.training.trainer.Diverged` on a pixel that is not finite.
-        """
+        """Return the view; rendered and kept if it is not in the store. Raises `Diverged` on a pixel not finite."""
         key = self.key(camera)
         if (hit := self._lookup(key, camera)) is not None:
             return hit[0]
@@ -48,9 +45,7 @@ class CachedMethod:
         return view_of(picture)
 
     def key(self, camera: Camera, calls: str | None = None) -> str:
-        """Return the key of a view with rays put into chunks as `calls` describes; None means those of
-        plain rendering.
-        """
+        """Return the key of a view with rays put into chunks as `calls` describes, by default those of rendering."""
         return camera_key(self._method_digest(), camera, calls or self._plain)
 
     def lookup(self, camera: Camera, calls: str | None = None) -> tuple[View, int] | None:
@@ -77,9 +72,7 @@ class CachedMethod:
 
 
 def picture_of(view: View) -> np.ndarray:
-    """Return colour, opacity and depth as one read-only float32 [height, width, 5]; raises `TypeError` for another
-    type, whose bits would not come back, and `ValueError` if shapes do not belong together or a value is not finite.
-    """
+    """Return colour, opacity and depth as one read-only float32 [height, width, 5]; errors as those of `frozen`."""
     return frozen_picture(np.concatenate([view.colour, view.opacity[..., None], view.depth[..., None]], axis=-1))
 
 

@@ -97,9 +97,7 @@ class DiskPictures:
         return True
 
     def get(self, key: str, use: bool = True) -> np.ndarray | None:
-        """Return the picture, read-only and checked; None if there is none, or another file than was written, which is
-        dropped. `use` makes it the most recently used.
-        """
+        """Return the picture, read-only; None without one, or if it is damaged, which drops it. `use` renews it."""
         file = self._file(key)
         try:
             picture = _decoded(key, _content(file, self.bound))
@@ -170,9 +168,7 @@ def _content(file: Path, most: int) -> bytes:
 
 
 def _touch(file: Path) -> None:
-    """Set the time by our clock, as the system's own stamps are as coarse as its timer; not in a folder that can only
-    be read.
-    """
+    """Set the time by our clock, as the system's stamps are coarse; not in a folder that can only be read."""
     now = time.time_ns()
     with suppress(OSError):
         os.utime(file, ns=(now, now))

@@ -83,10 +83,8 @@ def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int 
     These are pixels of the full resolution, at their own centres: with a pointwise method they are already final, to
     float32 rounding. They come from all over the view, as those of a plain chunk do, so a method that is not pointwise
     sees chunks like those of its training; its picture is another one all the same, as with any other chunk.
-    `bins` per ray replaces the learner's. Raises `ValueError` for a stride below 1.
+    `bins` per ray replaces the learner's.
     """
-    if stride < 1:
-        raise ValueError(f"stride {stride}: must be at least 1")
     rows, columns = (
         np.minimum(np.arange(0, size, stride) + (stride - 1) // 2, size - 1) for size in (camera.height, camera.width)
     )
@@ -197,9 +195,7 @@ def _by_parts(
     bins: int | None = None,
     done: int = 0,
 ) -> Iterator[Done]:
-    """Yield parts, the pixels of each, one after the other; at least `at_least` rays share a chunk if as many are left.
-    `done` pixels were done before.
-    """
+    """Yield the pixels of each part; `at_least` rays share a chunk if as many are left, `done` were done before."""
     rays, total = camera.rays(learner.device), camera.width * camera.height
     for together in _chunks(parts, at_least):
         pixels = np.concatenate(together)

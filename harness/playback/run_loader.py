@@ -91,16 +91,12 @@ class FinishedRun:
         return FinishedRun(out, run)
 
     def scenes(self, asked: list[str] | None, option: str = "--scenes") -> list[SceneRecord]:
-        """Return those of `asked`, or all; raises `InputError`, naming the option, for a name that the run does not
-        have.
-        """
+        """Return those of `asked`, or all; raises `InputError`, naming the option, for one that the run lacks."""
         known = {scene.name: scene for scene in self.run.scenes}
         return [known[name] for name in known_names(option, asked or list(known), list(known))]
 
     def methods(self, asked: list[str] | None) -> list[str]:
-        """Return those of `asked`, or all that every scene has; raises `InputError` for a name that the run does not
-        have.
-        """
+        """Return those of `asked`, or all that every scene has; raises `InputError` for one that the run lacks."""
         return list(known_names("--methods", asked or self.run.main_methods, list(self.run.methods)))
 
     def is_trained(self, scene: str, method: str, seed: int) -> bool:
@@ -213,9 +209,7 @@ class FinishedRun:
 
 
 def _require_possible(settings: TrainSettings, path: Path, checkpoint: Path, ours: bool) -> None:
-    """Raise `InputError` for sizes that no run has, before memory is allocated; `ours` are networks
-    made of our parts.
-    """
+    """Raise `InputError` for sizes that no run has, before memory is allocated; `ours` are networks of our parts."""
     network = settings.network
     sizes = {
         "depth": (network.depth, 64),

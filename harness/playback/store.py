@@ -123,11 +123,9 @@ class ViewStore:
         """Make a copy of `value` the picture under `key`, at a level or at several; a picture that the disk refuses, or
         without a disk, goes to level 1. Of 0 and 1 the first has it.
 
-        Raises `TypeError` and `ValueError` for a value that is no picture (`frozen`) and another level.
+        Raises `TypeError` and `ValueError` for a value that is no picture (`frozen`).
         """
         levels = {level} if isinstance(level, int) else set(level)
-        if not levels or not levels <= set(LEVELS):
-            raise ValueError(f"level {level}: there are {LEVELS}")
         picture = frozen(value)
         with self._lock:
             on_disk = False

@@ -87,9 +87,7 @@ def _move_aside(out: Path, faults: Iterator[tuple[str, str]], say: Say) -> None:
 
 
 def plan_of_cells(out: Path, plan: Plan) -> list[str]:
-    """Return as sentences the settings in which finished cells differ from those of a plan: for a folder whose plan is
-    lost.
-    """
+    """Return as sentences the settings in which finished cells differ from a plan, where theirs is lost."""
     wanted = json.loads(json.dumps({name: asdict(getattr(plan, name)) for name in ("train", "score", "budget")}))
     sentences = []
     for scene, method, seed in plan.cells():
@@ -143,9 +141,7 @@ def _cell_fault(
 
 
 def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
-    """Yield file → what is wrong with it and what becomes of it; a missing file is no fault, except a missing
-    picture.
-    """
+    """Yield file → its fault and what becomes of it; a missing file is none, except a missing picture."""
     started = {scene for scene, method, seed in plan.cells() if cell_path(out, scene, method, seed).exists()}
     for scene in plan.scenes:
         name = f"records/{truth_pictures(scene)}"

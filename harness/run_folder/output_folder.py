@@ -167,9 +167,7 @@ def release(out: Path) -> None:
 
 
 def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> str | None:
-    """Check that the plan is the same; one that is lost or damaged is taken from the options, if they fit what was
-    trained. Returns why it cannot be read, None if it can.
-    """
+    """Check that the plan is the same; returns why it is lost if the options, which fit what is there, replace it."""
     path = records_folder(out) / "plan.json"
     try:
         before = _load_plan(path)

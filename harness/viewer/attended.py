@@ -41,9 +41,7 @@ class Attention(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def attention_map(
     attention: Attention, regions: Regions, focal: float, image: np.ndarray, error: Callable[[], np.ndarray]
 ) -> np.ndarray:
-    """Return float64 [regions]; `image` [h, w, 3] is the coarse frame, `error` returns an estimate of its error [h, w],
-    `focal` in pixels.
-    """
+    """Return float64 [regions] from the coarse frame [h, w, 3], its `error()` [h, w], and `focal` in pixels."""
     if attention.kind == "none":
         return np.ones(regions.count)
     row, column = attention.row * regions.height, attention.column * regions.width

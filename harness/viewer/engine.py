@@ -158,9 +158,7 @@ class _Turn:
         self.note = NOT_BY_REGIONS if attends and plain else ""
 
     def from_cache(self) -> FreshPixels | None:
-        """Return the picture that rendering now would give, or the plain one, which differs from it by
-        rounding alone.
-        """
+        """Return the picture that rendering would give, or the plain one, which differs by rounding alone."""
         began = time.perf_counter()
         for calls in dict.fromkeys((self._calls(self.by_regions), plain_calls(self.seat.chunk))):
             if (kept := self.seat.cached.lookup(self.camera, calls)) is not None:
@@ -219,9 +217,7 @@ class _Turn:
         return attention_map(self.attention, self.regions, self.camera.focal, first.colour, error)
 
     def _calls(self, by_regions: bool) -> str:
-        """Describe the chunks. A picture by regions is the same for all attention, to float32 rounding: the order is no
-        part of it.
-        """
+        """Describe the chunks; of a picture by regions the order is no part, as it changes rounding alone."""
         plain = plain_calls(self.seat.chunk)
         return f"regions of {self.regions.tile} pixels, each {plain}" if by_regions else plain
 

@@ -134,9 +134,7 @@ def _next_piece(messages: Iterator[bytes]) -> bytes | None:
 
 
 def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -> Starlette:
-    """Return the application. `hosts` are the names under which the page may be asked for; any other `Host` header is
-    refused.
-    """
+    """Return the application, which answers to these names in the `Host` header alone."""
     desk = Desk(shown, worker)
 
     async def run(request: Request) -> Response:
@@ -210,9 +208,7 @@ def _file(path: Path) -> Callable[[Request], Any]:
 
 
 class Guard:
-    """A filter that puts `HEADERS` on every answer, and refuses requests of another site's page, by the browser's own
-    headers: rendering for them costs work.
-    """
+    """A filter that adds `HEADERS` and refuses what another site's page asks, as rendering costs work."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app

@@ -235,9 +235,7 @@ class ShownRun:
         return {"sources": dict(self.sources), "memory_alone": self.memory_alone}
 
     def _camera(self, scene: SceneRecord, camera: Camera, width: int | None, free: bool = True) -> Camera:
-        """Return a camera at the shown size; a free one sees the complete box, an exact one is the view's own to the
-        last bit.
-        """
+        """Return a camera at the shown size; a free one sees the complete box, an exact one is the view's own."""
         camera = covering(camera, np.asarray(scene.bounds)) if free else camera
         wanted = width or self.width or scene.width
         return camera if wanted == camera.width else camera.resized(wanted)

@@ -251,9 +251,7 @@ def cases_of(seen: Sequence[Seen]) -> list[Case]:
 
 
 def curve_of(seen: Sequence[Seen], kind: str, order: str) -> Curve:
-    """Return means over the views, point by point. The hardest regions are those in which the coarse frame is most
-    wrong.
-    """
+    """Return means over the views, point by point; regions in which the coarse frame is most wrong are the hardest."""
     runs = [view.runs[order, kind if order == "attention" else None] for view in seen]
     errors = []
     for view, run in zip(seen, runs, strict=True):

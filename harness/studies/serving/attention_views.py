@@ -91,9 +91,7 @@ def looked(context: ServingContext, cell: TrainedCell, pose: np.ndarray) -> Look
 
 
 def cells_of(context: ServingContext) -> list[TrainedCell]:
-    """Return one cell per scene, of one method: a pointwise one, as others are rendered plainly whatever is
-    attended.
-    """
+    """Return one cell per scene of the first method that is pointwise, as others are rendered plainly in any case."""
     scenes, methods = context.in_order(SCENES, METHODS)
     for method in methods:
         cells: list[TrainedCell] = []
@@ -109,9 +107,7 @@ def cells_of(context: ServingContext) -> list[TrainedCell]:
 
 
 def attention_of(kind: str, view: Looked, first: View | None = None) -> tuple[np.ndarray, int]:
-    """Return the attention, float64 [regions], and the network evaluations that it cost; `first` is the coarse frame,
-    which is rendered if it is needed and not given.
-    """
+    """Return the attention, float64 [regions], and the network evaluations beside those of the coarse frame `first`."""
     learner, camera, chunk = view.cell.learner, view.camera, view.cell.chunk
     spent = 0
 

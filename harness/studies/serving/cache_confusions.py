@@ -32,9 +32,7 @@ INSET = 0.01
 
 
 def pose_hash(camera_to_world: np.ndarray) -> str:
-    """Return `_pose_hash` of Listing 5, which the paper does not print: a hash of the sixteen numbers, to the last
-    bit.
-    """
+    """Return `_pose_hash` of Listing 5, which is not printed: a hash of the sixteen numbers, to the last bit."""
     return hashlib.blake2b(np.ascontiguousarray(camera_to_world, dtype=np.float64).tobytes()).hexdigest()
 
 
@@ -146,9 +144,7 @@ def _confusion(variant: Variant, cameras: list[Camera], by_pose: dict[str, View]
 
 
 def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
-    """Yield everything that the picture depends on and its pose does not say, and last a pose that is nearly the
-    same.
-    """
+    """Yield whatever the picture depends on and its pose does not say, and last a pose that is nearly the same."""
     learner, chunk, scene = cell.learner, cell.chunk, cell.scene
     if isinstance(learner, Trainer):
         if (views := context.views(scene)) is None:
@@ -202,9 +198,7 @@ def in_other_calls(cell: TrainedCell) -> Iterator[Variant]:
 
 
 def of_size(picture: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Resample [h, w, …] → [height, width, …] by the nearest pixels: what would be shown of a picture of another
-    size.
-    """
+    """Resample [h, w, …] → [height, width, …] by the nearest pixels, as a picture of another size would be shown."""
     rows = ((np.arange(height) + 0.5) * picture.shape[0] / height).astype(int)
     columns = ((np.arange(width) + 0.5) * picture.shape[1] / width).astype(int)
     return picture[rows][:, columns]

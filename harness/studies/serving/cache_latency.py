@@ -155,9 +155,7 @@ def frozen(cell: TrainedCell, store: ViewStore, levels: tuple[int, ...] = (1,)) 
 
 
 def dropped(folder: Path) -> bool:
-    """Write the data of all files in a folder to disk and ask the operating system to drop it; returns whether it was
-    asked.
-    """
+    """Ask the system to write the data of a folder's files to disk and drop it; returns whether it was asked."""
     if not hasattr(os, "posix_fadvise"):
         return False
     for file in folder.iterdir():
@@ -168,9 +166,7 @@ def dropped(folder: Path) -> bool:
 
 
 def level_of_last(store: ViewStore, before: dict[int, int]) -> int | None:
-    """Return the level that the last view came from, None if it was rendered: `before` are the hits of the store before
-    it was requested.
-    """
+    """Return the level of the last view, None if it was rendered: `before` are the hits before it was requested."""
     now = store.hits
     return next((level for level in now if now[level] > before[level]), None)
 
@@ -183,9 +179,7 @@ def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
 
 
 def _hit(cached: CachedMethod, camera: Camera, view: View, level: int, clock: Clock) -> float:
-    """Return the seconds of one hit; raises `WrongHit`. Its level is checked afterwards, because checking takes
-    time.
-    """
+    """Return the seconds of one hit; raises `WrongHit`, by a check off the clock."""
     before = cached.store.hits
     picture, took = timed(lambda: cached.render(camera), clock)
     if not same(picture, view):

@@ -111,9 +111,7 @@ def routes(context: ServingContext, cell: TrainedCell) -> list[Route]:
 def followed(
     context: ServingContext, cell: TrainedCell, route: Route, number: int, clock: Clock = CLOCK
 ) -> PathUse | None:
-    """Request every view from the cache and render it without, in turn, so that a busy machine affects both alike.
-    Returns None if the time is over before the end.
-    """
+    """Request every view from the cache and render it without, in turn; None if the time is over before the end."""
     disk = context.scratch / f"path.{number}" if route.disk_bytes else None
     store = ViewStore(route.memory_bytes, disk, route.disk_bytes)
     cached = frozen(cell, store, (1, 2) if route.disk_bytes else (1,))

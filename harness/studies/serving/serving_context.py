@@ -160,9 +160,7 @@ class ServingContext(ServingRequest):
         return self._views[scene.name]
 
     def test_poses(self, scene: SceneRecord, count: int) -> list[tuple[np.ndarray, np.ndarray | None]]:
-        """Return `count` poses evenly spread over the test views, with their pictures over white [h, w, 3]; if the
-        views are missing, poses of an orbit without pictures.
-        """
+        """Return poses spread over the test views with pictures [h, w, 3]; without views, of an orbit and None."""
         views = self.views(scene)
         if views is None or not len(views.test.names):
             return [(pose, None) for pose in self.orbit(scene, count)]
@@ -215,18 +213,14 @@ CLOCK: Clock = time.perf_counter
 
 
 def timed(call: Callable[[], Result], clock: Clock = CLOCK) -> tuple[Result, float]:
-    """Return the result of a function, and its seconds. Whatever is rendered here ends as an array in memory, so that a
-    device has finished by then.
-    """
+    """Return the result of a function, an array in memory by then, and its seconds."""
     began = clock()
     result = call()
     return result, clock() - began
 
 
 def quantile(seconds: Sequence[float], share: float) -> float:
-    """Return a quantile of timed requests; raises `ValueError` if there are none, and for seconds that are not
-    positive: the clock is too coarse for them.
-    """
+    """Return a quantile of timed requests; raises `ValueError` without any, and for seconds that are not positive."""
     values = np.asarray(seconds, dtype=np.float64)
     if not len(values):
         raise ValueError("no call was timed")

@@ -83,10 +83,7 @@ def planned(
     disk: Path | None,
     device: torch.device,
 ) -> FilmPlan:
-    """Look at every cell that is filmed, so that any fault is reported before the first frame, as `InputError`.
-
-    `disk` is the view cache's folder; without one nothing is taken from a cache. Writes nothing but that folder.
-    """
+    """Look at every cell that is filmed, so that any fault is reported first; without `disk` there is no view cache."""
     known = list(run.run.methods)
     shown = run.methods(methods or (list(SHOWN) if set(SHOWN) <= set(known) else known[:2]))
     store = ViewStore(MEMORY_BYTES if disk else 0, disk)

@@ -64,9 +64,7 @@ class Take:
 
 
 def take_of(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path, methods: int) -> Take:
-    """Make a take; raises `InputError` if that many `methods` side by side are too large a picture, for more test views
-    than there are, and if a required view set is not there.
-    """
+    """Make a take; raises `InputError` for too large a picture, too many test views, and a missing view set."""
     take = _test_views(run, cell.scene, wish, view_sets) if wish.path == "test" else _path(run, cell, wish, view_sets)
     lens = take.cameras[0]
     across, down = size_of(methods + (take.truth is not None), lens.width, lens.height)

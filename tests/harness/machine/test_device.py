@@ -38,6 +38,8 @@ def test_sums_are_repeatable() -> None:
     assert torch.are_deterministic_algorithms_enabled()
     assert torch.is_deterministic_algorithms_warn_only_enabled()
     assert not torch.backends.cuda.matmul.allow_tf32
+    # deterministic mode would fill each new tensor with NaN, in training nothing but time
+    assert not torch.utils.deterministic.fill_uninitialized_memory  # type: ignore[attr-defined]
 
 
 def test_a_process_that_trains_does_not_import_the_compiler() -> None:
@@ -57,12 +59,6 @@ def test_only_matrix_units_make_bfloat16_worth_it(tmp_path: Path) -> None:
     cpuinfo.write_text("flags : fpu avx512_bf16 amx_bf16 amx_tile\n")
     assert has_amx(cpuinfo)
     assert multiplies_bfloat16(torch.device("cpu")) == has_amx()
-
-
-def test_new_tensors_are_not_written_twice() -> None:
-    """Deterministic mode would fill each with NaN, in training nothing but time."""
-    use_threads(1)
-    assert not torch.utils.deterministic.fill_uninitialized_memory  # type: ignore[attr-defined]
 
 
 def test_memory_is_kept_where_the_c_library_can_and_nothing_fails_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from harness.machine.stopping import told_when_stopped
 from harness.plan.profiles import planned
 from harness.studies.choices import arms
 
@@ -44,14 +43,3 @@ def test_a_pool_in_the_middle_of_a_cell_ends_with_the_one_who_asked(
     with pytest.raises(KeyboardInterrupt):
         list(arms.trained_cells([task, task], 1))
     assert multiprocessing.active_children() == []
-
-
-def test_it_is_told_what_is_kept() -> None:
-    def stopped() -> None:
-        kept = 0
-        with told_when_stopped(lambda: f"{kept} of 2"):
-            kept = 1
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt, match="1 of 2"):
-        stopped()

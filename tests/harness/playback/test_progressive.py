@@ -171,11 +171,6 @@ def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learn
                 assert np.abs(square - getattr(whole, name)[row, column]).max() < tolerance
 
 
-def test_a_stride_below_one_is_refused(nerf: Learner) -> None:
-    with pytest.raises(ValueError, match="stride 0"):
-        coarse(nerf, CAMERA, 0, CHUNK)
-
-
 def slow_allocated(learner: Learner, bins: np.ndarray) -> View:
     """Every region by itself."""
     canvas, rays = Canvas(18, 22), CAMERA.rays(CPU)

@@ -46,14 +46,6 @@ def test_without_a_disk_level_2_is_level_1_and_without_memory_nothing_is_kept() 
     assert nothing.get("a") is None
 
 
-def test_what_is_no_level_is_refused(tmp_path: Path) -> None:
-    store = ViewStore(10 * A.nbytes, tmp_path, 10**6)
-    for level in (-1, 3, (), (1, 3)):
-        with pytest.raises(ValueError, match="level"):
-            store.store("a", A, level)
-    assert "a" not in store
-
-
 @pytest.mark.parametrize("first", LEVELS)
 @pytest.mark.parametrize("then", LEVELS)
 @pytest.mark.parametrize("room", [10 * A.nbytes, 0])

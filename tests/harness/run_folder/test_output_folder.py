@@ -45,10 +45,6 @@ def test_a_fresh_folder_holds_its_plan(tmp_path: Path, plan: Plan) -> None:
     assert stored == json.loads(json.dumps({**plan.settings(), "machine": MACHINE.settings()}))
 
 
-def test_an_empty_folder_may_be_used(tmp_path: Path, plan: Plan) -> None:
-    claim(tmp_path, plan, MACHINE, resume=False)
-
-
 def test_results_are_kept_unless_they_are_gone_on_with(tmp_path: Path, plan: Plan) -> None:
     out = with_results(tmp_path / "run", plan)
     with pytest.raises(InputError, match="holds results already; name another folder, or go on with --resume"):
@@ -81,14 +77,6 @@ def test_another_plan_is_not_gone_on_with(tmp_path: Path, plan: Plan) -> None:
     assert "seeds was [0, 1], is [0]" in str(caught.value)
     assert "'steps': 7" in str(caught.value)
     claim(out, plan, MACHINE, resume=True)
-
-
-@pytest.mark.parametrize(("before", "now"), [("none", "gradients"), ("gradients", "none")])
-def test_other_rays_are_another_plan(tmp_path: Path, before: str, now: str) -> None:
-    out = with_results(tmp_path / "run", planned("smoke", scenes=["lego"], ray_attention=before))
-    with pytest.raises(InputError, match=f"'ray_attention': '{now}'"):
-        claim(out, planned("smoke", scenes=["lego"], ray_attention=now), MACHINE, resume=True)
-    claim(out, planned("smoke", scenes=["lego"], ray_attention=before), MACHINE, resume=True)
 
 
 def test_another_machine_has_other_clocks(tmp_path: Path, plan: Plan) -> None:

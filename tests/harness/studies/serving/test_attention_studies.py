@@ -20,7 +20,6 @@ from harness.studies.serving.anytime import (
     Reaching,
     Refined,
     Seen,
-    attended_pixels,
     cases_of,
     earlier,
     errors_along,
@@ -142,14 +141,6 @@ def test_every_order_ends_in_the_plain_picture(view: Looked, ticks: Ticks, order
     np.testing.assert_allclose(filled(view.camera, found.parts)[0].colour, wanted.colour, atol=1e-5)
     *_, last = errors_along(found, wanted)
     assert max(last) < 1e-5
-
-
-def test_by_attention_the_attended_quarter_is_done_first(view: Looked) -> None:
-    found = refined(view, "attention", "point")
-    first = plain(view.cell.learner, view.camera, view.cell.chunk)
-    attended = attended_pixels(view.regions, attention_of("point", view, first)[0])
-    early = np.concatenate([part.pixels for part in found.parts[: view.regions.count // 4]])
-    assert set(early.tolist()) == set(np.flatnonzero(attended).tolist())
 
 
 def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,12 +9,11 @@ import pytest
 
 from harness.playback import disk
 from harness.playback.cached import CachedMethod
-from harness.playback.camera_paths import walk
 from harness.playback.run_loader import TrainedCell
 from harness.records.study import Check
 from harness.studies.serving.cache_confusions import Variant, compared, confused, copied, pose_hash, variants
 from harness.studies.serving.cache_latency import HITS, ROOM, WrongHit, hit_check, latencies
-from harness.studies.serving.cache_paths import Route, followed, hit_rate, routes
+from harness.studies.serving.cache_paths import Route, followed, hit_rate
 from harness.studies.serving.serving_context import ServingContext, plain, quantile
 from harness.training.batches import Camera
 from harness.training.evaluate import View
@@ -113,23 +112,6 @@ def test_views_come_from_where_they_must(
     assert found.hit_rate == pytest.approx(1 - hits[None] / len(places))
     if memory == ROOM:
         assert hit_rate(poses) == found.hit_rate, "counted without rendering"
-
-
-def test_paths_are_what_their_words_say(context: ServingContext, cell: TrainedCell) -> None:
-    orbit, walked, little, on_disk, spiral = routes(context, cell)
-    count = context.sizes.orbit
-    assert (orbit.path, len(orbit.poses)) == (f"an orbit of {count} views, three times", 3 * count)
-    np.testing.assert_array_equal(orbit.poses[:count], orbit.poses[2 * count :])
-    assert len(walked.poses) == 2 * count
-    radius = float(np.linalg.norm(orbit.poses[0][:3, 3]))
-    every = [walked.poses, *walked.others]
-    assert len(every) == context.sizes.walks
-    for seed, poses in enumerate(every):
-        np.testing.assert_array_equal(poses, walk(2 * count, seed, radius))
-    assert len({pose.tobytes() for pose in spiral.poses}) == count, "none twice"
-    assert little.memory_bytes == on_disk.memory_bytes == max(1, count // 3) * VIEW_BYTES
-    assert (little.disk_bytes, on_disk.disk_bytes) == (0, ROOM)
-    np.testing.assert_array_equal(little.poses, on_disk.poses)
 
 
 def test_what_is_late_is_left_out_and_named(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from harness.training.evaluate import View
-from harness.viewer.film.frames import LISTING, FrameFolder, as_levels, exr_channels, write_levels
-from scenes.view_sets.images import read_channels, read_image
+from harness.viewer.film.frames import LISTING, FrameFolder, exr_channels
 from scenes.view_sets.pixels import display_from_linear, encode_srgb, over_white
 
 
@@ -57,20 +56,6 @@ def test_what_covers_nothing_has_no_colour_and_rounding_makes_none() -> None:
     assert [exr_channels(over)[name].item() for name in "RGA"] == [1.0, 0.0, 1.0]
 
 
-def test_files_are_the_view(tmp_path: Path) -> None:
-    one, folder = view(), FrameFolder(tmp_path / "frames")
-    folder.write(3, "key", one)
-    assert sorted(file.name for file in (tmp_path / "frames").iterdir()) == ["0003.exr", "0003.png", LISTING]
-    png = read_image(tmp_path / "frames" / "0003.png")
-    assert png.shape == (5, 7, 3)
-    assert np.abs(png.astype(float) - one.colour).max() <= 0.5 / 255 + 1e-7
-    np.testing.assert_array_equal(folder.picture(3), as_levels(one.colour))
-    stored = read_channels(tmp_path / "frames" / "0003.exr")
-    assert set(stored) == set("RGBAZ")
-    for name, values in exr_channels(one).items():
-        np.testing.assert_array_equal(stored[name], values)
-
-
 SPOILT: dict[str, Callable[[Path], object]] = {
     "no PNG": lambda folder: (folder / "0001.png").unlink(),
     "no EXR": lambda folder: (folder / "0001.exr").unlink(),
@@ -111,9 +96,3 @@ def test_a_failed_write_leaves_the_frame_before_and_no_debris(tmp_path: Path, mo
     with pytest.raises(OSError, match="No space"):
         folder.write(0, "other", view(1))
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
-
-
-def test_levels_come_back_as_they_are(tmp_path: Path) -> None:
-    levels = np.random.default_rng(0).integers(0, 256, size=(4, 100, 3), dtype=np.uint8)
-    write_levels(tmp_path / "levels.png", levels)
-    np.testing.assert_array_equal(as_levels(read_image(tmp_path / "levels.png")), levels)

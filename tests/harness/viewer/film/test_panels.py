@@ -1,11 +1,8 @@
 """Side by side: every pixel of every picture, a name above each, and an animation that is exactly that."""
 
-from pathlib import Path
-
 import numpy as np
-from PIL import Image
 
-from harness.viewer.film.panels import GREY, HEADER, MARGIN, side_by_side, size_of, write_animation
+from harness.viewer.film.panels import GREY, HEADER, MARGIN, side_by_side, size_of
 
 
 def picture(seed: int, height: int = 9, width: int = 120) -> np.ndarray:
@@ -30,17 +27,3 @@ def test_every_pixel_is_where_it_belongs() -> None:
         assert (header == GREY).mean() > 0.8
     assert (sheet[:, :MARGIN] == GREY).all()
     assert (sheet[-MARGIN:] == GREY).all()
-
-
-def test_an_animation_is_its_pictures_bit_for_bit_and_loops(tmp_path: Path) -> None:
-    pictures = [side_by_side({"a": picture(seed)}) for seed in range(4)]
-    size = write_animation(tmp_path / "film.webp", pictures, 20)
-    assert [file.name for file in tmp_path.iterdir()] == ["film.webp"]
-    assert size == (tmp_path / "film.webp").stat().st_size
-    with Image.open(tmp_path / "film.webp") as film:
-        assert (film.format, film.n_frames, film.info["loop"]) == ("WEBP", 4, 0)
-        for number, expected in enumerate(pictures):
-            film.seek(number)
-            film.load()
-            assert film.info["duration"] == 50
-            np.testing.assert_array_equal(np.asarray(film.convert("RGB")), expected)
