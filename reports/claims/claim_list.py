@@ -37,18 +37,8 @@ RULES: dict[str, tuple[str, Judge]] = {
     "score": ("levels", scores.score),
     "time to target": ("levels", times.time_to_target),
     "weights": ("figures", arithmetic.weights),
-    "listing 1": ("figures", arithmetic.listing_1),
-    "skip layer": ("figures", arithmetic.skip_layer),
-    "sum of weights": ("figures", arithmetic.sum_of_weights),
-    "differences of rows": ("figures", arithmetic.differences_of_rows),
-    "means of rows": ("figures", arithmetic.means_of_rows),
-    "range of rows": ("figures", arithmetic.range_of_rows),
-    "scenes of rows": ("figures", arithmetic.scenes_of_rows),
-    "source of the baseline": ("readings", arithmetic.source_of_baseline),
-    "ratio of times": ("figures", arithmetic.ratio_of_times),
-    "final is average": ("figures", arithmetic.final_is_average),
-    "row of table 2": ("figures", arithmetic.row_of_table2),
-    "number of a table": ("figures", arithmetic.number_of_a_table),
+    **{rule: ("figures", arithmetic.own_figures) for rule in arithmetic.FIGURES},
+    "source of the baseline": ("readings", arithmetic.own_figures),
     "retrieval": ("serving", serving.retrieval),
     "pose key": ("readings", serving.pose_key),
     "attended first": ("serving", serving.attended_first),
@@ -80,15 +70,15 @@ def _claim(bench: Bench, entry: Printed, here: str) -> Claim:
         note = f"need a version of the report with the rule {entry.rule!r}"
         return claim_of(entry, Finding(UNTESTED, "", note=note), "others", here)
     kind, judge = RULES[entry.rule]
-    found = judge(bench, entry)
-    if entry.leaves_open and found.verdict != UNTESTED:
+    finding = judge(bench, entry)
+    if entry.leaves_open and finding.verdict != UNTESTED:
         low, high = (number(end, 1) if entry.unit == "%" else signed(end, entry.digits) for end in entry.leaves_open)
         derived = f"the paper prints rounded totals: this step is between {low} and {high} {entry.unit}".strip()
-        found = replace(found, note="; ".join(filter(None, [found.note, derived])))
-    return claim_of(entry, found, kind, here)
+        finding = replace(finding, note="; ".join(filter(None, [finding.note, derived])))
+    return claim_of(entry, finding, kind, here)
 
 
-def tally(found: list[Claim]) -> list[tuple[Verdict, int]]:
+def tally(claimed: list[Claim]) -> list[tuple[Verdict, int]]:
     """Count how many claims have each verdict; verdicts without a claim are left out."""
-    many = Counter(claim.verdict for claim in found)
+    many = Counter(claim.verdict for claim in claimed)
     return [(verdict, many[verdict]) for verdict in VERDICTS if many[verdict]]

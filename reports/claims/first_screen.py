@@ -6,16 +6,17 @@ It is built from the ledger, the run's comparisons and, if it lies beside, the e
 from dataclasses import dataclass
 from typing import Any
 
-from harness.records.study import Check, Studies
-from reports.claims.estimands import SENSES, between, difference_in_words, sense_of
+from harness.records.study import Studies
+from reports.claims.estimands import SENSES, between, difference_in_words
 from reports.claims.headline import roles
 from reports.claims.ledger import Claim, by_cause
 from reports.claims.table import LOOKS, in_a_sentence, measured_entry, printed_entry, printed_text
 from reports.data.beside import Beside
 from reports.data.load import Records
 from reports.data.scale import in_a_line
-from reports.data.wording import NARROW, NOTHING, UNTESTED, listed, number
+from reports.data.wording import NARROW, UNTESTED, listed, number
 from reports.page.grid import Entry
+from reports.studies.check_words import described
 
 PRINCIPAL = {
     "table2-average": "PSNR gain, average",
@@ -27,9 +28,6 @@ PRINCIPAL = {
     "table1-total": "weights of Table 1, counted",
 }
 """The claims of the first screen, in a few words each."""
-
-CALIBRATION = "calibration"
-"""The study of the evidence that tests the comparer."""
 
 
 @dataclass(frozen=True)
@@ -48,19 +46,27 @@ class Line:
     """The qualification of the verdict, and the scale if it is not the run's."""
 
 
-def first_screen(records: Records, found: list[Claim], beside: Beside) -> dict[str, Any]:
+def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[str, Any]:
     """Return the question, a line per tested principal claim, how sure the answer is, what was not tested (a sentence
     per cause), and the count of the ledger's statements by verdict.
     """
-    by_id = {claim.id: claim for claim in found}
+    by_id = {claim.id: claim for claim in claims}
     shown = {words: by_id[name] for name, words in PRINCIPAL.items() if name in by_id}
     here = in_a_line(records)
+    lines = []
+    for words, claim in shown.items():
+        if claim.verdict != UNTESTED:
+            # its first sentence; the other notes on a study's cells stand with the study
+            elsewhere = claim.scale.split(". ")[0] if claim.scale != here else ""
+            note = "; ".join(filter(None, [claim.note, elsewhere]))
+            figures = printed_entry(claim), measured_entry(claim)
+            lines.append(Line(words, claim.source, *figures, claim.verdict, *LOOKS[claim.verdict], note))
     return {
         "question": question(records, by_id),
-        "lines": [_line(words, claim, here) for words, claim in shown.items() if claim.verdict != UNTESTED],
+        "lines": lines,
         "sure": how_sure(records, beside.evidence),
         "untested": [sentence for sentence, _ in by_cause(list(shown.values()))],
-        "tally": in_a_sentence(found),
+        "tally": in_a_sentence(claims),
     }
 
 
@@ -76,53 +82,26 @@ def question(records: Records, by_id: dict[str, Claim]) -> str:
     return f"How {'do' if len(cast.contenders) > 1 else 'does'} {listed(cast.contenders)} compare with {cast.baseline}?"
 
 
-def _line(words: str, claim: Claim, here: str) -> Line:
-    # its first sentence; the other notes on a study's cells stand with the study
-    elsewhere = claim.scale.split(". ")[0] if claim.scale != here else ""
-    note = "; ".join(filter(None, [claim.note, elsewhere]))
-    figures = printed_entry(claim), measured_entry(claim)
-    return Line(words, claim.source, *figures, claim.verdict, *LOOKS[claim.verdict], note)
-
-
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:
     """State the interval of the answer, what could have gone unnoticed, and how often the comparer itself errs."""
     sentences, cast = [], roles(records)
-    one = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
-    if one is not None and one.difference is not None:
-        sense, here = sense_of(one), one.on_these_scenes
-        sentences.append(f"{difference_in_words(one, records.scenes, records.run.seeds)}. The verdict is {sense}.")
-        if sense != SENSES["on_these_scenes"] and here is not None and here.interval is not None:
+    row = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
+    if row is not None and row.difference is not None:
+        like, here = row.scenes_like_these, row.on_these_scenes
+        sense = SENSES["scenes_like_these" if like else "on_these_scenes"]
+        sentences.append(f"{difference_in_words(row, records.scenes, records.run.seeds)}. The verdict is {sense}.")
+        if like and here is not None and here.interval is not None:
             sentences.append(f"On these scenes alone, the interval is {between(here.interval)} dB ({here.verdict}).")
-    if one is not None and one.smallest_detectable is not None:
-        least = number(one.smallest_detectable)
+    if row is not None and row.smallest_detectable is not None:
+        least = number(row.smallest_detectable)
         sentences.append(f"A true difference below {least} dB could have gone unnoticed (power 80 %).")
     return [*sentences, *calibration(evidence)]
 
 
 def calibration(evidence: Studies | None) -> list[str]:
     """State what the study of the intervals found, and each check that does not hold; or that there was no study."""
-    study = evidence.study(CALIBRATION) if evidence else None
+    study = evidence.study("calibration") if evidence else None
     if study is None:
         return ["The intervals' own error rate was not checked beside this run (`nox -s evidence` does)."]
-    return [*study.answers[:1], *(_failed(check) for check in study.checks if not check.holds)]
-
-
-def _failed(check: Check) -> str:
-    """State a check with as many decimals as tell its figure from its limits; a share as a percentage."""
-    share = check.what.startswith("share") and not check.unit
-    least = digits = 1 if share else 2
-
-    def figure(value: float, digits: int) -> str:
-        text = number(100 * value if share else value, digits)
-        return f"{text}{NARROW}{'%' if share else check.unit}".strip()
-
-    ends = (("at least", check.low), ("at most", check.high))
-    limits = [(words, limit) for words, limit in ends if limit is not None]
-    shown = NOTHING
-    if check.value is not None:
-        while digits < 16 and any(figure(check.value, digits) == figure(limit, digits) for _, limit in limits):
-            digits += 1
-        shown = figure(check.value, digits)
-    wanted = " and ".join(f"{words} {figure(limit, least)}" for words, limit in limits)
-    limited = f" (wanted: {wanted})" if wanted else ""
-    return f"Comparer: {check.what}: {shown}{limited} – this check does not hold."
+    broken = [check for check in study.checks if not check.holds]
+    return [*study.answers[:1], *(f"Comparer: {described(check)} – this check does not hold." for check in broken)]

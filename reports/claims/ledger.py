@@ -28,34 +28,6 @@ OWN_FIGURES = "the paper’s own figures"
 
 
 @dataclass(frozen=True)
-class Claim:
-    """A printed number with its measurement and a verdict."""
-
-    id: str
-    source: str
-    """The places of the paper that state it."""
-    statement: str
-    printed: Number | Pair | None
-    measured: Number | Pair | None
-    """The measurement, a range as a pair: from the worst to the best scene."""
-    interval: Pair | None
-    """The 95 % interval, and the one that the verdict is taken from if there is one."""
-    scale: str
-    verdict: Verdict
-    how: str
-    """The way it is measured here."""
-    kind: str
-    """The kind of statement: a key of `reports.claims.claim_list.KINDS`."""
-    unit: str = ""
-    digits: int = 0
-    """The decimals of the printed number."""
-    note: str = ""
-    """The qualification of the verdict; for an untested statement, what it needs."""
-    runs: Selection | None = None
-    """The runs of this report that the verdict is taken from; None if it has another subject, or there is none."""
-
-
-@dataclass(frozen=True)
 class Bench:
     """The material that claims are judged by."""
 
@@ -84,21 +56,42 @@ class Bench:
 
 @dataclass(frozen=True)
 class Finding:
-    """A judge's finding on an entry."""
+    """A judge's finding on a printed number."""
 
     verdict: Verdict
     how: str
+    """The way it is measured here."""
     measured: Number | Pair | None = None
+    """The measurement, a range as a pair: from the worst to the best scene."""
     interval: Pair | None = None
+    """The 95 % interval, and the one that the verdict is taken from if there is one."""
     scale: str = ""
     """The scale if it is not that of the run."""
     note: str = ""
+    """The qualification of the verdict; for an untested statement, what it needs."""
     runs: Selection | None = None
-    """The runs of this report, all that `measured` is taken from."""
+    """The runs of this report that `measured` is taken from; None if it has another subject, or there is none."""
 
 
-def claim_of(entry: Printed, found: Finding, kind: str, here: str) -> Claim:
+@dataclass(frozen=True, kw_only=True)
+class Claim(Finding):
+    """A printed number with its finding."""
+
+    id: str
+    source: str
+    """The places of the paper that state it."""
+    statement: str
+    printed: Number | Pair | None
+    kind: str
+    """The kind of statement: a key of `reports.claims.claim_list.KINDS`."""
+    unit: str
+    digits: int
+    """The decimals of the printed number."""
+
+
+def claim_of(entry: Printed, finding: Finding, kind: str, here: str) -> Claim:
     """Return the claim; `here` is the scale of the run."""
+    shown = {"scale": finding.scale or here, "runs": finding.runs if finding.verdict != UNTESTED else None}
     return Claim(
         id=entry.id,
         source=", ".join(entry.where),
@@ -107,7 +100,7 @@ def claim_of(entry: Printed, found: Finding, kind: str, here: str) -> Claim:
         kind=kind,
         unit=entry.unit,
         digits=entry.digits,
-        **{**found.__dict__, "scale": found.scale or here, "runs": found.runs if found.verdict != UNTESTED else None},
+        **{**vars(finding), **shown},
     )
 
 
@@ -170,10 +163,10 @@ def judge_level(printed: float, margin: float, measured: Pair | None) -> Verdict
 
 def judge_all(parts: Iterable[Verdict]) -> Verdict:
     """Judge a statement about each of several things: refuted by one, reproduced by all."""
-    found = set(parts)
-    if "not reproduced" in found:
+    verdicts = set(parts)
+    if "not reproduced" in verdicts:
         return "not reproduced"
-    return "reproduced" if found == {"reproduced"} else "inconclusive"
+    return "reproduced" if verdicts == {"reproduced"} else "inconclusive"
 
 
 def seeds_that_settle(deviation: float, scenes: int, margin: float, family: int = 1) -> int | None:
@@ -204,10 +197,10 @@ def judge_figures(printed: float, rounding: float, computed: float, reachable: P
     return "not reproduced" if missed else "inconclusive"
 
 
-def by_cause(found: list[Claim]) -> list[tuple[str, list[Claim]]]:
+def by_cause(claims: list[Claim]) -> list[tuple[str, list[Claim]]]:
     """Gather untested claims by what they need: `4 claims need …`, most first."""
     missing: dict[str, list[Claim]] = {}
-    for claim in found:
+    for claim in claims:
         if claim.verdict == UNTESTED:
             missing.setdefault(claim.note, []).append(claim)
     gathered = []
@@ -218,15 +211,15 @@ def by_cause(found: list[Claim]) -> list[tuple[str, list[Claim]]]:
     return gathered
 
 
-def not_tested(said: list[str], found: list[Claim]) -> list[str]:
-    """Return the sentences `said` by the run, then the needs of the untested claims of `found`."""
-    return [*said, *(sentence for sentence, _ in by_cause(found))]
+def not_tested(of_run: list[str], claims: list[Claim]) -> list[str]:
+    """Return the sentences of the run, then the needs of the untested claims."""
+    return [*of_run, *(sentence for sentence, _ in by_cause(claims))]
 
 
-def in_short(said: list[str]) -> str:
+def in_short(sentences: list[str]) -> str:
     """Return the number of things, and the first of them, which weighs most; nothing if all was tested."""
-    if not said:
+    if not sentences:
         return ""
-    first = said[0].split(": ")[0].rstrip(".")
+    first = sentences[0].split(": ")[0].rstrip(".")
     first = f"the {first.removeprefix('The ')}" if first.startswith("The ") else first
-    return f"{counted(len(said), 'thing')}{', among them ' if len(said) > 1 else ': '}{first}"
+    return f"{counted(len(sentences), 'thing')}{', among them ' if len(sentences) > 1 else ': '}{first}"

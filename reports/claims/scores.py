@@ -1,6 +1,7 @@
 """Abstract, Table 2 and Table 4: how much better, how good, and what each part adds."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,69 @@ PRINTED_FORM = "qnerf_printed"
 """The form with density at most 1 per scene unit: its verdict stands beside."""
 
 
-@dataclass(frozen=True)
-class Part:
+def on_them(row: Comparison | Effect) -> Pair | None:
+    """Return the interval that a printed gain is judged by, with error from seeds alone; two seeds give none."""
+    if row.on_these_scenes is None or row.pairs < LEAST_PAIRS:
+        return None
+    return row.on_these_scenes.simultaneous or row.on_these_scenes.interval
+
+
+def unpaired(row: Comparison | Effect) -> str:
+    return f"{counted(row.unpaired, 'pair')} could not be judged" if row.unpaired else ""
+
+
+def gain(bench: Bench, entry: Printed) -> Finding:
+    """Judge a gain of one method over another, on a scene or over all."""
+    scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
+    row = bench.records.comparison(scene, method, against, metric)
+    how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
+    if row is None or not isinstance(entry.printed, int | float) or not tried(bench, row):
+        return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods=f"{method} and {against}"))
+    scenes = bench.records.scenes if scene == "all" else [scene]
+    rows = [bench.records.comparison(name, method, against, metric) for name in scenes]
+    complete = all(each is not None and each.difference is not None for each in rows)
+    pair, margin = on_them(row), MARGINS[metric]
+    verdict = judge_gain(entry.printed, margin, pair, bench.at_paper_scale(scene) and complete)
+    seeds = seeds_needed(row, margin, len(scenes)) if verdict == "inconclusive" else None
+    notes = [unpaired(row), f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""]
+    if (method, against) == ("qnerf", "nerf"):
+        # the printed form's gain, and what is left once bandwidth is matched
+        notes.append(_beside(bench, entry, PRINTED_FORM, against))
+        notes.append(_beside(bench, entry, method, roles(bench.records).control or ""))
+    return Finding(verdict, how, row.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(row))
+
+
+def seeds_needed(row: Comparison, margin: float, scenes: int) -> int | None:
+    """Return how many seeds would settle an open gain; None if they would not, or its spread is not known."""
+    about = row.on_these_scenes
+    if about is None or not about.effect or row.difference is None:
+        return None
+    seeds = seeds_that_settle(abs(row.difference / about.effect), scenes, margin, about.family)
+    return seeds if seeds and seeds * scenes > row.pairs else None
+
+
+def tried(bench: Bench, row: Comparison) -> bool:
+    """Return whether there is a difference, or runs of both methods that could have given one and were lost."""
+    cells = [cell for cell in bench.records.cells if row.scene in ("all", cell.scene)]
+    started = {cell.method for cell in cells if cell.status != "not_available"}
+    return row.difference is not None or {row.method, row.against} <= started
+
+
+def _beside(bench: Bench, entry: Printed, method: str, against: str) -> str:
+    """State another difference in words: over all scenes if it was measured, else on the single one that has it."""
+    metric, asked = entry.of["metric"], entry.of["scene"]
+    rows = [bench.records.comparison(scene, method, against, metric) for scene in (asked, *bench.records.scenes)]
+    row = next((row for row in rows if row is not None and row.difference is not None), None)
+    if row is None:
+        return ""
+    where = f" on {row.scene}" if row.scene != asked else ""
+    shown = f"{method} − {against}{where}: {signed(row.difference)} {interval(on_them(row))}".rstrip()
+    if method != PRINTED_FORM or not isinstance(entry.printed, int | float):
+        return shown
+    return f"{shown}: {judge_gain(entry.printed, MARGINS[metric], on_them(row), bench.at_paper_scale(row.scene))}"
+
+
+class Part(NamedTuple):
     """One of several subjects of a statement."""
 
     name: str
@@ -40,70 +102,6 @@ class Part:
     value: float
     seeds: int | None = None
     """The number of seeds that would settle what is open."""
-
-
-def on_them(one: Comparison | Effect) -> Pair | None:
-    """Return the interval that a printed gain is judged by, with error from seeds alone; two seeds give none."""
-    if one.on_these_scenes is None or one.pairs < LEAST_PAIRS:
-        return None
-    return one.on_these_scenes.simultaneous or one.on_these_scenes.interval
-
-
-def unpaired(one: Comparison | Effect) -> str:
-    return f"{counted(one.unpaired, 'pair')} could not be judged" if one.unpaired else ""
-
-
-def gain(bench: Bench, entry: Printed) -> Finding:
-    """Judge a gain of one method over another, on a scene or over all."""
-    scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
-    one = bench.records.comparison(scene, method, against, metric)
-    how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
-    if one is None or not isinstance(entry.printed, int | float) or not tried(bench, one):
-        return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods=f"{method} and {against}"))
-    scenes = bench.records.scenes if scene == "all" else [scene]
-    rows = [bench.records.comparison(name, method, against, metric) for name in scenes]
-    complete = all(row is not None and row.difference is not None for row in rows)
-    pair, margin = on_them(one), MARGINS[metric]
-    verdict = judge_gain(entry.printed, margin, pair, bench.at_paper_scale(scene) and complete)
-    seeds = seeds_needed(one, margin, len(scenes)) if verdict == "inconclusive" else None
-    notes = [unpaired(one), f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""]
-    if (method, against) == ("qnerf", "nerf"):
-        # the printed form's gain, and what is left once bandwidth is matched
-        notes.append(_beside(bench, entry, PRINTED_FORM, against))
-        control = roles(bench.records).control
-        notes.append(_beside(bench, entry, method, control) if control else "")
-    return Finding(verdict, how, one.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(one))
-
-
-def seeds_needed(one: Comparison, margin: float, scenes: int) -> int | None:
-    """Return how many seeds would settle an open gain; None if they would not, or its spread is not known."""
-    about = one.on_these_scenes
-    if about is None or not about.effect or one.difference is None:
-        return None
-    seeds = seeds_that_settle(abs(one.difference / about.effect), scenes, margin, about.family)
-    return seeds if seeds and seeds * scenes > one.pairs else None
-
-
-def tried(bench: Bench, one: Comparison) -> bool:
-    """Return whether there is a difference, or runs of both methods that could have given one and were lost."""
-    cells = [cell for cell in bench.records.cells if one.scene in ("all", cell.scene)]
-    started = {cell.method for cell in cells if cell.status != "not_available"}
-    return one.difference is not None or {one.method, one.against} <= started
-
-
-def _beside(bench: Bench, entry: Printed, method: str, against: str) -> str:
-    """State another difference in words: over all scenes if it was measured, else on the single one that has it."""
-    metric, asked = entry.of["metric"], entry.of["scene"]
-    found = [bench.records.comparison(scene, method, against, metric) for scene in (asked, *bench.records.scenes)]
-    one = next((row for row in found if row is not None and row.difference is not None), None)
-    if one is None:
-        return ""
-    where = f" on {one.scene}" if one.scene != asked else ""
-    shown = f"{method} − {against}{where}: {signed(one.difference)} {interval(on_them(one))}".rstrip()
-    if method != PRINTED_FORM or not isinstance(entry.printed, int | float):
-        return shown
-    verdict = judge_gain(entry.printed, MARGINS[metric], on_them(one), bench.at_paper_scale(one.scene))
-    return f"{shown}: {verdict}"
 
 
 def each_row(bench: Bench, entry: Printed) -> Finding:
@@ -119,7 +117,8 @@ def each_row(bench: Bench, entry: Printed) -> Finding:
         table4 = bench.paper.get(entry.of["table"]) or []
         rows = [(row["method"], "lego", row["method"], row[metric]) for row in table4]
     judge = _gain_of if column == "delta" else _level_of
-    parts = [part for row in rows if (part := judge(bench, *row, metric, len(rows))) is not None]
+    own = [row for row in rows if bench.at_paper_scale(row[1])]  # the others' pictures are not the paper's
+    parts = [part for row in own if (part := judge(bench, *row, metric, len(rows))) is not None]
     if not parts:
         return Finding(UNTESTED, how, note=NEEDS_PAPER)
     verdict = judge_all(part.verdict for part in parts)
@@ -137,25 +136,25 @@ def each_row(bench: Bench, entry: Printed) -> Finding:
 
 
 def _gain_of(bench: Bench, name: str, scene: str, column: str, printed: float, metric: str, family: int) -> Part | None:
-    """Judge a row of Table 2's column of gains; None if its pictures are not the paper's."""
-    one = bench.records.comparison(scene, "qnerf", "nerf", metric)
-    if one is None or one.difference is None or not bench.at_paper_scale(scene):
+    """Judge a row of Table 2's column of gains."""
+    row = bench.records.comparison(scene, "qnerf", "nerf", metric)
+    if row is None or row.difference is None:
         return None
-    verdict = judge_gain(printed, MARGINS[metric], on_them(one), True)
-    seeds = seeds_needed(one, MARGINS[metric], 1) if verdict == "inconclusive" else None
-    return Part(name, verdict, one.difference, seeds)
+    verdict = judge_gain(printed, MARGINS[metric], on_them(row), True)
+    seeds = seeds_needed(row, MARGINS[metric], 1) if verdict == "inconclusive" else None
+    return Part(name, verdict, row.difference, seeds)
 
 
 def _level_of(
     bench: Bench, name: str, scene: str, method: str, printed: float, metric: str, family: int
 ) -> Part | None:
-    """Judge the level that a method reaches on a scene, one of `family`; None if its pictures are not the paper's."""
+    """Judge the level that a method reaches on a scene, one of `family`."""
     table = _scores(bench, method, metric)
-    if scene not in table or not bench.at_paper_scale(scene):
+    if scene not in table:
         return None
-    found = on_one_scene(table, scene, family)
-    pair = found.simultaneous if found.units >= LEAST_PAIRS else None
-    return Part(name, judge_level(printed, MARGINS[metric], pair), found.mean)
+    level = on_one_scene(table, scene, family)
+    pair = level.simultaneous if level.units >= LEAST_PAIRS else None
+    return Part(name, judge_level(printed, MARGINS[metric], pair), level.mean)
 
 
 def score(bench: Bench, entry: Printed) -> Finding:
@@ -165,11 +164,11 @@ def score(bench: Bench, entry: Printed) -> Finding:
     table = _scores(bench, method, metric)
     if len(table) < len(bench.records.scenes):
         return Finding(UNTESTED, how, note=NEEDS_PAPER)
-    found = on_these_scenes(table)
+    level = on_these_scenes(table)
     if not bench.at_paper_scale("all") or not isinstance(entry.printed, int | float):
-        return Finding(UNTESTED, how, found.mean, found.interval, note=NEEDS_PAPER)
-    verdict = judge_level(entry.printed, MARGINS[metric], found.interval)
-    return Finding(verdict, how, found.mean, found.interval, runs=Selection("", method, metric=metric))
+        return Finding(UNTESTED, how, level.mean, level.interval, note=NEEDS_PAPER)
+    verdict = judge_level(entry.printed, MARGINS[metric], level.interval)
+    return Finding(verdict, how, level.mean, level.interval, runs=Selection("", method, metric=metric))
 
 
 def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
@@ -183,8 +182,6 @@ def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
 
 STUDY = "factorial"
 """The study that trains every combination of the parts. Listing 2 is the paper's amplifier; Eq. 4 stands beside it."""
-TRUSTED_BY = (STUDY, "calibration")
-"""The studies whose checks must hold before an effect may be believed."""
 EQUATION_4 = {"nerf_phi_encoding_amplifier": "nerf_phi_encoding_equation4", "qnerf": "qnerf_theorem"}
 """The same row of Table 4 with the other reading of the amplifier."""
 NEEDS_STUDY = "need the ablation study: `nox -s evidence -- --out out/latest`"
@@ -194,17 +191,16 @@ def added_part(bench: Bench, entry: Printed) -> Finding:
     """Judge a row of Table 4 less the row above it, on lego: by the run's own comparison where it has one, else by the
     effect of the factorial study.
     """
-    method, against, metric = (entry.of[name] for name in ("method", "against", "metric"))
-    found = gain(bench, entry)
-    effect = effect_of(bench.evidence, entry.of["scene"], method, against, metric)
-    if found.verdict != UNTESTED:
-        return found
-    if bench.evidence is None or effect is None or not isinstance(entry.printed, int | float):
-        return replace(found, note=NEEDS_STUDY)
-    study, pair, digits = bench.evidence.study(STUDY), on_them(effect), entry.digits + 1
-    notes = [unpaired(effect), doubts(bench.evidence)]
-    rival = EQUATION_4.get(against, against)
-    other = effect_of(bench.evidence, entry.of["scene"], EQUATION_4.get(method, ""), rival, metric)
+    scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
+    finding, evidence = gain(bench, entry), bench.evidence
+    if finding.verdict != UNTESTED:
+        return finding
+    effect = effect_of(evidence, scene, method, against, metric)
+    if evidence is None or effect is None or not isinstance(entry.printed, int | float):
+        return replace(finding, note=NEEDS_STUDY)
+    study, pair, digits = evidence.study(STUDY), on_them(effect), entry.digits + 1
+    notes = [unpaired(effect), doubts(evidence)]
+    other = effect_of(evidence, scene, EQUATION_4.get(method, ""), EQUATION_4.get(against, against), metric)
     if other is not None:
         shown = f"{signed(other.difference, digits)} {interval(other.simultaneous or other.interval, digits)}".strip()
         notes.insert(0, f"with the amplifier of Eq. 4: {shown} ({other.verdict})")
@@ -221,9 +217,9 @@ def added_part(bench: Bench, entry: Printed) -> Finding:
 def doubts(evidence: Studies) -> str:
     """State what speaks against taking the study's effects as they stand; nothing if nothing does."""
     failed = [
-        f"{sum(not check.holds for check in study.checks)} of {counted(len(study.checks), 'check')} of {name}"
-        for name in TRUSTED_BY
-        if (study := evidence.study(name)) and not all(check.holds for check in study.checks)
+        f"{sum(not check.holds for check in study.checks)} of {counted(len(study.checks), 'check')} of {study.info.id}"
+        for study in (evidence.study(STUDY), evidence.study("calibration"))
+        if study and not all(check.holds for check in study.checks)
     ]
     parts = [] if evidence.finished else ["the evidence was not finished"]
     return "; ".join([*parts, *([f"{' and '.join(failed)} failed"] if failed else [])])
@@ -232,6 +228,8 @@ def doubts(evidence: Studies) -> str:
 def effect_of(evidence: Studies | None, scene: str, method: str, against: str, metric: str) -> Effect | None:
     """Return an effect at equal steps from the factorial study; a quick one says nothing."""
     study = evidence.study(STUDY) if evidence and not evidence.is_quick else None
-    wanted = (method, against, scene, metric, "steps")
-    found = (one for one in (study.effects if study else []) if one.difference is not None)
-    return next((one for one in found if (one.name, one.against, one.scene, one.metric, one.budget) == wanted), None)
+    for effect in study.effects if study else []:
+        of = (effect.name, effect.against, effect.scene, effect.metric, effect.budget)
+        if of == (method, against, scene, metric, "steps") and effect.difference is not None:
+            return effect
+    return None

@@ -13,7 +13,8 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
     compared with it.
     """
     hits = _checks(bench, "hit.")
-    memory, disk = ([one for one in hits if one.id.startswith(f"hit.{place}.")] for place in ("memory", "disk"))
+    memory, disk = ([hit for hit in hits if hit.id.startswith(f"hit.{place}.")] for place in ("memory", "disk"))
+    judged, shown = memory + disk, memory or disk
     bars = [
         f"{count(round(some[0].limit or 0.0))}× {where}"
         for some, where in ((memory, "in memory"), (disk, "on disk"))
@@ -26,20 +27,19 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
     if not bars:
         return _untested(bench, "time of rendering a view against that of having it from the cache")
     verdict: Verdict = "inconclusive"
-    if any(one.status == "fail" for one in memory + disk):
+    if any(hit.status == "fail" for hit in judged):
         verdict = MISSED
-    elif memory and disk and all(one.status == "pass" for one in memory + disk):
+    elif memory and disk and all(hit.status == "pass" for hit in judged):
         verdict = "seen"
-    shown = memory or disk
     notes = [] if memory and disk else [f"not measured {'on disk' if memory else 'in memory'}"]
-    others = [one for one in hits if one not in shown]
-    for words in dict.fromkeys(one.what for one in others):
-        ends = _ends([one for one in others if one.what == words])
+    others = [hit for hit in hits if hit not in shown]
+    for words in dict.fromkeys(hit.what for hit in others):
+        ends = _ends([hit for hit in others if hit.what == words])
         notes.append(f"{words}: {listed([f'{significant(end)}×' for end in dict.fromkeys(ends)], 'to')}")
     for status, words in (("fail", "missed"), ("inconclusive", "its spread reaches across the bar")):
-        names = [f"{one.subject} ({one.what})" for one in memory + disk if one.status == status]
+        names = [f"{hit.subject} ({hit.what})" for hit in judged if hit.status == status]
         notes += [f"{words}: {listed(names)}"] if names else []
-    spreads = [one.spread for one in shown if one.spread]
+    spreads = [hit.spread for hit in shown if hit.spread]
     interval = min(low for low, _ in spreads), max(high for _, high in spreads)
     low, high = _ends(shown)
     return Finding(verdict, how, low if low == high else (low, high), interval, note="; ".join(notes))
@@ -54,9 +54,8 @@ def pose_key(bench: Bench, entry: Printed) -> Finding:
     stale, ours = _check(bench, "key.pose"), _check(bench, "key.ours")
     if stale is None:
         return _untested(bench, how)
-    verdict: Verdict = "not reproduced" if stale.value else "reproduced"
     note = stale.why + (f"; our key is new for {significant(ours.value)} % of the views" if ours is not None else "")
-    return Finding(verdict, how, round(stale.value or 0.0), note=note)
+    return Finding("not reproduced" if stale.value else "reproduced", how, round(stale.value or 0.0), note=note)
 
 
 def attended_first(bench: Bench, entry: Printed) -> Finding:
@@ -67,19 +66,16 @@ def attended_first(bench: Bench, entry: Printed) -> Finding:
         "seconds until the error in the most attended quarter has fallen to a tenth of the coarse frame’s, against "
         "raster order; earlier is what is so in all repeats"
     )
-    found = _check(bench, "earlier.attended")
-    if found is None:
+    attended, sooner = _check(bench, "earlier.attended"), _check(bench, "sooner.attended")
+    if attended is None:
         return _untested(bench, how)
+    notes = [f"earlier in {count(round(attended.value or 0.0))} {attended.why}"]
+    for id, words in (("hardest", "where the coarse frame is most wrong"), ("whole", "over the whole picture")):
+        if check := _check(bench, f"earlier.{id}"):
+            notes.append(f"{words} earlier in {count(round(check.value or 0.0))} of {check.repeats}")
     verdicts: dict[str, Verdict] = {"pass": "seen", "fail": MISSED}
-    sooner = _check(bench, "sooner.attended")
-    elsewhere = [
-        f"{words} earlier in {count(round(one.value or 0.0))} of {one.repeats}"
-        for id, words in (("hardest", "where the coarse frame is most wrong"), ("whole", "over the whole picture"))
-        if (one := _check(bench, f"earlier.{id}"))
-    ]
-    note = "; ".join([f"earlier in {count(round(found.value or 0.0))} {found.why}", *elsewhere])
-    verdict = verdicts.get(found.status, "inconclusive")
-    return Finding(verdict, how, sooner.spread if sooner else None, note=note)
+    verdict = verdicts.get(attended.status, "inconclusive")
+    return Finding(verdict, how, sooner.spread if sooner else None, note="; ".join(notes))
 
 
 def factor_of_priorities(bench: Bench, entry: Printed) -> Finding:
@@ -98,11 +94,11 @@ def _checks(bench: Bench, prefix: str) -> list[Check]:
     """Return the figures whose id begins so, if they were measured and mean anything."""
     if bench.serving is None or bench.serving.is_quick:
         return []
-    return [one for _, one in bench.serving.checks() if one.id.startswith(prefix) and one.value is not None]
+    return [check for _, check in bench.serving.checks() if check.id.startswith(prefix) and check.value is not None]
 
 
 def _check(bench: Bench, id: str) -> Check | None:
-    return next((one for one in _checks(bench, id) if one.id == id), None)
+    return next((check for check in _checks(bench, id) if check.id == id), None)
 
 
 def _untested(bench: Bench, how: str) -> Finding:
@@ -112,5 +108,5 @@ def _untested(bench: Bench, how: str) -> Finding:
 
 def _ends(checks: list[Check]) -> Pair:
     """Return the range from the worst to the best."""
-    values = [one.value or 0.0 for one in checks]
+    values = [check.value or 0.0 for check in checks]
     return min(values), max(values)

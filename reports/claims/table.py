@@ -4,7 +4,7 @@ from typing import Any
 
 from reports.claims.claim_list import KINDS, tally
 from reports.claims.ledger import Claim, Number, Pair, by_cause
-from reports.data.wording import NOTHING, UNTESTED, bare, count, counted, interval, listed, number, signed, significant
+from reports.data.wording import NOTHING, UNTESTED, bare, count, counted, listed, number, signed, significant
 from reports.page.grid import Column, Entry, Grid
 
 LOOKS = {
@@ -18,11 +18,11 @@ LOOKS = {
 """Map verdict → its mark and tone."""
 
 
-def chapters(found: list[Claim], here: str) -> list[dict[str, Any]]:
+def chapters(claims: list[Claim], here: str) -> list[dict[str, Any]]:
     """Return title and grid of the tested claims of each kind, in the paper's order. `here` is the run's scale, which
     stands above them.
     """
-    of_kind = {kind: [claim for claim in found if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
+    of_kind = {kind: [claim for claim in claims if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
     return [
         {"title": f"{KINDS[kind]} ({len(some)})", "grid": claims_grid(some, here, KINDS[kind])}
         for kind, some in of_kind.items()
@@ -30,24 +30,23 @@ def chapters(found: list[Claim], here: str) -> list[dict[str, Any]]:
     ]
 
 
-def folds(found: list[Claim]) -> list[dict[str, Any]]:
-    """Gather untested claims by what they need, each in a line."""
-    return [{"title": sentence, "claims": [_in_a_line(claim) for claim in some]} for sentence, some in by_cause(found)]
+def folds(claims: list[Claim]) -> list[dict[str, Any]]:
+    """Gather untested claims by what they need, each in a line: `Layers of the MLP (Table 1): 8, here 6`."""
+
+    def line(claim: Claim) -> str:
+        here = f", here {measured_text(claim)}" if claim.measured is not None else ""
+        return f"{claim.statement} ({claim.source}): {printed_text(claim)}{here}"
+
+    return [{"title": sentence, "claims": [line(claim) for claim in some]} for sentence, some in by_cause(claims)]
 
 
-def _in_a_line(claim: Claim) -> str:
-    """Format a claim: `Layers of the density MLP (Table 1): printed 8, here 6`."""
-    here = f", here {measured_text(claim)}" if claim.measured is not None else ""
-    return f"{claim.statement} ({claim.source}): {printed_text(claim)}{here}"
-
-
-def in_a_sentence(found: list[Claim]) -> str:
+def in_a_sentence(claims: list[Claim]) -> str:
     """Return `Of 58 statements 10 are reproduced, 4 not reproduced and 38 not tested.`; nothing without a ledger."""
-    words = [f"{many} {verdict}" for verdict, many in tally(found)]
-    return f"Of {counted(len(found), 'statement')} in the ledger: {listed(words)}." if found else ""
+    words = [f"{many} {verdict}" for verdict, many in tally(claims)]
+    return f"Of {counted(len(claims), 'statement')} in the ledger: {listed(words)}." if claims else ""
 
 
-def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measured") -> Grid:
+def claims_grid(claims: list[Claim], here: str, caption: str = "Printed and measured") -> Grid:
     columns = [
         Column("claim", numeric=False),
         Column("printed", small="where"),
@@ -56,7 +55,7 @@ def claims_grid(found: list[Claim], here: str, caption: str = "Printed and measu
         Column("how it is measured", numeric=False),
     ]
     rows = []
-    for claim in found:
+    for claim in claims:
         mark, tone = LOOKS[claim.verdict]
         verdict = Entry(f"{mark} {claim.verdict}", "" if claim.scale == here else claim.scale, tone)
         printed = printed_entry(claim, claim.source.replace(", ", "\n"))
@@ -75,38 +74,36 @@ def printed_entry(claim: Claim, small: str = "") -> Entry:
 def measured_entry(claim: Claim) -> Entry:
     """Return the measurement, below it its interval."""
     value, parts = _numbers(claim.measured)
-    between, pair = "", claim.interval if claim.measured is not None else None
+    pair = claim.interval if claim.measured is not None else None
     low, high = pair or (None, None)
-    if pair is not None:
-        ends = ", ".join(_value(claim, end, _finer(claim)) for end in pair)
-        between = interval(pair, _finer(claim)) if _is_difference(claim) else f"[{ends}]"
+    between = f"[{', '.join(_value(claim, end, _finer(claim)) for end in pair)}]" if pair else ""
     return Entry(measured_text(claim), between, value=value, parts={**parts, "low": low, "high": high}, runs=claim.runs)
 
 
-def _numbers(found: Number | Pair | None) -> tuple[Number | None, dict[str, float | None]]:
+def _numbers(value: Number | Pair | None) -> tuple[Number | None, dict[str, float | None]]:
     """Return a number; or the ends of a range, which is neither a number nor an interval."""
-    return (None, {"from": found[0], "to": found[1]}) if isinstance(found, tuple) else (found, {})
+    return (None, {"from": value[0], "to": value[1]}) if isinstance(value, tuple) else (value, {})
 
 
 def printed_text(claim: Claim) -> str:
     """Format a printed number: +1.2 to +1.8 dB, +1.4 dB, 33.0 dB, 257, 18 %, 4.2 h."""
     if claim.printed is None:
         return "in words" if claim.kind != "others" else NOTHING
-    if isinstance(claim.printed, tuple):
-        return f"{_range(claim, claim.printed, claim.digits)} {claim.unit}".strip()
-    return _with_unit(claim, claim.printed, claim.digits)
+    return _text(claim, claim.printed, claim.digits)
 
 
 def measured_text(claim: Claim) -> str:
     """Format a measurement, as a range if one was asked for."""
-    if isinstance(claim.measured, tuple):
-        digits = _finer(claim) if _is_difference(claim) else claim.digits
-        return f"{_range(claim, claim.measured, digits)} {claim.unit}"
-    return NOTHING if claim.measured is None else _with_unit(claim, claim.measured, _finer(claim))
+    as_printed = isinstance(claim.measured, tuple) and not _is_difference(claim)
+    return _text(claim, claim.measured, claim.digits if as_printed else _finer(claim))
 
 
-def _range(claim: Claim, pair: Pair, digits: int) -> str:
-    return " to ".join(_value(claim, value, digits) for value in pair)
+def _text(claim: Claim, value: Number | Pair | None, digits: int) -> str:
+    if value is None:
+        return NOTHING
+    if isinstance(value, tuple):
+        return f"{' to '.join(_value(claim, end, digits) for end in value)} {claim.unit}".strip()
+    return f"{_value(claim, value, digits)} {claim.unit if claim.unit in ('dB', '%', 'h', '×') else ''}".strip()
 
 
 def _is_difference(claim: Claim) -> bool:
@@ -127,8 +124,3 @@ def _value(claim: Claim, value: Number, digits: int) -> str:
     if claim.unit == "×":
         return significant(value)
     return number(value, digits) if digits else count(round(value)) if abs(value) >= 1 else number(value, 0)
-
-
-def _with_unit(claim: Claim, value: Number, digits: int) -> str:
-    unit = claim.unit if claim.unit in ("dB", "%", "h", "×") else ""
-    return f"{_value(claim, value, digits)} {unit}".strip()

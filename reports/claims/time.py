@@ -14,7 +14,6 @@ from reports.claims.scores import NEEDS_RUN
 from reports.data.selection import behind_saving
 from reports.data.wording import UNTESTED, count, counted, number
 
-HOW = "{what} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
 WHAT = {"steps": "training steps", "seconds": "training seconds"}
 MARGIN = 5.0
 """The margin in percentage points: the smallest saving of interest, as the harness declares it."""
@@ -26,64 +25,65 @@ NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never rea
 def saving(bench: Bench, entry: Printed) -> Finding:
     """Judge the saving of steps or seconds to the target in per cent."""
     axis, targets = entry.of["axis"], bench.targets
-    how = HOW.format(what=WHAT[axis])
+    how = (
+        f"{WHAT[axis]} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
+    )
     if targets is None:
         return Finding(UNTESTED, how, note=NEEDS_TARGETS)
-    one = targets.comparison("all", "qnerf", "nerf", axis) if targets.target is not None else None
+    row = targets.comparison("all", "qnerf", "nerf", axis) if targets.target is not None else None
     started = {cell.method for cell in bench.records.cells if cell.status != "not_available"}
-    if one is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
+    if row is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
         return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods="qnerf and nerf"))
     at_paper_scale = targets.printed and bench.at_paper_scale("all")
-    verdict = judge_gain(entry.printed, MARGIN, reachable(one), at_paper_scale)
-    return Finding(verdict, how, one.saving, _on_them(one), note=_note(one, targets), runs=behind_saving(one))
+    verdict = judge_gain(entry.printed, MARGIN, reachable(row), at_paper_scale)
+    return Finding(verdict, how, row.saving, _on_them(row), note=_note(row, targets), runs=behind_saving(row))
 
 
-def reachable(one: TargetComparison) -> Pair | None:
+def reachable(row: TargetComparison) -> Pair | None:
     """Return the interval, open on the side to which censored times may move the saving; None for too few pairs."""
-    pair = _on_them(one)
-    if pair is None or one.pairs < LEAST_PAIRS:
+    pair = _on_them(row)
+    if pair is None or row.pairs < LEAST_PAIRS:
         return None
-    larger, smaller = _sides(one)
+    larger, smaller = _sides(row)
     return (-math.inf if smaller else pair[0], math.inf if larger else pair[1])
 
 
-def _on_them(one: TargetComparison) -> Pair | None:
-    about = one.on_these_scenes
+def _on_them(row: TargetComparison) -> Pair | None:
+    about = row.on_these_scenes
     return (about.simultaneous or about.interval) if about else None
 
 
-def _sides(one: TargetComparison) -> tuple[bool, bool]:
+def _sides(row: TargetComparison) -> tuple[bool, bool]:
     """Return whether the true saving may be larger, and whether it may be smaller.
 
     It may be larger if NeRF was not watched to its end or Q-NeRF was there before the first look; smaller the other way
     round.
     """
-    ours, theirs = one.never
-    return bool(theirs or one.earlier[0]), bool(ours or one.earlier[1])
+    return bool(row.never[1] or row.earlier[0]), bool(row.never[0] or row.earlier[1])
 
 
-def _note(one: TargetComparison, targets: TargetsRecord) -> str:
+def _note(row: TargetComparison, targets: TargetsRecord) -> str:
     """State the target, how many of each got there while both were watched, and whether the saving is a bound."""
     parts = []
-    if one.pairs:
-        there = [count(one.pairs - never) for never in one.never]
+    if row.pairs:
+        ours, theirs = (count(row.pairs - never) for never in row.never)
         parts.append(
-            f"{number(targets.target, 1)} dB was reached by {there[1]} of {counted(one.pairs, 'NeRF run')} and "
-            f"{there[0]} of {counted(one.pairs, 'Q-NeRF run')} in the {WHAT[one.axis]} watched"
+            f"{number(targets.target, 1)} dB was reached by {theirs} of {counted(row.pairs, 'NeRF run')} and "
+            f"{ours} of {counted(row.pairs, 'Q-NeRF run')} in the {WHAT[row.axis]} watched"
         )
-    for method, earlier in zip(("Q-NeRF", "NeRF"), one.earlier, strict=True):
+    for method, earlier in zip(("Q-NeRF", "NeRF"), row.earlier, strict=True):
         if earlier:
-            parts.append(f"{earlier} of {counted(one.pairs, 'run')} of {method} had reached it by the first checkpoint")
-    if one.saving is not None:
-        parts.append(bound(one))
-    if one.unpaired:
-        parts.append(f"{counted(one.unpaired, 'pair')} could not be judged")
+            parts.append(f"{earlier} of {counted(row.pairs, 'run')} of {method} had reached it by the first checkpoint")
+    if row.saving is not None:
+        parts.append(bound(row))
+    if row.unpaired:
+        parts.append(f"{counted(row.unpaired, 'pair')} could not be judged")
     return "; ".join(filter(None, parts))
 
 
-def bound(one: TargetComparison) -> str:
+def bound(row: TargetComparison) -> str:
     """Describe the saving if some times are only known to be longer or shorter."""
-    larger, smaller = _sides(one)
+    larger, smaller = _sides(row)
     if larger and smaller:
         return "the saving is of the time watched alone"
     return "the true saving is larger" if larger else "the true saving is smaller" if smaller else ""
@@ -91,5 +91,4 @@ def bound(one: TargetComparison) -> str:
 
 def time_to_target(bench: Bench, entry: Printed) -> Finding:
     """Show steps or hours themselves, with which nothing here is comparable."""
-    how = "no run is asked for it"
-    return Finding(UNTESTED, how, note=NEEDS_MACHINE if entry.unit == "h" else NEEDS_SCENES)
+    return Finding(UNTESTED, "no run is asked for it", note=NEEDS_MACHINE if entry.unit == "h" else NEEDS_SCENES)

@@ -7,13 +7,13 @@ import pytest
 from harness.records.cells import Estimate
 from harness.records.json_record import DamagedRecord
 from harness.records.targets import TargetComparison, TargetsRecord, write_targets
-from reports.claims.claim_list import claims
 from reports.claims.ledger import Bench, Finding, entries
 from reports.claims.time import NEEDS_MACHINE, NEEDS_SCENES, bound, saving, time_to_target
 from reports.data.load import Records, read_records
 from reports.data.selection import TARGET, Selection
 from reports.data.wording import UNTESTED
 from tests.replacing import replace
+from tests.reports.claims.claimed import claimed
 from tests.reports.fake_run import PAPER
 
 ONE = TargetComparison(
@@ -30,56 +30,48 @@ def on_them(pair: tuple[float, float] | None, **changes) -> TargetComparison:
 
 
 SAVED = on_them((14.0, 22.0))
-LEDGER = {one.id: one for one in entries(PAPER)}
-FASTER = LEDGER["abstract-faster"]
+LEDGER = {entry.id: entry for entry in entries(PAPER)}
+MISSED = "not seen at this scale"
 
 
-def record(one: TargetComparison = SAVED, target: float = 30.0) -> TargetsRecord:
-    return TargetsRecord(target, target == 30.0, "nerf", "chosen", [], [], [one, replace(one, axis="seconds")])
+def record(row: TargetComparison = SAVED, target: float = 30.0) -> TargetsRecord:
+    return TargetsRecord(target, target == 30.0, "nerf", "chosen", [], [], [row, replace(row, axis="seconds")])
 
 
-def judged(whole: Records, one: TargetComparison, at_paper_scale: bool = True, target: float = 30.0) -> Finding:
+def judged(whole: Records, row: TargetComparison, at_paper_scale: bool = True, target: float = 30.0) -> Finding:
     class Here(Bench):
         def at_paper_scale(self, scene: str) -> bool:
             return at_paper_scale
 
-    return saving(Here(whole, None, record(one, target)), FASTER)
+    return saving(Here(whole, None, record(row, target)), LEDGER["abstract-faster"])
 
 
 @pytest.mark.parametrize(
-    ("pair", "at_paper_scale", "elsewhere"),
+    ("pair", "changes", "at_paper_scale", "elsewhere"),
     [
-        ((14.0, 22.0), "reproduced", "seen"),
-        ((10.0, 22.0), "inconclusive", "seen"),
-        ((-2.0, 22.0), "inconclusive", "inconclusive"),
-        ((4.0, 12.0), "not reproduced", "not seen at this scale"),
-        ((24.0, 30.0), "not reproduced", "not seen at this scale"),
-        (None, "inconclusive", "inconclusive"),
+        ((14.0, 22.0), {}, "reproduced", "seen"),
+        ((10.0, 22.0), {}, "inconclusive", "seen"),
+        ((-2.0, 22.0), {}, "inconclusive", "inconclusive"),
+        ((4.0, 12.0), {}, "not reproduced", MISSED),
+        ((24.0, 30.0), {}, "not reproduced", MISSED),
+        (None, {}, "inconclusive", "inconclusive"),
+        # a verdict that the censored runs could turn is none
+        ((4.0, 12.0), {"never": (0, 1)}, "inconclusive", "seen"),
+        ((4.0, 12.0), {"earlier": (1, 0)}, "inconclusive", "seen"),
+        ((4.0, 12.0), {"never": (1, 0)}, "not reproduced", MISSED),
+        ((24.0, 30.0), {"never": (1, 0)}, "inconclusive", "inconclusive"),
+        ((24.0, 30.0), {"never": (0, 1)}, "not reproduced", MISSED),
+        ((14.0, 22.0), {"never": (1, 0)}, "inconclusive", "inconclusive"),
+        ((14.0, 22.0), {"earlier": (1, 0)}, "inconclusive", "seen"),
+        ((14.0, 22.0), {"pairs": 2}, "inconclusive", "inconclusive"),
+        ((14.0, 22.0), {"unpaired": 1}, "reproduced", "seen"),
     ],
 )
-def test_a_saving_is_judged_as_a_gain_is(whole: Records, pair, at_paper_scale, elsewhere):
-    one = on_them(pair)
-    assert judged(whole, one).verdict == at_paper_scale
-    assert judged(whole, one, at_paper_scale=False).verdict == elsewhere
-    assert judged(whole, one, target=24.0).verdict == elsewhere, "at another target it is another saving"
-
-
-@pytest.mark.parametrize(
-    ("pair", "changes", "verdict"),
-    [
-        ((4.0, 12.0), {"never": (0, 1)}, "inconclusive"),
-        ((4.0, 12.0), {"earlier": (1, 0)}, "inconclusive"),
-        ((4.0, 12.0), {"never": (1, 0)}, "not reproduced"),
-        ((24.0, 30.0), {"never": (1, 0)}, "inconclusive"),
-        ((24.0, 30.0), {"never": (0, 1)}, "not reproduced"),
-        ((14.0, 22.0), {"never": (1, 0)}, "inconclusive"),
-        ((14.0, 22.0), {"earlier": (1, 0)}, "inconclusive"),
-        ((14.0, 22.0), {"pairs": 2}, "inconclusive"),
-        ((14.0, 22.0), {"unpaired": 1}, "reproduced"),
-    ],
-)
-def test_a_verdict_that_the_censored_runs_could_turn_is_none(whole: Records, pair, changes, verdict):
-    assert judged(whole, on_them(pair, **changes)).verdict == verdict
+def test_a_saving_is_judged_as_a_gain_is(whole: Records, pair, changes, at_paper_scale, elsewhere):
+    row = on_them(pair, **changes)
+    assert judged(whole, row).verdict == at_paper_scale
+    assert judged(whole, row, at_paper_scale=False).verdict == elsewhere
+    assert judged(whole, row, target=24.0).verdict == elsewhere, "at another target it is another saving"
 
 
 def test_what_was_reached_is_said(whole: Records):
@@ -108,9 +100,9 @@ def test_times_themselves_are_never_judged(whole: Records):
 
 
 def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(records: Records, out: Path):
-    assert {one.id: one for one in claims(records)}["abstract-faster"].verdict == UNTESTED
+    assert claimed(records)["abstract-faster"].verdict == UNTESTED
     write_targets(out, record())
-    assert {one.id: one for one in claims(read_records(out))}["abstract-faster"].measured == 18.0
+    assert claimed(read_records(out))["abstract-faster"].measured == 18.0
     (out / "records" / "targets.json").write_text('{"schema": 1}', encoding="utf-8")
     with pytest.raises(DamagedRecord, match=r"targets\.json"):
         read_records(out)

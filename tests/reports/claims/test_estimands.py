@@ -9,20 +9,11 @@ from tests.replacing import replace
 def test_both_senses_stand_in_one_row(whole: Records):
     grid = senses_grid(whole)
     assert len(grid.rows) == 6, "three pairs of methods, two budgets"
-    row = grid.rows[0]
-    assert [entry.text for entry in row] == [
-        "qnerf", "at equal steps", "+0.81 dB", "+0.76 to +0.86", "+0.69 to +0.93",
-    ]  # fmt: skip
-    assert row[3].small == "better\nd = +3.2"
-    assert grid.note.count(". ") == 2, "two sentences explain the difference, a third the effect"
-
-
-def test_a_difference_is_a_plain_sentence(whole: Records):
-    one = whole.comparison("chair", "qnerf", "nerf", budget="seconds")
-    assert one is not None
-    assert difference_in_words(one, ["chair"], [0, 1, 2]).startswith(
-        f"qnerf − nerf = +{one.difference:.2f} dB at equal training time"
-    )
+    texts = [entry.text for entry in grid.rows[0]]
+    assert texts == ["qnerf", "at equal steps", "+0.81 dB", "+0.76 to +0.86", "+0.69 to +0.93"]
+    assert grid.rows[0][3].small == "better\nd = +3.2"
+    row = whole.comparison("chair", "qnerf", "nerf", budget="seconds")
+    assert f"+{row.difference:.2f} dB at equal training time" in difference_in_words(row, ["chair"], [0, 1, 2])
 
 
 def test_failures_have_rates_and_are_compared(records: Records, whole: Records):
@@ -31,17 +22,13 @@ def test_failures_have_rates_and_are_compared(records: Records, whole: Records):
     assert rows["nerf"][:4] == ["6", "0", "0", "0\u202f%"]
     assert rows["qnerf"][:4] == ["6", "1", "0", "17\u202f%"]
     assert rows["qnerf"][4].splitlines()[0] == "nerf: not told apart (1 : 0 of 6 pairs, p = 1.000)"
+    cells = [replace(cell, warnings=["empty collapse: 0.001"] * (cell.method == "qnerf")) for cell in whole.cells]
+    rate = found_failures(replace(whole, cells=cells)).rates[2]
+    assert (rate.method, rate.collapsed, rate.rate) == ("qnerf", 6, 1.0)
 
 
 def test_the_summary_holds_failures_and_both_senses(records: Records):
-    found = summary(records)
-    assert found["failures"]["rates"][2]["diverged"] == 1
-    row = next(one for one in found["comparisons"] if one["scene"] == "all")
+    data = summary(records)
+    assert data["failures"]["rates"][2]["diverged"] == 1
+    row = next(row for row in data["comparisons"] if row["scene"] == "all")
     assert row["on_these_scenes"]["interval"] != row["scenes_like_these"]["interval"]
-
-
-def test_an_empty_collapse_is_a_failure(whole: Records):
-    cells = [replace(cell, warnings=["empty collapse: 0.001"]) if cell.method == "qnerf" else cell
-             for cell in whole.cells]  # fmt: skip
-    rate = found_failures(replace(whole, cells=cells)).rates[2]
-    assert (rate.method, rate.collapsed, rate.rate) == ("qnerf", 6, 1.0)

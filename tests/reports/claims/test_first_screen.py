@@ -7,7 +7,7 @@ import pytest
 from harness.records.study import Check, Studies, StudyInfo, StudyRecord, check
 from harness.verdicts.paper import LEDGER
 from reports.claims.claim_list import claims
-from reports.claims.first_screen import PRINCIPAL, Line, calibration, first_screen
+from reports.claims.first_screen import PRINCIPAL, calibration, first_screen
 from reports.claims.ledger import in_short
 from reports.data.beside import Beside
 from reports.data.load import Records, read_records
@@ -23,27 +23,27 @@ def shown(records: Records, evidence: Studies | None = None):
     return SimpleNamespace(**first_screen(records, claims(records, beside), beside))
 
 
-def shown_as(line: Line) -> tuple[str, str, str]:
-    return line.printed.text, line.measured.text, line.measured.small
-
-
 def calibrated(*checks: Check) -> Studies:
     info = StudyInfo("calibration", "title", "question?", "method")
     return Studies("evidence", {}, {}, [StudyRecord(info, findings=list(checks))])
 
 
-def test_the_principal_claims_are_entries_of_the_ledger():
-    assert set(PRINCIPAL) <= {one.id for one in LEDGER}
-
-
 def test_the_question_is_the_papers_and_the_lines_are_its_claims(whole: Records):
-    said = shown(whole)
-    assert said.question == "Does Q-NeRF gain +1.2 to +1.8 dB over NeRF and converge 18\u202f% faster, as printed?"
-    average, weights = said.lines
-    assert shown_as(average) == ("+1.5 dB", "+0.81 dB", "[+0.76, +0.86]")
+    assert set(PRINCIPAL) <= {entry.id for entry in LEDGER}
+    screen = shown(whole)
+    assert screen.question == "Does Q-NeRF gain +1.2 to +1.8 dB over NeRF and converge 18\u202f% faster, as printed?"
+    texts = [(line.printed.text, line.measured.text, line.measured.small) for line in screen.lines]
+    assert texts == [
+        ("+1.5 dB", "+0.81 dB", "[+0.76, +0.86]"),
+        ("1\u202f370\u202f000", "546\u202f566", ""),
+    ]
+    average = screen.lines[0]
     assert (average.verdict, average.mark) == ("not seen at this scale", "✕")
     assert "qnerf − nerf_matched: " in average.note
-    assert shown_as(weights) == ("1\u202f370\u202f000", "546\u202f566", "")
+    # beside it as numbers, with the unit
+    assert (average.printed.value, average.printed.parts) == (1.5, {"unit": "dB"})
+    assert average.measured.value == pytest.approx(0.81, abs=0.005)
+    assert average.measured.parts == pytest.approx({"low": 0.76, "high": 0.86}, abs=0.005)
 
 
 def test_what_was_not_tested_of_them_is_a_line_a_cause(whole: Records):
@@ -52,86 +52,47 @@ def test_what_was_not_tested_of_them_is_a_line_a_cause(whole: Records):
         "1 claim needs the paper’s settings on its own pictures (docs/full-setting.md).",
         "1 claim needs a record of when a score was reached: run again with --resume.",
     ]
-    assert len(shown(whole, study(effect(LISTING_2, -2.5))).lines) == 3
-
-
-def test_what_a_line_shows_stands_beside_it_as_numbers_with_its_unit(whole: Records):
-    average = shown(whole).lines[0]
-    assert (average.printed.value, average.printed.parts) == (1.5, {"unit": "dB"})
-    assert average.measured.value == pytest.approx(0.81, abs=0.005)
-    assert average.measured.parts == pytest.approx({"low": 0.76, "high": 0.86}, abs=0.005)
-
-
-def test_without_the_papers_numbers_the_question_is_the_runs(whole: Records):
-    bare = shown(replace(whole, run=replace(whole.run, paper={})))
-    assert (bare.lines, bare.untested, bare.tally) == ([], [], "")
-    assert bare.question == "How does qnerf compare with nerf?"
-
-
-def test_a_run_of_other_methods_is_not_asked_about_q_nerf(tmp_path):
-    methods = {"nerf": "", "nerf_matched": ""}
-    records = read_records(write_fake_run(tmp_path / "run", methods=methods, pictures=False, with_diverged=False))
-    assert shown(records).question == "How does nerf_matched compare with nerf?"
-
-
-def test_another_scale_than_the_runs_stands_below_its_verdict(whole: Records):
     lines = {line.words: line for line in shown(whole, study(effect(LISTING_2, -2.5))).lines}
+    assert len(lines) == 3
+    # another scale than the run's stands below its verdict
     assert lines["then the amplifier"].note.endswith("lego; 3 seeds; 500 steps")
     assert lines["weights of Table 1, counted"].note.endswith("the paper’s network")
     assert "profile reduced" not in lines["PSNR gain, average"].note
 
 
-def test_how_sure(whole: Records):
-    sure = shown(whole).sure
-    assert sure[0] == (
+def test_without_the_papers_numbers_or_methods_the_question_is_the_runs(whole: Records, tmp_path):
+    bare = shown(replace(whole, run=replace(whole.run, paper={})))
+    assert (bare.lines, bare.untested, bare.tally) == ([], [], "")
+    assert bare.question == "How does qnerf compare with nerf?"
+    methods = {"nerf": "", "nerf_matched": ""}
+    records = read_records(write_fake_run(tmp_path / "run", methods=methods, pictures=False, with_diverged=False))
+    assert shown(records).question == "How does nerf_matched compare with nerf?"
+
+
+def test_how_sure(records: Records, whole: Records, tmp_path):
+    changed = [replace(row, smallest_detectable=9.0) if row.against == "nerf_matched" else row
+               for row in whole.comparisons]  # fmt: skip
+    *sure, unchecked = shown(replace(whole, comparisons=changed)).sure
+    assert sure == [
         "qnerf − nerf = +0.81 dB after equal steps (95\u202f% interval +0.69 to +0.93; 2 scenes × 3 seeds). "
-        "The verdict is on scenes like these."
-    )
-    assert sure[1] == "On these scenes alone, the interval is +0.76 to +0.86 dB (better)."
-    assert sure[2] == "A true difference below 0.40 dB could have gone unnoticed (power 80 %)."
-    assert "was not checked beside this run" in sure[3]
-
-
-def test_a_command_is_set_as_code_and_a_method_within_it_keeps_no_colour(whole: Records):
-    colours = colours_of(whole.methods)
-    told = named("qnerf: `run --methods qnerf` & more", colours)
-    assert told.count('class="name"') == 1
-    assert told.endswith("</b>: <code>run --methods qnerf</code> &amp; more")
-
-
-def test_what_was_lost_and_a_single_scene_stand_beside_the_interval(records: Records, tmp_path):
+        "The verdict is on scenes like these.",
+        "On these scenes alone, the interval is +0.76 to +0.86 dB (better).",
+        "A true difference below 0.40 dB could have gone unnoticed (power 80 %).",
+    ], "the power is that of the comparison in the headline"
+    assert "was not checked beside this run" in unchecked
     assert "2 scenes × 3 seeds; 1 of 6 pairs not judged)" in shown(records).sure[0]
     assert "1 of 6 pairs not judged" in page(records)
     alone = read_records(write_fake_run(tmp_path / "one", ("chair",), pictures=False, with_diverged=False))
     assert shown(alone).sure[0].endswith("chair × 3 seeds). The verdict is on these scenes.")
 
 
-def test_the_power_is_that_of_the_comparison_in_the_headline(whole: Records):
-    changed = [replace(one, smallest_detectable=9.0) if one.against == "nerf_matched" else one
-               for one in whole.comparisons]  # fmt: skip
-    assert "below 0.40 dB" in shown(replace(whole, comparisons=changed)).sure[2]
-
-
-@pytest.mark.parametrize(
-    ("check", "sentence"),
-    [
-        (
-            check("share of planted effects that are found", 0.71, low=0.8),
-            "Comparer: share of planted effects that are found: 71.0\u202f% "
-            "(wanted: at least 80.0\u202f%) – this check does not hold.",
-        ),
-        (
-            check("share of A/A comparisons that are called better or worse", 0.0504, high=0.05),
-            "Comparer: share of A/A comparisons that are called better or worse: 5.04\u202f% "
-            "(wanted: at most 5.0\u202f%) – this check does not hold.",
-        ),
-        (check("runs", None, low=1.0), "Comparer: runs: – (wanted: at least 1.00) – this check does not hold."),
-        (check("spread", 0.21, 0.1, 0.3, "dB"), ""),
-    ],
-)  # fmt: skip
-def test_the_calibration_is_told_with_its_limits(check, sentence):
-    found = calibration(calibrated(check))
-    assert found == ([] if check.holds else [sentence])
+def test_the_calibration_is_told_with_what_does_not_hold() -> None:
+    broken = check("share of A/A comparisons that are called better or worse", 0.0504, high=0.05)
+    sentences = calibration(calibrated(broken, check("spread", 0.21, 0.1, 0.3, "dB")))
+    assert sentences == [
+        "Comparer: share of A/A comparisons that are called better or worse: 0.0504, wanted ≤ 0.05 – this check does "
+        "not hold."
+    ]
 
 
 def test_the_page_opens_with_all_of_it(whole: Records):
@@ -142,20 +103,23 @@ def test_the_page_opens_with_all_of_it(whole: Records):
         top.index(words)
         for words in ("as printed?", "<h1>", ">How sure<", "+0.69 to +0.93", ">Scale<", "not the paper’s",
                       ">Not tested<", 'href="#not-tested"', "PSNR gain, average", "claims need",
-                      "How sure, in more detail", "74.6\u202f%", "statements in the ledger", "Every statement",
+                      "How sure, in more detail", "0.746", "statements in the ledger", "Every statement",
                       "At what scale", "What was not tested")
     ]  # fmt: skip
     assert places == sorted(places)
     assert text.count('href="#not-tested"') == 2, "at the top and in the contents"
+    command = named("qnerf: `run --methods qnerf` & more", colours_of(whole.methods))
+    assert command.count('class="name"') == 1, "a command keeps no colour of a method"
+    assert command.endswith("</b>: <code>run --methods qnerf</code> &amp; more")
 
 
 @pytest.mark.parametrize(
-    ("said", "short"),
+    ("sentences", "short"),
     [
         ([], ""),
         (["The paper's scale: 800 × 800 (here 100 px).", "LPIPS."], "2 things, among them the paper's scale"),
         (["LPIPS."], "1 thing: LPIPS"),
     ],
 )
-def test_what_was_not_tested_in_short(said, short):
-    assert in_short(said) == short
+def test_what_was_not_tested_in_short(sentences, short):
+    assert in_short(sentences) == short
