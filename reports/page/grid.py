@@ -1,7 +1,8 @@
 """A table as plain data, which `page.html` lays out and tests compare with literals."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import NoneType
 
 from harness.records.study import Table
 from reports.data.selection import Selection
@@ -55,27 +56,28 @@ class Grid:
 EMPTY = Entry("–", tone="muted")
 
 
-def tables_grids(tables: list[Table], write: Callable[[float], str]) -> list[Grid]:
-    """The tables that are not empty; a column of nothing but numbers is set to the right, as `write` writes them."""
-    return [_grid(one, write) for one in tables if one.rows and one.columns]
-
-
-def _grid(table: Table, write: Callable[[float], str]) -> Grid:
-    numeric = [
-        any(not isinstance(row[place], str) and row[place] is not None for row in table.rows)
-        and not any(isinstance(row[place], str) for row in table.rows)
-        for place in range(len(table.columns))
+def without_empty_columns(grid: Grid, always: int) -> Grid:
+    """Leave out the columns, from the place `always` on, in which nothing stands."""
+    kept = [
+        place for place in range(len(grid.columns)) if place < always or any(row[place] != EMPTY for row in grid.rows)
     ]
+    rows = [[row[place] for place in kept] for row in grid.rows]
+    return replace(grid, columns=[grid.columns[place] for place in kept], rows=rows)
+
+
+def table_grid(table: Table, write: Callable[[float], str]) -> Grid:
+    """Return a study's table; a column of nothing but numbers is set to the right, as `write` writes them."""
+    kinds = [{type(row[place]) for row in table.rows} - {NoneType} for place in range(len(table.columns))]
     columns = [
-        Column(label, numeric=right and place > 0)
-        for place, (label, right) in enumerate(zip(table.columns, numeric, strict=True))
+        Column(label, numeric=place > 0 and bool(of_column) and str not in of_column)
+        for place, (label, of_column) in enumerate(zip(table.columns, kinds, strict=True))
     ]
-    return Grid(table.title, columns, [[_entry(value, write) for value in row] for row in table.rows])
 
+    def entry(value: str | float | None) -> Entry:
+        if value is None:
+            return EMPTY
+        if isinstance(value, str):
+            return Entry(value.replace(" ± ", "\u00a0±\u00a0"))
+        return Entry(write(value), value=float(value))
 
-def _entry(value: str | float | None, write: Callable[[float], str]) -> Entry:
-    if value is None:
-        return EMPTY
-    if isinstance(value, str):
-        return Entry(value.replace(" ± ", "\u00a0±\u00a0"))
-    return Entry(write(value), value=float(value))
+    return Grid(table.title, columns, [list(map(entry, row)) for row in table.rows])

@@ -3,9 +3,9 @@
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -104,6 +104,81 @@ SCRIPTS = (
 """The scripts that every page needs to sort, filter and save, in this order."""
 START = "start.js"
 """The last script of a page."""
+STYLES = ("page.css", "explore.css", "studies.css", "compare.css", "work.css", "judgement.css")
+
+
+class Section(NamedTuple):
+    """A part of a page with a title and an entry in the contents; its parts are made by the macros of a `Layout`."""
+
+    name: str
+    title: str
+    parts: list[Markup]
+    question: str | None = None
+    """The question of a study, which stands below its title; None for anything else."""
+
+
+def section(name: str, title: str, *parts: Markup, question: str | None = None) -> Section:
+    """Return a section without the parts that turned out empty."""
+    return Section(name, title, [part for part in parts if part.strip()], question)
+
+
+class Layout:
+    """How a page looks: `parts` and `study_parts` are the macros of these templates, `named` colours methods' names."""
+
+    def __init__(self, colours: dict[str, palette.Colour] | None = None) -> None:
+        self.colours = colours or {}
+        self.environment = environment()
+        self.environment.globals["colours"] = self.colours
+        self.environment.filters["named"] = self.named
+        self.parts: Any = self.environment.get_template("parts.html").make_module()
+        self.study_parts: Any = self.environment.get_template("study_parts.html").make_module()
+
+    def named(self, text: str) -> Markup:
+        return named(text, self.colours)
+
+    def page(
+        self,
+        template: str,
+        title: str,
+        sections: Iterable[Section],
+        provenance: Groups,
+        *,
+        scripts: tuple[str, ...] = (*SCRIPTS, START),
+        files: bool = False,
+        rules: str = "",
+        **content: Any,
+    ) -> str:
+        """Return a page as text; sections without parts are left out. `files` lets it load script files that lie
+        beside it, `rules` are further rules of style.
+        """
+        origins = [
+            self.parts.folded(name, self.parts.terms("provenance", pairs), place == 0)
+            for place, (name, pairs) in enumerate(provenance)
+        ]
+        every = [*sections, section("provenance", "Provenance", *origins)]
+        code = script(*scripts)
+        return self.environment.get_template(template).render(
+            **content,
+            title=title,
+            sections=[one for one in every if one.parts],
+            policy=content_policy(code, files),
+            script=Markup(code),
+            style=style() + Markup(rules),
+        )
+
+
+def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
+    """Return text with the methods' names set in their colours, and commands in backticks as code."""
+    names = sorted(colours, key=len, reverse=True)
+    pattern = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, names))})(?![\w-])")
+    name = Markup('<b class="name" style="color: var({})">{}</b>')
+
+    def coloured(plain: str) -> Markup:
+        parts = pattern.split(plain)  # every second one is a name
+        parts = [name.format(colours[part].variable, part) if at % 2 else escape(part) for at, part in enumerate(parts)]
+        return Markup("").join(parts)
+
+    return with_code(text, coloured)
 
 
 def anchor(kind: str, name: str) -> str:
@@ -115,7 +190,7 @@ def anchor(kind: str, name: str) -> str:
 def environment() -> Environment:
     """Return an environment that escapes all data, and stops at an undefined name."""
     made = Environment(
-        loader=FileSystemLoader([HERE / "templates", HERE / "templates" / "studies"]),
+        loader=FileSystemLoader(HERE / "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -130,31 +205,6 @@ def environment() -> Environment:
     return made
 
 
-def code() -> str:
-    """Return the script of a page without runs of its own: its tables and figures can be sorted, filtered and saved."""
-    return script(*SCRIPTS, START)
-
-
-def render(
-    template: str, sheet: str, title: str, sections: list[tuple[str, str]], provenance: Groups, **content: Any
-) -> str:
-    """Return a page without runs of its own; `sections` are anchors and titles."""
-    return (
-        environment()
-        .get_template(template)
-        .render(
-            **content,
-            policy=content_policy(code()),
-            script=Markup(code()),
-            style=style("page.css", "explore.css", sheet),
-            colours={},
-            title=title,
-            sections=[*sections, *([("provenance", "Provenance")] if provenance else [])],
-            provenance=provenance,
-        )
-    )
-
-
 def breakable(name: str) -> Markup:
     """Return a name that may be broken behind its underscores, where a column is narrow."""
     return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
@@ -166,9 +216,9 @@ def with_code(sentence: str, plain: Callable[[str], Markup] = escape) -> Markup:
     return Markup("").join(Markup("<code>{}</code>").format(part) if at % 2 else plain(part) for at, part in parts)
 
 
-def style(*files: str) -> Markup:
-    """Return style sheets in order, with the palette if the first one wants it."""
-    text = "".join((HERE / "style" / name).read_text(encoding="utf-8") for name in files)
+def style() -> Markup:
+    """Return all style sheets, with the palette."""
+    text = "".join((HERE / "style" / name).read_text(encoding="utf-8") for name in STYLES)
     return Markup(text.replace("/* palette */", variables()))
 
 

@@ -8,19 +8,18 @@ one standard deviation over the seeds (of the logarithms) up and down in error, 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any, NamedTuple
+from itertools import pairwise, product
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 
 from harness.records.metric_table import METRICS
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import cells_frame, curves_frame
 from reports.data.wording import counted, listed, of_any_size
-from reports.drawing.figure import padded, svg, with_common_limits
+from reports.drawing.figure import padded, with_common_limits
 from reports.drawing.palette import INK, MUTED, Colour, colours_of
 from reports.drawing.traces import Kind, Panel, Trace
 
@@ -267,30 +266,13 @@ def noise_floors(records: Records) -> dict[str, float]:
     return {str(scene): float(value) for scene, value in floors.items() if value > 0}
 
 
-def work(records: Records) -> dict[str, Any] | None:
-    """Return the section of diagrams to choose from, with the style that shows the choice; None if there is none."""
-    made = diagrams(records)
-    if not made:
-        return None
-    choices = [
-        {
-            "name": one.name,
-            "measure": one.measure,
-            "cost": one.cost,
-            "plots": [
-                {"title": panel.title, "svg": svg(panel, f"{one.name}-{place}"), "notes": notes}
-                for place, (panel, notes) in enumerate(zip(one.panels, one.notes, strict=True))
-            ],
-        }
-        for one in made
-    ]
-    measures, costs = (list(dict.fromkeys(getattr(one, side) for one in made)) for side in ("measure", "cost"))
+def chooser_rules(made: list[Diagram]) -> str:
+    """Return the rules of style that show the diagram which is chosen, or that there is none of this pair."""
     known = {one.name for one in made}
+    pairs = product(dict.fromkeys(one.measure.name for one in made), dict.fromkeys(one.cost.name for one in made))
     rules = [
-        f'.chooser:has([name=measure][value="{measure.name}"]:checked):has([name=cost][value="{cost.name}"]:checked) .'
-        + (name if (name := f"{measure.name}-{cost.name}") in known else "unknown")
-        for measure in measures
-        for cost in costs
+        f'.chooser:has([name=measure][value="{measure}"]:checked):has([name=cost][value="{cost}"]:checked) .'
+        + (name if (name := f"{measure}-{cost}") in known else "unknown")
+        for measure, cost in pairs
     ]
-    rule = Markup(f"{','.join(rules)}{{display:block}}\n")
-    return {"measures": measures, "costs": costs, "choices": choices, "rules": rule}
+    return f"{','.join(rules)}{{display:block}}\n" if rules else ""

@@ -2,10 +2,10 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from statistics import fmean, stdev
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -142,61 +142,56 @@ BASES = ("nerf", "qnerf")
 MARKERS = {"nerf": "o", "qnerf": "D"}
 
 
-@dataclass(frozen=True)
-class Rung:
+class Rung(NamedTuple):
     """One method in one unit of density."""
 
     base: str
-    method: str
     scale: float
     """The density per half of the box's longest side where the amplifier gives 1."""
+    method: str
     psnr: list[float]
     """The scores, one per seed."""
 
 
-def units(records: Records) -> dict[str, Any] | None:
-    """Return sentences and tables of the section; None if no method was trained on one scene alone."""
-    scene = next((cell.scene for cell in records.extra_cells), None)
-    if scene is None:
-        return None
-    rungs = rungs_of(records, scene)
-    return {
-        "sentences": [sentence for sentence in (spread(rungs, scene), printed_form(records)) if sentence],
-        "table": ladder_grid(rungs),
-        "beside": beside_grid(records, scene),
-    }
-
-
-def rungs_of(records: Records, scene: str) -> list[Rung]:
-    """Return the rungs in the order of their units; NeRF and Q-NeRF themselves are among them."""
-    known = records.run.settings.get("density_units")
-    found = []
-    for method, unit in known.items() if isinstance(known, dict) else ():
-        base = next((name for name in BASES if method == name or method.startswith(f"{name}_unit_")), None)
-        psnr = scores(records.cells_of(scene, method))
-        if base is not None and psnr:
-            found.append(Rung(base, method, float(unit["scale"]), psnr))
-    return sorted(found, key=lambda rung: (rung.base, rung.scale))
-
-
-def scores(cells: list[CellRecord]) -> list[float]:
-    """Return the test PSNR of the cells that have one."""
-    return [value for cell in cells if (value := cell.scores.get("psnr")) is not None]
-
-
-def spread(rungs: list[Rung], scene: str) -> str:
-    """State how far each method moves over the units that all were trained in, in one sentence."""
+def unit_sentences(records: Records) -> list[str]:
+    """State how far each method moves over the units that all were trained in, and what the printed form does."""
+    scene, rungs = explained_scene(records), rungs_of(records)
     means = {base: [fmean(rung.psnr) for rung in rungs if rung.base == base] for base in BASES}
     ranges = [
         f"{base} scores {number(min(some), 1)} to {number(max(some), 1)} dB"
         for base, some in means.items()
         if len(some) > 1
     ]
-    if not ranges:
-        return ""
     scales = [rung.scale for rung in rungs]
-    between = f"between {min(scales):g} and {max(scales):g} per half of the box"
-    return f"With a unit of density {between}, {' and '.join(ranges)} on {scene}."
+    moved = (
+        f"With a unit of density between {min(scales):g} and {max(scales):g} per half of the box, "
+        f"{' and '.join(ranges)} on {scene}."
+        if ranges
+        else ""
+    )
+    return [sentence for sentence in (moved, printed_form(records)) if sentence]
+
+
+def explained_scene(records: Records) -> str:
+    """Return the scene on which further methods were trained; empty if there are none."""
+    return next((cell.scene for cell in records.extra_cells), "")
+
+
+def rungs_of(records: Records) -> list[Rung]:
+    """Return the rungs in the order of their units; NeRF and Q-NeRF themselves are among them."""
+    known = records.run.settings.get("density_units") if records.extra_cells else None
+    rungs = []
+    for method, unit in known.items() if isinstance(known, dict) else ():
+        base = next((name for name in BASES if method == name or method.startswith(f"{name}_unit_")), None)
+        psnr = scores(records.cells_of(explained_scene(records), method))
+        if base is not None and psnr:
+            rungs.append(Rung(base, float(unit["scale"]), method, psnr))
+    return sorted(rungs)
+
+
+def scores(cells: list[CellRecord]) -> list[float]:
+    """Return the test PSNR of the cells that have one."""
+    return [value for cell in cells if (value := cell.scores.get("psnr")) is not None]
 
 
 def printed_form(records: Records) -> str:
@@ -218,8 +213,7 @@ def ladder_panel(records: Records) -> list[Panel]:
     """Draw mean test PSNR against the unit of density, a cross for the printed form; nothing for fewer than three
     units.
     """
-    scene = next((cell.scene for cell in records.extra_cells), "")
-    rungs = rungs_of(records, scene)
+    scene, rungs = explained_scene(records), rungs_of(records)
     scales = [rung.scale for rung in rungs]
     if len(set(scales)) < 3:
         return []
@@ -236,60 +230,51 @@ def ladder_panel(records: Records) -> list[Panel]:
         traces.append(Trace(PRINTED, palette.INK.light, "cross", (half,), (fmean(printed),)))
     if described is not None and described.psnr_floor is not None:
         ends, heights = (min(scales), max(scales)), (described.psnr_floor,) * 2
-        traces.append(Trace("floor", palette.MUTED.light, "floor", ends, heights))
+        traces.append(Trace("floor", MUTED.light, "floor", ends, heights))
     means = "; ".join(f"{rung.base} {number(fmean(rung.psnr), 1)} dB at {rung.scale:g}" for rung in rungs)
-    title = f"Test PSNR on {scene} against the unit of density"
+    title, x_label = f"Test PSNR on {scene} against the unit of density", "density where the amplifier gives 1"
+    limits = padded(scales, True), padded([value for trace in traces for value in trace.y], False)
     return [
         Panel(
-            title,
-            "density where the amplifier gives 1, per half of the box",
-            "test PSNR, dB",
-            tuple(traces),
-            f"{title}: {means}.",
-            "log",
-            "linear",
-            padded(scales, True),
-            padded([value for trace in traces for value in trace.y], False),
-            size=(5.8, 3.6),
+            title, f"{x_label}, per half of the box", "test PSNR, dB", tuple(traces), f"{title}: {means}.", "log",
+            "linear", *limits, size=(5.8, 3.6),
         )
-    ]
+    ]  # fmt: skip
 
 
-def ladder_grid(rungs: list[Rung]) -> Grid | None:
-    """Tabulate one row per unit."""
-    scales = sorted({rung.scale for rung in rungs})
-    if len(scales) < 2:
-        return None
-    columns = [Column("unit of density", small="per half of the box"), *(Column(base, small="dB") for base in BASES)]
+def unit_grids(records: Records) -> list[Grid]:
+    """Tabulate the ladder, a row per unit, and the further methods that are no rungs of it, each against NeRF."""
+    scene, rungs = explained_scene(records), rungs_of(records)
     entries = {(rung.scale, rung.base): _score(rung.psnr) for rung in rungs}
-    rows = [
-        [Entry(f"{scale:g}", value=scale), *(entries.get((scale, base), EMPTY) for base in BASES)] for scale in scales
+    scales = sorted({rung.scale for rung in rungs})
+    ladder = [
+        [Entry(f"{scale:g}", value=scale), *(entries.get((scale, base), EMPTY) for base in BASES)]
+        for scale in (scales if len(scales) > 1 else ())
     ]
-    return Grid("The ladder of units", columns, rows, filtered=False)
-
-
-def _score(psnr: list[float]) -> Entry:
-    more = f"± {number(stdev(psnr))}, {counted(len(psnr), 'seed')}" if len(psnr) > 1 else "1 seed"
-    return Entry(number(fmean(psnr)), more, value=fmean(psnr))
-
-
-def beside_grid(records: Records, scene: str) -> Grid | None:
-    """Tabulate the further methods that are no rungs of the ladder, each against NeRF."""
-    rows = []
-    for method in records.run.methods:
+    further = []
+    for method, title in records.run.methods.items():
         cells = [cell for cell in records.extra_cells if (cell.scene, cell.method) == (scene, method)]
-        if not cells or "_unit_" in method:
-            continue
-        psnr, one = scores(cells), records.comparison(scene, method, "nerf")
-        against = EMPTY
-        if one is not None and one.difference is not None:
-            against = Entry(signed(one.difference), interval(one.simultaneous or one.interval), value=one.difference)
-        verdict = Entry(one.verdict if one is not None else "not compared")
-        rows.append([Entry(method, records.run.methods[method]), _score(psnr) if psnr else EMPTY, against, verdict])
+        if cells and "_unit_" not in method:
+            psnr, one = scores(cells), records.comparison(scene, method, "nerf")
+            against = EMPTY
+            if one is not None and one.difference is not None:
+                pair = interval(one.simultaneous or one.interval)
+                against = Entry(signed(one.difference), pair, value=one.difference)
+            verdict = Entry(one.verdict if one is not None else "not compared")
+            further.append([Entry(method, title), _score(psnr) if psnr else EMPTY, against, verdict])
+    unit = Column("unit of density", small="per half of the box")
     columns = [
         Column("method", numeric=False),
         Column("test PSNR", small="dB"),
         Column("− nerf", small="dB, 95 % interval on this scene"),
         Column("verdict", numeric=False),
     ]
-    return Grid(f"Further methods on {scene}", columns, rows, filtered=False) if rows else None
+    return [
+        Grid("The ladder of units", [unit, *(Column(base, small="dB") for base in BASES)], ladder, filtered=False),
+        Grid(f"Further methods on {scene}", columns, further, filtered=False),
+    ]
+
+
+def _score(psnr: list[float]) -> Entry:
+    more = f"± {number(stdev(psnr))}, {counted(len(psnr), 'seed')}" if len(psnr) > 1 else "1 seed"
+    return Entry(number(fmean(psnr)), more, value=fmean(psnr))

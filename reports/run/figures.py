@@ -1,13 +1,13 @@
 """Every figure of a run's page, each in one line of `FIGURES`, and the differences of the headline drawn as rows."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from reports.claims.headline import BUDGETS, roles
 from reports.data.load import Records
 from reports.data.selection import behind_difference
 from reports.data.wording import interval, signed
-from reports.drawing.figure import plots, with_common_limits
+from reports.drawing.figure import with_common_limits
 from reports.drawing.palette import INK, MUTED, colours_of
 from reports.drawing.traces import Panel, Trace
 from reports.run.curves import convergence
@@ -77,7 +77,7 @@ class Drawn(NamedTuple):
     name: str
     """The beginning of their ids on the page: letters, digits and dashes."""
     section: str
-    """The section of `page.html` that shows them."""
+    """The section of the page that shows them."""
     panels: Callable[[Records], list[Panel]]
     title: str = ""
     legend: str = ""
@@ -128,12 +128,3 @@ FIGURES = (
         note="One line a cell. Dashed: where training starts, α = 1/φ and β = 1.",
     ),
 )
-
-
-def figures_drawn(records: Records) -> dict[str, list[tuple[Drawn, Any]]]:
-    """Map section → its figures with their plots; a figure without a panel is left out."""
-    found: dict[str, list[tuple[Drawn, Any]]] = {}
-    for figure in FIGURES:
-        drawn = plots(figure.panels(records), figure.name)
-        found.setdefault(figure.section, []).extend([(figure, drawn)] if drawn else [])
-    return found

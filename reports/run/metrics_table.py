@@ -11,7 +11,7 @@ from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import average_of, cells_frame, shared_scenes, spread_of
 from reports.data.wording import count, duration, interval, listed, number, signed, significant
-from reports.page.grid import EMPTY, Column, Entry, Grid
+from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 
 def metrics_grid(records: Records) -> Grid:
@@ -172,27 +172,29 @@ def warning_kinds(records: Records) -> list[tuple[str, int]]:
     return found.most_common()
 
 
+VERDICT_TONES = {"within its bound": "equivalent", "costs more": "failed", "inconclusive": "inconclusive"}
+
+
 def left_out_grid(records: Records) -> Grid:
     """Tabulate the omissions that a scene allows; if that was verified, what they saved and changed."""
     columns = [Column(name, numeric=False) for name in ("scene", "left out", "because")]
     columns += [Column("time saved"), Column("change in error"), Column("may cost"), Column("verdict", numeric=False)]
-    rows = []
-    for scene in records.run.scenes:
-        for one in scene.left_out:
-            saved, bound, verdict = EMPTY, EMPTY, EMPTY
-            if one.seconds_saved is not None:
-                saved = Entry(duration(one.seconds_saved), one.clock, value=one.seconds_saved)
-            if one.bound:
-                bound = Entry(f"{significant(one.bound)} {one.unit}")
-            if one.verdict:
-                verdict = Entry(one.verdict, tone=VERDICT_TONES.get(one.verdict, ""))
-            row = [Entry(scene.name, runs=Selection(scene.name)), Entry(one.what, one.concerns), Entry(one.reason)]
-            rows.append([*row, saved, _change(one), bound, verdict])
-    shown = [place for place in range(len(columns)) if place < 3 or any(row[place] != EMPTY for row in rows)]
-    return Grid("Left out", [columns[place] for place in shown], [[row[place] for place in shown] for row in rows])
-
-
-VERDICT_TONES = {"within its bound": "equivalent", "costs more": "failed", "inconclusive": "inconclusive"}
+    rows = [
+        [
+            Entry(scene.name, runs=Selection(scene.name)),
+            Entry(one.what, one.concerns),
+            Entry(one.reason),
+            EMPTY
+            if one.seconds_saved is None
+            else Entry(duration(one.seconds_saved), one.clock, "", one.seconds_saved),
+            _change(one),
+            Entry(f"{significant(one.bound)} {one.unit}") if one.bound else EMPTY,
+            Entry(one.verdict, tone=VERDICT_TONES.get(one.verdict, "")) if one.verdict else EMPTY,
+        ]
+        for scene in records.run.scenes
+        for one in scene.left_out
+    ]
+    return without_empty_columns(Grid("Left out", columns, rows), always=3)
 
 
 def _change(one: LeftOut) -> Entry:
@@ -201,5 +203,5 @@ def _change(one: LeftOut) -> Entry:
     if one.unit == "colour":
         between = "" if one.interval is None else f"[{significant(one.interval[0])}, {significant(one.interval[1])}]"
         return Entry(f"{significant(one.difference)} of a colour", between, value=one.difference)
-    said = f"{signed(one.difference, 3)}{one.unit and ' ' + one.unit}"
-    return Entry(said, interval(one.interval, 3), value=one.difference)
+    change = f"{signed(one.difference, 3)}{one.unit and ' ' + one.unit}"
+    return Entry(change, interval(one.interval, 3), value=one.difference)

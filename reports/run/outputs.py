@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS, PRIMARY
@@ -19,12 +18,9 @@ from reports.data.wording import counted, interval, listed, number, signed
 from reports.drawing.figure import plots, with_common_limits
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Panel, Trace
-from reports.page import shell
 from reports.page.grid import EMPTY, Column, Entry, Grid
-from reports.page.script import content_policy
-from reports.page.shell import flat
+from reports.page.shell import Layout, flat, section
 from reports.run.curves import middle_of, points_of
-from reports.run.run_page import named as in_colours
 from scenes.files.atomic import write_atomically
 
 EVERYWHERE = "all"
@@ -35,13 +31,10 @@ DASHES = (("solid:", ()), ("dashed:", (5.0, 2.0)), ("dotted:", (1.5, 1.5)), ("da
 """The dashes, one per output, over and over."""
 FEW = 3
 """The number of scenes that a headline names; more are counted."""
-SECTIONS = (
-    ("scores", "Scores"),
-    ("verdicts", "Does the answer change?"),
-    ("curves", "Convergence"),
-    ("metrics", "Other scores"),
-    ("seconds", "Training time"),
-    ("facts", "What differs"),
+ABOUT_SCORES = (
+    "Means over finished seeds ± sample standard deviation. A difference is paired by scene and seed, and judged as "
+    "one method against another is: its 95 % interval, below it the wider one of all that are looked at together, from "
+    "which the verdict is taken."
 )
 
 
@@ -52,18 +45,6 @@ class Output:
     letter: str
     name: str
     records: Records
-
-
-@dataclass(frozen=True)
-class Row:
-    """The difference `other` − `first` in one metric of one method."""
-
-    scene: str
-    """The name of a scene, or `all`: those with the same ground truth in both."""
-    method: str
-    metric: str
-    budget: Budget
-    found: Judgement
 
 
 @dataclass(frozen=True)
@@ -80,35 +61,32 @@ class Against:
     unlike: dict[str, str]
     """Map scene → why its scores are of another question: another ground truth."""
     same_clock: bool
-    rows: list[Row]
+    rows: dict[tuple[str, str, str, str], Judgement]
+    """Map scene (or `all`: those with the same ground truth in both), method, metric and budget → the difference
+    `other` − `first`.
+    """
 
-    def row(self, scene: str, method: str, metric: str = PRIMARY, budget: str = "steps") -> Row | None:
-        wanted = (scene, method, metric, budget)
-        return next((row for row in self.rows if (row.scene, row.method, row.metric, row.budget) == wanted), None)
+    def row(self, scene: str, method: str, metric: str = PRIMARY, budget: str = "steps") -> Judgement | None:
+        return self.rows.get((scene, method, metric, budget))
 
 
-def named(found: list[Records]) -> list[Output]:
+def named(runs: list[Records]) -> list[Output]:
     """Name each by the shortest end of its path that none of the others has."""
-    paths = [records.out.resolve() for records in found]
+    paths = [records.out.resolve() for records in runs]
 
     def name(path: Path) -> str:
         ends = [path.parts[-many:] for many in range(1, len(path.parts))]
         alone = (end for end in ends if sum(other.parts[-len(end) :] == end for other in paths) == 1)
         return "/".join(next(alone, path.parts))
 
-    letters = [chr(ord("A") + place) if place < 26 else str(place + 1) for place in range(len(found))]
-    return [Output(*one) for one in zip(letters, map(name, paths), found, strict=True)]
+    return [Output(chr(ord("A") + place), name(paths[place]), records) for place, records in enumerate(runs)]
 
 
 def against(first: Output, other: Output) -> Against:
     """Return what `other` changes of `first`: only scenes, methods and seeds that both have can be compared."""
     ours, theirs = ({(c.scene, c.method, c.seed): c for c in one.records.cells} for one in (first, other))
     pairs = [(ours[key], theirs[key]) for key in ours if key in theirs]
-    unlike: dict[str, str] = {}
-    for pair in pairs:
-        if pair[0].scene not in unlike:
-            unlike[pair[0].scene] = other_truth(*pair)
-    unlike = {scene: why for scene, why in unlike.items() if why}
+    unlike = {pair[0].scene: why for pair in reversed(pairs) if (why := other_truth(*pair))}
     origins = [one.records.run.provenance for one in (first, other)]
     same_clock = all(origins[0].get(fact) == origins[1].get(fact) for fact in SAME_CLOCK)
     alone = [
@@ -116,7 +94,7 @@ def against(first: Output, other: Output) -> Against:
         for scene, method, seed in ours.keys() ^ theirs.keys()
     ]
     identical = sum(results(one) == results(another) for one, another in pairs)
-    rows = _rows(pairs, set(unlike), same_clock)
+    rows = _rows([pair for pair in pairs if pair[0].scene not in unlike], same_clock)
     return Against(other, identical, len(pairs), sorted(alone), unlike, same_clock, rows)
 
 
@@ -135,79 +113,56 @@ def other_truth(one: CellRecord, other: CellRecord) -> str:
     return "other images of the same size" if first.get("digest") != second.get("digest") else ""
 
 
-def _rows(pairs: list[tuple[CellRecord, CellRecord]], unlike: set[str], same_clock: bool) -> list[Row]:
-    rows = []
+def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[tuple[str, str, str, str], Judgement]:
+    rows = {}
     for method in dict.fromkeys(cell.method for cell, _ in pairs):
         own = [pair for pair in pairs if pair[0].method == method]
         keyed = {(cell.scene, FIRST, cell.seed): cell for cell, _ in own}
         keyed |= {(cell.scene, OTHER, cell.seed): cell for _, cell in own}
-        seeds = sorted({cell.seed for cell, _ in own})
-        like = [scene for scene in dict.fromkeys(cell.scene for cell, _ in own) if scene not in unlike]
-        has = {scene: np.array([(scene, FIRST, seed) in keyed for seed in seeds]) for scene in like}
+        seeds, scenes = sorted({cell.seed for cell, _ in own}), list(dict.fromkeys(cell.scene for cell, _ in own))
+        has = {scene: np.array([(scene, FIRST, seed) in keyed for seed in seeds]) for scene in scenes}
         common = np.all(list(has.values()), axis=0)
         for metric, about in METRICS.items():
             budgets: tuple[Budget, ...] = ("steps", "seconds") if about.along_training and same_clock else ("steps",)
             for budget in budgets:
-                table = differences(keyed, like, seeds, OTHER, FIRST, metric, budget)
+                table = differences(keyed, scenes, seeds, OTHER, FIRST, metric, budget)
                 # a seed that a scene has in neither run is not a pair that was lost
                 there = {scene: values[has[scene]] for scene, values in table.items()}
-                for scene in like:
-                    family = family_of(metric, scene, len(like))
-                    rows.append(Row(scene, method, metric, budget, judged(there, metric, family, scene)))
-                if len(like) > 1 and common.any():
+                for scene in scenes:
+                    family = family_of(metric, scene, len(scenes))
+                    rows[scene, method, metric, budget] = judged(there, metric, family, scene)
+                if len(scenes) > 1 and common.any():
                     shared = {scene: values[common] for scene, values in table.items()}
-                    family = family_of(metric, EVERYWHERE, len(like))
-                    rows.append(Row(EVERYWHERE, method, metric, budget, judged(shared, metric, family)))
+                    family = family_of(metric, EVERYWHERE, len(scenes))
+                    rows[EVERYWHERE, method, metric, budget] = judged(shared, metric, family)
     return rows
 
 
-def unequal_facts(outputs: list[Output], part: str) -> list[tuple[str, list[str]]]:
-    """Return settings (`settings`) or origins (`provenance`) that differ between outputs: name, value in each."""
-    found = [dict(flat(getattr(one.records.run, part))) for one in outputs]
-    rows = [(name, [facts.get(name, "–") for facts in found]) for name in dict.fromkeys(n for f in found for n in f)]
-    return [(name, values) for name, values in rows if len(set(values)) > 1]
-
-
-def headline(first: Output, found: list[Against]) -> str:
+def headline(first: Output, others: list[Against]) -> str:
     """State what the others change of the first, in one sentence each."""
-    return "; ".join(_sentence(first, one) for one in found)
+    return "; ".join(_sentence(first, one) for one in others)
 
 
 def _sentence(first: Output, one: Against) -> str:
-    name = one.other.name
+    name, both = one.other.name, [first, one.other]
     if one.shared == 0:
         return f"{name} and {first.name} have no cell in common"
     if one.identical == one.shared and not one.alone:
         return f"{name} has the same results as {first.name}, to the last bit"
-    methods = methods_of([first, one.other])
-    chosen = {method: _row(one, method) for method in methods}
-    places = {method: _place(first, one, row) for method, row in chosen.items() if row}
-    same_place = len(set(places.values())) == 1  # stated once if it is the same for all
-    cells = counted(one.shared + len(one.alone), "cell")
-    extent = f"in the {one.shared} of {cells} that both have" if one.alone else ""
-    where = ", ".join(filter(None, [*(set(places.values()) if same_place else ()), extent]))
+    every, compared = scenes_of(both), {scene for scene, *_ in one.rows}
+    scenes = [scene for scene in every if scene in compared]
+    words = [f"{name} against {first.name}"]
+    if not len(scenes) == len(every) > 1:
+        some = f"{listed(scenes)} alone" if len(scenes) <= FEW else f"{len(scenes)} of {len(every)} scenes"
+        words.append(f"on {some}")
+    if one.alone:
+        words.append(f"in the {one.shared} of {counted(one.shared + len(one.alone), 'cell')} that both have")
     verdicts = []
-    for method, row in chosen.items():
-        same = row and row.found.difference == 0 and row.found.chosen.interval == (0.0, 0.0)
-        words = ("the same" if same else row.found.chosen.verdict) if row else "not compared"
-        verdicts.append(" ".join(filter(None, [method, words, "" if same_place else places.get(method, "")])))
-    return f"{name} against {first.name}{', ' if where else ''}{where}: {listed(verdicts)}"
-
-
-def _place(first: Output, one: Against, row: Row) -> str:
-    """Return the scenes that a row is of, if they are not all of several."""
-    every = scenes_of([first, one.other])
-    own = {r.scene for r in one.rows if (r.method, r.metric, r.budget) == (row.method, row.metric, row.budget)}
-    judged_on = [scene for scene in every if scene in own] if row.scene == EVERYWHERE else [row.scene]
-    if len(judged_on) == len(every) > 1:
-        return ""
-    return f"on {listed(judged_on)} alone" if len(judged_on) <= FEW else f"on {len(judged_on)} of {len(every)} scenes"
-
-
-def _row(one: Against, method: str) -> Row | None:
-    """Return the row over all scenes; else that of the first scene which both have."""
-    scenes = dict.fromkeys([EVERYWHERE, *(row.scene for row in one.rows)])
-    return next(filter(None, (one.row(scene, method) for scene in scenes)), None)
+    for method in methods_of(both):
+        row = next(filter(None, (one.row(scene, method) for scene in (EVERYWHERE, *scenes))), None)
+        same = row and row.difference == 0 and row.chosen.interval == (0.0, 0.0)
+        verdicts.append(f"{method} {'the same' if same else row.chosen.verdict if row else 'not compared'}")
+    return f"{', '.join(words)}: {listed(verdicts)}"
 
 
 def methods_of(outputs: list[Output]) -> list[str]:
@@ -218,10 +173,10 @@ def scenes_of(outputs: list[Output]) -> list[str]:
     return list(dict.fromkeys(scene for one in outputs for scene in one.records.scenes))
 
 
-def sentences(first: Output, found: list[Against]) -> list[str]:
+def sentences(first: Output, others: list[Against]) -> list[str]:
     """Return the notes that a reader needs before the tables."""
     notes = []
-    for one in found:
+    for one in others:
         name, cells = one.other.name, counted(one.shared, "cell")
         if one.shared:
             notes.append(
@@ -238,14 +193,10 @@ def sentences(first: Output, found: list[Against]) -> list[str]:
     return notes
 
 
-def _heads(outputs: list[Output], numeric: bool = True) -> list[Column]:
-    return [Column(one.letter, numeric=numeric) for one in outputs]
-
-
-def scores_grid(outputs: list[Output], found: list[Against], method: str) -> Grid:
+def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Grid:
     """Tabulate mean test PSNR of a method by scene in each output, and each difference to the first."""
     frames = [cells_frame(one.records) for one in outputs]
-    shown = [(one, budget, words) for one in found for budget, words in BUDGETS if one.same_clock or budget == "steps"]
+    shown = [(one, budget, words) for one in others for budget, words in BUDGETS if one.same_clock or budget == "steps"]
     columns = [Column("scene", numeric=False), *(Column(one.letter, small=one.name) for one in outputs)]
     columns += [Column(f"{one.other.letter} − {outputs[0].letter}", small=f"at {words}") for one, _, words in shown]
 
@@ -264,32 +215,39 @@ def scores_grid(outputs: list[Output], found: list[Against], method: str) -> Gri
     return Grid(f"{method}: test PSNR (dB)", columns, rows, [total] if len(rows) > 1 else [])
 
 
-def difference_entry(row: Row | None, digits: int) -> Entry:
+def difference_entry(row: Judgement | None, digits: int) -> Entry:
     """Return the difference, its interval, the one that the verdict is taken from if it is wider, and the verdict."""
     if row is None:
         return EMPTY
-    found, one = row.found, row.found.chosen
-    aside = f"{counted(found.unpaired, 'pair')} not judged" if found.unpaired else ""
-    if found.difference is None:
+    one, aside = row.chosen, f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
+    if row.difference is None:
         return Entry("–", lines(one.verdict, aside), one.verdict)
     wide = one.simultaneous if one.simultaneous != one.interval else None
     together = f"together: {interval(wide, digits)}" if wide else ""
     verdict = f"{interval(one.interval, digits)} {one.verdict}".strip()
-    return Entry(signed(found.difference, digits), lines(verdict, together, aside), one.verdict)
+    return Entry(signed(row.difference, digits), lines(verdict, together, aside), one.verdict)
 
 
-def metrics_grid(outputs: list[Output], found: list[Against]) -> Grid:
+def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
     """Tabulate every metric over all scenes, at equal steps."""
     columns = [Column("method", numeric=False), Column("metric", numeric=False)]
-    columns += [Column(f"{one.other.letter} − {outputs[0].letter}") for one in found]
+    columns += [Column(f"{one.other.letter} − {outputs[0].letter}") for one in others]
     rows = []
     for method in methods_of(outputs):
         for metric, about in METRICS.items():
-            changes = [one.row(EVERYWHERE, method, metric) for one in found]
+            changes = [one.row(EVERYWHERE, method, metric) for one in others]
             if any(changes):
                 shown = [difference_entry(row, about.digits_of_difference) for row in changes]
                 rows.append([Entry(method), Entry(metric), *shown])
     return Grid("Every score over all scenes, at equal steps", columns, rows)
+
+
+def _by_output(
+    caption: str, label: str, outputs: list[Output], rows: list[list[Entry]], numeric: bool = False, note: str = ""
+) -> Grid:
+    """Return a table with a column per output."""
+    columns = [Column(label, numeric=False), *(Column(one.letter, numeric=numeric) for one in outputs)]
+    return Grid(caption, columns, rows, note=note)
 
 
 def seconds_grid(outputs: list[Output]) -> Grid:
@@ -298,60 +256,57 @@ def seconds_grid(outputs: list[Output]) -> Grid:
     for method in methods_of(outputs):
         row = [Entry(method)]
         for one in outputs:
-            cells = [cell for cell in one.records.cells if (cell.method, cell.status) == (method, "done")]
-            mean = number(float(np.mean([cell.train_seconds for cell in cells])), 1) if cells else ""
-            row.append(Entry(f"{mean} s", counted(len(cells), "cell")) if cells else EMPTY)
+            spent = [c.train_seconds for c in one.records.cells if (c.method, c.status) == (method, "done")]
+            mean = f"{number(float(np.mean(spent)), 1)} s" if spent else ""
+            row.append(Entry(mean, counted(len(spent), "cell")) if spent else EMPTY)
         rows.append(row)
-    columns = [Column("method", numeric=False), *_heads(outputs)]
-    return Grid("Training seconds a cell", columns, rows, note="Means over the finished cells of each output.")
+    note = "Means over the finished cells of each output."
+    return _by_output("Training seconds a cell", "method", outputs, rows, True, note)
 
 
 def verdicts_grid(outputs: list[Output]) -> Grid:
     """Tabulate the answer of each output to its own question: the compared methods, over all scenes."""
-    found = [
+    answers = [
         {
             (one.method, one.against, one.budget): one
             for one in output.records.comparisons
-            if (one.scene, one.metric) == (EVERYWHERE, PRIMARY)
+            if (one.scene, one.metric) == (EVERYWHERE, PRIMARY) and one.difference is not None
         }
         for output in outputs
     ]
-    words, rows = dict(BUDGETS), []
-    for key in dict.fromkeys(key for of_output in found for key in of_output):
-        row = [Entry(f"{key[0]} − {key[1]}", f"at {words[key[2]]}")]
-        for one in (of_output.get(key) for of_output in found):
-            known = one is not None and one.difference is not None
-            row.append(
-                Entry(signed(one.difference), lines(interval(one.interval), one.verdict), one.verdict)
-                if one and known
-                else EMPTY
-            )
-        rows.append(row)
-    columns = [Column("comparison", numeric=False), *_heads(outputs)]
-    return Grid("What each output says: difference in test PSNR over its scenes (dB)", columns, rows)
+    rows = [
+        [
+            Entry(f"{method} − {rival}", f"at {dict(BUDGETS)[budget]}"),
+            *(
+                Entry(signed(one.difference), lines(interval(one.interval), one.verdict), one.verdict) if one else EMPTY
+                for one in (of_output.get((method, rival, budget)) for of_output in answers)
+            ),
+        ]
+        for method, rival, budget in dict.fromkeys(key for of_output in answers for key in of_output)
+    ]
+    caption = "What each output says: difference in test PSNR over its scenes (dB)"
+    return _by_output(caption, "comparison", outputs, rows, True)
 
 
 def claims_grid(outputs: list[Output]) -> Grid:
     """Tabulate the printed claims that all outputs list and on which they disagree."""
-    found = [{claim.id: claim for claim in claims(output.records)} for output in outputs]
+    ledgers = [{claim.id: claim for claim in claims(output.records)} for output in outputs]
     rows = []
-    for name, claim in found[0].items():
-        verdicts = [of_output[name].verdict for of_output in found if name in of_output]
+    for name, claim in ledgers[0].items():
+        verdicts = [ledger[name].verdict for ledger in ledgers if name in ledger]
         if len(verdicts) == len(outputs) and len(set(verdicts)) > 1:
             rows.append([Entry(claim.statement, name), *map(Entry, verdicts)])
-    columns = [Column("claim", numeric=False), *_heads(outputs, numeric=False)]
-    return Grid("Claims of which the outputs do not say the same", columns, rows)
+    return _by_output("Claims of which the outputs do not say the same", "claim", outputs, rows)
 
 
-def facts_grids(outputs: list[Output]) -> list[Grid]:
-    """Tabulate the differences in settings and origins."""
-    columns = [Column("setting", numeric=False), *_heads(outputs, numeric=False)]
-    parts = (("settings", "Settings that differ"), ("provenance", "Machine and versions that differ"))
-    grids = []
-    for part, caption in parts:
-        rows = [[Entry(name), *map(Entry, values)] for name, values in unequal_facts(outputs, part)]
-        grids += [Grid(caption, columns, rows)] if rows else []
-    return grids
+def facts_grid(outputs: list[Output], part: str, caption: str) -> Grid:
+    """Tabulate the settings (`settings`) or the facts of origin (`provenance`) that differ between outputs."""
+    facts = [dict(flat(getattr(one.records.run, part))) for one in outputs]
+    rows = {
+        name: [own.get(name, "–") for own in facts] for name in dict.fromkeys(name for own in facts for name in own)
+    }
+    differing = [[Entry(name), *map(Entry, values)] for name, values in rows.items() if len(set(values)) > 1]
+    return _by_output(caption, "setting", outputs, differing)
 
 
 def curves(outputs: list[Output]) -> list[Panel]:
@@ -376,43 +331,38 @@ def curves(outputs: list[Output]) -> list[Panel]:
     return with_common_limits(panels, "x")
 
 
-def outputs_page(found: list[Records]) -> str:
-    """Return the complete page as text; the first output is the reference for the others."""
-    return _page(found)[0]
+def outputs_page(runs: list[Records]) -> tuple[str, str]:
+    """Return the headline, and the complete page as text; the first output is the reference for the others."""
+    outputs = named(runs)
+    others = [against(outputs[0], other) for other in outputs[1:]]
+    methods = methods_of(outputs)
+    layout = Layout(colours_of(methods))
+    parts, title = layout.parts, headline(outputs[0], others)
+    drawn = plots(curves(outputs), "curves")
+    looks = [(DASHES[place % len(DASHES)][0], f" {one.letter}") for place, one in enumerate(outputs)]
+    legend = parts.legend([*((parts.swatch(method), method) for method in methods), *looks])
+    facts = [
+        parts.table(facts_grid(outputs, "settings", "Settings that differ")),
+        parts.table(facts_grid(outputs, "provenance", "Machine and versions that differ")),
+    ]
+    same = "" if any(facts) else "Nothing: settings, versions and machine are the same."
+    scores = [parts.table(scores_grid(outputs, others, method)) for method in methods]
+    answers = parts.table(verdicts_grid(outputs))
+    judged_otherwise = parts.table(claims_grid(outputs)) if answers else answers
+    sections = [
+        section("scores", "Scores", *scores, parts.paragraph(ABOUT_SCORES, "note")),
+        section("verdicts", "Does the answer change?", answers, judged_otherwise),
+        section("curves", "Convergence", *([legend, parts.figures(drawn)] if drawn else [])),
+        section("metrics", "Other scores", parts.table(metrics_grid(outputs, others), False)),
+        section("seconds", "Training time", parts.table(seconds_grid(outputs), False)),
+        section("facts", "What differs in how they were made", *facts, parts.paragraph(same)),
+    ]
+    notes = sentences(outputs[0], others)
+    return title, layout.page("outputs_page.html", title, sections, [], outputs=outputs, sentences=notes)
 
 
-def _page(found: list[Records]) -> tuple[str, str]:
-    outputs = named(found)
-    pairs = [against(outputs[0], other) for other in outputs[1:]]
-    methods, title = methods_of(outputs), headline(outputs[0], pairs)
-    environment, colours = shell.environment(), colours_of(methods)
-    environment.filters["named"] = lambda text: in_colours(text, colours)
-    drawn, verdicts, metrics = plots(curves(outputs), "curves"), verdicts_grid(outputs), metrics_grid(outputs, pairs)
-    there = {"verdicts": verdicts.rows, "curves": drawn, "metrics": metrics.rows}
-    text = environment.get_template("outputs_page.html").render(
-        scores=[scores_grid(outputs, pairs, method) for method in methods],
-        verdicts=verdicts,
-        claims=claims_grid(outputs),
-        metrics=metrics,
-        seconds=seconds_grid(outputs),
-        facts=facts_grids(outputs),
-        policy=content_policy(shell.code()),
-        script=Markup(shell.code()),
-        style=shell.style("page.css", "explore.css"),
-        title=title,
-        sentences=sentences(outputs[0], pairs),
-        sections=[(name, caption) for name, caption in SECTIONS if there.get(name, True)],
-        colours=colours,
-        methods=methods,
-        outputs=outputs,
-        plots=drawn,
-        looks=[(one, DASHES[place % len(DASHES)][0]) for place, one in enumerate(outputs)],
-    )
-    return text, title
-
-
-def write_outputs_page(found: list[Records], path: Path) -> str:
+def write_outputs_page(runs: list[Records], path: Path) -> str:
     """Write the page atomically; returns its headline."""
-    text, title = _page(found)
+    title, text = outputs_page(runs)
     write_atomically(path, text, fsync=False)
     return title

@@ -1,17 +1,16 @@
 """Records → report.html: one self-contained file that works offline and makes no requests."""
 
-import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from harness.records.study import SHELVES
 from reports.claims.claim_list import claims
 from reports.claims.estimands import rates_grid, senses_grid
 from reports.claims.first_screen import first_screen
-from reports.claims.headline import headline, roles
-from reports.claims.ledger import in_short, not_tested
+from reports.claims.headline import headline
+from reports.claims.ledger import Claim, in_short, not_tested
 from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters, folds
 from reports.data import wording
@@ -20,64 +19,56 @@ from reports.data.load import Records
 from reports.data.packing import as_data
 from reports.data.scale import facts, in_a_line, is_paper_scale, standing
 from reports.data.selection import behind_difference
-from reports.drawing import palette
+from reports.drawing.figure import plots
+from reports.drawing.palette import colours_of
 from reports.page import shell
-from reports.page.grid import Grid
-from reports.page.script import content_policy, script
-from reports.page.shell import flat
+from reports.page.shell import Layout, Section, flat, section
 from reports.run import metrics_table, pictures
-from reports.run.curves import work
-from reports.run.density import amplified_methods, printed_form, units
-from reports.run.figures import figures_drawn
+from reports.run.curves import Diagram, chooser_rules, diagrams
+from reports.run.density import amplified_methods, printed_form, unit_grids, unit_sentences
+from reports.run.figures import FIGURES
 from reports.run.pictures import PictureData, picture_data, remove_others, views, write_files
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
-from reports.run.time_to_target import time_to_target
+from reports.run.time_to_target import notes, savings_grid, target_title
 from reports.studies.shelves import WORDS, page_of
 from reports.studies.study_page import ShelfShown, shelf_shown
 from scenes.files.atomic import write_atomically
 
-SECTIONS = (
-    ("psnr", "PSNR"),
-    ("units", "The unit of density"),
-    ("evidence", "Evidence"),
-    ("convergence", "Convergence"),
-    ("work", "Error against run time"),
-    ("reaching", "Time to target"),
-    ("pictures", "Pictures"),
-    ("serving", "View cache and attention (§8)"),
-    ("metrics", "Other scores"),
-    ("amplifier", "Amplifier"),
-    ("stability", "Numerical stability"),
-    ("claims", "The paper’s claims"),
-    ("rates", "Failure rates"),
-    ("failures", "Unfinished cells"),
-    ("warnings", "Warnings"),
-    ("properties", "Measured properties"),
-    ("parameters", "Weights"),
-    ("left_out", "Left out"),
-    ("deviations", "Deviations"),
-    ("comparisons", "Every comparison"),
-    ("provenance", "Provenance"),
-)
-TABLES = {
-    "rates": rates_grid,
-    "failures": metrics_table.failures_grid,
-    "warnings": metrics_table.warnings_grid,
-    "properties": metrics_table.properties_grid,
-    "parameters": metrics_table.parameters_grid,
-    "left_out": metrics_table.left_out_grid,
-}
-"""The sections that are a single table."""
-SHEETS = {
-    "stability": ("studies.css",),
-    "evidence": ("studies.css",),
-    "work": ("work.css",),
-    "serving": ("studies.css",),
-    "pictures": ("compare.css",),
-}
-"""Map section → the style sheets that it needs besides that of the page."""
 SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *pictures.SCRIPTS, shell.START)
 """The scripts in this order, in one scope."""
+HEADING = Markup("<h3>{}</h3>")
+MUTED = Markup('<i class="swatch" style="background: var(--muted)"></i>')
+TABLES = {
+    "Failure rates": ("rates", rates_grid),
+    "Unfinished cells": ("failures", metrics_table.failures_grid),
+    "Warnings": ("warnings", metrics_table.warnings_grid),
+    "Measured properties": ("properties", metrics_table.properties_grid),
+    "Weights": ("parameters", metrics_table.parameters_grid),
+    "Left out": ("left_out", metrics_table.left_out_grid),
+}
+"""Title → id and table of a section that is a single one."""
+CONVERGENCE = (
+    "Thin: one seed. Thick: mean of the finished seeds. A cross: where a run diverged. Dashed: the floor (copying the "
+    "nearest training view) and, where it is near, the ceiling (noise of the ground truth)."
+)
+WORK = (
+    "Lower and further left is better. Thin: one seed. Thick: the geometric mean of the finished seeds, over all "
+    "scenes too. Band: one standard deviation over the seeds, up and down in error, left and right in cost. A cross: "
+    "where a run diverged. Dashed: the error that the noise of the ground truth itself causes, carried over from the "
+    "PSNR ceiling to linear light; for the other errors it is not known."
+)
+AMPLIFIER = (
+    "Points spread over the scene’s box: means over the seeds that finished, if any did, at the last step that they "
+    "share. Both axes are logarithmic where the bins are; empty bins lie on the lower one."
+)
+CLAIMS = Markup(
+    "{}: {}. Intervals are 95 %, on these scenes, and widened where several claims are looked at together. At the "
+    "paper’s scale a gain or level is <i>reproduced</i> where its interval lies within ± 0.2 dB (0.005 of SSIM, 5 "
+    "percentage points of a saving) of what is printed, and <i>not reproduced</i> where it lies outside. At another "
+    "scale a gain is <i>seen</i> where its interval lies above 0 and reaches to within that distance of what is "
+    "printed, and <i>not seen at this scale</i> where it does not reach there. What needs no training – weights, sums, "
+    "means – is reproduced or not. All else is <i>inconclusive</i>."
+)
 
 
 def page(records: Records, beside: Beside = ALONE) -> str:
@@ -86,96 +77,127 @@ def page(records: Records, beside: Beside = ALONE) -> str:
 
 
 def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
-    environment = shell.environment()
-    colours = palette.colours_of(records.methods)
-    environment.filters["named"] = lambda text: named(text, colours)
-    environment.filters["signed"] = wording.signed
-    environment.filters["interval"] = wording.interval
-    environment.filters["as_data"] = as_data
-    environment.filters["behind"] = behind_difference
-    studies = {"stability": beside.stability, "evidence": beside.evidence, "serving": beside.serving}
-    content = _content(records, beside) | {
-        shelf: (shown.get(shelf) or shelf_shown(record, records.out)) if record else None
-        for shelf, record in studies.items()
-    }
-    there = {**content, **content["tables"], **content["plotted"], "psnr": True}
-    there["amplifier"] = content["plotted"]["amplifier"] or content["plotted"]["learned"]
-    own = dict.fromkeys(sheet for section, sheets in SHEETS.items() if content[section] for sheet in sheets)
-    style = shell.style("page.css", "explore.css", *own)
-    if content["work"]:
-        style += content["work"]["rules"]
-    code = script(*SCRIPTS)
-    return environment.get_template("page.html").render(
-        **content,
-        policy=content_policy(code, files=bool(pixels and pixels.files)),
-        pixels=pixels,
-        script=Markup(code),
-        style=style,
-        data={"runs": as_data(runs_data(records)), "density": as_data(density_data(records))},
-        title=content["headline"].title,
+    layout = Layout(colours_of(records.methods))
+    filters = {"signed": wording.signed, "interval": wording.interval, "as_data": as_data, "behind": behind_difference}
+    layout.environment.filters.update(filters)
+    run, ledger = records.run, claims(records, beside)
+    studies = [one for one in (beside.evidence, beside.stability, beside.serving) if one is not None]
+    shelves = {one.shelf: shown.get(one.shelf) or shelf_shown(one, records.out) for one in studies}
+    work, missing = diagrams(records), not_tested(run.not_tested, ledger)
+    answer = headline(records)
+    return layout.page(
+        "page.html",
+        answer.title,
+        _sections(records, layout, ledger, shelves, pixels, work),
+        provenance(records),
+        scripts=SCRIPTS,
+        files=bool(pixels and pixels.files),
+        rules=chooser_rules(work),
+        records=records,
+        run=run,
+        headline=answer,
+        first=first_screen(records, ledger, beside),
+        facts=facts(records),
+        scale=in_a_line(records),
+        at_paper_scale=is_paper_scale(records),
+        as_printed=printed_form(records),
+        expected=len(run.scenes) * len(run.methods) * len(run.seeds),
+        not_tested=missing,
+        not_tested_in_short=in_short(missing),
+        warned=sum(bool(cell.warnings) for cell in records.cells),
+        warning_kinds=metrics_table.warning_kinds(records),
+        shelves=shelves.values(),
         pages_beside=[
             (page_of(shelf), words.link) for shelf, words in WORDS.items() if (records.out / SHELVES[shelf]).is_file()
         ],
-        colours=colours,
-        sections=[(name, title) for name, title in SECTIONS if there.get(name)],
+        pixels=pixels,
+        data={"runs": as_data(runs_data(records)), "density": as_data(density_data(records))},
     )
 
 
-def _content(records: Records, beside: Beside) -> dict[str, Any]:
-    """Return the content of each section; an empty one is left out with its entry in the contents."""
-    run, found = records.run, claims(records, beside)
-    missing = not_tested(run.not_tested, found)
-    return {
-        "records": records,
-        "run": run,
-        "headline": headline(records),
-        "cast": roles(records),
-        "first": first_screen(records, found, beside),
-        "facts": facts(records),
-        "scale": in_a_line(records),
-        "standing": standing(records),
-        "at_paper_scale": is_paper_scale(records),
-        "expected": len(run.scenes) * len(run.methods) * len(run.seeds),
-        "failed": records.failed,
-        "not_tested": missing,
-        "not_tested_in_short": in_short(missing),
-        "warned": sum(bool(cell.warnings) for cell in records.cells),
-        "warning_kinds": metrics_table.warning_kinds(records),
-        "plotted": figures_drawn(records),
-        "psnr": {
-            "scores": scores_grid(records),
-            "differences": differences_grids(records),
-            "senses": filled(senses_grid(records)),
-        },
-        "units": units(records),
-        "as_printed": printed_form(records),
-        "work": work(records),
-        "reaching": time_to_target(records),
-        "pictures": views(records),
-        "metrics": metrics_table.metrics_grid(records),
-        "amplified_methods": amplified_methods(records),
-        "claims": chapters(found, in_a_line(records)),
-        "folds": folds(found),
-        "tables": {name: grid for name, made in TABLES.items() if (grid := filled(made(records)))},
-        "deviations": run.deviations,
-        "comparisons": filled(metrics_table.comparisons_grid(records)),
-        "provenance": provenance(records),
-    }
+def _sections(
+    records: Records,
+    layout: Layout,
+    ledger: list[Claim],
+    shelves: dict[str, ShelfShown],
+    pixels: PictureData | None,
+    work: list[Diagram],
+) -> Iterator[Section]:
+    """Yield the sections in the order of the page; an empty one is left out."""
+    parts, named, run = layout.parts, layout.named, records.run
+    keys = [(parts.swatch(method), method) for method in records.methods]
+
+    def figures(name: str) -> Markup:
+        shown = Markup("")
+        for one in FIGURES:
+            if one.section == name and (drawn := plots(one.panels(records), one.name)):
+                shown += HEADING.format(one.title) if one.title else ""
+                shown += parts.legend(keys, one.legend) if one.legend else ""
+                shown += parts.figures(drawn, "pairs" if one.wide else "")
+                shown += parts.paragraph(named(one.note), "note")
+        return shown
+
+    def shelf(name: str) -> Section:
+        return section(name, WORDS[name].title, *map(layout.study_parts.shelf, filter(None, [shelves.get(name)])))
+
+    scores = [scores_grid(records), senses_grid(records), *differences_grids(records)]
+    yield section("psnr", "PSNR", *map(parts.table, scores), figures("psnr"))
+    sentences = [parts.paragraph(named(sentence)) for sentence in unit_sentences(records)]
+    tables = map(parts.table, unit_grids(records))
+    yield section("units", "The unit of density", *sentences, figures("units"), *tables)
+    yield shelf("evidence")
+    if converging := figures("convergence"):
+        yield section("convergence", "Convergence", parts.legend(keys, CONVERGENCE), converging)
+    if work:
+        chooser = parts.chooser(work, [plots(one.panels, one.name) for one in work])
+        yield section("work", "Error against run time", parts.legend(keys, WORK), chooser)
+    if (targets := records.targets) is not None:
+        by_scene = [figures("reaching_scenes")]
+        by_scene += [parts.table(savings_grid(targets, records.scenes), own="own")] if by_scene[0] else []
+        yield section(
+            "reaching",
+            target_title(targets),
+            parts.paragraph(named(targets.declared)),
+            parts.table(savings_grid(targets, ["all"])),
+            figures("reaching"),
+            *(parts.paragraph(named(sentence), "note") for sentence in notes(targets)),
+            parts.folded("Scene by scene", Markup("").join(by_scene)) if by_scene[0] else Markup(""),
+        )
+    if still := views(records):
+        beside = parts.paragraph(pixels.data["beside"], "alert mild") if pixels else Markup("")
+        yield section("pictures", "Pictures", beside, parts.comparer(still))
+    yield shelf("serving")
+    yield section("metrics", "Other scores", parts.table(metrics_table.metrics_grid(records), False))
+    density = figures("amplifier")
+    after = [(parts.swatch(method), f"density after it, {method}") for method in amplified_methods(records)]
+    legend = parts.legend([(MUTED, "density before the amplifier"), *after], AMPLIFIER) if density else Markup("")
+    yield section("amplifier", "Amplifier", legend, density, figures("learned"))
+    yield shelf("stability")
+    if tested := chapters(ledger, in_a_line(records)):
+        judged = [HEADING.format(one["title"]) + parts.table(one["grid"], False) for one in tested]
+        untested = folds(ledger)
+        folded = [parts.folded(shell.with_code(one["title"]), parts.bullets(one["claims"])) for one in untested]
+        rule = parts.paragraph(CLAIMS.format(standing(records), in_a_line(records)))
+        heading = HEADING.format("Not tested") if untested else Markup("")
+        yield section("claims", "The paper’s claims", rule, *judged, heading, *folded)
+    for title, (name, grid) in TABLES.items():
+        yield section(name, title, parts.table(grid(records), False))
+    yield section("deviations", "Deviations from the paper", parts.bullets(run.deviations))
+    compared = metrics_table.comparisons_grid(records)
+    many = f"{len(compared.rows)} paired comparisons with intervals and smallest detectable differences"
+    every = parts.folded(many, parts.table(compared, False)) if compared.rows else Markup("")
+    yield section("comparisons", "Every comparison", every)
 
 
-def filled(grid: Grid) -> Grid | None:
-    return grid if grid.rows else None
-
-
-def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:
+def provenance(records: Records) -> shell.Groups:
     """Return groups of name and value: how to get the same again."""
     run = records.run
     phases = [(f"{name} (wall)", wording.duration(seconds)) for name, seconds in run.phases.items()]
     sets = []
     for scene in run.scenes:
-        views = ", ".join(f"{many} {split}" for split, many in scene.views.items() if many)
+        split = ", ".join(f"{many} {split}" for split, many in scene.views.items() if many)
         rendered = [f"{name} {value}" for name, value in flat(scene.rendered)]
-        sets.append((scene.name, "; ".join([scene.view_set, views, *rendered])))
+        sets.append((scene.name, "; ".join([scene.view_set, split, *rendered])))
     groups = [
         ("Run", [("command", run.command), *phases]),
         ("Settings", flat(run.settings)),
@@ -183,20 +205,6 @@ def provenance(records: Records) -> list[tuple[str, list[tuple[str, str]]]]:
         ("View sets", sets),
     ]
     return [(title, [(name, value) for name, value in rows if value]) for title, rows in groups if rows]
-
-
-def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
-    """Return text with the methods' names set in their colours, and commands in backticks as code."""
-    names = sorted(colours, key=len, reverse=True)
-    pattern = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, names))})(?![\w-])")
-    name = Markup('<b class="name" style="color: var({})">{}</b>')
-
-    def coloured(plain: str) -> Markup:
-        parts = pattern.split(plain)  # every second one is a name
-        parts = [name.format(colours[part].variable, part) if at % 2 else escape(part) for at, part in enumerate(parts)]
-        return Markup("").join(parts)
-
-    return shell.with_code(text, coloured)
 
 
 def write_page(

@@ -1,7 +1,6 @@
 """When runs reached a PSNR: curves, and how much sooner. A run that never did is censored and stays in sight."""
 
 from bisect import bisect_right
-from dataclasses import dataclass
 
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
 from reports.claims.psnr_table import lines
@@ -26,30 +25,8 @@ MARKS: tuple[tuple[bool, Kind, str], ...] = (
 )
 
 
-@dataclass(frozen=True)
-class TimeToTarget:
-    title: str
-    declared: str
-    """The target, and its reason."""
-    notes: list[str]
-    savings: Grid | None
-    by_scene: Grid | None
-
-
-def time_to_target(records: Records) -> TimeToTarget | None:
-    """Return the section without its curves; None for a run recorded before there was such a record."""
-    record = records.targets
-    if record is None:
-        return None
-    if record.target is None:
-        return TimeToTarget("Time to a target", record.declared, [], None, None)
-    return TimeToTarget(
-        f"Time to {_target(record)}",
-        record.declared,
-        notes(record),
-        savings_grid(record, ["all"]),
-        savings_grid(record, records.scenes) if len(records.scenes) > 1 else None,
-    )
+def target_title(record: TargetsRecord) -> str:
+    return f"Time to {_target(record)}" if record.target is not None else "Time to a target"
 
 
 def _target(record: TargetsRecord) -> str:

@@ -1,8 +1,11 @@
 """A judgement of a user's table → judgement.html, in the same design as the report and as self-contained."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
+
+from markupsafe import Markup
 
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Ranking, changed_pairs
@@ -12,11 +15,13 @@ from reports.drawing.figure import padded, plots
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
 from reports.page import shell
-from reports.page.grid import EMPTY, Column, Entry, Grid
+from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
+from reports.page.shell import Layout, section
 from scenes.files.atomic import write_atomically
 
 MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "·"}
 TURNED = {"better": "worse", "worse": "better"}
+FROM_BEST = "Methods from best to worst"
 MOST_TITLES = 40
 """The number of methods up to which each pair of the matrix shows its numbers."""
 MOST_CHANGES = 30
@@ -28,8 +33,7 @@ name.
 """
 
 
-@dataclass(frozen=True)
-class Square:
+class Square(NamedTuple):
     """One pair in the matrix: the row's method against the column's."""
 
     tone: str
@@ -37,43 +41,50 @@ class Square:
     title: str
 
 
-def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str) -> Grid:
+def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_BEST) -> Grid:
     """Return methods from best to worst with their groups and their difference from the next one, or from the
     baseline.
     """
     everything = record.baseline is None
     shown = {pair.method: pair for pair in (ranking.neighbours if everything else ranking.pairs)}
-    seeded = any(pair.on_these_scenes for pair in ranking.pairs)
-    unit = f" ({record.unit})" if record.unit else ""
     rival = "the next one" if everything else str(record.baseline)
-    columns = [Column("method", numeric=False), Column(f"mean {record.metric}{unit}"), Column("scenes")]
-    columns += [Column("groups", numeric=False)] if everything else []
-    columns += [Column(f"less {rival}", small="on scenes like these"), Column("verdict", numeric=False)]
-    columns += [Column("could find")]
-    columns += [Column(f"less {rival}", small="on these scenes")] if seeded else []
-    timed, stepped = (any(getattr(one, name) is not None for one in ranking.places) for name in ("seconds", "steps"))
-    columns += [Column("training")] if timed else []
-    columns += [Column("steps")] if stepped else []
+    columns = [
+        Column("method", numeric=False),
+        Column(f"mean {record.metric}{f' ({record.unit})' if record.unit else ''}"),
+        Column("scenes"),
+        Column("groups", numeric=False),
+        Column(f"less {rival}", small="on scenes like these"),
+        Column("verdict", numeric=False),
+        Column("could find"),
+        Column(f"less {rival}", small="on these scenes"),
+        Column("training"),
+        Column("steps"),
+    ]
     rows = []
     for place in ranking.places:
         pair = shown.get(place.method)
-        row = [Entry(place.method), Entry(number(record, place.mean)), Entry(str(place.scenes))]
-        row += [Entry(shown_groups(place.groups))] if everything else []
         estimate = pair.scenes_like_these if pair else None
         least = estimate.smallest_detectable if estimate else None
-        verdict = Entry(said(estimate.verdict), tone=estimate.verdict) if estimate else EMPTY
-        found = Entry(number(record, least)) if least is not None else EMPTY
-        row += [difference(record, pair, estimate), verdict, found]
-        row += [difference(record, pair, pair.on_these_scenes if pair else None, worded=True)] if seeded else []
-        row += [Entry(duration(place.seconds)) if place.seconds is not None else EMPTY] if timed else []
-        row += [Entry(f"{place.steps:,.0f}") if place.steps is not None else EMPTY] if stepped else []
-        rows.append(row)
+        rows.append(
+            [
+                Entry(place.method),
+                Entry(number(record, place.mean)),
+                Entry(str(place.scenes)),
+                Entry(shown_groups(place.groups)) if everything else EMPTY,
+                difference(record, pair, estimate),
+                Entry(said(estimate.verdict), tone=estimate.verdict) if estimate else EMPTY,
+                Entry(number(record, least)) if least is not None else EMPTY,
+                difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
+                Entry(duration(place.seconds)) if place.seconds is not None else EMPTY,
+                Entry(f"{place.steps:,.0f}") if place.steps is not None else EMPTY,
+            ]
+        )
     note = (
         f"Intervals are at 95 % for all {ranking.family} comparisons together. What such a table could find is the "
         "smallest true difference that it tells apart in 80 % of cases."
     )
     groups = " No two methods of a group are told apart; groups are the longest runs of neighbours of which that holds."
-    return Grid(caption, columns, rows, note=note + (groups if everything else ""))
+    return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=3)
 
 
 def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | None, worded: bool = False) -> Entry:
@@ -207,28 +218,34 @@ def _panel(
 
 def judgement_page(record: JudgementRecord) -> str:
     """Return the complete page as text."""
-    sections = [("methods", "Methods"), ("picture", "Picture")]
-    sections += [("pairs", "Pairs")] if record.baseline is None else []
-    sections += [("suspects", "Suspect results")] if record.suspects else []
-    better, clean = "higher" if record.higher_is_better else "lower", record.without_suspects
+    layout = Layout()
+    parts, clean = layout.parts, record.without_suspects
+    better = "higher" if record.higher_is_better else "lower"
     settings = {"metric": record.metric, "better": better, "smallest effect of interest": record.margin}
     settings |= {"baseline": record.baseline} if record.baseline is not None else {}
-    return shell.render(
+    without, squares = without_line(record) if record.suspects else "", matrix(record)
+    margin = f"{record.margin}{' ' * bool(record.unit)}{record.unit}"
+    return layout.page(
         "judgement_page.html",
-        "judgement.css",
         headline(record),
-        sections,
+        [
+            section("methods", "Methods", parts.table(methods_grid(record, record.given), False)),
+            section("picture", "Picture", parts.figures(plots([panel(record)], "judgement"), "single")),
+            section("pairs", "Pairs", parts.pairs(squares, margin) if squares else Markup("")),
+            section(
+                "suspects",
+                "Suspect results",
+                parts.table(suspects_grid(record), False),
+                parts.paragraph(without),
+                parts.table(changes_grid(record)),
+                parts.table(methods_grid(record, clean, "Without the suspect results") if clean else None),
+            ),
+        ],
         [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))],
         record=record,
-        missing=missing_line(record) if record.missing else "",
+        notes=[*([missing_line(record)] if record.missing else []), *record.notes],
         suspects=[suspect_line(record, one) for one in record.suspects[:3]],
-        without=without_line(record),
-        methods=methods_grid(record, record.given, "Methods from best to worst"),
-        suspects_grid=suspects_grid(record),
-        cleaned=methods_grid(record, clean, "Without the suspect results") if clean else None,
-        changes=changes_grid(record),
-        matrix=matrix(record),
-        plots=plots([panel(record)], "judgement"),
+        without=without,
     )
 
 

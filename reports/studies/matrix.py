@@ -143,8 +143,10 @@ def strain(one: Check) -> float:
     return large / small if small > 0 else float(large > small)
 
 
-def miniature(record: Studies) -> Panel | None:
-    """Return the matrix without figures: a row per study, and a mark per subject below the owner of its form."""
+def miniature(record: Studies) -> list[Panel]:
+    """Draw the matrix without figures: a row per study, and a mark per subject below the owner of its form; nothing for
+    a shelf without a matrix.
+    """
     studies = [study for study in record.studies if study.checks and WORDS[record.shelf].groups]
     places: dict[Tone, list[tuple[float, float]]] = {}
     columns = []
@@ -159,7 +161,7 @@ def miniature(record: Studies) -> Panel | None:
                     places.setdefault(one.tone, []).append((start + place, float(line)))
             start += max(widest + 1, LEAST_COLUMNS)
     if not studies:
-        return None
+        return []
     traces = []
     for tone, look in LOOKS.items():
         if tone in places:
@@ -167,14 +169,16 @@ def miniature(record: Studies) -> Panel | None:
             pen = PENS[tone]
             traces.append(Trace(look.meaning, pen.colour.light, "mark", x, y, marker=pen.marker, hollow=pen.hollow))
     counts = ", ".join(f"{len(places[tone])} × {look.word}" for tone, look in LOOKS.items() if tone in places)
-    return Panel(
-        "Every case at a glance",
-        "",
-        "",
-        tuple(traces),
-        f"Marks of {len(studies)} studies by subject: {counts}.",
-        x_limits=(-0.6, start),
-        rows=tuple(f"{study.info.id} {study.info.title}" for study in studies),
-        columns=tuple(columns),
-        size=(2.6 + 0.16 * start, 0.6 + 0.19 * len(studies)),
-    )
+    return [
+        Panel(
+            "Every case at a glance",
+            "",
+            "",
+            tuple(traces),
+            f"Marks of {len(studies)} studies by subject: {counts}.",
+            x_limits=(-0.6, start),
+            rows=tuple(f"{study.info.id} {study.info.title}" for study in studies),
+            columns=tuple(columns),
+            size=(2.6 + 0.16 * start, 0.6 + 0.19 * len(studies)),
+        )
+    ]

@@ -69,17 +69,15 @@ def effects_of_parts(record: Studies) -> list[Drawing]:
     return [(panels[key], key_of(panels[key])) for key in panels if (key[0], key[2]) == ("psnr", "all")]
 
 
-def matrix_in_miniature(record: Studies) -> list[Drawing]:
-    drawn = miniature(record)
-    return [(drawn, key_of(drawn))] if drawn else []
-
-
 PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] = {
     "evidence": [
         ("evidence_effects.png", effects_of_parts, 1),
         ("bandwidth.png", lambda record: charts_of_study(record, "bandwidth")[:1], 1),
     ],
-    "stability": [("stability.png", matrix_in_miniature, 1), ("stability_curves.png", first_charts, 2)],
+    "stability": [
+        ("stability.png", lambda record: [(one, key_of(one)) for one in miniature(record)], 1),
+        ("stability_curves.png", first_charts, 2),
+    ],
     "speed": [("speed.png", lambda record: charts_of_study(record, "3"), 3)],
     "serving": [("serving.png", lambda record: charts_of_study(record, "anytime")[:3], 3)],
 }

@@ -4,22 +4,24 @@ Each kind of finding is shown in one way: answers as sentences, checks as rows a
 lines as charts, tables and pictures as they are. `shelves` says the little in which shelves differ.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from harness.records.study import Check, Picture, Series, Studies, StudyRecord, Table
+from markupsafe import Markup
+
+from harness.records.study import Check, Finding, Picture, Series, Studies, StudyRecord, Table
 from reports.data.wording import counted, duration, listed, of_any_size
 from reports.drawing.figure import svg
 from reports.drawing.images import data_uri, read, smaller
 from reports.drawing.palette import key
 from reports.drawing.series_charts import Chart, charts
-from reports.drawing.traces import Panel
 from reports.page import shell
-from reports.page.grid import Grid, tables_grids
-from reports.studies.check_words import LOOKS, OWNERS, Tone, anchor, checks_grid, described, tone_of
+from reports.page.grid import Grid, table_grid
+from reports.page.shell import Layout, Section, section
+from reports.studies.check_words import LOOKS, OWNERS, anchor, checks_grid, described, tone_of
 from reports.studies.forest import effects_grid, forest_key, forests
-from reports.studies.matrix import PENS, Group, groups, miniature
+from reports.studies.matrix import PENS, groups, miniature
 from reports.studies.shelves import WORDS, ShelfWords, page_of
 from scenes.files.atomic import write_atomically
 
@@ -32,50 +34,19 @@ SMALL = 200
 """The pixels up to which a picture is shown enlarged with its pixels sharp."""
 
 
-@dataclass(frozen=True)
-class Shown:
+class Shown(NamedTuple):
+    """A picture; its source is a data URI, or None if the file is missing or no picture."""
+
     title: str
     caption: str
     source: str | None
-    """A data URI; None if the file is missing or no picture."""
     wide: bool
     sharp: bool
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """What is looked at: the lines, pictures and tables of a study, or of a chapter across studies."""
+class ShelfShown(NamedTuple):
+    """A shelf as it stands in the report, and on a page of its own."""
 
-    anchor: str
-    title: str
-    charts: list[Chart]
-    pictures: list[Shown]
-    tables: list[Grid]
-
-
-@dataclass(frozen=True)
-class StudyShown:
-    anchor: str
-    name: str
-    question: str
-    tally: list[tuple[Tone, str, int]]
-    """Tone, mark and number of its checks."""
-    failed: bool
-    answers: list[str]
-    more: list[str]
-    """The remaining answers, which are unfolded on request."""
-    about: list[tuple[str, str]]
-    checks: Grid | None
-    forests: list[Chart]
-    """The forests of the first metric over all scenes; the others are unfolded on request."""
-    other_forests: list[Chart]
-    key: str
-    effects: Grid | None
-    drawn: Drawn
-
-
-@dataclass(frozen=True)
-class ShelfShown:
     shelf: str
     words: ShelfWords
     headline: str
@@ -84,61 +55,97 @@ class ShelfShown:
     """The anchor of the study, and what of ours fails."""
     finished: bool
     quick: bool
-    legend: list[tuple[Tone, str, str]]
-    """Tone, mark, meaning."""
-    miniature: list[Chart]
-    groups: list[Group]
-    tables: list[Grid]
-    """The targets, and the failures of forms that are not ours."""
-    chapters: list[Drawn]
-    studies: list[StudyShown]
-
-    @property
-    def contents(self) -> list[tuple[str, str]]:
-        """Return anchor and title of each section of the page."""
-        sections = [("matrix", "Case by case")] if self.groups else []
-        sections += [(f"{self.shelf}-outcomes", self.words.outcomes)] if self.tables else []
-        sections += [(one.anchor, one.title) for one in self.chapters]
-        if self.words.folded and self.studies:
-            return [*sections, (f"{self.shelf}-studies", f"Every {self.words.noun[0]} in full")]
-        return sections + [(one.anchor, one.name) for one in self.studies]
+    studies: list[StudyRecord]
+    sections: list[Section]
 
 
 def shelf_shown(record: Studies, out: Path) -> ShelfShown:
     """Return the section; `out` is the folder that its pictures are relative to."""
-    words = WORDS[record.shelf]
-    side = side_for(out, [one for study in record.studies for one in study.pictures])
-    tones = {tone_of(one) for _, one in record.checks()}
-    matrix = miniature(record)
     return ShelfShown(
-        shelf=record.shelf,
-        words=words,
-        headline=headline(record),
-        sentences=sentences(record),
-        broken=[(anchor(study), broken_line(study, one)) for study, one in record.broken],
-        finished=record.finished,
-        quick=record.is_quick,
-        legend=[(tone, look.mark, look.meaning) for tone, look in LOOKS.items() if tone in tones],
-        miniature=[
-            Chart(
-                matrix.title,
-                [(LOOKS[tone].meaning, key(PENS[tone], line=False)) for tone in LOOKS if tone in tones],
-                svg(matrix, "matrix"),
-                [],
-                wide=True,
-            )
-        ]
-        if matrix
-        else [],
-        groups=groups(record),
-        tables=_tables(record),
-        chapters=_chapters(record, out, side),
-        studies=[_study(study, record, out, side) for study in record.studies],
+        record.shelf,
+        WORDS[record.shelf],
+        headline(record),
+        sentences(record),
+        [(anchor(study), broken_line(study, one)) for study, one in record.broken],
+        record.finished,
+        record.is_quick,
+        record.studies,
+        [one for one in _sections(record, out) if one.parts],
     )
 
 
-def _chart(panel: Panel, name: str) -> Chart:
-    return Chart(panel.title, [], svg(panel, name), [], wide=True)
+def _sections(record: Studies, out: Path) -> Iterator[Section]:
+    """Yield the matrix, what was aimed at and what other forms fail, the chapters, and every study."""
+    words, layout = WORDS[record.shelf], Layout()
+    parts, own = layout.parts, layout.study_parts
+    side = side_for(out, [one for study in record.studies for one in study.pictures])
+
+    def findings(name: str, some: list[Finding]) -> list[Markup]:
+        shown = [picture_shown(one, out, side) for one in some if isinstance(one, Picture)]
+        tables = [table_grid(one, of_any_size) for one in some if isinstance(one, Table)]
+        drawn = charts([one for one in some if isinstance(one, Series)], name)
+        return [parts.charts(drawn), own.pictures(shown), *(parts.table(grid, own="own") for grid in tables)]
+
+    def details(study: StudyRecord) -> list[Markup]:
+        checks = checks_grid(f"Checks of {name_of(study, words)}", [(study, one) for one in study.checks])
+        return [
+            own.answers(study.answers[:1], study.answers[1 : 1 + AT_ONCE], study.answers[1 + AT_ONCE :]),
+            parts.terms("about", about(study)),
+            parts.table(checks, False, own="own checks"),
+            _forests(study, of_interest(record), own),
+            *findings(anchor(study), [] if words.chapters else study.findings),
+        ]
+
+    if cases := groups(record):
+        tones = {tone_of(one) for _, one in record.checks()}
+        legend = [(tone, look.mark, look.meaning) for tone, look in LOOKS.items() if tone in tones]
+        keys = [(LOOKS[tone].meaning, key(PENS[tone], line=False)) for tone in LOOKS if tone in tones]
+        small = [Chart(one.title, keys, svg(one, "matrix"), [], wide=True) for one in miniature(record)]
+        yield section("matrix", "Case by case", own.matrix(words.noun[0], legend, small, cases))
+    tables = [parts.table(grid, own="own checks") for grid in _tables(record)]
+    yield section(f"{record.shelf}-outcomes", words.outcomes, *tables)
+    every = [one for study in record.studies for one in study.findings if isinstance(one, Series | Picture | Table)]
+    numbers = {one.item for one in every} if words.chapters else set()
+    for item in sorted(numbers, key=lambda item: (item not in words.chapters, item)):  # unknown ones come last
+        title, name = words.chapters.get(item, f"Chapter {item}"), f"chapter-{item}"
+        yield section(name, title, *findings(name, [one for one in every if one.item == item]))
+    if words.folded:
+        folded = [_folded(study, own, name_of(study, words), details(study)) for study in record.studies]
+        yield section(f"{record.shelf}-studies", f"Every {words.noun[0]} in full", *folded)
+    else:
+        for study in record.studies:
+            yield section(anchor(study), name_of(study, words), *details(study), question=study.info.question)
+
+
+def _folded(study: StudyRecord, own: Any, title: str, details: list[Markup]) -> Markup:
+    """Lay out a study that is unfolded on request, or already if something fails in it."""
+    tones = [tone_of(one) for one in study.checks]
+    tally = [(tone, look.mark, tones.count(tone)) for tone, look in LOOKS.items() if tone in tones]
+    laid_out: Markup = own.folded_study(anchor(study), title, "fails" in tones, tally, details)
+    return laid_out
+
+
+def about(study: StudyRecord) -> list[tuple[str, str]]:
+    """Return how a study was made: pairs of a term and words."""
+    pairs = [("how", study.info.method), ("scale", study.scale)]
+    pairs += [("passes if" if fact == "bar" else fact, text) for fact, text in study.info.facts.items()]
+    pairs += [("took", duration(study.seconds))] if study.seconds else []
+    return [(term, words) for term, words in pairs if words]
+
+
+def _forests(study: StudyRecord, of_interest: dict[str, float], own: Any) -> Markup:
+    """Lay out the forests of the first metric over all scenes; the others are unfolded on request."""
+    if not study.effects:
+        return Markup("")
+    panels = forests(study.effects, of_interest)
+    name, (metric, _, scene) = anchor(study), next(iter(panels))
+    first: list[Chart] = []
+    others: list[Chart] = []
+    for place, (drawn, panel) in enumerate(panels.items()):
+        shown = Chart(panel.title, [], svg(panel, f"{name}-forest-{place}"), [], wide=True)
+        (first if (drawn[0], drawn[2]) == (metric, scene) else others).append(shown)
+    laid_out: Markup = own.forests(first, forest_key(study.effects), others, effects_grid(study.effects))
+    return laid_out
 
 
 def headline(record: Studies) -> str:
@@ -241,68 +248,6 @@ def name_of(study: StudyRecord, words: ShelfWords) -> str:
     return f"{study.info.id} {study.info.title}" if words.groups else study.info.title
 
 
-def _chapters(record: Studies, out: Path, side: int) -> list[Drawn]:
-    """Return the chapters with something to look at: in their own order, then numbers that this version does not
-    know.
-    """
-    titles = WORDS[record.shelf].chapters
-    if not titles:
-        return []
-    findings = [one for study in record.studies for one in study.findings if isinstance(one, Series | Picture | Table)]
-    items = sorted({one.item for one in findings}, key=lambda item: (item not in titles, item))
-    chapters = [
-        _drawn(
-            f"chapter-{item}",
-            titles.get(item, f"Chapter {item}"),
-            [one for one in findings if one.item == item],
-            out,
-            side,
-        )
-        for item in items
-    ]
-    return [one for one in chapters if one.charts or one.pictures or one.tables]
-
-
-def _drawn(name: str, title: str, findings: list[Any], out: Path, side: int) -> Drawn:
-    return Drawn(
-        name,
-        title,
-        charts([one for one in findings if isinstance(one, Series)], name),
-        [picture_shown(one, out, side) for one in findings if isinstance(one, Picture)],
-        tables_grids([one for one in findings if isinstance(one, Table)], of_any_size),
-    )
-
-
-def _study(study: StudyRecord, record: Studies, out: Path, side: int) -> StudyShown:
-    words = WORDS[record.shelf]
-    name, info = anchor(study), study.info
-    tones = [tone_of(one) for one in study.checks]
-    panels = forests(study.effects, of_interest(record))
-    drawn = {key: _chart(panel, f"{name}-forest-{place}") for place, (key, panel) in enumerate(panels.items())}
-    metric, _, scene = next(iter(drawn), ("", "", ""))
-    about = [("how", info.method), ("scale", study.scale)]
-    about += [("passes if" if fact == "bar" else fact, text) for fact, text in info.facts.items()]
-    about += [("took", duration(study.seconds))] if study.seconds else []
-    return StudyShown(
-        anchor=name,
-        name=name_of(study, words),
-        question=info.question,
-        tally=[(tone, look.mark, tones.count(tone)) for tone, look in LOOKS.items() if tone in tones],
-        failed="fails" in tones,
-        answers=study.answers[: 1 + AT_ONCE],
-        more=study.answers[1 + AT_ONCE :],
-        about=[(label, text) for label, text in about if text],
-        checks=checks_grid(f"Checks of {name_of(study, words)}", [(study, one) for one in study.checks])
-        if study.checks
-        else None,
-        forests=[chart for key, chart in drawn.items() if (key[0], key[2]) == (metric, scene)],
-        other_forests=[chart for key, chart in drawn.items() if (key[0], key[2]) != (metric, scene)],
-        key=forest_key(study.effects) if study.effects else "",
-        effects=effects_grid(study.effects) if study.effects else None,
-        drawn=_drawn(name, "", [] if words.chapters else study.findings, out, side),
-    )
-
-
 def of_interest(record: Studies) -> dict[str, float]:
     """Return metric → the smallest effect of interest, as far as the record knows it."""
     known: Any = record.settings.get("smallest_of_interest")
@@ -333,13 +278,12 @@ def study_page(record: Studies, out: Path, beside_report: bool = False, shown: S
     section if it was made already.
     """
     shown = shown or shelf_shown(record, out)
-    spent = [(study.name, duration(one.seconds)) for study, one in zip(shown.studies, record.studies, strict=True)]
+    spent = [(name_of(one, shown.words), duration(one.seconds)) for one in record.studies]
     total = [("all together", duration(sum(one.seconds for one in record.studies)))] if spent else []
-    return shell.render(
+    return Layout().page(
         "study_page.html",
-        "studies.css",
         shown.headline,
-        shown.contents,
+        shown.sections,
         shell.groups_of(record.provenance, record.settings, [*total, *spent]),
         shelf=shown,
         report=shell.RUN_PAGE if beside_report else "",

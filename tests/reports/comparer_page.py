@@ -19,7 +19,7 @@ ALONE = ("element.js", "numbers.js", "chunks.js", "kept.js", "pixels.js", "colou
 def write_comparer_page(path: Path, data: dict[str, Any], texts: Mapping[str, str], beside: bool = False) -> Path:
     """The comparer with the page's own style and policy; `beside`: which may load script files."""
     body = '<section id="pictures"><h2>Pictures</h2><div id="comparer" hidden></div></section>'
-    style = shell.style("page.css", "explore.css", "compare.css")
+    style = shell.style()
     return _write(
         path,
         script(*FILES),

@@ -12,7 +12,8 @@ from reports.claims.ledger import in_short
 from reports.data.beside import Beside
 from reports.data.load import Records, read_records
 from reports.drawing.palette import colours_of
-from reports.run.run_page import named, page
+from reports.page.shell import named
+from reports.run.run_page import page
 from tests.replacing import replace
 from tests.reports.claims.test_claims_ablation import LISTING_2, effect, study
 from tests.reports.fake_run import write_fake_run

@@ -11,7 +11,8 @@ from msgspec.structs import replace
 from reports.data.load import read_records
 from reports.drawing.palette import colours_of
 from reports.page.script import content_policy
-from reports.run.run_page import flat, named, page, write_page
+from reports.page.shell import flat, named
+from reports.run.run_page import page, write_page
 from tests.reports.fake_run import EIGHT, write_fake_run
 
 HOSTILE = "<script>alert('x')</script>"

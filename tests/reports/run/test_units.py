@@ -10,7 +10,7 @@ from harness.records.cells import write_comparisons as write_rows
 from harness.records.json_record import load_record, write_record
 from harness.verdicts.comparisons import compare
 from reports.data.load import Records, read_records
-from reports.run.density import PRINTED, ladder_grid, ladder_panel, printed_form, rungs_of, units
+from reports.run.density import PRINTED, ladder_panel, printed_form, rungs_of, unit_grids, unit_sentences
 from reports.run.run_page import page
 
 RUNGS = {"nerf_unit_1": 20.0, "nerf_unit_100": 24.0, "qnerf_unit_1": 15.0, "qnerf_unit_100": 25.0}
@@ -55,7 +55,7 @@ def test_further_methods_are_in_no_table_of_all_scenes(explained: Path, whole: R
 
 def test_the_ladder_holds_the_two_methods_among_their_rungs(explained: Path) -> None:
     records = read_records(explained)
-    rungs = rungs_of(records, "chair")
+    rungs = rungs_of(records)
     assert [(rung.method, rung.scale) for rung in rungs if rung.base == "nerf"] == [
         ("nerf_unit_1", 1.0),
         ("nerf", 25.0),
@@ -65,8 +65,7 @@ def test_the_ladder_holds_the_two_methods_among_their_rungs(explained: Path) -> 
     line = next(trace for trace in drawn.traces if (trace.label, trace.kind) == ("qnerf", "line"))
     assert (line.y[0], line.y[-1]) == (15.0, 25.0)
     assert {trace.kind for trace in drawn.traces} >= {"line", "mark", "cross"}
-    grid = ladder_grid(rungs)
-    assert grid is not None
+    grid, _ = unit_grids(records)
     assert [row[1].text for row in grid.rows][::2] == ["20.00", "24.00"]
 
 
@@ -85,6 +84,7 @@ def test_the_printed_form_stands_apart_with_its_reason(explained: Path) -> None:
 
 
 def test_a_run_without_further_methods_has_no_such_section(whole: Records) -> None:
-    assert units(whole) is None
+    assert unit_sentences(whole) == []
+    assert not any(grid.rows for grid in unit_grids(whole))
     assert printed_form(whole) == ""
     assert 'id="units"' not in page(whole)
