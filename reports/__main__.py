@@ -8,6 +8,7 @@ Several outputs are compared in outputs.html, each with the first.
 import argparse
 import sys
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from reports.data.load import Records
     from reports.studies.study_page import ShelfShown
 
+Show = Callable[[str], None]
+"""Prints a line, or nothing with `--quiet`."""
 OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED = 1, 2, 3, 130
 
 
@@ -59,8 +62,8 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     out, several = options.out[0], len(options.out) > 1
-    places = Counter(out.resolve() for out in options.out)
-    twice = sorted({str(out) for out in options.out if places[out.resolve()] > 1})
+    places = Counter(given.resolve() for given in options.out)
+    twice = sorted({str(given) for given in options.out if places[given.resolve()] > 1})
     refusals = {
         "--page: goes with several outputs alone; give a second one, or leave it out": options.page and not several,
         "--publish: goes with one output alone": options.publish and several,
@@ -72,15 +75,16 @@ def main(arguments: list[str] | None = None) -> int:
         return BAD_INPUT
     from reports.data.load import NoRecords, NotForPublishing
 
+    show = (lambda line: None) if options.quiet else print
     try:
         if several:
-            return build_outputs(options.out, options.quiet, options.page or out / "outputs.html", options.partial)
-        return build(out, options.quiet, options.publish, options.partial)
+            return build_outputs(options.out, options.page or out / "outputs.html", options.partial, show)
+        return build(out, options.publish, options.partial, show)
     except KeyboardInterrupt:
         print("interrupted: pages that were written are whole; give the command again", file=sys.stderr)
         return STOPPED
     except (NoRecords, DamagedRecord, NotForPublishing) as problem:
-        words = str(problem)  # without a file if it was found only when what it holds was to be shown
+        words = str(problem)  # without a file if it was met only when what it holds was to be shown
         print(words if any(str(given) in words for given in options.out) else f"{out}: {words}", file=sys.stderr)
         return BAD_INPUT
     except OSError as error:
@@ -89,7 +93,7 @@ def main(arguments: list[str] | None = None) -> int:
         return BAD_INPUT
 
 
-def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
+def build(out: Path, publish: Path | None, partly: bool, show: Show) -> int:
     """Read, write and print, with `partly` of a damaged run what is valid; what is heavy is imported last."""
     from harness.records.cells import records_folder
     from harness.records.judgements import JUDGEMENT_FILE, read_judgement
@@ -114,8 +118,7 @@ def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
             if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
                 studies[shelf] = record
         except FormerRecord as former:  # the rest is reported
-            tell([str(former)])
-    beside = Beside(*(studies.get(shelf) for shelf in ("stability", "evidence", "serving")))
+            print(f"left out: {former}")
     if publish is not None:
         refuse_unfit(out, list(studies.values()))
     if not studies and out.is_dir() and not records_folder(out).is_dir():
@@ -123,23 +126,22 @@ def build(out: Path, quiet: bool, publish: Path | None, partly: bool) -> int:
             f"{out}: no {records_folder(out).name}/, no {', no '.join(SHELVES.values())} in it; give the output folder "
             "of a run, of `nox -s speed`, `nox -s stability` or `nox -s evidence`, for instance out/latest"
         )
-    records = read_records(out, partly) if not studies or holds_run(out) else None
+    holds_run = (out / "records/run.json").is_file() and any((out / "records/cells").glob("*.json"))
+    records = read_records(out, partly) if holds_run or not studies else None
     left_out = damaged or []
     if partly and records is not None:
         records.left_out.extend([*damaged_pictures(records), *left_out])
         left_out = records.left_out
-    if not quiet:
-        tell(left_out)
+    for line in left_out:
+        show(f"left out: {line}")
     from reports.studies.study_page import shelf_shown
 
     shown = {shelf: shelf_shown(record, out) for shelf, record in studies.items()}
-    codes = [
-        build_shelf(study_record, shown[shelf], out, quiet, publish, records is not None)
-        for shelf, study_record in studies.items()
-    ]
+    failed = [build_shelf(studies[shelf], shown[shelf], out, publish, records, show) for shelf in studies]
     if records is not None:
-        codes.append(build_report(records, quiet, publish, beside, shown))
-    return max(codes)
+        beside = Beside(*(studies.get(shelf) for shelf in ("stability", "evidence", "serving")))
+        failed.append(build_report(records, publish, beside, shown, show))
+    return SOME_FAILED if any(failed) else 0
 
 
 def refuse_unfit(out: Path, studies: "list[Studies]") -> None:
@@ -154,12 +156,7 @@ def refuse_unfit(out: Path, studies: "list[Studies]") -> None:
             raise NotForPublishing(f"{path}: not finished; {again(record.shelf, out)}, or leave out --publish")
 
 
-def tell(left_out: list[str]) -> None:
-    for line in left_out:
-        print(f"left out: {line}")
-
-
-def build_outputs(outs: list[Path], quiet: bool, page: Path, partly: bool) -> int:
+def build_outputs(outs: list[Path], page: Path, partly: bool, show: Show) -> int:
     """Build the page on which several runs are compared with the first, with `partly` the valid parts of each; returns
     3 if a cell of any of them failed.
     """
@@ -169,62 +166,48 @@ def build_outputs(outs: list[Path], quiet: bool, page: Path, partly: bool) -> in
     from reports.run.outputs import write_outputs_page
 
     title = write_outputs_page(runs, page)
-    if not quiet:
-        tell([line for records in runs for line in records.left_out])
-        print(title)
+    for line in [*(f"left out: {line}" for records in runs for line in records.left_out), title]:
+        show(line)
     print(page)
     return SOME_FAILED if any(records.failed for records in runs) else 0
 
 
-def holds_run(out: Path) -> bool:
-    """Return whether a run lies beside another record: its own file and at least one finished cell."""
-    folder = out / "records"
-    return (folder / "run.json").is_file() and any((folder / "cells").glob("*.json"))
-
-
 def build_shelf(
-    record: "Studies", shown: "ShelfShown", out: Path, quiet: bool, publish: Path | None, beside_report: bool
-) -> int:
-    """Build the page of a shelf; returns 3 if a check of ours fails."""
+    record: "Studies", shown: "ShelfShown", out: Path, publish: Path | None, run: "Records | None", show: Show
+) -> bool:
+    """Build the page of a shelf, beside the report if there is a run; returns whether a check of ours fails."""
+    from reports.studies.publishing import write_published
     from reports.studies.study_page import broken_line, headline, write_study_page
 
-    page = write_study_page(record, out, beside_report, shown)
+    page = write_study_page(record, out, run is not None, shown)
     if publish is not None:
-        from reports.studies.publishing import write_published
-
         write_published(record, publish)
-    if not quiet:
-        print(headline(record))
-        for study, fault in record.broken:
-            print(broken_line(study, fault))
+    for line in [headline(record), *(broken_line(*broken) for broken in record.broken)]:
+        show(line)
     print(page)
-    return SOME_FAILED if record.broken else 0
+    return bool(record.broken)
 
 
 def build_report(
-    records: "Records", quiet: bool, publish: Path | None, beside: "Beside", shown: "dict[str, ShelfShown]"
-) -> int:
-    """Build the page and the numbers of a run."""
+    records: "Records", publish: Path | None, beside: "Beside", shown: "dict[str, ShelfShown]", show: Show
+) -> bool:
+    """Build the page and the numbers of a run; returns whether a cell of it failed."""
     from reports.claims.headline import headline
-    from reports.run.publish import write_published as write_published_run
-    from reports.run.publish import write_summary
+    from reports.run.publish import write_published, write_summary
     from reports.run.run_page import write_page
 
     out = records.out
     write_summary(records, out / "summary.json", beside)
     write_page(records, out / "report.html", beside, shown)
     if publish is not None:
-        write_published_run(records, publish, beside)
-    if not quiet:
-        print(headline(records).title)
-        for cell in records.failed:
-            print(
-                f"{cell.scene}, {cell.method}, seed {cell.seed}: {cell.status} ({cell.reason or 'no reason recorded'})"
-            )
-        for method, reasons in records.not_available.items():
-            print(f"{method}: not available ({'; '.join(reasons)})")
+        write_published(records, publish, beside)
+    show(headline(records).title)
+    for cell in records.failed:
+        show(f"{cell.scene}, {cell.method}, seed {cell.seed}: {cell.status} ({cell.reason or 'no reason recorded'})")
+    for method, reasons in records.not_available.items():
+        show(f"{method}: not available ({'; '.join(reasons)})")
     print(out / "report.html")
-    return SOME_FAILED if records.failed else 0
+    return bool(records.failed)
 
 
 if __name__ == "__main__":

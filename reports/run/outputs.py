@@ -114,7 +114,7 @@ def other_truth(one: CellRecord, other: CellRecord) -> str:
 
 
 def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[tuple[str, str, str, str], Judgement]:
-    rows = {}
+    rows: dict[tuple[str, str, str, str], Judgement] = {}
     for method in dict.fromkeys(cell.method for cell, _ in pairs):
         own = [pair for pair in pairs if pair[0].method == method]
         keyed = {(cell.scene, FIRST, cell.seed): cell for cell, _ in own}

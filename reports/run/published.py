@@ -1,11 +1,11 @@
 """python -m reports.run.published: the numbers of README.md and docs, written from what is published.
 
     <!-- numbers: NAME -->
-    what `BLOCKS[NAME]` makes of docs/*.json
+    what `block(NAME, docs)` makes of docs/*.json
     <!-- end -->
 
-Each public function is a block. A block is empty if its file is not published, or was measured before all methods
-had one unit of density: its figures would be those of another program.
+A block is empty if its file is not published, or was measured before all methods had one unit of density: its figures
+would be those of another program.
 """
 
 import json
@@ -13,7 +13,6 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -23,6 +22,8 @@ from reports.claims.estimands import BUDGETS, SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
 from reports.data.wording import VERDICTS, counted, interval, listed, number, signed, significant
 
+Run = dict[str, Any]
+"""The content of a published JSON file that is no record of studies."""
 SAYS = {
     "better": "scores above",
     "worse": "scores below",
@@ -33,62 +34,33 @@ SAYS = {
 DUELS = ((FAVOURITE, BASELINE), (FAVOURITE, CONTROL), (CONTROL, BASELINE))
 
 
-@dataclass(frozen=True)
-class Published:
-    """The folder docs."""
-
-    docs: Path
-
-    def read(self, name: str) -> dict[str, Any]:
-        """Return a file's content; empty if it is not there."""
-        path = self.docs / name
-        return dict(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else {}
-
-    def current(self, name: str) -> dict[str, Any]:
-        """Return the content as `read`; empty, too, if the methods had no common unit of density yet.
-
-        Settings of a run name the unit; the provenance of everything measured since has an instruction set.
-        """
-        found = self.read(name)
-        told = "density_units" in found.get("settings", {}) or "instruction_set" in found.get("provenance", {})
-        return found if told else {}
-
-    @property
-    def run(self) -> dict[str, Any]:
-        """The default run."""
-        return self.current("reduced/summary.json")
-
-
-def main_methods(run: dict[str, Any]) -> list[str]:
-    """Return the methods that were trained on every scene."""
-    return [method for method in run["methods"] if method in run["settings"]["methods"]]
-
-
-def row(run: dict[str, Any], scene: str, method: str, against: str, budget: str = "steps") -> dict[str, Any] | None:
-    """Return the comparison of two methods by PSNR; None if there is no difference."""
-    asked = {"scene": scene, "method": method, "against": against, "metric": "psnr", "budget": budget}
-    found = (one for one in run["comparisons"] if asked.items() <= one.items())
-    return next((one for one in found if one["difference"] is not None), None)
-
-
-def estimate(one: dict[str, Any], sense: str) -> str:
-    """Format `−0.13 to +0.50: inconclusive`, of the interval that the verdict is taken from."""
-    found = one[sense]
-    pair = found and (found["simultaneous"] or found["interval"])
-    return f"{between(pair)}: {found['verdict']}" if pair else "–"
-
-
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     """Return a table in Markdown."""
     head = list(head)
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
-def scale(published: Published) -> str:
+def main_methods(run: Run) -> list[str]:
+    """Return the methods that were trained on every scene."""
+    return [method for method in run["methods"] if method in run["settings"]["methods"]]
+
+
+def row(run: Run, scene: str, method: str, against: str, budget: str = "steps") -> Run | None:
+    """Return the comparison of two methods by PSNR; None if there is no difference."""
+    asked = {"scene": scene, "method": method, "against": against, "metric": "psnr", "budget": budget}
+    rows = (one for one in run["comparisons"] if asked.items() <= one.items())
+    return next((one for one in rows if one["difference"] is not None), None)
+
+
+def estimate(one: Run, sense: str) -> str:
+    """Format `−0.13 to +0.50: inconclusive`, of the interval that the verdict is taken from."""
+    known = one[sense]
+    pair = known and (known["simultaneous"] or known["interval"])
+    return f"{between(pair)}: {known['verdict']}" if pair else "–"
+
+
+def scale(run: Run) -> str:
     """State the scale at which the default run was measured, and its machine."""
-    run = published.run
-    if not run:
-        return ""
     train, provenance, scene = run["settings"]["train"], run["provenance"], run["scenes"][0]
     network = f"{train['network']['depth']} × {train['network']['width']}"
     return (
@@ -99,22 +71,14 @@ def scale(published: Published) -> str:
     )
 
 
-def result(published: Published) -> str:
+def result(run: Run) -> str:
     """State the answer, the printed gain, and who scores how much more than whom, asked twice."""
-    run = published.run
-    if not run:
-        return ""
     gain = next((one for one in run["claims"] if one["id"] == "table2-average" and one["printed"] is not None), None)
     printed = f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." if gain else ""
-    return f"**{run['headline']}.**{printed}\n\n{differences(run, 'steps')}"
+    return f"**{run['headline']}.**{printed}\n\n{differences(run)}"
 
 
-def equal_time(published: Published) -> str:
-    """State the same differences where both have trained as long."""
-    return differences(published.run, "seconds") if published.run else ""
-
-
-def differences(run: dict[str, Any], budget: str) -> str:
+def differences(run: Run, budget: str = "steps") -> str:
     rows = [
         (f"`{pair[0]}` − `{pair[1]}`", f"{signed(one['difference'])} dB", *(estimate(one, name) for name in SENSES))
         for pair in DUELS
@@ -123,24 +87,23 @@ def differences(run: dict[str, Any], budget: str) -> str:
     return table((f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values())), rows)
 
 
-def scores(published: Published) -> str:
+def scores(run: Run) -> str:
     """Tabulate test PSNR by scene, with the ceiling that the truth's noise sets, and the floor: the nearest training
     view.
     """
-    run = published.run
-    methods = main_methods(run) if run else []
+    methods = main_methods(run)
     rows = [
         (
             one["scene"],
             *(spread(psnr_of(run, one["scene"], method)) for method in methods),
             *(number(one[name], 1) for name in ("psnr_ceiling", "psnr_floor")),
         )
-        for one in run.get("scenes", [])
+        for one in run["scenes"]
     ]
-    return table(("test PSNR, dB", *(f"`{method}`" for method in methods), "ceiling", "floor"), rows) if run else ""
+    return table(("test PSNR, dB", *(f"`{method}`" for method in methods), "ceiling", "floor"), rows)
 
 
-def psnr_of(run: dict[str, Any], scene: str, method: str) -> list[float]:
+def psnr_of(run: Run, scene: str, method: str) -> list[float]:
     """Return the scores, one per seed."""
     cells = (one for one in run["cells"] if (one["scene"], one["method"]) == (scene, method))
     return [one["psnr"] for one in cells if one["psnr"] is not None]
@@ -152,95 +115,82 @@ def spread(values: list[float]) -> str:
     return f"{number(fmean(values))}{more}" if values else "–"
 
 
-def ladder(run: dict[str, Any]) -> tuple[str, dict[str, dict[float, list[float]]]]:
-    """Return the scene of the further methods, and base → unit of density → scores there."""
-    extras = [cell for cell in run["cells"] if cell["method"] not in main_methods(run)]
-    scene = extras[0]["scene"] if extras else ""
-    found: dict[str, dict[float, list[float]]] = {BASELINE: {}, FAVOURITE: {}}
-    for method, unit in run["settings"]["density_units"].items():
-        base = method.split("_unit_")[0]
-        if base in found and (psnr := psnr_of(run, scene, method)):
-            found[base][unit["scale"]] = psnr
-    return scene, {base: dict(sorted(rungs.items())) for base, rungs in found.items()}
+def explained_scene(run: Run) -> str:
+    """Return the scene of the further methods; empty if there are none."""
+    return next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
 
 
-def why(published: Published) -> str:
+def why(run: Run) -> str:
     """State the effect of the unit of density, and the printed form apart."""
-    run = published.run
-    scene, rungs = ladder(run) if run else ("", {})
-    moved = [
-        f"`{base}` scores {number(min(means), 1)} to {number(max(means), 1)} dB"
-        for base, units in rungs.items()
-        if len(means := [fmean(psnr) for psnr in units.values()]) > 1
-    ]
-    units = sorted({unit for of_base in rungs.values() for unit in of_base})
-    printed = row(run, scene, f"{FAVOURITE}_printed", BASELINE) if scene else None
-    said = []
+    scene = explained_scene(run)
+    sentences, moved = [], []
+    scales: set[float] = set()
+    for base in (BASELINE, FAVOURITE):
+        means = {
+            unit["scale"]: fmean(psnr)
+            for method, unit in run["settings"]["density_units"].items()
+            if method.split("_unit_")[0] == base and (psnr := psnr_of(run, scene, method))
+        }
+        scales |= means.keys()
+        if len(means) > 1:
+            least, most = min(means.values()), max(means.values())
+            moved.append(f"`{base}` scores {number(least, 1)} to {number(most, 1)} dB")
     if moved:
-        said.append(
-            f"Between {units[0]:g} and {units[-1]:g} units of density per half of the box, {listed(moved)} on {scene}."
-        )
-    if printed:
-        said.append(
+        units = f"{min(scales):g} and {max(scales):g} units of density per half of the box"
+        sentences.append(f"Between {units}, {listed(moved)} on {scene}.")
+    if printed := row(run, scene, f"{FAVOURITE}_printed", BASELINE):
+        sentences.append(
             f"`{printed['method']}` {SAYS[printed['verdict']]} `{BASELINE}` there: {signed(printed['difference'])} dB "
             f"({between(printed['simultaneous'] or printed['interval'])})."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
-def further(published: Published) -> str:
+def further(run: Run) -> str:
     """Tabulate the methods that were trained on one scene alone, without the ladder."""
-    run = published.run
-    scene, _ = ladder(run) if run else ("", {})
+    scene = explained_scene(run)
     rows = [
         (f"`{method}`", title, f"{signed(one['difference'])} dB, {estimate(one, 'on_these_scenes')}")
-        for method, title in (run["methods"].items() if scene else ())
+        for method, title in run["methods"].items()
         if method not in main_methods(run) and "_unit_" not in method and (one := row(run, scene, method, BASELINE))
     ]
     return table((f"on {scene}", "what it is", f"− `{BASELINE}`, 95 % on this scene"), rows) if rows else ""
 
 
-def failed(published: Published) -> str:
+def failed(run: Run) -> str:
     """State how often runs diverged or collapsed."""
-    rates = published.run.get("failures", {}).get("rates", [])
-    said = [
+    rates = run.get("failures", {}).get("rates", [])
+    lost = [
         f"`{one['method']}` in {one['diverged'] + one['collapsed']} of {counted(one['runs'], 'run')} (95 % interval "
         f"{' to '.join(number(100 * end, 0) for end in one['interval'])} %)"
         for one in rates
         if one["rate"]
     ]
-    if said or not rates:
-        return f"Diverged or showed background alone: {listed(said)}; differences are of the others." if rates else ""
-    return f"None of {sum(one['runs'] for one in rates)} runs diverged or showed background alone."
+    if lost:
+        return f"Diverged or showed background alone: {listed(lost)}; differences are of the others."
+    return f"None of {sum(one['runs'] for one in rates)} runs diverged or showed background alone." if rates else ""
 
 
-def ledger(published: Published) -> str:
+def ledger(run: Run) -> str:
     """State how many printed statements came out how."""
-    claims = published.run.get("claims", [])
-    many = Counter(one["verdict"] for one in claims)
-    said = listed([f"{many[one]} {one}" for one in VERDICTS if many[one]])
-    return f"Of {len(claims)} statements of the paper: {said}." if claims else ""
+    many = Counter(one["verdict"] for one in run["claims"])
+    verdicts = listed([f"{many[one]} {one}" for one in VERDICTS if many[one]])
+    return f"Of {len(run['claims'])} statements of the paper: {verdicts}." if run["claims"] else ""
 
 
-def processors(published: Published) -> str:
+def processors(run: Run) -> str:
     """State how far the same plan and seeds move on another processor."""
-    found = published.read("reduced/processors.json")
-    if not found or not found["all"]:
-        return ""
-    changed = next(one for one in found["changed"] if one["sense"] == "scenes_like_these")
+    changed = next(one for one in run["changed"] if one["sense"] == "scenes_like_these")
     return (
         f"The same plan and seeds on another processor or instruction set move a run's score by "
-        f"{number(found['all']['rms'])} dB (RMS; at most {number(abs(found['all']['largest']))}), and change "
+        f"{number(run['all']['rms'])} dB (RMS; at most {number(abs(run['all']['largest']))}), and change "
         f"{changed['verdicts']} of {changed['compared']} verdicts on scenes like these, {changed['signs']} in sign "
         "(`python -m harness compare A B`)."
     )
 
 
-def environment(published: Published) -> str:
+def environment(found: Run) -> str:
     """State the disk space of the installation."""
-    found = published.read("environment.json")
-    if not found:
-        return ""
     size, gpus = (found[name] / 1e9 for name in ("bytes", "bytes_for_gpus"))
     return (
         f"The environment takes {size:.1f} GB, {gpus:.1f} GB of it for NVIDIA GPUs, which "
@@ -248,72 +198,58 @@ def environment(published: Published) -> str:
     )
 
 
-def evidence(published: Published) -> str:
+def evidence(record: Studies) -> str:
     """State the answer of each study, in the words that were made from its figures, and the failing checks."""
-    if not published.current("reduced/evidence.json"):
-        return ""
-    record = read_studies(published.docs / "reduced/evidence.json")
     checks, broken = list(record.checks()), record.broken
-    lines = [f"* **{study.info.title}** {study.answers[0]}" for study in record.studies if study.answers]
+    answers = [f"* **{study.info.title}** {study.answers[0]}" for study in record.studies if study.answers]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
-    told = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
-    drawn = {"What each part does": "reduced/evidence_effects.png", "Frequencies": "reduced/bandwidth.png"}
-    pictures = [f"![{title}]({file})" for title, file in drawn.items() if (published.docs / file).is_file()]
-    return "\n\n".join(["\n".join(lines), told, *pictures])
+    hold = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
+    pictures = "![What each part does](reduced/evidence_effects.png)", "![Frequencies](reduced/bandwidth.png)"
+    return "\n\n".join(["\n".join(answers), hold, *pictures])
 
 
-def stability(published: Published) -> str:
-    """How many checks came out how, by whose formula it is."""
-    if not published.current("stability.json"):
-        return ""
-    cases = read_studies(published.docs / "stability.json").studies
-    many = Counter((one.owner, one.status) for case in cases for one in case.checks)
+def stability(record: Studies) -> str:
+    """State how many checks came out how, by whose formula it is."""
+    many = Counter((one.owner, one.status) for _, one in record.checks())
     tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
     return (
-        f"In {len(cases)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
+        f"In {len(record.studies)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
         f"{many['ours', 'inconclusive']} are inconclusive. The paper's printed formulas fail "
         f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
-        f"{tried['usual']}. It took {sum(one.seconds for one in cases) / 60:.0f} minutes.\n\n"
+        f"{tried['usual']}. It took {sum(one.seconds for one in record.studies) / 60:.0f} minutes.\n\n"
         "![The matrix of cases in miniature](stability.png)"
     )
 
 
-def speed(published: Published) -> str:
-    """Ratios and memory, with their targets; none of them depends on what is trained."""
-    if not published.read("speed.json"):
-        return ""
-    record: Studies = read_studies(published.docs / "speed.json")
-    found = {one.id: one for _, one in record.checks()}
-    met = {True: "met", False: "**missed**"}
+def speed(record: Studies) -> str:
+    """Tabulate ratios and memory, with their targets; none of them depends on what is trained."""
+    by_id = {one.id: one for _, one in record.checks()}
     rows = [
         (
             one.what,
             f"{number(one.value)} {one.unit} [{number(one.spread[0])}, {number(one.spread[1])}]",
-            f"{one.limit:g} {one.unit}, {met[one.holds]}",
+            f"{one.limit:g} {one.unit}, {'met' if one.holds else '**missed**'}",
         )
         for name in ("training.dense.ratio", "matrix.paper.share", "matrix.reduced.share", "memory.worker.nerf.peak")
-        if (one := found.get(name)) and one.value is not None and one.spread
+        if (one := by_id.get(name)) and one.value is not None and one.spread
     ]
     where = record.provenance
     return table((f"{where['cores']} cores, {where['processor']}", "measured", "target"), rows) if rows else ""
 
 
-def serving(published: Published) -> str:
-    """Tabulate the view cache and attention (§8)."""
-    if not published.current("reduced/serving.json"):
-        return ""
-    record = read_studies(published.docs / "reduced/serving.json")
-    found = {one.id: one for _, one in record.checks() if one.value is not None}
+def serving(record: Studies) -> str:
+    """State what the view cache and attention bring (§8)."""
+    by_id = {one.id: one for _, one in record.checks() if one.value is not None}
     hits = [
         f"{number(min(ratios), 0)} to {number(max(ratios), 0)} × from {where}"
         for id, where in (("hit.memory.0.", "memory"), ("hit.disk.warm.", "disk"))
-        if (ratios := [one.value or 0.0 for one in found.values() if one.id.startswith(id)])
+        if (ratios := [one.value or 0.0 for one in by_id.values() if one.id.startswith(id)])
     ]
-    key = found["key.pose"]
+    key = by_id["key.pose"]
     times = [
         f"{number(one.value, 0)} ms {words}"
         for order, words in (("attention", "by attention"), ("plain", "plainly"))
-        if (one := found.get(f"whole.{order}"))
+        if (one := by_id.get(f"whole.{order}"))
     ]
     return (
         f"Faster than rendering, a hit in the cache is {listed(hits)}. A key of the pose alone, as in Listing 5, would "
@@ -322,46 +258,66 @@ def serving(published: Published) -> str:
     )
 
 
-def left_out(published: Published) -> str:
+def left_out(found: Run) -> str:
     """Tabulate the effect of each omission on each scene: verdicts by the complete interval."""
-    rows = published.current("left_out.json").get("omissions", [])
-    names = list(dict.fromkeys(one["name"] for one in rows))
-    by_cell = {(one["scene"], one["name"]): one for one in rows}
-    titles = [next(one["what"] for one in rows if one["name"] == name) for name in names]
+    rows = found["omissions"]
+    titles = {one["name"]: one["what"] for one in reversed(rows)}
+    by_cell = {(one["scene"], one["name"]): omission(one) for one in rows}
+    names = dict.fromkeys(one["name"] for one in rows)
     lines = [
-        (scene, *(omission(by_cell.get((scene, name))) for name in names))
+        (scene, *(by_cell.get((scene, name), "–") for name in names))
         for scene in dict.fromkeys(one["scene"] for one in rows)
     ]
-    return table(("scene", *titles), lines) if rows else ""
+    return table(("scene", *(titles[name] for name in names)), lines)
 
 
-def omission(one: dict[str, Any] | None) -> str:
+def omission(one: Run) -> str:
     """Format `−0.31 [−0.57, −0.05] dB: inconclusive, 27.7 s saved`; of pictures the change of colour."""
-    if one is None or one["difference"] is None:
+    if one["difference"] is None:
         return "–"
-    between = f" {interval(one['interval'])}" if one["interval"] else ""
-    change = f"{signed(one['difference'])}{between} dB" if one["unit"] == "dB" else significant(one["difference"])
+    ends = f" {interval(one['interval'])}" if one["interval"] else ""
+    change = f"{signed(one['difference'])}{ends} dB" if one["unit"] == "dB" else significant(one["difference"])
     return f"{change}: {one['verdict']}, {number(one['seconds_saved'], 1)} s saved"
 
 
-BLOCKS: dict[str, Callable[[Published], str]] = {
-    "scale": scale,
-    "result": result,
-    "equal time": equal_time,
-    "scores": scores,
-    "why": why,
-    "further methods": further,
-    "failures": failed,
-    "ledger": ledger,
-    "processors": processors,
-    "environment": environment,
-    "evidence": evidence,
-    "stability": stability,
-    "speed": speed,
-    "serving": serving,
-    "left out": left_out,
+RUN = "reduced/summary.json"
+BLOCKS: dict[str, tuple[str, Callable[[Any], str]]] = {
+    "scale": (RUN, scale),
+    "result": (RUN, result),
+    "equal time": (RUN, lambda run: differences(run, "seconds")),
+    "scores": (RUN, scores),
+    "why": (RUN, why),
+    "further methods": (RUN, further),
+    "failures": (RUN, failed),
+    "ledger": (RUN, ledger),
+    "processors": ("reduced/processors.json", processors),
+    "environment": ("environment.json", environment),
+    "evidence": ("reduced/evidence.json", evidence),
+    "stability": ("stability.json", stability),
+    "speed": ("speed.json", speed),
+    "serving": ("reduced/serving.json", serving),
+    "left out": ("left_out.json", left_out),
 }
+"""Name → the file below docs, and what is written of it."""
+TIMELESS = ("processors", "environment", "speed")
+"""The blocks that no unit of density changes."""
 MARKED = re.compile(r"<!-- numbers: ([\w ]+) -->\n(.*?)<!-- end -->", re.DOTALL)
+
+
+def block(name: str, docs: Path) -> str:
+    """Return a block; raises `KeyError` for a name that no block has.
+
+    Settings of a run name the unit of density; the provenance of everything measured since has an instruction set.
+    """
+    file, write = BLOCKS[name]
+    path = docs / file
+    if not path.is_file():
+        return ""
+    data = json.loads(path.read_text(encoding="utf-8"))
+    has_unit = "density_units" in data.get("settings", {}) or "instruction_set" in data.get("provenance", {})
+    if not has_unit and name not in TIMELESS:
+        return ""
+    return write(read_studies(path) if "studies" in data else data)
 
 
 def pages(root: Path) -> list[Path]:
@@ -369,21 +325,21 @@ def pages(root: Path) -> list[Path]:
     return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
 
 
-def rewritten(text: str, published: Published) -> str:
+def rewritten(text: str, docs: Path) -> str:
     """Return the page with every block as the data have it; raises `KeyError` for a name that no block has."""
 
-    def block(found: re.Match[str]) -> str:
-        said = BLOCKS[found[1]](published)
-        return f"<!-- numbers: {found[1]} -->\n{said}{chr(10) * bool(said)}<!-- end -->"
+    def replaced(place: re.Match[str]) -> str:
+        words = block(place[1], docs)
+        return f"<!-- numbers: {place[1]} -->\n{words}{chr(10) * bool(words)}<!-- end -->"
 
-    return MARKED.sub(block, text)
+    return MARKED.sub(replaced, text)
 
 
 def main(root: Path = Path()) -> int:
     """Print the pages that changed."""
     for page in pages(root):
         text = page.read_text(encoding="utf-8")
-        new = rewritten(text, Published(root / "docs"))
+        new = rewritten(text, root / "docs")
         if new != text:
             page.write_text(new, encoding="utf-8")
             sys.stdout.write(f"{page}\n")

@@ -18,7 +18,7 @@ from scenes.files.errors import InputError
 from tests.fuzz.mutations import TEXTS, of_either, of_its_kind
 from tests.fuzz.seals import record_sealed
 
-DRAWING = ("drawing.figure", "drawing.series_charts", "run.curves")
+DRAWING = ("drawing.figure", "drawing.series_charts", "studies.study_page")
 """Modules of `reports` that ask for drawings."""
 MOST_DRAWN = 5000
 CODE = "<script>alert(1)</script>"
