@@ -1,6 +1,7 @@
 """Whether the φ encoding's effect comes from the golden ratio, or from how far its frequencies reach."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS as BASES
@@ -9,9 +10,9 @@ from harness.records.cells import CellRecord
 from harness.records.study import Effect, Series, Table
 from harness.studies.evidence.contrasts import (
     Design,
-    Tables,
     along_training,
     amount,
+    by_scene,
     common_steps,
     contrast_effects,
     contrast_tables,
@@ -42,6 +43,9 @@ LADDER_DESIGN = Design(
 """Reach: as far as 2^9 = 512, or only as far as φ^9 = 76, as near as integer bands come. Base: 2 or φ."""
 DECISIVE = (("nerf_phi_encoding", "nerf_matched"), ("nerf_phi_encoding", "nerf_base165"))
 """The golden ratio against two other bases that reach about as far."""
+At = tuple[int, int | None]
+"""A resolution, and a step or the end."""
+OTHERS = tuple(method for method in LADDERS if method != "nerf")
 
 
 def bandwidth(context: EvidenceContext) -> Iterator[Found]:
@@ -51,43 +55,39 @@ def bandwidth(context: EvidenceContext) -> Iterator[Found]:
     runs = [context.trained(name) for name in TRAININGS]
     trained = {run.scenes[0].width: run for run in runs}
     cells = {px: run.cells for px, run in trained.items()}
-    parts = {
-        px: contrast_effects(LADDER_DESIGN, some, f"at {px} px", together=len(cells)) for px, some in cells.items()
-    }
-    duels = {px: list(_duels(some, px)) for px, some in cells.items()}
+    parts = [
+        effect
+        for px, some in cells.items()
+        for effect in contrast_effects(LADDER_DESIGN, some, f"at {px} px", together=len(cells))
+    ]
+    duels = [
+        effect
+        for px, some in cells.items()
+        for pair in (*((method, "nerf") for method in OTHERS), *DECISIVE)
+        for effect in effects(some, *pair, f"at {px} px")
+    ]
     changes = list(_changes(cells))
-    yield answer([effect for some in parts.values() for effect in some])
-    for px in trained:
-        reach, base = (_by_scene(_chosen(parts[px], f"{factor} at {px} px")) for factor in FACTORS)
+    yield answer(parts)
+    for px in cells:
+        reach, base = (_on_scenes(parts, f"{factor} at {px} px") for factor in FACTORS)
         yield f"At {px} px a shorter reach changes PSNR by {reach}; φ for 2 at the same reach by {base}."
-        others = listed(
-            f"against {against} {_by_scene(_chosen(duels[px], f'{method} at {px} px', against))}"
-            for method, against in DECISIVE
-        )
-        yield f"φ with ten bands at {px} px, {others}."
+        others = [
+            f"against {against} {_on_scenes(duels, f'{method} at {px} px', against)}" for method, against in DECISIVE
+        ]
+        yield f"φ with ten bands at {px} px, {listed(others)}."
     for name in dict.fromkeys(effect.name for effect in changes):
-        yield f"{name}: the effect moves by {_by_scene(_chosen(changes, name), gain=False)}."
+        yield f"{name}: the effect moves by {_on_scenes(changes, name, gain=False)}."
     shares = []
     for px, run in trained.items():
-        steps = max(cell.steps for cell in run.cells)
-        shares.append(f"{steps * run.plan.train.rays / (run.plan.views.train * px * px):.2g} at {px} px")
+        rays = max(cell.steps for cell in run.cells) * run.plan.train.rays
+        shares.append(f"{rays / (run.plan.views.train * px * px):.2g} at {px} px")
     yield f"Rays of training for each pixel of the training views: {listed(shares)}."
     for px, some in cells.items():
-        if lost := without_a_score(some):
-            yield f"At {px} px these have no score, and their pairs are not judged: {listed(lost)}."
-    for px in trained:
-        yield from parts[px]
-        yield from duels[px]
-    yield from changes
+        yield from without_a_score(some, f"At {px} px ")
+    yield from [*parts, *duels, *changes]
     for px, run in trained.items():
         yield _table(run, px)
     yield from _lines(cells)
-
-
-def _duels(cells: list[CellRecord], px: int) -> Iterator[Effect]:
-    """Yield every ladder against NeRF, then the decisive pairs."""
-    for method, against in (*((method, "nerf") for method in LADDERS if method != "nerf"), *DECISIVE):
-        yield from effects(cells, method, against, name=f"{method} at {px} px")
 
 
 def _changes(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
@@ -95,20 +95,18 @@ def _changes(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
     highest, then at each from the checkpoint before the last to the end.
     """
 
-    def effect_on(factor: str, px: int, step: int | None = None) -> Tables:
-        return contrast_tables(LADDER_DESIGN, (factor,), cells[px], "psnr", "steps", step)
-
     low, high = min(cells), max(cells)
-    moves = [(f"{one}, from {low} to {high} px", effect_on(one, low), effect_on(one, high)) for one in FACTORS]
+    spans: list[tuple[str, At, At]] = [(f", from {low} to {high} px", (low, None), (high, None))]
     for px, some in cells.items():
-        for before, end in [common_steps(some)[-2:]] if len(common_steps(some)) > 1 else []:
-            moves += [
-                (f"{one} at {px} px, from step {before} to {end}", effect_on(one, px, before), effect_on(one, px, end))
-                for one in FACTORS
-            ]
-    for name, first, last in moves:
-        table = {scene: last[scene] - first[scene] for scene in first}
-        yield from effects_of_table(table, name, "psnr", "steps", 1, note="change of an effect")
+        for step, last in pairwise(common_steps(some)[-2:]):
+            spans.append((f" at {px} px, from step {step} to {last}", (px, step), (px, last)))
+    for words, start, end in spans:
+        for factor in FACTORS:
+            before, after = (
+                contrast_tables(LADDER_DESIGN, (factor,), cells[px], "psnr", "steps", step) for px, step in (start, end)
+            )
+            table = {scene: after[scene] - before[scene] for scene in before}
+            yield from effects_of_table(table, f"{factor}{words}", "psnr", "steps", 1, note="change of an effect")
 
 
 def answer(effects_of_factors: list[Effect]) -> str:
@@ -116,10 +114,10 @@ def answer(effects_of_factors: list[Effect]) -> str:
 
     One verdict is enough to say that there is an effect: all those of a factor must be one family.
     """
-    here = [one for one in effects_of_factors if (one.metric, one.budget) == ("psnr", "steps") and one.scene != "all"]
-    by_factor = {factor: [one for one in here if one.name.startswith(f"{factor} at")] for factor in FACTORS}
-    changes = {factor: _direction(some) for factor, some in by_factor.items()}
-    nothing = {factor: all(one.verdict == "equivalent" for one in some) for factor, some in by_factor.items()}
+    here = by_scene(effects_of_factors)
+    cases = {factor: [effect for effect in here if effect.name.startswith(f"{factor} at")] for factor in FACTORS}
+    changes = {factor: _direction(some) for factor, some in cases.items()}
+    nothing = {factor: all(effect.verdict == "equivalent" for effect in some) for factor, some in cases.items()}
     if changes[REACH] and nothing[BASE]:
         verdict = (
             f"It is bandwidth: a shorter reach {changes[REACH]}, and at the same reach φ for 2 does not change it by "
@@ -138,7 +136,7 @@ def answer(effects_of_factors: list[Effect]) -> str:
         verdict = "Neither: at these resolutions neither reach nor base changes PSNR by as much as matters"
     else:
         verdict = "Not settled: neither reach nor base is told from 0 on any scene at any resolution"
-    family = max(one.family for one in here)
+    family = max(effect.family for effect in here)
     return f"{verdict}. A case is a scene at a resolution; the {family} cases of a factor are looked at together."
 
 
@@ -146,21 +144,18 @@ def _direction(cases: list[Effect]) -> str:
     """Return which way, in how many cases and by how much the effects go that differ from 0; empty if none does."""
     ways = []
     for verb, verdict in (("raises", "better"), ("lowers", "worse")):
-        values = sorted(one.difference for one in cases if one.verdict == verdict and one.difference is not None)
+        values = sorted(effect.difference or 0.0 for effect in cases if effect.verdict == verdict)
         if values:
             ends = dict.fromkeys(amount(value, "psnr") for value in (values[0], values[-1]))
             ways.append(f"{verb} PSNR in {len(values)} of {len(cases)} cases ({' to '.join(ends)})")
     return " and ".join(ways)
 
 
-def _chosen(some: list[Effect], name: str, against: str = "") -> list[Effect]:
-    """Return the effects on PSNR at equal steps, scene by scene."""
-    wanted = (name, against, "psnr", "steps")
-    return [one for one in some if (one.name, one.against, one.metric, one.budget) == wanted and one.scene != "all"]
-
-
-def _by_scene(some: list[Effect], gain: bool = True) -> str:
-    return listed(f"{in_words(one, gain)} on {one.scene}" for one in some)
+def _on_scenes(some: list[Effect], name: str, against: str = "", gain: bool = True) -> str:
+    """Return the effects of that name on PSNR at equal steps, scene by scene."""
+    return listed(
+        f"{in_words(effect, gain)} on {effect.scene}" for effect in by_scene(some, name=name, against=against)
+    )
 
 
 def _table(run: StudyRun, px: int) -> Table:
@@ -182,7 +177,7 @@ def _lines(cells: dict[int, list[CellRecord]]) -> Iterator[Series]:
 
     With two scenes, an interval over both tells the eye nothing; it is listed among the effects.
     """
-    ladders = {method: (duel(method, "nerf"), (method,)) for method in LADDERS if method != "nerf"}
+    ladders = {method: (duel(method, "nerf"), (method,)) for method in OTHERS}
     factors = {factor: (LADDER_DESIGN, (factor,)) for factor in FACTORS}
     for what, lines in (("Difference from NeRF", ladders), ("Reach and base", factors)):
         for scene in keyed(cells[min(cells)])[1]:

@@ -46,14 +46,6 @@ def _normal(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarra
     return PAIR_SD * generator.standard_normal(shape)
 
 
-def _heavy(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    return PAIR_SD * generator.standard_t(4, shape) / math.sqrt(2)
-
-
-def _seen(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    return np.where(generator.random(shape) < COLLAPSE, np.nan, _normal(generator, shape))
-
-
 def _unseen(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     """Return noise in which collapses go unnoticed, centred so that the true effect is 0 again."""
     lost = generator.random(shape) < COLLAPSE
@@ -61,7 +53,13 @@ def _unseen(generator: np.random.Generator, shape: tuple[int, ...]) -> np.ndarra
 
 
 Noise = Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]
-CHECKED: dict[str, Noise] = {"normal": _normal, "t₄": _heavy, "1 in 50 collapses and is counted apart": _seen}
+CHECKED: dict[str, Noise] = {
+    "normal": _normal,
+    "t₄": lambda generator, shape: PAIR_SD * generator.standard_t(4, shape) / math.sqrt(2),
+    "1 in 50 collapses and is counted apart": lambda generator, shape: np.where(
+        generator.random(shape) < COLLAPSE, np.nan, _normal(generator, shape)
+    ),
+}
 NOISE = CHECKED | {f"1 in 50 loses {UNSEEN_LOSS:g} dB unseen": _unseen}
 
 
@@ -90,27 +88,22 @@ def calibration(context: EvidenceContext) -> Iterator[Found]:
     yield from _sentences(grid, default, count)
     yield from checks(grid, default, count)
     for kind, power in default.power.items():
-        error = [2 * math.sqrt(share * (1 - share) / count) for share in power.values()]
+        shares = np.array(list(power.values()))
+        half = 2 * np.sqrt(shares * (1 - shares) / count)
         yield Series(
-            "how often an effect is called better, at the noise of the default run",
-            0,
-            kind,
-            "true effect (dB)",
-            "share of simulated studies",
-            list(power),
-            list(power.values()),
-            [max(0.0, share - half) for share, half in zip(power.values(), error, strict=True)],
-            [min(1.0, share + half) for share, half in zip(power.values(), error, strict=True)],
-            log_x=False,
-            log_y=False,
-        )
+            "how often an effect is called better, at the noise of the default run", 0, kind,
+            "true effect (dB)", "share of simulated studies", list(power), shares.tolist(),
+            np.maximum(0.0, shares - half).tolist(), np.minimum(1.0, shares + half).tolist(), log_x=False, log_y=False,
+        )  # fmt: skip
     yield _table([default, *grid])
 
 
 def simulated(
     noise: str, scenes: int, seeds: int, scene_sd: float, count: int, effects: tuple[float, ...] = tuple(POWER)
 ) -> DesignPoint:
-    """Simulate `count` studies. Power is that of the same studies with the effect added to every difference."""
+    """Simulate `count` studies. Power is that of the same studies with the effect added to every difference: the share
+    whose interval is above 0, and not all of it within the range of no interest.
+    """
     generator = np.random.default_rng([20260108, list(NOISE).index(noise), scenes, seeds, round(1000 * scene_sd)])
     truth = scene_sd * generator.standard_normal((count, scenes))
     values = truth[..., None] + NOISE[noise](generator, (count, scenes, seeds))
@@ -124,25 +117,24 @@ def simulated(
     }
     coverage, power = {}, {}
     for kind, (estimated, true) in tried.items():
-        half = half_widths(estimated)
+        half, mean = half_widths(estimated), estimated.mean
         known = np.isfinite(half) & np.isfinite(true)
-        coverage[kind] = float((np.abs(estimated.mean - true) <= half)[known].mean())
+        coverage[kind] = float((np.abs(mean - true) <= half)[known].mean())
         if kind in (HERE, ELSEWHERE):
-            power[kind] = {effect: _share_found(estimated.mean + effect, half) for effect in effects}
+            of_interest = METRICS[PRIMARY].smallest_of_interest
+            power[kind] = {
+                effect: float(((mean + effect - half > 0) & (mean + effect + half >= of_interest)).mean())
+                for effect in effects
+            }
     return DesignPoint(noise, scenes, seeds, scene_sd, coverage, power)
-
-
-def _share_found(mean: np.ndarray, half: np.ndarray) -> float:
-    """Return the share called better: the interval is above 0, and not all of it within the range of no interest."""
-    return float(((mean - half > 0) & (mean + half >= METRICS[PRIMARY].smallest_of_interest)).mean())
 
 
 def checks(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterator[Check]:
     """Yield checks of each kind of interval from below and from above, and of the power that was promised."""
-    judged = [one for one in grid if one.noise in CHECKED]
+    judged = [point for point in grid if point.noise in CHECKED]
     for kind in (ELSEWHERE, HERE, ONE_SCENE):
         for which, end in (("lowest", min), ("highest", max)):
-            point = end(judged, key=lambda one: one.coverage[kind])
+            point = end(judged, key=lambda point: point.coverage[kind])
             yield check(
                 f"share of intervals {kind} that hold the truth, {which}",
                 point.coverage[kind],
@@ -155,11 +147,11 @@ def checks(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterato
 
 
 def _sentences(grid: list[DesignPoint], default: DesignPoint, count: int) -> Iterator[str]:
-    judged = [one for one in grid if one.noise in CHECKED]
-    unseen = [one for one in grid if one.noise not in CHECKED]
+    judged = [point for point in grid if point.noise in CHECKED]
+    unseen = [point for point in grid if point.noise not in CHECKED]
 
     def span(kind: str, points: list[DesignPoint]) -> str:
-        values = [one.coverage[kind] for one in points]
+        values = [point.coverage[kind] for point in points]
         return f"{100 * min(values):.1f} to {100 * max(values):.1f} %"
 
     yield (
@@ -176,7 +168,7 @@ def _sentences(grid: list[DesignPoint], default: DesignPoint, count: int) -> Ite
         f"At the noise of the default run ({DEFAULT[0]} scenes, {DEFAULT[1]} seeds; {PUBLISHED:g} dB from scene to "
         f"scene, {PAIR_SD:g} dB from seed to seed) a study finds {sizes}."
     )
-    wrong = [one.coverage[ASKED_WRONGLY] for one in judged if one.scene_sd == max(SCENE_SD)]
+    wrong = [point.coverage[ASKED_WRONGLY] for point in judged if point.scene_sd == max(SCENE_SD)]
     yield (
         f"The interval on these scenes answers no other question: where effects differ by {max(SCENE_SD):g} dB from "
         f"scene to scene, it holds the mean of all such scenes in {100 * min(wrong):.0f} to {100 * max(wrong):.0f} %."
@@ -193,9 +185,9 @@ def _table(points: list[DesignPoint]) -> Table:
     columns = ["noise", "scenes", "seeds", "SD of scenes (dB)", *(f"coverage {kind} (%)" for kind in kinds)]
     columns += [f"{effect:g} dB found {kind} (%)" for effect in POWER for kind in kinds[:2]]
     rows: list[list[str | float | None]] = []
-    for one in points:
-        shares = [one.coverage[kind] for kind in kinds]
-        shares += [one.power[kind][effect] for effect in POWER for kind in kinds[:2]]
-        figures = [round(100 * share, 1) for share in shares]
-        rows.append([one.noise, float(one.scenes), float(one.seeds), one.scene_sd, *figures])
+    for point in points:
+        shares = [point.coverage[kind] for kind in kinds]
+        shares += [point.power[kind][effect] for effect in POWER for kind in kinds[:2]]
+        sizes = [float(point.scenes), float(point.seeds), point.scene_sd]
+        rows.append([point.noise, *sizes, *(round(100 * share, 1) for share in shares)])
     return Table("coverage", 0, f"Coverage and power; {PAIR_SD:g} dB from seed to seed throughout", columns, rows)

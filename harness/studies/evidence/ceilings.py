@@ -24,6 +24,11 @@ from scenes.files.errors import InputError
 
 Rows = dict[str, list[dict[str, Any]]]
 """Folder or scene → the rows printed about it."""
+TOLERANCE_DB = 0.1
+TRAINING = "repaired"
+"""The training whose view sets are examined, along with those of the other classics with the same settings."""
+REPEATS = 2
+"""The renders beside the stored one."""
 
 
 def noise_rows(
@@ -38,24 +43,21 @@ def noise_rows(
     If a signal ends the process, the item that it was at and those behind are rendered again with `scalar_rgb`. Raises
     `InputError` with what the renderer says of wrong input, and `RuntimeError` if it fails otherwise.
     """
+    rows: Rows = {}
 
-    def printed(items: Sequence[str], options: Sequence[str]) -> tuple[Rows, int, str]:
-        rows: Rows = {}
+    def on_row(row: dict[str, Any]) -> None:
+        if row["item"] not in rows:
+            show(f"rendering {row['scene']} ({len(rows) + 1} of {len(items)})")
+        rows.setdefault(row["item"], []).append(row)
 
-        def on_row(row: dict[str, Any]) -> None:
-            if row["item"] not in rows:
-                show(f"rendering {row['scene']} ({len(rows) + 1} of {len(items)})")
-            rows.setdefault(row["item"], []).append(row)
-
-        return rows, *printed_rows(["noise", f"--{kind}", *items, *options], on_row, module=module)
-
-    rows, code, complaints = printed(items, options)
+    code, complaints = printed_rows(["noise", f"--{kind}", *items, *options], on_row, module=module)
     if code < 0:
         show(f"rendering was ended by signal {-code}; going on with scalar_rgb")
-        complete = {item: rows[item] for item in list(rows)[:-1]}
-        rest = [item for item in items if item not in complete]
-        rows, code, complaints = printed(rest, [*options, "--variant", "scalar_rgb"])
-        rows = complete | rows
+        if rows:
+            rows.popitem()
+        rest = [item for item in items if item not in rows]
+        words = ["noise", f"--{kind}", *rest, *options, "--variant", "scalar_rgb"]
+        code, complaints = printed_rows(words, on_row, module=module)
     if code == 2:
         raise InputError(complaints.removeprefix("scenes: "))
     if code:
@@ -82,13 +84,6 @@ def scores_at_hand(context: EvidenceContext, width: int) -> dict[str, float]:
     return best
 
 
-TOLERANCE_DB = 0.1
-TRAINING = "repaired"
-"""The training whose view sets are examined, along with those of the other classics with the same settings."""
-REPEATS = 2
-"""The renders beside the stored one."""
-
-
 @dataclass(frozen=True)
 class Agreement:
     """Two ceilings of one scene: means over its test views, dB."""
@@ -99,29 +94,28 @@ class Agreement:
     """The ceiling from the stored images and new ones."""
     halves: float
     """The ceiling that the view set's formula gives for the new ones."""
-    error: float | None
-    """The standard error of stated minus again, from the spread over views; None with one view."""
+    error: float
+    """The standard error of stated minus again, from the spread over views."""
     views: int
 
     @property
     def difference(self) -> float:
         return self.stated - self.again
 
-    def excess(self) -> float | None:
+    @property
+    def excess(self) -> float:
         """Return the standard errors by which the two differ beyond what is allowed; 0 if they do not."""
         over = abs(self.difference) - TOLERANCE_DB
-        if over <= 0.0:
-            return 0.0
-        return over / self.error if self.error else None
+        return 0.0 if over <= 0.0 else over / self.error if self.error else math.inf
 
 
 def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halves: Sequence[float]) -> Agreement:
-    """Return the agreement computed from the mean square errors that noise causes in each view."""
-    levels = [[psnr_from_mse(one) for one in values] for values in (stated, again, halves)]
+    """Return the agreement computed from the mean square errors that noise causes in each of at least two views."""
+    levels = [[psnr_from_mse(mse) for mse in values] for values in (stated, again, halves)]
     apart = [a - b for a, b in zip(levels[0], levels[1], strict=True)]
-    error = statistics.stdev(apart) / len(apart) ** 0.5 if len(apart) > 1 else None
-    means = [statistics.fmean(one) for one in levels]
-    return Agreement(scene, means[0], means[1], means[2], error, len(apart))
+    error = statistics.stdev(apart) / len(apart) ** 0.5
+    of_stated, of_again, of_halves = map(statistics.fmean, levels)
+    return Agreement(scene, of_stated, of_again, of_halves, error, len(apart))
 
 
 def ceilings(context: EvidenceContext) -> Iterator[Found]:
@@ -141,26 +135,24 @@ def ceilings(context: EvidenceContext) -> Iterator[Found]:
         "float colours that scores use: the 8-bit pictures beside them play no part. Each view is rendered "
         f"{REPEATS} times more, by {sample['variant']}."
     )
-    yield from limited(agreements, scores_at_hand(context, plan.views.resolution))
-    stated, again = ([getattr(one, name) for one in agreements] for name in ("stated", "again"))
+    yield limited(agreements, scores_at_hand(context, plan.views.resolution))
     yield Series(
         "Ceiling stated and measured again", 0, "scenes", "stated ceiling, dB", "ceiling from new renders, dB",
-        stated, again, log_x=False, log_y=False,
+        [scene.stated for scene in agreements], [scene.again for scene in agreements], log_x=False, log_y=False,
     )  # fmt: skip
 
 
 def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:
     """Yield the answer, its checks and its table."""
-    count = len(scenes)
-    within = sum(abs(one.difference) <= TOLERANCE_DB for one in scenes)
-    mean = statistics.fmean(one.difference for one in scenes)
-    errors = [one.error for one in scenes if one.error is not None]
-    error = sum(one**2 for one in errors) ** 0.5 / count if len(errors) == count else None
-    worst = max(scenes, key=lambda one: abs(one.difference))
+    within = sum(abs(scene.difference) <= TOLERANCE_DB for scene in scenes)
+    mean = statistics.fmean(scene.difference for scene in scenes)
+    error = math.hypot(*(scene.error for scene in scenes)) / len(scenes)
+    worst = max(scenes, key=lambda scene: abs(scene.difference))
+    poorest = max(scenes, key=lambda scene: scene.error)
     yield (
-        f"{within} of {count} ceilings lie within {TOLERANCE_DB} dB of what new renders say; over all scenes the "
-        f"stated ceiling is {_signed(mean)} dB off{_give_or_take(error)}, at most {_signed(worst.difference)} dB"
-        f"{_give_or_take(worst.error)} ({worst.scene})."
+        f"{within} of {len(scenes)} ceilings lie within {TOLERANCE_DB} dB of what new renders say; over all scenes the "
+        f"stated ceiling is {_signed(mean)} dB off ± {error:.3f}, at most {_signed(worst.difference)} dB "
+        f"± {worst.error:.3f} ({worst.scene})."
     )
     yield check(
         "ceiling stated less ceiling from new renders, mean over scenes",
@@ -168,50 +160,44 @@ def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:
         -TOLERANCE_DB,
         TOLERANCE_DB,
         "dB",
-        f"standard error {error:.3f} dB" if error is not None else "no standard error: one view a scene",
+        f"standard error {error:.3f} dB",
     )
-    excesses = [excess for one in scenes if (excess := one.excess()) is not None]
     # Student's limit for as many scenes as there are, with the fewest views that any of them has
-    limit = critical(max(1, min(one.views for one in scenes) - 1), count)
-    widest = TOLERANCE_DB + limit * max(errors, default=0.0)
+    limit = critical(min(scene.views for scene in scenes) - 1, len(scenes))
     yield check(
         f"largest excess of a scene's difference over {TOLERANCE_DB} dB",
-        max(excesses) if len(excesses) == count else None,
+        max(scene.excess for scene in scenes),
         high=limit,
         unit="standard errors",
         why=f"of the scene itself, from the spread of its views; larger by chance in at most 5 % of all studies. A "
-        f"difference passes up to {TOLERANCE_DB} dB and so many standard errors, {widest:.2f} dB where they are largest"
-        if len(excesses) == count
-        else "a scene with a single view has no standard error",
+        f"difference passes up to {TOLERANCE_DB} dB and so many standard errors, "
+        f"{TOLERANCE_DB + limit * poorest.error:.2f} dB where they are largest",
     )
-    poorest = max(scenes, key=lambda one: math.inf if one.error is None else one.error)
     yield check(
         "largest standard error of a scene's difference",
         poorest.error,
         high=TOLERANCE_DB,
         unit="dB",
         why=f"{poorest.scene}; with a larger one {TOLERANCE_DB} dB would not be told, and that a scene is not called "
-        "wrong would mean nothing"
-        if poorest.error is not None
-        else f"{poorest.scene} has a single view and no standard error",
+        "wrong would mean nothing",
     )
     columns = ["scene", "stated, dB", "new renders, dB", "difference, dB", "standard error, dB",
                "formula on new renders, dB", "views"]  # fmt: skip
-    yield Table(
-        "ceilings", 0, "PSNR ceilings of the test views", columns,
-        [[one.scene, one.stated, one.again, one.difference, one.error, one.halves, float(one.views)] for one in scenes],
-    )  # fmt: skip
+    rows: list[list[str | float | None]] = [
+        [scene.scene, scene.stated, scene.again, scene.difference, scene.error, scene.halves, float(scene.views)]
+        for scene in scenes
+    ]
+    yield Table("ceilings", 0, "PSNR ceilings of the test views", columns, rows)
 
 
-def limited(scenes: Sequence[Agreement], scores: dict[str, float]) -> Iterator[str]:
-    """Yield how far the best available scores stay below the ceiling."""
-    room = {one.scene: one.again - scores[one.scene] for one in scenes if one.scene in scores}
+def limited(scenes: Sequence[Agreement], scores: dict[str, float]) -> str:
+    """Return how far the best available scores stay below the ceiling."""
+    room = {scene.scene: scene.again - scores[scene.scene] for scene in scenes if scene.scene in scores}
     if not room:
-        yield "No trained cell is at hand in this folder to stand beside the ceilings."
-        return
+        return "No trained cell is at hand in this folder to stand beside the ceilings."
     near = [name for name, value in room.items() if value < REFERENCE_LIMITED_DB]
     least = min(room, key=lambda name: room[name])
-    yield (
+    return (
         f"The best cells of this folder stay {room[least]:.1f} dB ({least}) to {max(room.values()):.1f} dB below the "
         f"ceiling of their scene; within {REFERENCE_LIMITED_DB:g} dB of it "
         f"{listed(near) + ' are' if near else 'none is'} reference-limited."
@@ -220,7 +206,3 @@ def limited(scenes: Sequence[Agreement], scores: dict[str, float]) -> Iterator[s
 
 def _signed(value: float) -> str:
     return f"{value:+.3f}".replace("-", "−")
-
-
-def _give_or_take(error: float | None) -> str:
-    return "" if error is None else f" ± {error:.3f}"

@@ -1,4 +1,5 @@
-"""Cells → effects of a study; full factorial designs whose corners are methods, paired by scene and seed.
+"""Cells → effects of a study, and effects in words; full factorial designs whose corners are methods, paired by scene
+and seed.
 
 The convention is the usual one of levels ±1 (Box, Hunter & Hunter 2005, Statistics for Experimenters, chapter 5). A
 main effect is the mean, over all settings of the other factors, of the score with the factor less the score without it.
@@ -7,9 +8,9 @@ half the difference between the interaction of two with and without the third.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from jaxtyping import Float
@@ -17,81 +18,13 @@ from jaxtyping import Float
 from harness.records import metric_table
 from harness.records.cells import CellRecord
 from harness.records.study import Effect, Series
-from harness.verdicts.comparisons import Budget, differences, family_of, judged, keyed, score_on_curve
+from harness.verdicts.comparisons import Budget, family_of, judged, keyed, score_on_curve
 from harness.verdicts.failures import judgeable
 
 METRICS = ("psnr", "ssim")
 BUDGETS: tuple[Budget, ...] = ("steps", "seconds")
 Tables = dict[str, np.ndarray]
-"""Scene → differences or contrasts [seeds], NaN for a seed without one; the same seeds in the same order."""
-
-
-def effects_of_table(
-    table: Tables,
-    name: str,
-    metric: str,
-    budget: Budget,
-    metrics: int,
-    against: str = "",
-    together: int = 1,
-    note: str = "",
-) -> list[Effect]:
-    """Return one contrast over all scenes of `table`, then scene by scene.
-
-    `metrics` are judged beside each other (`family_of`), and `together` contrasts make up one question.
-    """
-    effects = []
-    for scene in ["all", *table]:
-        family = together * family_of(metric, scene, len(table), metrics)
-        judgement = judged(table, metric, family, scene)
-        estimate = judgement.chosen
-        effects.append(
-            Effect(
-                name=name,
-                against=against,
-                scene=scene,
-                metric=metric,
-                budget=budget,
-                difference=judgement.difference,
-                interval=estimate.interval,
-                simultaneous=estimate.simultaneous,
-                family=family,
-                verdict=estimate.verdict,
-                smallest_detectable=estimate.smallest_detectable,
-                pairs=judgement.pairs,
-                unpaired=judgement.unpaired,
-                note=note,
-                on_these_scenes=judgement.on_these_scenes,
-            )
-        )
-    return effects
-
-
-def effects(
-    cells: list[CellRecord],
-    method: str,
-    against: str,
-    metrics: tuple[str, ...] = METRICS,
-    budgets: tuple[Budget, ...] = BUDGETS,
-    name: str | None = None,
-) -> list[Effect]:
-    """Return `method` − `against` for each budget and metric, called `name` if that is not the method's."""
-    by_key, scenes, seeds = keyed(cells)
-    return [
-        effect
-        for budget in budgets
-        for metric in metrics
-        for effect in effects_of_table(
-            differences(by_key, scenes, seeds, method, against, metric, budget),
-            name or method,
-            metric,
-            budget,
-            len(metrics),
-            against,
-        )
-    ]
-
-
+"""Scene → contrasts [seeds], NaN for a seed without one; the same seeds in the same order."""
 Term = tuple[str, ...]
 """The factors of a main effect (one of them) or of an interaction."""
 
@@ -164,13 +97,55 @@ def contrast_tables(
     return tables
 
 
+def effects_of_table(
+    table: Tables,
+    name: str,
+    metric: str,
+    budget: Budget,
+    metrics: int,
+    together: int = 1,
+    against: str = "",
+    note: str = "",
+) -> list[Effect]:
+    """Return one contrast over all scenes of `table`, then scene by scene.
+
+    `metrics` are judged beside each other (`family_of`), and `together` contrasts make up one question.
+    """
+    effects = []
+    for scene in ["all", *table]:
+        family = together * family_of(metric, scene, len(table), metrics)
+        judgement = judged(table, metric, family, scene)
+        estimate = judgement.chosen
+        effects.append(
+            Effect(
+                name=name,
+                against=against,
+                scene=scene,
+                metric=metric,
+                budget=budget,
+                difference=judgement.difference,
+                interval=estimate.interval,
+                simultaneous=estimate.simultaneous,
+                family=family,
+                verdict=estimate.verdict,
+                smallest_detectable=estimate.smallest_detectable,
+                pairs=judgement.pairs,
+                unpaired=judgement.unpaired,
+                note=note,
+                on_these_scenes=judgement.on_these_scenes,
+            )
+        )
+    return effects
+
+
 def contrast_effects(
     design: Design,
     cells: list[CellRecord],
-    where: str,
+    where: str = "",
     metrics: tuple[str, ...] = METRICS,
     budgets: tuple[Budget, ...] = BUDGETS,
     together: int = 1,
+    against: str = "",
 ) -> list[Effect]:
     """Return every term of the design over all scenes and scene by scene; `where` is added to the factors' names.
 
@@ -178,21 +153,36 @@ def contrast_effects(
     judged all together. `together` counts the places at which a term is tested if their verdicts make one answer.
     """
     interactions = len(design.terms()) - len(design.factors)
-    return [
-        effect
-        for budget in budgets
-        for metric in metrics
-        for term in design.terms()
-        for effect in effects_of_table(
-            contrast_tables(design, term, cells, metric, budget),
-            f"{' × '.join(term)} {where}".strip(),
-            metric,
-            budget,
-            len(metrics),
-            together=together * (1 if len(term) == 1 else interactions),
-            note="" if len(term) == 1 else "interaction",
-        )
-    ]
+    effects = []
+    for budget, metric, term in product(budgets, metrics, design.terms()):
+        table = contrast_tables(design, term, cells, metric, budget)
+        name, note = f"{' × '.join(term)} {where}".strip(), "" if len(term) == 1 else "interaction"
+        family = together * (interactions if note else 1)
+        effects += effects_of_table(table, name, metric, budget, len(metrics), family, against, note)
+    return effects
+
+
+def effects(
+    cells: list[CellRecord],
+    method: str,
+    against: str,
+    where: str = "",
+    metrics: tuple[str, ...] = METRICS,
+    budgets: tuple[Budget, ...] = BUDGETS,
+) -> list[Effect]:
+    """Return `method` − `against` for each budget and metric."""
+    return contrast_effects(duel(method, against), cells, where, metrics, budgets, against=against)
+
+
+def chosen(some: Iterable[Effect], **facts: str) -> list[Effect]:
+    """Return the effects with these facts, on PSNR at equal steps if they say nothing else."""
+    wanted = {"metric": "psnr", "budget": "steps", **facts}
+    return [effect for effect in some if all(getattr(effect, name) == value for name, value in wanted.items())]
+
+
+def by_scene(some: Iterable[Effect], **facts: str) -> list[Effect]:
+    """Return those of the `chosen` that are not over all scenes."""
+    return [effect for effect in chosen(some, **facts) if effect.scene != "all"]
 
 
 def common_steps(cells: list[CellRecord]) -> list[int]:
@@ -204,9 +194,9 @@ def common_steps(cells: list[CellRecord]) -> list[int]:
 def line(tables: dict[float, Tables], panel: str, name: str, x_label: str) -> Series:
     """Return a line of place on the axis → a contrast of PSNR there: its mean and the interval of that place alone."""
     judgements = [judged(table, "psnr", 1) for table in tables.values()]
-    intervals = [one.chosen.interval for one in judgements]
-    low, high = ([one and one[end] for one in intervals] for end in (0, 1))
-    y = [one.difference for one in judgements]
+    intervals = [judgement.chosen.interval for judgement in judgements]
+    low, high = ([interval and interval[end] for interval in intervals] for end in (0, 1))
+    y = [judgement.difference for judgement in judgements]
     return Series(panel, 0, name, x_label, "difference of PSNR, dB", list(tables), y, low, high, log_y=False)
 
 
@@ -216,48 +206,51 @@ def along_training(design: Design, term: Term, cells: list[CellRecord], panel: s
     return line(tables, panel, name, "training step")
 
 
-def scores_of(cells: list[CellRecord], scene: str, method: str, metric: str) -> list[float | None]:
-    """Return the scores of every seed, at the end; None for a cell that did not end well."""
-    return [cell.scores.get(metric) for cell in cells if (cell.scene, cell.method) == (scene, method)]
-
-
-def mean_of(scores: list[float | None]) -> float | None:
-    known = [score for score in scores if score is not None]
-    return float(np.mean(known)) if known else None
-
-
-def spread(scores: list[float | None]) -> str:
+def spread(scores: list[float | None], metric: str) -> str:
     """Return `24.10 ± 0.05` with the standard deviation over seeds, and the number of seeds if some are missing."""
-    known = [score for score in scores if score is not None]
+    known, digits = [score for score in scores if score is not None], metric_table.METRICS[metric].digits
     if not known:
         return "no seed ended well"
-    digits = 2 if max(map(abs, known)) > 1 else 3
     text = f"{np.mean(known):.{digits}f}"
     text += f" ± {np.std(known, ddof=1):.{digits}f}" if len(known) > 1 else ""
     return text if len(known) == len(scores) else f"{text} ({len(known)} of {len(scores)} seeds)"
 
 
-def score_table(cells: list[CellRecord], methods: Iterable[str]) -> tuple[list[str], dict[str, list[str]]]:
-    """Return the columns of PSNR and SSIM scene by scene, and method → its scores in words."""
-    keys = [(scene, metric) for scene in keyed(cells)[1] for metric in METRICS]
-    labels = {"psnr": "PSNR, dB", "ssim": "SSIM"}
-    columns = [f"{scene}: {labels[metric]}" for scene, metric in keys]
-    return columns, {method: [spread(scores_of(cells, scene, method, metric)) for scene, metric in keys]
-                     for method in methods}  # fmt: skip
+def spread_of(cells: list[CellRecord], scene: str, method: str, metric: str) -> str:
+    """Return the `spread` of the last scores of every seed; a cell that did not end well has none."""
+    return spread([cell.scores.get(metric) for cell in cells if (cell.scene, cell.method) == (scene, method)], metric)
 
 
-def without_a_score(cells: list[CellRecord]) -> list[str]:
-    """Return the names of the cells that did not end well."""
-    return [f"{one.method} on {one.scene}, seed {one.seed} ({one.reason})" for one in cells if one.status != "done"]
+def score_table(
+    cells: list[CellRecord], methods: Iterable[str], metrics: tuple[str, ...] = METRICS
+) -> tuple[list[str], dict[str, list[str]]]:
+    """Return the columns scene by scene and metric by metric, and method → its scores in words."""
+    keys = list(product(keyed(cells)[1], metrics))
+    labels = {metric: ", ".join(filter(None, metric_table.METRICS[metric][1:3])) for metric in metrics}
+    rows = {method: [spread_of(cells, scene, method, metric) for scene, metric in keys] for method in methods}
+    return [f"{scene}: {labels[metric]}" for scene, metric in keys], rows
 
 
-UNITS = {"psnr": " dB", "delta_e": "", "depth_rmse": " scene units"}
-DIGITS = {"psnr": 2, "delta_e": 2}
+def without_a_score(cells: list[CellRecord], where: str = "") -> Iterator[str]:
+    """Yield a sentence that names the cells that did not end well, if there are any."""
+    lost = [
+        f"{cell.method} on {cell.scene}, seed {cell.seed} ({cell.reason})" for cell in cells if cell.status != "done"
+    ]
+    if lost:
+        yield f"{where}{len(lost)} of {len(cells)} cells have no score, and their pairs are not judged: {listed(lost)}."
+
+
+def number(value: float, metric: str, sign: bool = True) -> str:
+    """Return the value with the digits of its metric and a true minus sign."""
+    digits = metric_table.METRICS[metric].digits
+    return f"{value:{'+' if sign else ''}z.{digits}f}".replace("-", "−")
 
 
 def amount(value: float | None, metric: str, sign: bool = True) -> str:
-    """Return the difference as `+0.81 dB`, with a true minus sign."""
-    return "no figure" if value is None else _number(value, metric, sign) + UNITS.get(metric, "")
+    """Return the difference as `+0.81 dB`."""
+    if value is None:
+        return "no figure"
+    return f"{number(value, metric, sign)} {metric_table.METRICS[metric].unit}".strip()
 
 
 def in_words(effect: Effect, gain: bool = True) -> str:
@@ -270,7 +263,7 @@ def in_words(effect: Effect, gain: bool = True) -> str:
     size = amount(effect.difference, effect.metric)
     if effect.difference is None or effect.simultaneous is None:
         return f"{size} (no interval{lost})"
-    low, high = (_number(end, effect.metric) for end in effect.simultaneous)
+    low, high = (number(end, effect.metric) for end in effect.simultaneous)
     kind = "95 % interval" if effect.family == 1 else f"95 % interval, {effect.family} together,"
     return f"{size} ({kind} {low} to {high}: {verdict_in_words(effect, gain)}{lost})"
 
@@ -281,14 +274,14 @@ def in_brief(effect: Effect) -> str:
     """
     if effect.difference is None:
         return "no figure"
-    ends = [_number(end, effect.metric) for end in effect.simultaneous or ()]
-    return _number(effect.difference, effect.metric) + (f" [{', '.join(ends)}]" if ends else "")
+    ends = [number(end, effect.metric) for end in effect.simultaneous or ()]
+    return number(effect.difference, effect.metric) + (f" [{', '.join(ends)}]" if ends else "")
 
 
 def verdict_in_words(effect: Effect, gain: bool = True) -> str:
+    about = metric_table.METRICS[effect.metric]
     if effect.verdict == "equivalent":
-        interest = metric_table.METRICS[effect.metric].smallest_of_interest
-        return f"within ±{interest}{UNITS.get(effect.metric, '')}"
+        return f"within ±{about.smallest_of_interest} {about.unit}".strip()
     if effect.verdict == "inconclusive":
         return "not settled"
     if gain:
@@ -300,11 +293,3 @@ def listed(parts: Iterable[str]) -> str:
     """Return the items as `a, b and c`."""
     *first, last = parts
     return f"{', '.join(first)} and {last}" if first else last
-
-
-def _number(value: float, metric: str, sign: bool = True) -> str:
-    digits = DIGITS.get(metric, 3)
-    text = f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
-    if float(text) == 0:
-        text = text.lstrip("+-")
-    return text.replace("-", "−")

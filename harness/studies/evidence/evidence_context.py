@@ -2,10 +2,10 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import torch
@@ -16,7 +16,7 @@ from harness.machine.device import keep_freed_memory, multiplies_bfloat16, use_t
 from harness.machine.provenance import provenance
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
-from harness.records.cells import CellRecord, RunRecord, SceneRecord, cell_path, read_cells, read_run
+from harness.records.cells import CellRecord, SceneRecord, cell_path, read_cells, read_cells_of, read_run
 from harness.records.json_record import DamagedRecord
 from harness.records.metric_table import METRICS
 from harness.records.study import Studies
@@ -122,16 +122,17 @@ class EvidenceContext(framework.StudyContext):
 
     def trained(self, name: str) -> StudyRun:
         """Return the training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained
-        again, except those that failed without a chance (`lacks_cells`); what is there of another plan is moved to
+        again, except those that failed without a chance (`state_of`); what is there of another plan is moved to
         OUT/damaged.
 
         Studies may request the same training, one after another.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
-        if is_of_another_plan(folder, plan):
+        state = state_of(folder, plan)
+        if state == "of another plan":
             self.show.line(f"{folder}: of another plan, moved to {self.out / DAMAGED}: trained again")
             aside(self.out, folder.relative_to(self.out).as_posix())
-        if lacks_cells(folder, plan):
+        if state != "complete":
             folder.mkdir(parents=True, exist_ok=True)
             execution.run(plan, folder, self.view_sets, self.machine, "nox -s evidence", self.show)
         return StudyRun(plan, read_run(folder).scenes, list(read_cells(folder)))
@@ -143,37 +144,30 @@ class EvidenceContext(framework.StudyContext):
         A folder that is missing or is of another plan is left as it is: its figures were taken when it was there.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
-        if not folder.exists() or is_of_another_plan(folder, plan):
+        if not folder.exists() or state_of(folder, plan) == "of another plan":
             return False
         mend(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
-        return lacks_cells(folder, plan)
+        return state_of(folder, plan) == "incomplete"
 
     def scale(self, *names: str) -> str:
-        """Return the scale of trainings, in one line, and whether the code may have changed since they were done."""
-        lines = []
-        for plan in map(self.plan, names):
-            lines.append(
-                f"{', '.join(plan.scenes)}; {len(plan.seeds)} seeds; {plan.budget.steps} steps; {plan.views.train} "
-                f"training views of {plan.views.resolution} px"
-            )
-        return ". ".join([" | ".join(dict.fromkeys(lines)), *self._other_commits(names)])
-
-    def _other_commits(self, names: tuple[str, ...]) -> Iterator[str]:
-        """Yield the trainings with cells of a commit other than the present one, or of a tree with changes, which no
-        commit names. They are used all the same: the plan decides whether a cell is compatible.
+        """Return the scale of trainings, in one line, and whether the code may have changed since they were done: cells
+        of another commit, or of a tree with changes, are used all the same, as the plan decides what is compatible.
         """
-        here = provenance(torch.device(self.machine.device))["commit"]
-        trainings = []
-        for name in names:
-            keys = set(self.plan(name).cells())
-            cells = [cell for cell in read_cells(folder_of(self.out, name))
-                     if (cell.scene, cell.method, cell.seed) in keys]  # fmt: skip
-            commits = Counter(cell.provenance.get("commit", "unknown") for cell in cells)
-            if any(commit != here or commit == "unknown" or commit.endswith("-dirty") for commit in commits):
-                counts = ", ".join(f"{count} cells at commit {commit}" for commit, count in commits.items())
-                trainings.append(f"{name}: {counts}")
-        if trainings:
-            yield f"Not all was trained at commit {here}, at which it was judged ({'; '.join(trainings)})"
+        lines = [
+            f"{', '.join(plan.scenes)}; {len(plan.seeds)} seeds; {plan.budget.steps} steps; {plan.views.train} "
+            f"training views of {plan.views.resolution} px"
+            for plan in map(self.plan, names)
+        ]
+        scale, here = " | ".join(dict.fromkeys(lines)), provenance(torch.device(self.machine.device))["commit"]
+        commits = Counter(
+            cell.provenance.get("commit", "unknown")
+            for name in names
+            for cell in read_cells_of(folder_of(self.out, name), self.plan(name).cells())
+        )
+        if not any(commit != here or commit == "unknown" or commit.endswith("-dirty") for commit in commits):
+            return scale
+        counts = ", ".join(f"{count} cells at commit {commit}" for commit, count in commits.items())
+        return f"{scale}. Not all was trained at commit {here}, at which it was judged: {counts}"
 
 
 def folder_of(out: Path, training: str) -> Path:
@@ -181,28 +175,19 @@ def folder_of(out: Path, training: str) -> Path:
     return out / TRAININGS_FOLDER / training
 
 
-def lacks_cells(folder: Path, plan: Plan) -> bool:
-    """Whether only running it again completes a training: it is not finished, something is missing, or cells failed
-    without having had their chance.
+def state_of(folder: Path, plan: Plan) -> Literal["complete", "incomplete", "of another plan"]:
+    """Return the state of a training, by its record, or by its cells if that is lost. It is incomplete if only running
+    it again completes it: it is not finished, something is missing, or cells failed without having had their chance.
     """
-    run = _run_of(folder)
-    if run is None or not run.finished or not all(cell_path(folder, *key).exists() for key in plan.cells()):
-        return True
-    return any(cell.status in ("error", "not_available") for cell in read_cells(folder))
-
-
-def is_of_another_plan(folder: Path, plan: Plan) -> bool:
-    """Whether the training is of another plan, by its record, or by its cells if that is lost."""
-    run = _run_of(folder)
-    if run is None:
-        return bool(plan_of_cells(folder, plan))
-    return bool(run.settings != json.loads(json.dumps(plan.settings())))
-
-
-def _run_of(folder: Path) -> RunRecord | None:
+    run = None
     with suppress(DamagedRecord):
-        return read_run(folder)
-    return None
+        run = read_run(folder)
+    if plan_of_cells(folder, plan) if run is None else run.settings != json.loads(json.dumps(plan.settings())):
+        return "of another plan"
+    if run is None or not run.finished or not all(cell_path(folder, *key).exists() for key in plan.cells()):
+        return "incomplete"
+    failed = any(cell.status in ("error", "not_available") for cell in read_cells(folder))
+    return "incomplete" if failed else "complete"
 
 
 def run(

@@ -85,6 +85,7 @@ STUDIES: dict[str, Study] = catalogue(
         "rendering so fine that its own error does not show.",
         "rendering_work:rendering_work",
         120,
+        "no_encoding",
     ),
     _study(
         "ground_truth",

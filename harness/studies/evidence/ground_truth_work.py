@@ -33,6 +33,8 @@ SLOPE_BAR = 0.1
 """The amount by which the error of a scene may fall more slowly than Monte Carlo must."""
 FLATTEST = -0.1
 """The slope of the mean square error above which no number of samples is extrapolated."""
+Line = tuple[float | None, float]
+"""Slope and height of a line that is fitted to logarithms; the slope is None with fewer than two points."""
 
 
 @dataclass(frozen=True)
@@ -48,24 +50,23 @@ class Noise:
     mse: list[float | None]
     """The mean square error of display colour over white."""
 
-    def slope_of_samples(self) -> float | None:
-        """Return the slope of log RMSE on log samples, from `FITTED_FROM` samples on; None with fewer than two
-        points.
-        """
-        return _fitted(self.spp, self._clear(self.rmse))[0]
+    @property
+    def by_samples(self) -> float | None:
+        """Return the slope of log RMSE on log samples, from `FITTED_FROM` samples on."""
+        return self._fitted(self.spp, self.rmse)[0]
 
-    def slope_of_seconds(self) -> float | None:
+    @property
+    def by_seconds(self) -> float | None:
         """Return the slope of log RMSE on log seconds, over renders that take at least twice as long as the shortest:
-        below that, time is overhead. None with fewer than two points.
+        below that, time is overhead.
         """
-        pairs = zip(self.seconds, self._clear(self.rmse), strict=True)
-        return _fitted(self.seconds, [one if taken >= 2.0 * min(self.seconds) else None for taken, one in pairs])[0]
+        return self._fitted(self.seconds, self.rmse, 2.0 * min(self.seconds))[0]
 
     def spp_for(self, mse: float) -> float | None:
         """Return the samples per pixel at which noise has that mean square error of display colour, on the line that is
-        fitted to log mse over log samples; None with fewer than two points, or if they hardly fall.
+        fitted to log mse over log samples; None if there is none, or if it hardly falls.
         """
-        slope, height = _fitted(self.spp, self._clear(self.mse))
+        slope, height = self._fitted(self.spp, self.mse)
         return None if slope is None or slope > FLATTEST else math.exp((math.log(mse) - height) / slope)
 
     @property
@@ -73,33 +74,32 @@ class Noise:
         """Return the ceiling at each number of samples, dB."""
         return [None if mse is None else psnr_from_mse(mse) for mse in self.mse]
 
-    def _clear(self, errors: list[float | None]) -> list[float | None]:
-        """Return the errors, None where there are too few samples for the fit."""
-        return [error if count >= FITTED_FROM else None for count, error in zip(self.spp, errors, strict=True)]
-
-
-def _fitted(x: Sequence[float], y: Sequence[float | None]) -> tuple[float | None, float]:
-    """Return the slope and height of log y over log x where y is known; None and 0 with fewer than two points."""
-    points = [(a, b) for a, b in zip(x, y, strict=True) if b is not None]
-    if len(points) < 2:
-        return None, 0.0
-    log_x, log_y = np.log(np.array(points)).T
-    slope, height = np.polyfit(log_x, log_y, 1)
-    return float(slope), float(height)
+    def _fitted(self, x: Sequence[float], y: Sequence[float | None], least: float = 0.0) -> Line:
+        """Fit log y over log x where y is known, samples suffice, and x is at least `least`."""
+        points = [
+            (a, b)
+            for count, a, b in zip(self.spp, x, y, strict=True)
+            if b is not None and count >= FITTED_FROM and a >= least
+        ]
+        if len(points) < 2:
+            return None, 0.0
+        log_x, log_y = np.log(np.array(points)).T
+        slope, height = np.polyfit(log_x, log_y, 1)
+        return float(slope), float(height)
 
 
 def noise_of(scene: str, rows: Sequence[dict[str, Any]]) -> Noise:
     """Read what `python -m scenes noise --scenes` printed. Raises `ValueError` if an error is not finite."""
     for row in rows:
-        if not all(math.isfinite(one) for errors in row["mse"].values() for one in errors):
+        if not all(math.isfinite(error) for errors in row["mse"].values() for error in errors):
             raise ValueError(f"{scene} with {row['spp']} samples a pixel: an error is not finite: {row['mse']}")
     linear, display = ([statistics.fmean(row["mse"][light]) for row in rows] for light in ("linear", "display"))
     return Noise(
         scene,
         [row["spp"] for row in rows],
         [statistics.median(row["seconds"]) for row in rows],
-        [math.sqrt(one) if one > 0.0 else None for one in linear],
-        [one if one > 0.0 else None for one in display],
+        [math.sqrt(error) if error > 0.0 else None for error in linear],
+        [error if error > 0.0 else None for error in display],
     )
 
 
@@ -127,14 +127,15 @@ def ground_truth_work(context: EvidenceContext) -> Iterator[Found]:
 
 def sentences(noises: Sequence[Noise], how: str) -> Iterator[Found]:
     """Yield how fast noise falls with samples, and with time."""
-    by_spp = {one.scene: slope for one in noises if (slope := one.slope_of_samples()) is not None}
-    by_time = {one.scene: slope for one in noises if (slope := one.slope_of_seconds()) is not None}
+    by_samples = {noise.scene: noise.by_samples for noise in noises}
+    by_spp = {scene: slope for scene, slope in by_samples.items() if slope is not None}
+    by_time = {noise.scene: slope for noise in noises if (slope := noise.by_seconds) is not None}
     what, high = "slowest fall of the error with samples a pixel", SLOPE + SLOPE_BAR
     if not by_spp:
         yield f"No slope: the error does not stand clear of the reference's ({how})."
         yield check(what, None, high=high, why="no slope")
         return
-    flat = [one.scene for one in noises if one.scene not in by_spp]
+    flat = [scene for scene in by_samples if scene not in by_spp]
     none = f"; no slope of {listed(flat)}" if flat else ""
     steeper = sum(slope < SLOPE - SLOPE_BAR for slope in by_spp.values())
     yield (
@@ -161,64 +162,53 @@ def room(noises: Sequence[Noise], scores: dict[str, float]) -> Iterator[Found]:
     """Yield the samples per pixel at which the ceiling stands so far above the available scores: the most among scenes
     that have a figure, and all of them as a table.
     """
-    rows: list[list[str | float | None]] = []
-    known: list[list[float]] = []
-    lost: list[str] = []
-    for one in noises:
-        if one.scene in scores:
-            score = scores[one.scene]
-            needed = [one.spp_for(10.0 ** (-(score + decibel) / 10.0)) for decibel in ROOMS_DB]
-            rows.append([one.scene, score, *needed])
-            if None in needed:
-                lost.append(one.scene)
-            else:
-                known.append([count or 0.0 for count in needed])
-    if not rows:
+    needed = {
+        noise.scene: [noise.spp_for(10.0 ** (-(scores[noise.scene] + decibel) / 10.0)) for decibel in ROOMS_DB]
+        for noise in noises
+        if noise.scene in scores
+    }
+    if not needed:
         yield "No trained cell is at hand in this folder: how many samples scores need is not said."
         return
-    if known:
-        near, far = (max(column) for column in zip(*known, strict=True))
-        where = f"on {len(known)} of {len(rows)} scenes " if lost else ""
+    lost = [scene for scene, counts in needed.items() if None in counts]
+    if len(lost) < len(needed):
+        near, far = (max(counts[place] or 0.0 for counts in needed.values() if None not in counts) for place in (0, 1))
+        where = f" on {len(needed) - len(lost)} of {len(needed)} scenes" if lost else ""
+        limited = ", so such scores are limited by the method" if far < TEST_SPP else ""
         yield (
             f"For a ceiling {ROOMS_DB[0]:g} dB above the best score at hand at most {near:.2g} samples a pixel are "
-            f"needed {where}and for {ROOMS_DB[1]:g} dB {far:.2g}; test views have {TEST_SPP}, so such scores are "
-            "limited by the method."
-            if far < TEST_SPP
-            else f"For a ceiling {ROOMS_DB[1]:g} dB above the best score at hand up to {far:.2g} samples a pixel are "
-            f"needed {where}where test views have {TEST_SPP}."
+            f"needed{where} and for {ROOMS_DB[1]:g} dB {far:.2g}; test views have {TEST_SPP}{limited}."
         )
     if lost:
         yield (
             f"How many samples the scores of {listed(lost)} need is not known: their error hardly falls with samples, "
             "or stands clear of the reference's at fewer than two numbers of them."
         )
-    columns = ["scene", "best score here, dB", *(f"samples for a ceiling {one:g} dB above" for one in ROOMS_DB)]
+    columns = ["scene", "best score here, dB", *(f"samples for a ceiling {level:g} dB above" for level in ROOMS_DB)]
+    rows: list[list[str | float | None]] = [[scene, scores[scene], *counts] for scene, counts in needed.items()]
     yield Table("samples_needed", 0, "Samples a pixel that scores need (from the fitted line)", columns, rows)
 
 
 def charts(noises: Sequence[Noise], floor: dict[str, float]) -> Iterator[Series]:
     """Yield RMSE against seconds and against samples, and PSNR against samples."""
-    time, samples = ("Noise against time", "seconds a view"), ("Noise against samples", "samples a pixel")
-    for one in noises:
-        spp = [float(count) for count in one.spp]
-        for (panel, label), x in ((time, one.seconds), (samples, spp)):
-            yield Series(panel, 0, one.scene, label, "RMSE, linear light", x, one.rmse)
-        yield Series(
-            "Ceiling against samples", 0, one.scene, samples[1], "PSNR ceiling, dB", spp, one.psnr, log_y=False
-        )
-    for (panel, label), x in (
-        (time, [taken for one in noises for taken in one.seconds]),
-        (samples, [float(count) for count in noises[0].spp]),
-    ):
+    spp = [float(count) for count in noises[0].spp]
+    time, samples, error = "seconds a view", "samples a pixel", "RMSE, linear light"
+    for noise in noises:
+        yield Series("Noise against time", 0, noise.scene, time, error, noise.seconds, noise.rmse)
+        yield Series("Noise against samples", 0, noise.scene, samples, error, spp, noise.rmse)
+        panel, label = "Ceiling against samples", "PSNR ceiling, dB"
+        yield Series(panel, 0, noise.scene, samples, label, spp, noise.psnr, log_y=False)
+    seconds = [taken for noise in noises for taken in noise.seconds]
+    for panel, label, x in (("Noise against time", time, seconds), ("Noise against samples", samples, spp)):
         worst = [max(floor.values())] * 2
-        yield Series(panel, 0, "largest noise of a reference", label, "RMSE, linear light", [min(x), max(x)], worst)
+        yield Series(panel, 0, "largest noise of a reference", label, error, [min(x), max(x)], worst)
 
 
 def tabled(noises: Sequence[Noise], floor: dict[str, float]) -> Table:
     """Return slopes, times and errors of every scene."""
     rows: list[list[str | float | None]] = [
-        [one.scene, one.slope_of_samples(), one.slope_of_seconds(), floor[one.scene], *one.seconds, *one.psnr]
-        for one in noises
+        [noise.scene, noise.by_samples, noise.by_seconds, floor[noise.scene], *noise.seconds, *noise.psnr]
+        for noise in noises
     ]
     columns = ["scene", "slope, samples", "slope, seconds", "reference RMSE"]
     columns += [f"{unit}, {count} samples" for unit in ("s", "dB") for count in noises[0].spp]

@@ -3,10 +3,10 @@
 import math
 import statistics
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise, product
-from pathlib import Path
 
 import torch
 from jaxtyping import Float, Int
@@ -16,19 +16,15 @@ from baselines.contract import Box, RadianceField, Rays
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
-from harness.execution.ground_truth import read_views, view_set_folders
 from harness.machine.device import use_threads
-from harness.plan.needed import for_scene
-from harness.plan.profiles import Plan
+from harness.machine.stopwatch import Stopwatch
 from harness.plan.seeds import generator_for
+from harness.playback.run_loader import FinishedRun
 from harness.records.study import Series, Table, check
-from harness.studies.evidence.contrasts import listed
-from harness.studies.evidence.evidence_context import EvidenceContext, folder_of, is_of_another_plan
+from harness.studies.evidence.evidence_context import EvidenceContext, folder_of
 from harness.studies.framework import Found
 from harness.studies.stability.rays.quadrature_orders import fitted_order
-from harness.training.checkpoints import checkpoint_path, load_checkpoint, save_checkpoint
 from harness.training.evaluate import cameras_of
-from harness.training.lockstep import box_of, needs_view_direction, stream_of, trained_alone
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 
@@ -39,12 +35,10 @@ class EmptyOutside:
     """A field without density outside of its box, whose integral along a ray is the same, cut to the box or not."""
 
     def __init__(self, inner: RadianceField, box: Box) -> None:
-        self.inner = inner
-        self.box = box
-
-    @property
-    def pointwise(self) -> bool:
-        return self.inner.pointwise
+        # points on a face are the first and last ones of a ray that is cut to the box, and rounding moves them
+        margin = 1e-5 * (box.upper - box.lower).max()
+        self.lower, self.upper = box.lower - margin, box.upper + margin
+        self.inner, self.pointwise = inner, inner.pointwise
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
         return self.inner.encode_directions(d)
@@ -65,10 +59,7 @@ class EmptyOutside:
         return self._inside(x, sigma), colour
 
     def _inside(self, x: Tensor, sigma: Tensor) -> Tensor:
-        # points on a face are the first and last ones of a ray that is cut to the box, and rounding moves them
-        margin = 1e-5 * (self.box.upper - self.box.lower).max()
-        within = ((x >= self.box.lower - margin) & (x <= self.box.upper + margin)).all(dim=-1)
-        return torch.where(within, sigma, 0.0)
+        return torch.where(((x >= self.lower) & (x <= self.upper)).all(dim=-1), sigma, 0.0)
 
 
 @dataclass(frozen=True)
@@ -108,9 +99,9 @@ class Frame:
     chunk: int
 
     @torch.no_grad()
-    def rendered(self, rule: str, sampler: Sampler, samples: int) -> tuple[Tensor, Tensor, int]:
-        """Return display colour [rays, 3], opacity [rays] and network evaluations, with about `samples` points per
-        ray.
+    def rendered(self, rule: str, sampler: Sampler, samples: int) -> tuple[dict[str, Tensor], int]:
+        """Return display colour [rays, 3] and opacity [rays] by name, and the network evaluations, with about `samples`
+        points per ray.
         """
         bins = max(1, samples // QUADRATURES[rule].stride)
         sampling = Sampling(
@@ -130,8 +121,8 @@ class Frame:
             )
             for start in range(0, len(self.rays), self.chunk)
         ]  # fmt: skip
-        colour, opacity = (torch.cat([getattr(one, name) for one in parts]) for name in MEASURES)
-        return colour, opacity, sum(one.network_evaluations for one in parts)
+        pictures = {name: torch.cat([getattr(part, name) for part in parts]) for name in MEASURES}
+        return pictures, sum(part.network_evaluations for part in parts)
 
 
 @dataclass
@@ -155,15 +146,6 @@ class Line:
         pairs = zip(getattr(self, unit), self.error["colour"], strict=True)
         return min((cost for cost, error in pairs if error <= target), default=None)
 
-    def least(self, measure: str) -> float:
-        """Return the least error. Raises `ValueError` if one is not finite, which a minimum would hide or be."""
-        return min(self.finite(error) for error in self.error[measure])
-
-    def finite(self, error: float) -> float:
-        if not math.isfinite(error):
-            raise ValueError(f"{self}: an error is not finite: {error}")
-        return error
-
     def order(self, measure: str, floor: float) -> float | None:
         """Return the order, fitted over the finer half of the errors well above the reference's own."""
         clear = [(n, e) for n, e in zip(self.samples, self.error[measure], strict=True) if e > 3.0 * floor]
@@ -182,32 +164,31 @@ def measured_lines(
     samples: Sequence[int],
     reference: dict[str, Tensor],
     rounds: int,
-    synchronise: Callable[[], object] = lambda: None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Line]:
     """Measure every rule with every sampler at each of `samples`, timed in turns: all of them once, then all again, …
 
-    `reference` has `MEASURES`. Raises `ValueError` if an error is not finite.
+    `reference` has `MEASURES`. Raises `ValueError` if an error is not finite, which a least error would hide or be.
     """
-    lines = [(Line(rule, sampler.name), sampler) for rule in rules for sampler in samplers]
+    lines = [(Line(rule, sampler.name), sampler) for rule, sampler in product(rules, samplers)]
     for line, sampler in lines:
         frame.rendered(line.rule, sampler, min(samples))  # allocations, off the clock
-    taken: dict[tuple[str, str, int], list[float]] = {}
-    for number in range(rounds):
-        for line, sampler in lines:
-            for count in samples:
-                synchronise()
-                began = clock()
-                colour, opacity, evaluations = frame.rendered(line.rule, sampler, count)
-                synchronise()
-                taken.setdefault((line.rule, line.sampler, count), []).append(clock() - began)
-                if number == 0:
-                    line.samples.append(count)
-                    line.evaluations.append(evaluations)
-                    line.error["colour"].append(line.finite(rms(colour - reference["colour"])))
-                    line.error["opacity"].append(line.finite(rms(opacity - reference["opacity"])))
+    taken: dict[tuple[str, int], list[float]] = defaultdict(list)
+    for number, (line, sampler), count in product(range(rounds), lines, samples):
+        watch = Stopwatch(frame.background.device, clock)
+        with watch.running():
+            pictures, evaluations = frame.rendered(line.rule, sampler, count)
+        taken[str(line), count].append(watch.seconds)
+        if number == 0:
+            line.samples.append(count)
+            line.evaluations.append(evaluations)
+            for name, picture in pictures.items():
+                error = rms(picture - reference[name])
+                if not math.isfinite(error):
+                    raise ValueError(f"{line}: an error is not finite: {error}")
+                line.error[name].append(error)
     for line, _ in lines:
-        line.seconds += [statistics.median(taken[line.rule, line.sampler, count]) for count in line.samples]
+        line.seconds += [statistics.median(taken[str(line), count]) for count in samples]
     return [line for line, _ in lines]
 
 
@@ -225,45 +206,22 @@ BY_RULE, BY_SAMPLER = "box", "midpoint"
 """The rule or sampler that stays the same when the other is varied."""
 
 
-def trained_field(context: EvidenceContext) -> tuple[Trainer, ViewSet, str]:
-    """Return `METHOD` as `TRAINING` leaves it, what it was trained on, and its origin in words. It is not trained again
-    if the folder of the studies has it.
-    """
-    device, stream = torch.device(context.machine.device), stream_of(SCENE, 0)
-    plan = context.plan(TRAINING)
-    folder = view_set_folders(replace(plan, scenes=(SCENE,)), context.view_sets, context.show)[SCENE]
-    views = read_views(folder, plan.views, context.scratch)
-    run = folder_of(context.out, TRAINING)
-    weights, origin = checkpoint_path(run, SCENE, METHOD, 0), f"checkpoint of the training {TRAINING}"
-    if not weights.exists() or is_of_another_plan(run, plan):
-        weights, origin = context.scratch / "field.safetensors", f"trained now, as {TRAINING} does"
-        save_checkpoint(trained_alone(METHOD, views, stream, plan.train, plan.budget, device), weights)
-    return restored(weights, plan, views, stream, METHOD, device), views, origin
-
-
-def restored(weights: Path, plan: Plan, views: ViewSet, stream: str, method: str, device: torch.device) -> Trainer:
-    """Return a trainer at the end of its budget, with the weights and the occupied cells of a checkpoint.
+def trained_field(context: EvidenceContext) -> tuple[Trainer, ViewSet]:
+    """Return `METHOD` as `TRAINING` leaves it, and its views.
 
     It renders with float32 matrix multiplications, whatever the training used: their rounding is not examined here.
     """
-    settings = replace(for_scene(plan.train, views), precision="float32")
-    trainer = Trainer(method, box_of(views, device), settings, plan.budget, stream, device, needs_view_direction(views))
-    load_checkpoint(trainer, weights, plan.budget.steps or settings.grid.first_step + 1)
-    return trainer
+    context.trained(TRAINING)
+    run = FinishedRun.of(folder_of(context.out, TRAINING))
+    (scene,) = run.scenes([SCENE])
+    trainer = run.trained(scene, METHOD, 0, torch.device(context.machine.device)).learner
+    assert isinstance(trainer, Trainer)
+    trainer.field.dtype = torch.float32
+    return trainer, run.views(scene, context.view_sets, geometry=False, scratch=context.scratch)
 
 
 def rendering_work(context: EvidenceContext) -> Iterator[Found]:
-    machine = context.machine
-    trained = trained_field(context)
-    if machine.device == "cpu":
-        use_threads(machine.workers * machine.threads)  # nothing else is measured meanwhile
-    try:
-        yield from _measured(context, *trained)
-    finally:
-        use_threads(machine.threads)
-
-
-def _measured(context: EvidenceContext, trainer: Trainer, views: ViewSet, origin: str) -> Iterator[Found]:
+    trainer, views = trained_field(context)
     cameras = cameras_of(views, views.test, trainer.device)
     row, column = torch.meshgrid(
         *(torch.arange(STRIDE // 2, size, STRIDE, device=trainer.device) for size in (views.height, views.width)),
@@ -277,14 +235,16 @@ def _measured(context: EvidenceContext, trainer: Trainer, views: ViewSet, origin
     size = f"{column.shape[1]} × {row.shape[0]} rays of a test view of {SCENE}"
 
     finest = 1024 if context.quick else REFERENCE_SAMPLES
-    sampler = next(one for one in SAMPLERS if one.name == BY_RULE)
-    fine, coarse = (frame.rendered("midpoint", sampler, count) for count in (finest, finest // 2))
-    reference = {"colour": fine[0], "opacity": fine[1]}
-    own = {"colour": rms(fine[0] - coarse[0]), "opacity": rms(fine[1] - coarse[1])}
-    synchronise: Callable[[], object] = torch.cuda.synchronize if trainer.device.type == "cuda" else lambda: None
-    samples = SAMPLES[:3] if context.quick else SAMPLES
-    lines = measured_lines(frame, QUADRATURES, SAMPLERS, samples, reference, ROUNDS, synchronise)
-    yield from sentences(lines, f"{size} ({METHOD}, {origin})", len(rays))
+    sampler = next(sampler for sampler in SAMPLERS if sampler.name == BY_RULE)
+    samples, machine = SAMPLES[:3] if context.quick else SAMPLES, context.machine
+    use_threads(machine.workers * machine.threads)  # nothing else is measured meanwhile
+    try:
+        reference, coarser = (frame.rendered("midpoint", sampler, count)[0] for count in (finest, finest // 2))
+        lines = measured_lines(frame, QUADRATURES, SAMPLERS, samples, reference, ROUNDS)
+    finally:
+        use_threads(machine.threads)
+    own = {name: rms(reference[name] - coarser[name]) for name in MEASURES}
+    yield from sentences(lines, f"{size} ({METHOD}, checkpoint of the training {TRAINING})", len(rays))
     yield check(
         f"own error of the reference of {finest} samples a ray",
         own["colour"],
@@ -295,10 +255,10 @@ def _measured(context: EvidenceContext, trainer: Trainer, views: ViewSet, origin
     yield tabled(lines, own, len(rays))
 
 
-def fastest(lines: Sequence[Line], target: float, unit: str = "seconds") -> tuple[Line, float] | None:
-    """Return the line that reaches an error of colour at the least cost, and that cost; None if none does."""
-    costs = [(line, cost) for line in lines if (cost := line.cost_of(target, unit)) is not None]
-    return min(costs, key=lambda one: one[1], default=None)
+def fastest(lines: Sequence[Line], target: float) -> tuple[Line, float] | None:
+    """Return the line that reaches an error of colour in the least seconds, and these; None if none does."""
+    costs = [(line, seconds) for line in lines if (seconds := line.cost_of(target, "seconds")) is not None]
+    return min(costs, key=lambda pair: pair[1], default=None)
 
 
 def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[str]:
@@ -325,54 +285,46 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
         if changes
         else f"The same combination is the fastest {reached}: the ranking's first place does not change."
     )
-    thrifty = [
-        f"{best[0]} is first at {target:g} ({best[1] / rays:.3g} a ray)"
-        for target in NAMED_TARGETS
-        if (best := fastest(lines, target, "evaluations"))
-    ]
-    if thrifty:
-        yield f"By network evaluations, the same on every machine, {listed(thrifty)}."
     for rule in QUADRATURES:
         of_rule = [line for line in lines if line.rule == rule]
         if QUADRATURES[rule].of_the_paper and of_rule:
-            colour, opacity = (min(line.least(name) for line in of_rule) for name in MEASURES)
+            colour, opacity = (min(min(line.error[name]) for line in of_rule) for name in MEASURES)
             yield (
                 f"{rule}, the paper's rule as printed, never comes below {colour:.2g} (colour) and {opacity:.2g} "
                 "(opacity), whatever the samples: its last interval is endless and it has no background."
             )
-    best_of = {line.sampler: line.least("colour") for line in lines if line.rule == BY_SAMPLER}
-    if {"box", "box, random"} <= set(best_of):
-        even, random = best_of["box"], best_of["box, random"]
+    least = {line.sampler: min(line.error["colour"]) for line in lines if line.rule == BY_SAMPLER}
+    if {"box", "box, random"} <= set(least):
+        even, random = least["box"], least["box, random"]
         why = ", as spacing would that aliases with frequencies of the encoding" if even > 1.5 * random else ""
         yield f"With {BY_SAMPLER}, evenly spread points leave {even:.1e} at best and random ones {random:.1e}{why}."
-    if {"box", "box, grid"} <= set(best_of):
-        shows = best_of["box, grid"] > 2.0 * best_of["box"]
+    if {"box", "box, grid"} <= set(least):
+        shows = least["box, grid"] > 2.0 * least["box"]
         cost = "costs an error that no number of samples takes away" if shows else "does not show"
         yield (
-            f"What the occupancy grid skips {cost}: with {BY_SAMPLER} {best_of['box, grid']:.1e} is left at best, "
-            f"{best_of['box']:.1e} without the grid."
+            f"What the occupancy grid skips {cost}: with {BY_SAMPLER} {least['box, grid']:.1e} is left at best, "
+            f"{least['box']:.1e} without the grid."
         )
 
 
 def _charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) -> Iterator[Series]:
     """Yield rules with one sampler and samplers with one rule, against seconds and against evaluations."""
+    labels = {rule: f"{rule} (the paper's)" if QUADRATURES[rule].of_the_paper else rule for rule in QUADRATURES}
     views = (
-        (f"Rules, sampler: {BY_RULE}", {one.rule: one for one in lines if one.sampler == BY_RULE}),
-        (f"Samplers, rule: {BY_SAMPLER}", {one.sampler: one for one in lines if one.rule == BY_SAMPLER}),
+        (f"Rules, sampler: {BY_RULE}", {labels[line.rule]: line for line in lines if line.sampler == BY_RULE}),
+        (f"Samplers, rule: {BY_SAMPLER}", {line.sampler: line for line in lines if line.rule == BY_SAMPLER}),
     )
     costs = {"seconds": (f"seconds a frame ({size})", 1), "evaluations": ("network evaluations a ray", rays)}
-    labels = {"colour": "RMSE of display colour", "opacity": "RMSE of opacity"}
-    for (title, shown), measure, unit in product(views, MEASURES, costs):
-        panel, (x_label, share), y_label = f"{title}; {measure} against {unit}", costs[unit], labels[measure]
+    errors = {"colour": "RMSE of display colour", "opacity": "RMSE of opacity"}
+    for (title, shown), (measure, y_label), (unit, (x_label, share)) in product(views, errors.items(), costs.items()):
+        panel = f"{title}; {measure} against {unit}"
         ends: list[float] = []
         for name, line in shown.items():
             x = [value / share for value in getattr(line, unit)]
             ends += x
-            of_paper = name in QUADRATURES and QUADRATURES[name].of_the_paper
-            full = f"{name} (the paper's)" if of_paper else name
-            yield Series(panel, 0, full, x_label, y_label, x, list(line.error[measure]))
-        ends = [min(ends), max(ends)]
-        yield Series(panel, 0, "own error of the reference", x_label, y_label, ends, [own[measure]] * 2)
+            yield Series(panel, 0, name, x_label, y_label, x, list(line.error[measure]))
+        floor = [own[measure]] * 2
+        yield Series(panel, 0, "own error of the reference", x_label, y_label, [min(ends), max(ends)], floor)
 
 
 def tabled(lines: Sequence[Line], own: dict[str, float], rays: int) -> Table:
@@ -386,6 +338,6 @@ def tabled(lines: Sequence[Line], own: dict[str, float], rays: int) -> Table:
         for target in NAMED_TARGETS:
             work = line.cost_of(target, "evaluations")
             costs += [line.cost_of(target, "seconds"), None if work is None else work / rays]
-        rows.append([line.rule, line.sampler, *orders, *map(line.least, MEASURES), *costs])
+        rows.append([line.rule, line.sampler, *orders, *(min(line.error[name]) for name in MEASURES), *costs])
     title = "Fitted orders in the number of samples, and what an error of display colour costs (none: not reached)"
     return Table("rendering_work", 0, title, columns, rows)

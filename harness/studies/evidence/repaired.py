@@ -12,12 +12,11 @@ from harness.records.study import Check, Effect, Table, check
 from harness.studies.choices.repair_search import Search, read_search
 from harness.studies.evidence.contrasts import (
     amount,
+    chosen,
     effects,
     in_words,
     listed,
-    mean_of,
-    scores_of,
-    spread,
+    score_table,
     without_a_score,
 )
 from harness.studies.evidence.evidence_context import EvidenceContext
@@ -42,47 +41,40 @@ OPAQUE = 0.999
 def repaired(context: EvidenceContext) -> Iterator[Found]:
     """Yield what was chosen against NeRF, against NeRF of its bandwidth, and against itself without the amplifier."""
     cells, search = context.trained("repaired").cells, read_search()
-    compared = [one for against in CONTROLS for one in effects(cells, REPAIRED, against, METRICS, tuple(BUDGETS))]
+    compared = [
+        effect
+        for against in CONTROLS
+        for effect in effects(cells, REPAIRED, against, metrics=METRICS, budgets=tuple(BUDGETS))
+    ]
     # whether it beats NeRF, whether by the paper's margin, and what else has its encoding
     for budget, words in BUDGETS.items():
-        by_control = {against: _over_all(compared, against, budget) for against in CONTROLS}
-        changes = listed(f"{whose} by {in_words(by_control[against])}" for against, whose in CONTROLS.items())
-        yield f"At {words} the repaired Q-NeRF changes {changes}; {_reached(by_control['nerf'])}."
+        over_all = chosen(compared, scene="all", budget=budget)
+        changes = listed(f"{CONTROLS[effect.against]} by {in_words(effect)}" for effect in over_all)
+        yield f"At {words} the repaired Q-NeRF changes {changes}; {_reached(over_all[0])}."
     yield equal_time(cells, search.clock)
-    others = [(metric, _over_all(compared, "nerf", "steps", metric)) for metric in METRICS[1:]]
-    changes = listed(f"{metric} by {in_words(effect)}" for metric, effect in others)
+    against_nerf = [chosen(compared, scene="all", against="nerf", metric=metric) for metric in METRICS[1:]]
+    changes = listed(f"{effect.metric} by {in_words(effect)}" for (effect,) in against_nerf)
     yield f"Other scores at equal steps, against NeRF: {changes}."
     yield _of_the_search(search)
     yield from search.history
-    if lost := without_a_score(cells):
-        yield f"{len(lost)} cells have no score, and their pairs are not judged: {listed(lost)}."
+    yield from without_a_score(cells)
     yield from _checks(cells, search)
     yield from compared
-    _, scenes, seeds = keyed(cells)
-    scores: list[list[str | float | None]] = [
-        [method, *(spread(scores_of(cells, scene, method, "psnr")) for scene in scenes)]
-        for method in (REPAIRED, *CONTROLS)
-    ]
-    yield Table("repaired_scores", 0, "PSNR at equal steps, dB: mean ± sd over seeds", ["method", *scenes], scores)
-    yield _learnt(cells, scenes, seeds)
+    columns, scores = score_table(cells, (REPAIRED, *CONTROLS), ("psnr",))
+    title = "PSNR at equal steps, dB: mean ± sd over seeds"
+    yield Table("repaired_scores", 0, title, ["method", *columns], [[method, *row] for method, row in scores.items()])
+    yield _learnt(cells)
     yield _search_table(search)
-    excluded: list[list[str | float | None]] = [[what, why] for what, why in EXCLUDED.items()]
-    yield Table("excluded", 0, "What was no candidate, and why", ["mean", "why"], excluded)
+    yield Table("excluded", 0, "What was no candidate, and why", ["mean", "why"], [[*row] for row in EXCLUDED.items()])
 
 
-def _reached(one: Effect) -> str:
+def _reached(effect: Effect) -> str:
     """Return where the interval lies relative to the paper's margin."""
     margin = f"the paper's margin of {amount(MARGIN, 'psnr')}"
-    if one.simultaneous is not None and one.simultaneous[0] >= MARGIN:
+    low, high = effect.simultaneous or (-math.inf, math.inf)
+    if low >= MARGIN:
         return f"{margin} is reached"
-    if one.simultaneous is not None and one.simultaneous[1] < MARGIN:
-        return f"{margin} is not reached"
-    return f"whether {margin} is reached is not settled"
-
-
-def _over_all(compared: list[Effect], against: str, budget: Budget, metric: str = "psnr") -> Effect:
-    wanted = (against, budget, metric, "all")
-    return next(one for one in compared if (one.against, one.budget, one.metric, one.scene) == wanted)
+    return f"{margin} is not reached" if high < MARGIN else f"whether {margin} is reached is not settled"
 
 
 def equal_time(cells: list[CellRecord], clock: str) -> str:
@@ -104,15 +96,21 @@ def equal_time(cells: list[CellRecord], clock: str) -> str:
 
 
 def _of_the_search(search: Search) -> str:
-    ties = sum(one.ties for one in search.standings)
-    best = max((one for one in search.standings if one.mean is not None), key=lambda one: one.mean or 0.0)
-    beside = {name: mean_of([row.psnr_val for row in search.rows if row.method == name]) for name in CONTROLS}
+    ties = sum(rank.ties for rank in search.standings)
+    best = max((rank for rank in search.standings if rank.mean is not None), key=lambda rank: rank.mean or 0.0)
+    beside = {name: _mean(search, name) for name in CONTROLS}
     references = listed(f"{amount(mean, 'psnr', sign=False)} of {name}" for name, mean in beside.items() if mean)
     first = f"{ties} of {len(search.standings)} candidates tie with the best" if ties > 1 else "One stood out"
     return (
         f"{first}, {best.method} ({amount(best.mean, 'psnr', sign=False)} on validation views at equal {search.clock}, "
         f"beside {references}); chosen, as the simplest of them, was {search.chosen}."
     )
+
+
+def _mean(search: Search, method: str) -> float | None:
+    """Return the mean score of a method over the cells of the search that have one."""
+    scores = [row.psnr_val for row in search.rows if row.method == method and row.psnr_val is not None]
+    return statistics.fmean(scores) if scores else None
 
 
 def _checks(cells: list[CellRecord], search: Search) -> Iterator[Check]:
@@ -150,12 +148,13 @@ def _checks(cells: list[CellRecord], search: Search) -> Iterator[Check]:
             yield check(what, value, low, high, why=f"{where} of {len(values)} cells{missing}")
 
 
-def _learnt(cells: list[CellRecord], scenes: list[str], seeds: list[int]) -> Table:
+def _learnt(cells: list[CellRecord]) -> Table:
     """Return αφ at the end: at 1 Eq. 4 is the identity."""
+    by_key, scenes, seeds = keyed([cell for cell in cells if cell.curve])
     rows: list[list[str | float | None]] = []
     for scene in scenes:
-        mine = {cell.seed: cell for cell in cells if (cell.scene, cell.method) == (scene, REPAIRED) and cell.curve}
-        alphas = [mine[seed].curve[-1].alpha if seed in mine else None for seed in seeds]
+        ended = [by_key.get((scene, REPAIRED, seed)) for seed in seeds]
+        alphas = [cell.curve[-1].alpha if cell else None for cell in ended]
         rows.append([scene, *(None if alpha is None else alpha * PHI for alpha in alphas)])
     columns = ["scene", *(f"seed {seed}" for seed in seeds)]
     return Table("contrast_learnt", 0, "Contrast αφ that was learnt; at 1 the amplifier does nothing", columns, rows)
@@ -165,15 +164,15 @@ def _search_table(search: Search) -> Table:
     """Return every candidate and reference, in the order in which a tie is decided."""
     keys = list(dict.fromkeys((row.scene, row.seed) for row in search.rows))
     by_key = {(row.method, row.scene, row.seed): row.psnr_val for row in search.rows}
-    ranks = {one.method: one for one in search.standings}
+    ranks = {rank.method: rank for rank in search.standings}
     rows: list[list[str | float | None]] = []
     for method in dict.fromkeys([*ranks, *(row.method for row in search.rows)]):
-        scores = [by_key[method, scene, seed] for scene, seed in keys if (method, scene, seed) in by_key]
+        scores = [by_key.get((method, scene, seed)) for scene, seed in keys]
         if rank := ranks.get(method):
             role = "chosen" if method == search.chosen else "ties" if rank.ties else ""
             rows.append([method, rank.mean, rank.behind, rank.standard_error, role, *scores])
         else:
-            rows.append([method, mean_of(scores), None, None, "reference", *scores])
+            rows.append([method, _mean(search, method), None, None, "reference", *scores])
     columns = ["candidate", "mean, dB", "behind the best, dB", "standard error, dB", "role"]
     columns += [f"{scene}, seed {seed}" for scene, seed in keys]
     title = f"The search: PSNR on validation views at equal training time, in {search.clock}"

@@ -176,4 +176,4 @@ def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> N
     one = effect(found, f"{BASE} at 300 px", scene="lego")
     assert one.unpaired == 1
     assert sentences(found)[0].startswith("It is bandwidth: ")
-    assert any("At 300 px these have no score" in said and "step 7: loss" in said for said in sentences(found))
+    assert any("At 300 px 1 of 30 cells have no score" in said and "step 7: loss" in said for said in sentences(found))

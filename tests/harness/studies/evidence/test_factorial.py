@@ -115,7 +115,6 @@ def test_sentences_say_which_part_does_what(found: list[Found]) -> None:
     assert first.index("amplifier of Eq. 4") > first.index("amplifier of Listing 2")
     assert "φ encoding +1.1" in first[first.index("Eq. 4") :]
     assert any(one.startswith("At equal steps over all scenes (Eq. 4): φ encoding +1.1") for one in others)
-    assert any("reads" in one and "33.20 dB" in one and "φ skip" in one for one in others)
     assert any("otherwise together than alone (Listing 2): φ encoding × amplifier −0.5" in one for one in others)
     assert any(one.startswith("No interaction is told from 0 over all scenes (Eq. 4)") for one in others)
     assert any("density of 1 per half of the box" in one and "63.2 %" in one for one in others)
@@ -164,14 +163,13 @@ def test_a_method_of_which_nothing_is_left_does_not_break_the_study(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("scores", "said"),
+    ("scores", "metric", "words"),
     [
-        ([24.0, 24.2], "24.10 ± 0.14"),
-        ([0.9, 0.902], "0.901 ± 0.001"),
-        ([24.0, None], "24.00 (1 of 2 seeds)"),
-        ([None, None], "no seed ended well"),
-        ([], "no seed ended well"),
+        ([24.0, 24.2], "psnr", "24.10 ± 0.14"),
+        ([0.9, 0.902], "ssim", "0.901 ± 0.001"),
+        ([24.0, None], "psnr", "24.00 (1 of 2 seeds)"),
+        ([None, None], "psnr", "no seed ended well"),
     ],
 )
-def test_scores_of_seeds_in_words(scores: list[float | None], said: str) -> None:
-    assert spread(scores) == said
+def test_scores_of_seeds_in_words(scores: list[float | None], metric: str, words: str) -> None:
+    assert spread(scores, metric) == words

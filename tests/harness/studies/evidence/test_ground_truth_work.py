@@ -30,11 +30,11 @@ def rows(scene: str, power: float = 1.0, overhead: float = 0.0) -> list[dict[str
 
 def test_independent_samples_have_the_slope_of_monte_carlo() -> None:
     one = noise_of("lego", rows("lego"))
-    assert one.slope_of_samples() == pytest.approx(-0.5)
-    assert one.slope_of_seconds() == pytest.approx(-0.5)
+    assert one.by_samples == pytest.approx(-0.5)
+    assert one.by_seconds == pytest.approx(-0.5)
     # 1 s of overhead: only 256 samples would take longer than 1.2 s, and one point has no slope
-    assert noise_of("lego", rows("lego", overhead=1.0)).slope_of_seconds() is None
-    assert -0.75 < (noise_of("lego", rows("lego", overhead=0.01)).slope_of_seconds() or 0.0) <= -0.5
+    assert noise_of("lego", rows("lego", overhead=1.0)).by_seconds is None
+    assert -0.75 < (noise_of("lego", rows("lego", overhead=0.01)).by_seconds or 0.0) <= -0.5
     assert one.rmse[0] == pytest.approx(0.2)
     assert one.mse[0] == pytest.approx(0.01)
 
@@ -51,7 +51,7 @@ def test_an_error_below_that_of_the_reference_is_a_gap() -> None:
     printed[-1]["mse"] = {"display": [-1e-9, 0.0, -1e-9], "linear": [-1e-9, 0.0, -1e-9]}
     one = noise_of("lego", printed)
     assert (one.rmse[-1], one.mse[-1]) == (None, None)
-    assert one.slope_of_samples() == pytest.approx(-0.5)
+    assert one.by_samples == pytest.approx(-0.5)
     drawn = list(charts([one], FLOOR))
     assert all(len(line.x) == len(line.y) for line in drawn)
     assert tabled([one], FLOOR).rows[0][-1] is None
@@ -75,7 +75,7 @@ def test_room_above_scores() -> None:
     assert "limited by the method" in sentence
     far, _ = room(found, {"lego": 45.0})
     assert isinstance(far, str)
-    assert "where test views have 64" in far
+    assert "; test views have 64." in far
     (unknown,) = room(found, {})
     assert isinstance(unknown, str)
     assert unknown.startswith("No trained cell")

@@ -115,7 +115,7 @@ def test_a_cell_that_diverged_is_named_and_the_others_are_judged(study: Study) -
     found = study(cells)
     said = sentences(found)
     assert "1 of 18 pairs without a score" in said[0]
-    assert any("1 cells have no score" in one and HELD_OUT[0] in one for one in said)
+    assert any("1 of 72 cells have no score" in one and HELD_OUT[0] in one for one in said)
     assert (
         effect(found, REPAIRED, "nerf").unpaired,
         effect(found, REPAIRED, "nerf").verdict,
