@@ -5,7 +5,6 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 import torch
@@ -122,17 +121,16 @@ class EvidenceContext(framework.StudyContext):
 
     def trained(self, name: str) -> StudyRun:
         """Return the training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained
-        again, except those that failed without a chance (`state_of`); what is there of another plan is moved to
+        again, except those that failed without a chance (`lacks_cells`); what is there of another plan is moved to
         OUT/damaged.
 
         Studies may request the same training, one after another.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
-        state = state_of(folder, plan)
-        if state == "of another plan":
+        if is_of_another_plan(folder, plan):
             self.show.line(f"{folder}: of another plan, moved to {self.out / DAMAGED}: trained again")
             aside(self.out, folder.relative_to(self.out).as_posix())
-        if state != "complete":
+        if lacks_cells(folder, plan):
             folder.mkdir(parents=True, exist_ok=True)
             execution.run(plan, folder, self.view_sets, self.machine, "nox -s evidence", self.show)
         return StudyRun(plan, read_run(folder).scenes, list(read_cells(folder)))
@@ -144,10 +142,10 @@ class EvidenceContext(framework.StudyContext):
         A folder that is missing or is of another plan is left as it is: its figures were taken when it was there.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
-        if not folder.exists() or state_of(folder, plan) == "of another plan":
+        if not folder.exists() or is_of_another_plan(folder, plan):
             return False
         mend(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
-        return state_of(folder, plan) == "incomplete"
+        return lacks_cells(folder, plan)
 
     def scale(self, *names: str) -> str:
         """Return the scale of trainings, in one line, and whether the code may have changed since they were done: cells
@@ -175,19 +173,23 @@ def folder_of(out: Path, training: str) -> Path:
     return out / TRAININGS_FOLDER / training
 
 
-def state_of(folder: Path, plan: Plan) -> Literal["complete", "incomplete", "of another plan"]:
-    """Return the state of a training, by its record, or by its cells if that is lost. It is incomplete if only running
-    it again completes it: it is not finished, something is missing, or cells failed without having had their chance.
+def lacks_cells(folder: Path, plan: Plan) -> bool:
+    """Return whether only running it again completes a training: it is not finished, something is missing, or cells
+    failed without having had their chance.
     """
-    run = None
+    finished = False
     with suppress(DamagedRecord):
-        run = read_run(folder)
-    if plan_of_cells(folder, plan) if run is None else run.settings != json.loads(json.dumps(plan.settings())):
-        return "of another plan"
-    if run is None or not run.finished or not all(cell_path(folder, *key).exists() for key in plan.cells()):
-        return "incomplete"
-    failed = any(cell.status in ("error", "not_available") for cell in read_cells(folder))
-    return "incomplete" if failed else "complete"
+        finished = read_run(folder).finished
+    if not finished or not all(cell_path(folder, *key).exists() for key in plan.cells()):
+        return True
+    return any(cell.status in ("error", "not_available") for cell in read_cells(folder))
+
+
+def is_of_another_plan(folder: Path, plan: Plan) -> bool:
+    """Return whether the training is of another plan, by its record, or by its cells if that is lost."""
+    with suppress(DamagedRecord):
+        return bool(read_run(folder).settings != json.loads(json.dumps(plan.settings())))
+    return bool(plan_of_cells(folder, plan))
 
 
 def run(

@@ -36,7 +36,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Table]:
     batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
     cameras = cameras_of(views, views.test, context.device)
     base = trained_reduced(context, view_dependent=False)
-    names = [one.name for one in fields(Accelerations)]
+    names = [acceleration.name for acceleration in fields(Accelerations)]
     variants = {"all": Accelerations(), **{name: Accelerations().without((name,)) for name in names}}
     trainers = {name: variant_of(base, context, on) for name, on in {**variants, "none": NO_ACCELERATION}.items()}
     block = plan.train.grid.every
@@ -58,7 +58,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Table]:
             without = "without any acceleration" if name == "none" else f"without `{name}`"
             title = f"{words} {without} against with all"
             yield ratio(f"accelerations.{name}.{what}", title, taken[name], taken["all"], detail)
-        milliseconds = [1e3 * one for one in taken["all"]]
+        milliseconds = [1e3 * seconds for seconds in taken["all"]]
         yield measured(f"accelerations.all.{what}", f"{words} with all", milliseconds, "ms", detail)
     yield _remaining_time(context, trainers["all"], batch_at)
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -45,33 +46,26 @@ POINTS = 65536
 
 def encodings(context: SpeedContext) -> Iterator[Check]:
     points = 512 if context.quick else POINTS
-    x = 2.0 * torch.rand(points, 3, generator=torch.Generator().manual_seed(0)) - 1.0
-    x = x.to(context.device)
-    for name, symbol, base in (("phi", "φ^k", PHI), ("base2", "2^k", 2.0)):
-        for bands in (10, 4):
-            low = 3.0 if (name, bands) == ("phi", 10) and context.device.type == "cpu" else None
-            yield from _encoding(context, f"encoding.{name}.{bands}", f"{symbol}, L = {bands}", base, bands, x, low)
-
-
-def _encoding(
-    context: SpeedContext, id: str, what: str, base: float, bands: int, x: Tensor, low: float | None
-) -> Iterator[Check]:
-    ladder = frequency_ladder(base, bands).to(x.device)
-    sides = {
-        "direct": partial(fourier_features, x, ladder),
-        "sines": partial(encode, x, base, bands, recurrence=False),
-        "recurrence": partial(encode, x, base, bands, recurrence=True),
-    }
-    seconds = interleaved(sides, context.repeats(9), context.synchronise, 0.01 if context.quick else 0.1)
-    detail = f"{len(x)} points of 3 axes, float32, {context.threads} threads"
-    title = f"Encoding {what}, recurrence against direct sines and cosines"
-    yield ratio(id, title, seconds["direct"], seconds["recurrence"], detail, low)
-    title = f"Encoding {what}, `encode` without recurrence against direct"
-    yield ratio(f"{id}.sines", title, seconds["direct"], seconds["sines"], detail)
-    for side in ("direct", "recurrence"):
-        error = largest_error(sides[side](), x, base, bands)
-        title = f"Largest error of {what} against float64, {side}"
-        yield measured(f"{id}.{side}.error", title, [error], "", f"{len(x)} random points in [−1, 1]³")
+    x = (2.0 * torch.rand(points, 3, generator=torch.Generator().manual_seed(0)) - 1.0).to(context.device)
+    detail = f"{points} points of 3 axes, float32, {context.threads} threads"
+    for (name, symbol, base), bands in product((("phi", "φ^k", PHI), ("base2", "2^k", 2.0)), (10, 4)):
+        ladder = frequency_ladder(base, bands).to(x.device)
+        sides = {
+            "direct": partial(fourier_features, x, ladder),
+            "sines": partial(encode, x, base, bands, recurrence=False),
+            "recurrence": partial(encode, x, base, bands, recurrence=True),
+        }
+        seconds = interleaved(sides, context.repeats(9), context.synchronise, 0.01 if context.quick else 0.1)
+        id, what = f"encoding.{name}.{bands}", f"{symbol}, L = {bands}"
+        low = 3.0 if (name, bands) == ("phi", 10) and context.device.type == "cpu" else None
+        title = f"Encoding {what}, recurrence against direct sines and cosines"
+        yield ratio(id, title, seconds["direct"], seconds["recurrence"], detail, low)
+        title = f"Encoding {what}, `encode` without recurrence against direct"
+        yield ratio(f"{id}.sines", title, seconds["direct"], seconds["sines"], detail)
+        for side in ("direct", "recurrence"):
+            error = largest_error(sides[side](), x, base, bands)
+            title = f"Largest error of {what} against float64, {side}"
+            yield measured(f"{id}.{side}.error", title, [error], "", f"{points} random points in [−1, 1]³")
 
 
 def largest_error(features: Tensor, x: Tensor, base: float, bands: int) -> float:
@@ -123,7 +117,7 @@ def quadrature(context: SpeedContext) -> Iterator[Check]:
     t = 0.5 * (t_edges[:, 1:] + t_edges[:, :-1])
     sigma = torch.rand(rays, bins, generator=generator) ** 8 * 50.0  # mostly empty, some solid
     gradients = torch.randn(rays, bins, generator=generator), torch.randn(rays, generator=generator)
-    t_edges, t, sigma, *upstream = (one.to(context.device) for one in (t_edges, t, sigma, *gradients))
+    t_edges, t, sigma, *upstream = (given.to(context.device) for given in (t_edges, t, sigma, *gradients))
     sigma.requires_grad_()
 
     def forward_and_backward(rule: Rule) -> Tensor:
@@ -138,7 +132,7 @@ def quadrature(context: SpeedContext) -> Iterator[Check]:
     for name in others:
         title = f"Quadrature with closed-form gradient against {RULES[name][0]}"
         yield ratio(f"quadrature.{name}", title, seconds[name], seconds[ours], detail)
-    milliseconds = [1e3 * one for one in seconds[ours]]
+    milliseconds = [1e3 * taken for taken in seconds[ours]]
     title = "Quadrature with closed-form gradient"
     yield measured("quadrature.midpoint.milliseconds", title, milliseconds, "ms", detail)
 

@@ -1,21 +1,25 @@
 """Question 8: peak memory of what a run starts, in fresh processes."""
 
 import multiprocessing
+import re
+import resource
 import shlex
-import statistics
 import subprocess
 import sys
 import time
-from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 
+from harness.execution.group import run_group
+from harness.machine.stopping import end_with_parent
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
+from harness.records.cells import CellRecord
 from harness.records.study import Check, Series, Table
 from harness.studies.drawn_views import write_noise
-from harness.studies.speed.memory_worker import send_peaks
 from harness.studies.speed.speed_context import SpeedContext, measured, not_measured, reduced_plan, views_of
 
 MEBIBYTE = 1 << 20
@@ -24,6 +28,7 @@ IMAGES, RESOLUTIONS = (25, 100), (50, 100, 200)
 QUICK_IMAGES, QUICK_RESOLUTIONS = (4,), (16, 24)
 METHODS = {"nerf": ("nerf alone", ("nerf",)), "three": ("three methods", ("nerf", "nerf_matched", "qnerf"))}
 WHOLE_RUN_SCENES = ("lego", "hotdog")
+STATUS = Path("/proc/self/status")
 
 
 def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
@@ -36,31 +41,30 @@ def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
     for name in ("nerf",) if context.quick else METHODS:
         words, methods = METHODS[name]
         peaks = [peaks_of(context, replace(task, methods=methods)) for _ in range(1 if context.quick else 2)]
-        own = statistics.median(peak["complete_own"] for peak in peaks)
         yield measured(
             f"memory.worker.{name}.peak",
             f"Peak memory of a worker of the reduced profile, {words}",
-            [peak["complete"] / 1e9 for peak in peaks],
+            [complete / 1e9 for _, complete in peaks],
             "GB",
-            f"{steps} steps, then scored; {own / 1e9:.2f} GB of it are its own pages, the rest libraries",
+            f"{steps} steps, then scored; libraries included",
             high=LIMIT_GB,
         )
     yield from _whole_run(context, steps)
     yield from _independence(context, task)
 
 
-def peaks_of(context: SpeedContext, task: GroupTask) -> dict[str, int]:
-    """Return the peak bytes of a fresh process that does what a worker of a run does (`send_peaks`). Raises
-    `RuntimeError` if a cell fails.
+def peaks_of(context: SpeedContext, task: GroupTask) -> tuple[int, int]:
+    """Return the peak bytes of a fresh process that does what a worker of a run does: in training, and until it has
+    read, scored and written everything. Raises `RuntimeError` if a cell fails.
     """
     spawn = multiprocessing.get_context("spawn")
     ours, theirs = spawn.Pipe()
     task = replace(task, out=context.scratch / f"memory-{time.monotonic_ns()}")
-    process = spawn.Process(target=send_peaks, args=(task, theirs), daemon=True)
+    process = spawn.Process(target=_send_peaks, args=(task, theirs), daemon=True)
     process.start()
     theirs.close()
     try:
-        peaks: dict[str, int] | str = ours.recv()
+        peaks: tuple[int, int] | str = ours.recv()
     except EOFError:
         peaks = "it ended without a word"
     finally:
@@ -69,6 +73,34 @@ def peaks_of(context: SpeedContext, task: GroupTask) -> dict[str, int]:
     if isinstance(peaks, str):
         raise RuntimeError(f"a worker failed: {peaks}")
     return peaks
+
+
+def _send_peaks(task: GroupTask, connection: Connection) -> None:
+    """Do the task; send the two peaks or, if a cell failed, the reason."""
+    end_with_parent()
+    training, failed = 0, []
+
+    def on_progress(share: float) -> None:
+        nonlocal training
+        if share < 1.0:
+            training = peak_bytes()
+
+    def on_cell(cell: CellRecord) -> None:
+        if cell.status != "done":
+            failed.append(f"{cell.method}: {cell.status}, {cell.reason}")
+
+    run_group(task, on_progress, on_cell)
+    connection.send("; ".join(failed) or (training, peak_bytes()))
+
+
+def peak_bytes(status: Path = STATUS) -> int:
+    """Return the peak of all pages so far. What `getrusage` says, in bytes on macOS and in kibibytes on Linux, may be
+    that of the process from which this one was started.
+    """
+    with suppress(OSError):
+        if peak := re.search(r"VmHWM:\s+(\d+) kB", status.read_text(encoding="utf-8")):
+            return 1024 * int(peak[1])
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Series | Table]:
@@ -81,23 +113,16 @@ def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Se
             folder = context.scratch / f"noise-{count}-{resolution}"
             write_noise(folder, resolution, count, 1)
             views = replace(task.views, resolution=resolution, train=count, val=0, test=1)
-            peak = peaks_of(context, replace(task, view_set=folder, views=views))
-            peaks.append(peak["training"])
-            rows.append([float(count), float(resolution), peak["training"] / 1e9, peak["training_own"] / 1e9])
+            peaks.append(peaks_of(context, replace(task, view_set=folder, views=views))[0] / 1e9)
+            rows.append([float(count), float(resolution), peaks[-1]])
         yield Series(
-            "Peak memory during training",
-            0,
-            f"{count} training images",
-            "width of an image (px)",
-            "peak memory (GB)",
-            [float(one) for one in resolutions],
-            [peak / 1e9 for peak in peaks[-len(resolutions) :]],
-            log_y=False,
-        )
-    columns = ["training images", "width (px)", "peak (GB)", "its own pages (GB)"]
+            "Peak memory during training", 0, f"{count} training images", "width of an image (px)", "peak memory (GB)",
+            [float(resolution) for resolution in resolutions], peaks[-len(resolutions) :], log_y=False,
+        )  # fmt: skip
+    columns = ["training images", "width (px)", "peak (GB)"]
     yield Table("memory.training", 0, "Peak memory during training, nerf, reduced settings", columns, rows)
     pixels = (images[-1] * resolutions[-1] ** 2) / (images[0] * resolutions[0] ** 2)
-    more = (peaks[-1] - peaks[0]) / MEBIBYTE
+    more = (peaks[-1] - peaks[0]) * 1e9 / MEBIBYTE
     yield measured(
         "memory.training.growth",
         "Peak memory during training, most and largest images against fewest and smallest",
@@ -124,13 +149,13 @@ def _whole_run(context: SpeedContext, steps: int) -> Iterator[Check]:
         words = f"run --profile reduced --scenes {' '.join(WHOLE_RUN_SCENES)} --view-sets {views}"
     out = shlex.quote(str(context.scratch / "memory-run"))
     words += f" --seeds 1 --budget-steps {steps} --device {context.device.type} --quiet --out {out}"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "harness", *shlex.split(words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+    command = [sys.executable, "-m", "harness", *shlex.split(words)]
+    nowhere = subprocess.DEVNULL
+    process = subprocess.Popen(command, stdout=nowhere, stderr=nowhere, start_new_session=True)
     peak = 0
     try:
         while process.poll() is None:
-            peak = max(peak, sum(proportional_bytes(one) for one in family_of(process.pid)))
+            peak = max(peak, session_bytes(process.pid))
             time.sleep(0.1)
     finally:
         process.terminate()
@@ -142,26 +167,13 @@ def _whole_run(context: SpeedContext, steps: int) -> Iterator[Check]:
     yield measured(id, title, [peak / 1e9], "GB", detail, high=LIMIT_GB)
 
 
-def family_of(process: int, proc: Path = Path("/proc")) -> list[int]:
-    """Return the process and all its descendants that are alive now."""
-    children: dict[int, list[int]] = defaultdict(list)
+def session_bytes(session: int, proc: Path = Path("/proc")) -> int:
+    """Return the memory of the processes of a session, each shared page divided by the number of its sharers."""
+    total = 0
     for stat in proc.glob("[0-9]*/stat"):
-        try:
-            text = stat.read_text(encoding="utf-8")
-        except OSError:
-            continue  # it has ended meanwhile
-        # the name in parentheses may hold blanks; behind it come the state and the parent
-        children[int(text.rpartition(")")[2].split()[1])].append(int(stat.parent.name))
-    family = [process]
-    for member in family:
-        family += children[member]
-    return family
-
-
-def proportional_bytes(process: int, proc: Path = Path("/proc")) -> int:
-    """Return the memory of a process, each shared page divided by the number of its sharers; 0 once it has ended."""
-    try:
-        text = (proc / str(process) / "smaps_rollup").read_text(encoding="utf-8")
-    except OSError:
-        return 0
-    return next((1024 * int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:")), 0)
+        with suppress(OSError):  # one may have ended meanwhile
+            # the name in parentheses may hold blanks; behind it come the state, the parent, the group and the session
+            if int(stat.read_text(encoding="utf-8").rpartition(")")[2].split()[3]) == session:
+                pages = re.search(r"^Pss:\s+(\d+) kB", stat.with_name("smaps_rollup").read_text(encoding="utf-8"), re.M)
+                total += 1024 * int(pages[1]) if pages else 0
+    return total

@@ -99,5 +99,5 @@ def _work(connection: Connection, here: SpeedContext, window: float) -> None:
     while True:
         torch.set_num_threads(connection.recv())
         began, first = trainer.clock.seconds, trainer.step
-        train(trainer, batch_at, lambda one: one.clock.seconds - began >= window)  # noqa: B023
+        train(trainer, batch_at, lambda stepped: stepped.clock.seconds - began >= window)  # noqa: B023
         connection.send((trainer.step - first) / (trainer.clock.seconds - began))

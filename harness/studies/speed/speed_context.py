@@ -190,19 +190,9 @@ def measured(
     high: float | None = None,
 ) -> Check:
     """Return the median, smallest and largest of at least one repetition, against a target of this kind of machine."""
-    ends = min(values), max(values)
-    return check(
-        title,
-        statistics.median(values),
-        low,
-        high,
-        unit,
-        detail,
-        owner="machine",
-        spread=ends,
-        repeats=len(values),
-        id=id,
-    )
+    spread, repeats = (min(values), max(values)), len(values)
+    median = statistics.median(values)
+    return check(title, median, low, high, unit, detail, owner="machine", spread=spread, repeats=repeats, id=id)
 
 
 def ratio(
@@ -244,22 +234,14 @@ def variant_of(source: Trainer, context: SpeedContext, accelerations: Accelerati
     """
     settings = replace(source.settings, accelerations=accelerations)
     copy = new_trainer(context, settings, source.box, source.coarse.view_dependent, source.budget)
-    _copy_weights(source.fields, copy.fields)
+    weights = dict(source.fields.named_parameters())
+    with torch.no_grad():
+        for name, weight in copy.fields.named_parameters():
+            value: Tensor = weights[name]
+            weight.zero_()
+            weight[..., : value.shape[-1]] = value
     copy.step = source.step
     if copy.grid is not None and source.grid is not None:
         copy.grid.density = source.grid.density.clone()
         copy.grid.occupied = source.grid.occupied.clone()
     return copy
-
-
-@torch.no_grad()
-def _copy_weights(source: torch.nn.Module, target: torch.nn.Module) -> None:
-    """Copy weights so that both are equal functions, also if `target` has further inputs behind those of `source`."""
-    theirs = dict(source.named_parameters())
-    for name, weight in target.named_parameters():
-        value: Tensor = theirs[name]
-        if weight.ndim == 2:
-            weight.zero_()
-            weight[:, : value.shape[1]] = value
-        else:
-            weight.copy_(value)

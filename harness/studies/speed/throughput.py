@@ -4,7 +4,7 @@ own rate of matrix multiplications.
 
 import statistics
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -46,8 +46,10 @@ def measure(context: SpeedContext) -> Iterator[Check]:
     """Yield the headline ratio, in which both sides evaluate exactly the same number of samples, and its details."""
     settings = paper_settings(context)
     batch = synthetic_batch(context, settings.rays)
+    field = PlainField(settings.network, unit_box(context.device), STREAM).to(context.device)
+    optimiser = torch.optim.Adam(field.parameters(), lr=settings.learning_rate)
     sides: dict[str, Callable[[], object]] = {
-        "plain": _plain_side(context, settings, batch),
+        "plain": lambda: plain_step(field, optimiser, *batch, settings.bins, generator_for(STREAM, 0, "jitter")),
         "accelerated": dense_side(context, settings, batch),
     }
     if settings.precision != "float32":
@@ -63,15 +65,9 @@ def measure(context: SpeedContext) -> Iterator[Check]:
         yield ratio("training.dense.float32", title, seconds["plain"], seconds["float32"], words)
     for name, title in (("plain", "plain float32"), ("accelerated", settings.precision), ("float32", "float32")):
         if name in sides:
-            rates = [settings.rays * settings.bins / one / 1e6 for one in seconds[name]]
+            rates = [settings.rays * settings.bins / taken / 1e6 for taken in seconds[name]]
             yield measured(f"training.dense.{name}.rate", f"Training, {title}", rates, "million samples/s", words)
     yield _with_skipping(context, settings)
-
-
-def _plain_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> Callable[[], object]:
-    field = PlainField(settings.network, unit_box(context.device), STREAM).to(context.device)
-    optimiser = torch.optim.Adam(field.parameters(), lr=settings.learning_rate)
-    return lambda: plain_step(field, optimiser, *batch, settings.bins, generator_for(STREAM, 0, "jitter"))
 
 
 def dense_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> Callable[[], object]:
@@ -124,49 +120,20 @@ CHUNKS = (1024, 2048, 4096, 8192, 16384)
 CHUNKS_ON_A_GPU = (*CHUNKS, 65536, 262144)
 
 
-@dataclass(frozen=True)
-class Product:
-    """One matrix multiplication of a step: [rows, inputs] × [inputs, outputs]."""
-
-    inputs: int
-    outputs: int
-    gradient: bool = True
-    """Whether the inputs need a gradient, too: encoded inputs do not."""
-    a_ray: bool = False
-    """Whether it has one row per ray instead of one per point."""
-
-
-def products(size: NetworkSize, view_dependent: bool = True) -> list[Product]:
-    """Return the matrix multiplications of a step. Concatenations are split: encoded position and direction get no
-    gradient, and the direction's part of a layer is the same for all points of a ray.
-    """
-    position = feature_count(3, size.position_bands)
-    skip = skip_layer("half", size.depth)
-    rows = [Product(position, size.width, gradient=False)]
-    for layer in range(1, size.depth):
-        rows.append(Product(size.width, size.width))
-        if layer == skip + 1:
-            rows.append(Product(position, size.width, gradient=False))
-    colour = [size.width] + [size.colour_width] * size.colour_layers + [3]
-    rows.append(Product(size.width, 1))
-    rows += [Product(inputs, outputs) for inputs, outputs in pairwise(colour)]
-    if size.depth == skip + 1:  # the skip feeds the heads
-        rows += [Product(position, 1, gradient=False), Product(position, colour[1], gradient=False)]
-    if view_dependent:
-        rows.append(Product(feature_count(3, size.direction_bands), colour[1], gradient=False, a_ray=True))
-    return rows
-
-
 def step_flops(size: NetworkSize, points: int, rays: int, view_dependent: bool = True) -> float:
     """Count the multiplications and additions of the matrix multiplications of one training step: 2 · in · out per row
     forward, as many for the weights' gradients, and as many for the inputs' if they have one.
+
+    Concatenations are split: encoded position and direction get no gradient, and the direction's part of a layer is the
+    same for all points of a ray.
     """
-    return float(
-        sum(
-            2 * one.inputs * one.outputs * (3 if one.gradient else 2) * (rays if one.a_ray else points)
-            for one in products(size, view_dependent)
-        )
-    )
+    colour = [size.width] + [size.colour_width] * size.colour_layers + [3]
+    hidden = (size.depth - 1) * size.width**2 + size.width + sum(a * b for a, b in pairwise(colour))
+    # the encoded position enters the first layer, and again the layer behind the skip, or both heads
+    again = 1 + colour[1] if skip_layer("half", size.depth) == size.depth - 1 else size.width
+    position = feature_count(3, size.position_bands) * (size.width + again)
+    direction = feature_count(3, size.direction_bands) * colour[1] if view_dependent else 0
+    return 2.0 * (points * (3 * hidden + 2 * position) + rays * 2 * direction)
 
 
 def _product_rates(context: SpeedContext, width: int, dtype: torch.dtype) -> dict[int, list[float]]:
@@ -180,12 +147,12 @@ def _product_rates(context: SpeedContext, width: int, dtype: torch.dtype) -> dic
         out = torch.empty(chunk, width, dtype=dtype, device=context.device)
         sides[str(chunk)] = partial(torch.mm, left, weight, out=out)
     seconds = interleaved(sides, context.repeats(5), context.synchronise, 0.01 if context.quick else 0.15)
-    return {int(chunk): [2.0 * int(chunk) * width * width / one for one in taken] for chunk, taken in seconds.items()}
+    return {int(chunk): [2.0 * int(chunk) * width * width / side for side in taken] for chunk, taken in seconds.items()}
 
 
 def _best_rate(rates: dict[int, list[float]]) -> tuple[int, list[float], float]:
     """Return the chunk that is multiplied fastest (its median decides), its rates and their median."""
-    chunk = max(rates, key=lambda one: statistics.median_high(rates[one]))
+    chunk = max(rates, key=lambda chunk: statistics.median_high(rates[chunk]))
     return chunk, rates[chunk], statistics.median_high(rates[chunk])
 
 
@@ -236,11 +203,11 @@ def _share(
     yield measured(
         f"matrix.{name}.share",
         f"Share of the matrix rate, {shape}",
-        [100.0 * flops / one / best for one in seconds],
+        [100.0 * flops / taken / best for taken in seconds],
         "%",
         f"{flops / 1e9:.1f} GFLOP a step of {points} points; the products alone reach {best / 1e9:.0f} GFLOP/s in "
         f"chunks of {chunk} rows",
         low=40.0 if context.device.type == "cuda" else 65.0,
     )
-    rates = [flops / one / 1e12 for one in seconds]
+    rates = [flops / taken / 1e12 for taken in seconds]
     yield measured(f"matrix.{name}.rate", f"Rate of a whole step, {shape}", rates, "TFLOP/s")

@@ -182,7 +182,7 @@ def follow(
         for due in times:
             if learner.clock.seconds >= due:  # one step took longer than the space between two evaluations
                 continue
-            train(learner, batch_at, lambda one: one.clock.seconds >= due)  # noqa: B023
+            train(learner, batch_at, lambda stepped: stepped.clock.seconds >= due)  # noqa: B023
             psnr = pixels.psnr(colours_of(pixels.rays))
             if not math.isfinite(psnr):
                 curve.ended = f"colours not finite after {learner.clock.seconds:.1f} s"
@@ -250,24 +250,24 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
     def done(curve: PsnrCurve) -> bool:
         return reached(curve, highest) is not None
 
+    directed, box = needs_view_direction(views), box_of(views, device)
+    sides = {
+        "same": (same_network(context, plan), Budget(None, budget)),
+        "reduced": (plan.train, plan.budget),
+    }
+
     def contest(name: str, seed: str) -> PsnrCurve:
-        chosen, until = same_network(context, plan), Budget(None, budget)
-        if name == "reduced":
-            chosen, until = plan.train, plan.budget
-        directed = needs_view_direction(views)
-        trainer = Trainer("nerf", box_of(views, device), chosen, until, seed, device, directed)
-        batch_at = batches.stream(seed, chosen.rays)
+        settings, until = sides[name]
+        trainer = Trainer("nerf", box, settings, until, seed, device, directed)
+        batch_at = batches.stream(seed, settings.rays)
         trainer.warm_up(*batch_at(0))
+
+        def colours_of(rays: Rays) -> Tensor:
+            return trainer.render(rays, plan.score.chunk).colour
+
         first = budget / (context.target(*GOALS[name]) or 100.0) / 20
         times = takewhile(lambda due: due < budget, accumulate(repeat(GROWTH), mul, initial=first))
-        curve = follow(
-            trainer,
-            batch_at,
-            lambda rays: trainer.render(rays, plan.score.chunk).colour,
-            pixels,
-            [*times, budget],
-            done,
-        )
+        curve = follow(trainer, batch_at, colours_of, pixels, [*times, budget], done)
         seconds = reached(curve, highest)
         after = f"after {seconds:.2f} s" if seconds else f"not within {trainer.clock.seconds:.0f} s {curve.ended}"
         context.show.line(f"  {scene}: {WORDS[name].lower()}, {highest:.2f} dB {after}")
@@ -308,6 +308,6 @@ def ratio_to(
         ended = next((f" ({curve.ended})" for curve in late if curve.ended), "")
         why = f"{words}; {len(late)} of {len(curves)} did not reach it in time, best {best:.2f} dB{ended}"
         return not_measured(id, title, "×", why, low=goal, repeats=len(curves))
-    seconds = [one for curve in curves if (one := reached(curve, target.psnr)) is not None]
+    seconds = [reached(curve, target.psnr) or math.inf for curve in curves]
     detail = f"{words}, this after {statistics.median(seconds):.2f} s; {context.threads} threads each"
-    return measured(id, title, [target.seconds / one for one in seconds], "×", detail, low=goal)
+    return measured(id, title, [target.seconds / taken for taken in seconds], "×", detail, low=goal)

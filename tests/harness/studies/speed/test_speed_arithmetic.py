@@ -13,11 +13,10 @@ from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
 from harness.studies.speed.growth import exponent
 from harness.studies.speed.kernels import by_autograd, by_product, largest_error
-from harness.studies.speed.memory import family_of, proportional_bytes
-from harness.studies.speed.memory_worker import memory_of
+from harness.studies.speed.memory import peak_bytes, session_bytes
 from harness.studies.speed.speed_context import interleaved
-from harness.studies.speed.throughput import products, step_flops
-from tests.harness.tiny import box, rays_and_colours
+from harness.studies.speed.throughput import step_flops
+from tests.harness.tiny import rays_and_colours
 
 
 def test_products_of_the_paper_by_hand() -> None:
@@ -29,24 +28,19 @@ def test_products_of_the_paper_by_hand() -> None:
     assert step_flops(size, 65536, 1024, view_dependent=False) == expected - 4 * 27 * 128 * 1024
 
 
-@pytest.mark.parametrize("depth", [1, 2, 4, 8])
+@pytest.mark.parametrize("depth", [1, 2, 4, 5, 8])
 @pytest.mark.parametrize("view_dependent", [True, False])
-def test_products_have_all_weights_of_the_field(depth: int, view_dependent: bool) -> None:
-    size = NetworkSize(depth, 24, 2, 12, 5, 3)
-    weights = sum(one.numel() for one in PlainField(size, box(), 0, view_dependent).parameters() if one.ndim == 2)
-    assert sum(row.inputs * row.outputs for row in products(size, view_dependent)) == weights
-
-
-def test_flops_against_those_that_torch_counts() -> None:
+def test_flops_against_those_that_torch_counts(depth: int, view_dependent: bool) -> None:
     """The plain step does the same products, and those for gradients into encodings, and directions at every point."""
-    size, samples = NetworkSize(5, 24, 2, 12, 4, 2), 8
-    field = PlainField(size, Box(-torch.ones(3), torch.ones(3)), 0)
+    size, samples, rays = NetworkSize(depth, 24, 2, 12, 4, 2), 8, 16
+    field = PlainField(size, Box(-torch.ones(3), torch.ones(3)), 0, view_dependent)
     with FlopCounterMode(display=False) as counter:
-        plain_loss(field, *rays_and_colours(16), samples, None).backward()
-    points, position, direction = 16 * samples, 27, 15
-    wasted = 2 * position * 24 * points  # gradient into the encoded position at the skip
-    wasted += 6 * direction * 12 * points - 4 * direction * 12 * 16
-    assert counter.get_total_flops() == step_flops(size, points, 16) + wasted
+        plain_loss(field, *rays_and_colours(rays), samples, None).backward()
+    points, position, direction = rays * samples, 27, 15
+    behind_the_skip = 1 + 12 if field.skip == depth - 1 else 24
+    wasted = 2 * position * behind_the_skip * points  # gradient into the encoded position at the skip
+    wasted += (6 * points - 4 * rays) * direction * 12 if view_dependent else 0
+    assert counter.get_total_flops() == step_flops(size, points, rays, view_dependent) + wasted
 
 
 def test_sides_are_taken_in_turn_and_fast_ones_are_repeated() -> None:
@@ -83,17 +77,17 @@ def test_every_quadrature_that_is_compared_computes_the_same(rule: object) -> No
     )
 
 
-def test_memory_is_read_from_what_the_system_says() -> None:
-    status = "Name:\tpython\nVmHWM:\t  123456 kB\nRssAnon:\t   1000 kB\nThreads:\t4\n"
-    assert memory_of(status) == {"VmHWM": 123456 * 1024, "RssAnon": 1000 * 1024}
-    assert memory_of("") == {}
+def test_memory_is_read_from_what_the_system_says(tmp_path: Path) -> None:
+    (tmp_path / "status").write_text("Name:\tpython\nVmHWM:\t  123456 kB\nRssAnon:\t   1000 kB\nThreads:\t4\n")
+    assert peak_bytes(tmp_path / "status") == 123456 * 1024
+    assert peak_bytes(tmp_path / "missing") > 0
 
 
-def test_a_family_is_the_process_and_all_below_it(tmp_path: Path) -> None:
-    for process, parent in ((1, 0), (10, 1), (11, 10), (12, 11), (20, 1)):
+def test_a_session_is_counted_with_shared_pages_once(tmp_path: Path) -> None:
+    for process, session, kibibytes in ((10, 10, 60), (11, 10, 7), (12, 12, 900), (13, 10, None)):
         (tmp_path / str(process)).mkdir()
-        (tmp_path / str(process) / "stat").write_text(f"{process} (a (b) name) S {parent} 1 1 0")
-    (tmp_path / "11" / "smaps_rollup").write_text("00-ff ---p [rollup]\nRss: 100 kB\nPss:    60 kB\nPss_Anon:  9 kB\n")
-    assert sorted(family_of(10, tmp_path)) == [10, 11, 12]
-    assert proportional_bytes(11, tmp_path) == 60 * 1024
-    assert proportional_bytes(12, tmp_path) == 0
+        (tmp_path / str(process) / "stat").write_text(f"{process} (a (b) name) S 1 10 {session} 1 0")
+        if kibibytes:
+            pages = f"00-ff ---p [rollup]\nRss: 100 kB\nPss:    {kibibytes} kB\nPss_Anon:  9 kB\n"
+            (tmp_path / str(process) / "smaps_rollup").write_text(pages)
+    assert session_bytes(10, tmp_path) == 67 * 1024, "one has ended meanwhile"
