@@ -21,6 +21,8 @@ from harness.plan.needed import kept
 from harness.plan.profiles import Plan
 from harness.plan.settings import TrainSettings
 from harness.training import evaluate
+from harness.training.batches import Cameras
+from harness.training.learner import Learner
 from harness.training.lockstep import stream_of, trained_alone
 from harness.training.trainer import Diverged, Trainer
 from harness.verdicts.statistics import PairedDifference, paired_difference
@@ -67,9 +69,8 @@ class CellTask:
 class Rerendered:
     """The same weights, rendered again with something that had been left out."""
 
-    psnr: float | None
     seconds: float
-    seconds_with: float
+    seconds_without: float
     """The seconds that rendering the same views takes with it left out, the two timed in turns."""
     largest_change: float
     """The largest change of a display colour."""
@@ -139,50 +140,36 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
     views = with_needs(views, arm.need, arm.no_need)
     stream = stream_of(task.scene, task.seed)
     split = views.val if task.scored_on == "val" else views.test
+    cameras, watch = evaluate.cameras_of(views, split, device), Stopwatch(device)
+
+    def rendered(trainer: Learner) -> Iterator[evaluate.View]:
+        for index in range(len(cameras)):
+            with watch.running():
+                view = evaluate.render_view(trainer, cameras, index, plan.score.chunk)
+            yield view
+
     try:
         trainer = trained_alone(task.method, views, stream, _settings(plan.train, arm), plan.budget, device)
-        cameras = evaluate.cameras_of(views, split, device)
-        watch = Stopwatch(device)
-        images = _timed(evaluate.render_split(trainer, cameras, plan.score.chunk), watch)
-        psnr = evaluate.quick_scores(images, split)["psnr"]
+        psnr = evaluate.quick_scores(rendered(trainer), split)["psnr"]
         again = {}
         if isinstance(trainer, Trainer):
-            again = {name: _rerendered(trainer, name, views, plan.score.chunk) for name in arm.rendered_with}
+            again = {name: _rerendered(trainer, name, cameras, plan.score.chunk) for name in arm.rendered_with}
         return Ended(psnr, trainer.clock.seconds, watch.seconds, again)
     except Diverged:
         return Ended(None)
 
 
-def _rerendered(trainer: Trainer, name: str, views: ViewSet, chunk: int) -> Rerendered:
+def _rerendered(trainer: Trainer, name: str, cameras: Cameras, chunk: int) -> Rerendered:
     """Render view by view, with `name` left out and with it put back, in turns; the trainer ends as it began."""
-    cameras = evaluate.cameras_of(views, views.test, trainer.device)
-    before = (trainer.settings, trainer.grid)
-    grid = None if name == "empty_space" else trainer.grid
-    states = {"out": before, "in": (kept(trainer.settings, (name,)), grid)}
-    watches = {part: Stopwatch(trainer.device) for part in states}
+    settings = {"out": trainer.settings, "in": kept(trainer.settings, (name,))}
+    watches = {part: Stopwatch(trainer.device) for part in settings}
     largest = 0.0
-
-    def images() -> Iterator[evaluate.View]:
-        nonlocal largest
-        for index in range(len(cameras)):
-            seen = {}
-            for part in ("out", "in") if index % 2 else ("in", "out"):
-                trainer.settings, trainer.grid = states[part]
-                with watches[part].running():
-                    seen[part] = evaluate.render_view(trainer, cameras, index, chunk)
-            largest = max(largest, float(np.abs(seen["out"].colour - seen["in"].colour).max()))
-            yield seen["in"]
-
-    psnr = evaluate.quick_scores(images(), views.test)["psnr"]
-    trainer.settings, trainer.grid = before
-    return Rerendered(psnr, watches["in"].seconds, watches["out"].seconds, largest)
-
-
-def _timed(images: Iterator[evaluate.View], watch: Stopwatch) -> Iterator[evaluate.View]:
-    """Yield the same images; `watch` runs while one is made."""
-    while True:
-        with watch.running():
-            image = next(images, None)
-        if image is None:
-            return
-        yield image
+    for index in range(len(cameras)):
+        colours = {}
+        for part in ("out", "in") if index % 2 else ("in", "out"):
+            trainer.settings = settings[part]
+            with watches[part].running():
+                colours[part] = evaluate.render_view(trainer, cameras, index, chunk).colour
+        largest = max(largest, float(np.abs(colours["out"] - colours["in"]).max()))
+    trainer.settings = settings["out"]
+    return Rerendered(watches["in"].seconds, watches["out"].seconds, largest)

@@ -29,8 +29,6 @@ class ScorePair:
     change: Change
     psnr: float | None
     psnr_changed: float | None
-    psnr_same_weights: float | None
-    """The score of the weights that were trained with the grid, rendered without it; None for other changes."""
 
 
 def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
@@ -39,8 +37,7 @@ def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
         "grid": Arm(need=("empty_space",)),
         "precision": Arm(precision="bfloat16" if plan.train.precision == "float32" else "float32"),
     }
-    planned = Arm(rendered_with=("empty_space",) if "grid" in changes else ())
-    return {PLANNED: planned} | {change: other[change] for change in changes}
+    return {PLANNED: Arm()} | {change: other[change] for change in changes}
 
 
 def pairs(
@@ -56,12 +53,9 @@ def pairs(
 
 
 def pairs_of(cell: CellArms, changes: list[Change]) -> Iterator[ScorePair]:
-    planned = cell.ended[PLANNED]
-    again = planned.rerendered.get("empty_space")
     for change in changes:
-        same_weights = again.psnr if again is not None and change == "grid" else None
-        changed = cell.ended[change].psnr
-        yield ScorePair(cell.scene, cell.method, cell.seed, change, planned.psnr, changed, same_weights)
+        scores = cell.ended[PLANNED].psnr, cell.ended[change].psnr
+        yield ScorePair(cell.scene, cell.method, cell.seed, change, *scores)
 
 
 def as_json(rows: list[ScorePair], plan: Plan) -> dict[str, Any]:
@@ -81,18 +75,14 @@ def as_json(rows: list[ScorePair], plan: Plan) -> dict[str, Any]:
 
 def _summary(rows: list[ScorePair]) -> dict[str, Any]:
     result = weigh((row.psnr_changed, row.psnr) for row in rows)
+    both = [(row.psnr_changed, row.psnr) for row in rows if row.psnr_changed is not None and row.psnr is not None]
     return {
         "change": rows[0].change,
         "method": rows[0].method,
-        "pairs": result.units if result else 0,
-        "diverged": len(rows) - (result.units if result else 0),
+        "pairs": len(both),
+        "diverged": len(rows) - len(both),
         "difference": result.mean if result else None,
         "interval": result.interval if result else None,
-        "largest": _largest((row.psnr_changed, row.psnr) for row in rows),
+        "largest": max((abs(changed - planned) for changed, planned in both), default=None),
         "verdict": verdict(result, SMALLEST_OF_INTEREST_DB, higher_is_better=True) if result else "inconclusive",
-        "same_weights_largest": _largest((row.psnr_same_weights, row.psnr) for row in rows),
     }
-
-
-def _largest(pairs: Iterator[tuple[float | None, float | None]]) -> float | None:
-    return max((abs(a - b) for a, b in pairs if a is not None and b is not None), default=None)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from statistics import fmean
 from typing import Any, Literal
 
 import numpy as np
@@ -64,7 +65,6 @@ class Omission:
     pairs: int
     diverged: int
     verdict: Verdict
-    train_seconds_saved: float | None = None
     what: str = ""
     """What was left out if it is more than what `name` stands for."""
 
@@ -119,8 +119,7 @@ def verified(
         # not of a view set or a scene from elsewhere
         if not plan.view_set and not plan.scene_file and need is not None and not need.needed:
             omissions.append(_of_integrator(plan, scene))
-    order = list(folders)
-    return sorted(omissions, key=lambda omission: order.index(omission.scene)), controls_of(cells)
+    return sorted(omissions, key=lambda omission: list(folders).index(omission.scene)), controls_of(cells)
 
 
 def verify_run(
@@ -133,14 +132,15 @@ def verify_run(
     folders: dict[str, Path],
 ) -> list[SceneRecord]:
     """Return `scenes` with what leaving out saved and changed, by one method."""
-    trained = [name for name in plan.methods if any(cell.method == name and cell.status == "done" for cell in cells)]
+    trained = {cell.method for cell in cells if cell.status == "done"}
     if not trained:
         return scenes
-    one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
+    method = "nerf" if "nerf" in trained else next(name for name in plan.methods if name in trained)
+    one_method = replace(plan, methods=(method,))
     omissions, _ = verified(one_method, folders, out, machine.workers, show.line, device_here(machine))
     for omission in too_costly(omissions):
         show.line(f"left out at too high a price: {omission.line}")
-    by_scene = {scene.name: [each for each in omissions if each.scene == scene.name] for scene in scenes}
+    by_scene = {scene.name: [omission for omission in omissions if omission.scene == scene.name] for scene in scenes}
     return [structs.replace(scene, left_out=filled(scene.left_out, by_scene[scene.name])) for scene in scenes]
 
 
@@ -150,14 +150,9 @@ def too_costly(omissions: list[Omission]) -> list[Omission]:
 
 def filled(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
     """Return the `rows` of one scene with what was measured on it."""
-    by_name = {omission.name: omission for omission in omissions}
-    measured = ("seconds_saved", "difference", "interval", "clock", "verdict")
-    return [
-        structs.replace(row, **{name: getattr(by_name[row.name], name) for name in measured})
-        if row.name in by_name
-        else row
-        for row in rows
-    ]
+    names = ("seconds_saved", "difference", "interval", "clock", "verdict")
+    measured = {omission.name: {name: getattr(omission, name) for name in names} for omission in omissions}
+    return [structs.replace(row, **measured.get(row.name, {})) for row in rows]
 
 
 def as_json(
@@ -239,20 +234,20 @@ def cell_tasks(
 def omissions_of(cells: list[CellArms]) -> list[Omission]:
     """Return one omission per scene, method and part, in the order in which the cells have them."""
     omissions = []
-    for chosen in _by_method(cells):
-        omissions += [_of_training(chosen, name, PLANNED, name) for name in chosen[0].ended if name in TRAINED]
-        rerendered = dict.fromkeys(name for cell in chosen for name in cell.ended[PLANNED].rerendered)
-        omissions += [_of_rendering(chosen, name) for name in rerendered]
+    for alike in _by_method(cells):
+        omissions += [_of_training(alike, name, PLANNED, name) for name in alike[0].ended if name in TRAINED]
+        rerendered = dict.fromkeys(name for cell in alike for name in cell.ended[PLANNED].rerendered)
+        omissions += [_of_rendering(alike, name) for name in rerendered]
     return omissions
 
 
 def controls_of(cells: list[CellArms]) -> list[Omission]:
     """Return what leaving out costs if the part is needed."""
     return [
-        replace(_of_training(chosen, name, arm, PLANNED), what=what)
-        for chosen in _by_method(cells)
+        replace(_of_training(alike, name, arm, PLANNED), what=what)
+        for alike in _by_method(cells)
         for arm, (name, what) in CONTROLS.items()
-        if arm in chosen[0].ended
+        if arm in alike[0].ended
     ]
 
 
@@ -269,39 +264,39 @@ def _of_training(cells: list[CellArms], name: str, without: str, with_it: str) -
     verdict = judged(weigh((b.psnr, a.psnr) for a, b in pairs), PARTS[name].bound)
     if any(a.psnr is None and b.psnr is not None for a, b in pairs):
         verdict = "costs more"  # a cell that ends for lack of the part is worth less than any score
-    scored = [(a, b) for a, b in pairs if a.psnr is not None and b.psnr is not None]
-    training = float(np.mean([b.train_seconds - a.train_seconds for a, b in scored])) if scored else None
-    rendering = float(np.mean([b.render_seconds - a.render_seconds for a, b in scored])) if scored else None
+    saved = [
+        b.train_seconds + b.render_seconds - a.train_seconds - a.render_seconds
+        for a, b in pairs
+        if a.psnr is not None and b.psnr is not None
+    ]
     return Omission(
-        scene=cells[0].scene,
-        method=cells[0].method,
-        name=name,
-        seconds_saved=training + rendering if training is not None and rendering is not None else None,
+        cells[0].scene,
+        cells[0].method,
+        name,
+        seconds_saved=fmean(saved) if saved else None,
         clock="training and rendering the test views",
         difference=result.mean if result else None,
         interval=result.interval if result else None,
-        pairs=len(scored),
-        diverged=len(pairs) - len(scored),
+        pairs=len(saved),
+        diverged=len(pairs) - len(saved),
         verdict=verdict,
-        train_seconds_saved=training,
     )
 
 
 def _of_rendering(cells: list[CellArms], name: str) -> Omission:
     """Judge the largest change of a colour: nothing in it is random."""
-    planned = [cell.ended[PLANNED] for cell in cells]
-    again = [arm.rerendered[name] for arm in planned if name in arm.rerendered]
-    largest = max(each.largest_change for each in again)
+    again = [arm.rerendered[name] for cell in cells if name in (arm := cell.ended[PLANNED]).rerendered]
+    largest = max(arm.largest_change for arm in again)
     return Omission(
-        scene=cells[0].scene,
-        method=cells[0].method,
-        name=name,
-        seconds_saved=float(np.mean([each.seconds - each.seconds_with for each in again])),
+        cells[0].scene,
+        cells[0].method,
+        name,
+        seconds_saved=fmean(arm.seconds - arm.seconds_without for arm in again),
         clock="rendering the test views",
         difference=largest,
         interval=None,
         pairs=len(again),
-        diverged=len(planned) - len(again),
+        diverged=len(cells) - len(again),
         verdict="within its bound" if largest <= PARTS[name].bound else "costs more",
     )
 
@@ -327,9 +322,9 @@ def omission_of_integrators(comparison: dict[str, Any], samples: int) -> Omissio
     # an unbiased square may lie below 0 by chance
     mean, *ends = (math.sqrt(max(square, 0.0)) for square in (squares.mean, *(squares.interval or ())))
     return Omission(
-        scene=comparison["scene"],
-        method="",
-        name="participating_media",
+        comparison["scene"],
+        "",
+        "participating_media",
         seconds_saved=seconds * samples / comparison["samples"],
         clock="rendering the view set",
         difference=mean,

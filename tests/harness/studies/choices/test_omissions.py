@@ -22,6 +22,7 @@ from harness.studies.choices.omissions import (
     too_costly,
     verifiable,
 )
+from harness.training.evaluate import cameras_of
 from harness.verdicts.statistics import paired_difference
 from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
 from scenes.rendering.checks import in_blocks
@@ -120,7 +121,7 @@ def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
     """An arm that changes nothing ends with the same score; each that changes something does not."""
     view_set = write_ball(tmp_path / "ball")
     arms = {
-        "as planned": Arm(rendered_with=("behind_opaque", "empty_space")),
+        "as planned": Arm(rendered_with=("behind_opaque",)),
         "again": Arm(),
         "outside_box": Arm(need=("outside_box",)),
         "no view_direction": Arm(no_need=("view_direction",)),
@@ -134,23 +135,21 @@ def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
     assert all(one.train_seconds > 0 and one.render_seconds > 0 for one in cell.ended.values())
     opaque = planned_.rerendered["behind_opaque"]
     assert opaque.largest_change <= PARTS["behind_opaque"].bound
-    assert opaque.psnr == pytest.approx(planned_.psnr, abs=1e-2)
-    assert planned_.rerendered["empty_space"].largest_change >= 0.0
+    assert min(opaque.seconds, opaque.seconds_without) > 0.0
 
 
 def test_rendering_once_more_leaves_the_trainer_as_it_was(ball: ViewSet) -> None:
     from harness.studies.choices import arms
-    from tests.harness.tiny import trainer
+    from tests.harness.tiny import CPU, trainer
 
     made = trainer()
-    before = (made.settings, made.grid)
-    found = arms._rerendered(made, "empty_space", ball, 512)
-    assert (made.settings, made.grid) == before
-    assert found.largest_change == 0.0, "before anything was measured the grid leaves nothing out"
+    before = made.settings
+    arms._rerendered(made, "behind_opaque", cameras_of(ball, ball.test, CPU), 512)
+    assert made.settings is before
 
 
 def ended(psnr: float | None, seconds: float = 2.0, largest: float | None = None) -> Ended:
-    again = {} if largest is None else {"behind_opaque": Rerendered(psnr, 3.0, 1.0, largest)}
+    again = {} if largest is None else {"behind_opaque": Rerendered(3.0, 1.0, largest)}
     return Ended(psnr, seconds, 0.5, again)
 
 
@@ -168,7 +167,6 @@ def test_an_omission_is_without_less_with() -> None:
     assert trained.interval is not None
     assert trained.interval[0] < -0.11 < trained.interval[1] < 0
     assert trained.seconds_saved == pytest.approx(3.0)
-    assert trained.train_seconds_saved == pytest.approx(3.0)
     assert trained.verdict == "within its bound"
     assert (rendered.name, rendered.difference, rendered.interval) == ("behind_opaque", 5e-5, None)
     assert rendered.seconds_saved == pytest.approx(2.0)
