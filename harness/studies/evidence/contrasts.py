@@ -114,27 +114,8 @@ def effects_of_table(
     effects = []
     for scene in ["all", *table]:
         family = together * family_of(metric, scene, len(table), metrics)
-        judgement = judged(table, metric, family, scene)
-        estimate = judgement.chosen
-        effects.append(
-            Effect(
-                name=name,
-                against=against,
-                scene=scene,
-                metric=metric,
-                budget=budget,
-                difference=judgement.difference,
-                interval=estimate.interval,
-                simultaneous=estimate.simultaneous,
-                family=family,
-                verdict=estimate.verdict,
-                smallest_detectable=estimate.smallest_detectable,
-                pairs=judgement.pairs,
-                unpaired=judgement.unpaired,
-                note=note,
-                on_these_scenes=judgement.on_these_scenes,
-            )
-        )
+        fields = judged(table, metric, family, scene).fields
+        effects.append(Effect(name, against, scene, metric, budget, family=family, note=note, **fields))
     return effects
 
 
