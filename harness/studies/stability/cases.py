@@ -92,18 +92,18 @@ CASES: dict[str, Study] = catalogue(
           "the near plane saturates: training views 22 dB, test views 8 dB", "analytic depth", "rendered depth ≤ 1e-3; "
           "methods above a copy of the nearest training view (measured by 1.7 to 11 dB); a planted billboard is named; "
           "a method's depth is recorded and not judged: none of ours knows it better than the best constant"),
-    _case("S3", "Fog", "whole_scenes.light_cases:fog", 6, "dense (τ = 50) and thin (τ = 1e-3)", "stiff; cancels",
+    _case("S3", "Fog", "whole_scenes.scene_cases:fog", 6, "dense (τ = 50) and thin (τ = 1e-3)", "stiff; cancels",
           "closed form, and Mitsuba", "quadrature: opacity ≤ 1e-4, a colour that varies ≤ 2e-3; |z| < 4; opacity of "
           "methods: dense ≤ 0.03 (measured 0.006 to 0.015); thin, below what 8 bits show: nothing added, half a step"),
-    _case("S4", "Wires thinner than a pixel", "whole_scenes.light_cases:wires_thinner_than_a_pixel", 20,
+    _case("S4", "Wires thinner than a pixel", "whole_scenes.scene_cases:wires_thinner_than_a_pixel", 20,
           "a quarter of a pixel for methods; 1e-2 and 1e-4 of a pixel rendered",
           "rays through pixel centres miss; noisy truth", "covered area",
           "mean of the image |z| < 4; a method's error ≤ 0.9 of that of showing nothing (measured 0.14 to 0.36)"),
-    _case("S5", "Mirror and glass", "whole_scenes.light_cases:mirror_and_glass", 8,
+    _case("S5", "Mirror and glass", "whole_scenes.scene_cases:mirror_and_glass", 8,
           "a mirror; glass of index 1.5 and 1.0", "virtual depth; looks depend on the side",
           "rendered; index 1 must vanish", "index 1 within noise of nothing; of the variance within the silhouette "
           "methods explain: mirror ≥ 0.3 (measured 0.53 to 0.84), glass ≥ 0.5 (0.92), glass of index 1 ≥ 0.3 (0.60)"),
-    _case("S6", "Extreme light", "whole_scenes.light_cases:extreme_light", 8,
+    _case("S6", "Extreme light", "whole_scenes.scene_cases:extreme_light", 8,
           "an emitter of 1e6 : 1, a checker at the Nyquist limit, light at 89.9°, a furnace",
           "one pixel owns the loss; aliasing; long chords",
           "linear truth, box-filtered checker, analytic chord, E / (1 − ρ)", "rendered median ≤ 10 %, a method's "

@@ -1,6 +1,6 @@
 """The context of every stiff or extreme case, the owner of a subject's formula, and the run of the cases."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -11,7 +11,7 @@ from harness.execution.progress import Progress
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
 from harness.machine.provenance import provenance
 from harness.plan.profiles import Plan, planned
-from harness.records.study import PICTURES_FOLDER, Check, Owner, Status
+from harness.records.study import Check, Owner, Status, check
 from harness.studies import framework
 from harness.studies.stability.cases import SHELF
 
@@ -34,12 +34,6 @@ class StabilityContext(framework.StudyContext):
     workers: int
     cases: tuple[str, ...] = ()
     """The cases of this run, so that cases which share a training request all of it at once."""
-
-    def picture_file(self, name: str) -> Path:
-        """Return where a case writes the PNG that a `Picture` of path `stability/<name>` refers to."""
-        folder = self.out / PICTURES_FOLDER
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder / name
 
     def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
         """Return `profile` with this run's methods, in float32, which is the same on every machine."""
@@ -70,6 +64,15 @@ def error_of(kind: type[_Error], attempt: Callable[..., object], *arguments: obj
 
 def not_judged(subject: str, why: str, status: Status = "not_applicable", owner: Owner = "ours") -> Check:
     return Check("", None, why=why, subject=subject, owner=owner, status=status)
+
+
+def ours_and_usual(
+    what: str, figures: dict[str, float], low: float | None = None, high: float | None = None
+) -> Iterator[Check]:
+    """Check a figure of ours, and the same figure of what is usual in the field: two subjects, in that order."""
+    owners: tuple[Owner, Owner] = ("ours", "usual")
+    for (subject, figure), owner in zip(figures.items(), owners, strict=True):
+        yield check(what, figure, low, high, subject=subject, owner=owner)
 
 
 def run(

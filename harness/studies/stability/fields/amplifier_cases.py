@@ -18,7 +18,6 @@ from baselines.field import NetworkField
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.encoding import PHI, encode
 from harness.plan.seeds import generator_for
-from harness.records.json_record import finite_or_none
 from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import at_an_end, new_trainer, setup, trained, with_parts
@@ -42,7 +41,6 @@ def amplifier_with(reading: str, **scalars: float) -> Amplifier:
 
 def identity(context: StabilityContext) -> Iterator[Found]:
     """A1: at α = 1/φ and β = 1 the density that is rendered is the one that came in."""
-    del context
     generator = generator_for("stability", "A1")
     raws = [spread * torch.randn(4096, generator=generator) for spread in (1.0, 4.0, 16.0)]
     for reading, owner in WHOSE.items():
@@ -141,8 +139,8 @@ def rays_in_the_chunk(trainer: Trainer, rays: Rays) -> Int[Tensor, " hits"]:
     return torch.nonzero(ray_box(rays.origins, rays.directions, box.lower, box.upper, rays.near, rays.far)[2])[:, 0]
 
 
-SCALES = [10.0**k for k in range(-2, 3)]
-DENSE_SCALES = [10.0 ** (k / 8) for k in range(-16, 17)]
+JUDGED = (0.1, 1.0, 10.0)
+"""The scene scales at which a slab must be opaque."""
 OPAQUE = 0.999
 
 
@@ -150,31 +148,20 @@ def slab(context: StabilityContext) -> Iterator[Found]:
     """A4: the largest opacity of a solid slab as thick as half of the box that a reading can reach with any weights, if
     the scene is written in a unit of length that makes it `scale` times as large.
     """
-    del context
-    rows: Rows = []
     half = "half of the box"
     solids = [(reading, owner, DENSITY_SCALE * largest_density(reading), half) for reading, owner in WHOSE.items()]
     solids.append(("listing2, 1 per scene unit", "paper", largest_density("listing2"), "scene unit"))
     for reading, owner, sigma, unit in solids:
-        opacities, dense = (
-            {scale: -math.expm1(-sigma * (1.0 if unit == half else scale)) for scale in scales}
-            for scales in (SCALES, DENSE_SCALES)
-        )
-        ceilings = {scale: psnr_from_mse((1.0 - opacity) ** 2) for scale, opacity in opacities.items()}
-        rows.append([reading, sigma, *opacities.values(), *map(finite_or_none, ceilings.values())])
-        worst = min(opacities[scale] for scale in (0.1, 1.0, 10.0))
-        why = f"densities end at {sigma:.3g} per {unit}"
+        drawn = [10.0 ** (k / 8) for k in range(-16, 17)]
+        opacity = {scale: -math.expm1(-sigma * (1.0 if unit == half else scale)) for scale in [*drawn, *JUDGED]}
+        worst, why = min(opacity[scale] for scale in JUDGED), f"densities end at {sigma:.3g} per {unit}"
         if worst < OPAQUE:
-            ends = ", ".join(f"{ceilings[scale]:.1f} dB at scale {scale:g}" for scale in (0.1, 1.0, 10.0))
-            why += f"; cannot be opaque: a black silhouette on white ends at {ends}"
+            ends = (f"{psnr_from_mse((1.0 - opacity[scale]) ** 2):.1f} dB at scale {scale:g}" for scale in JUDGED)
+            why += f"; cannot be opaque: a black silhouette on white ends at {', '.join(ends)}"
         what = "largest opacity of a solid as thick as half of the box, the worst of scene scales 0.1, 1 and 10"
         yield check(what, worst, low=OPAQUE, why=why, subject=reading, owner=owner)
-        panel, x, y = "Opacity within reach of a slab as thick as half of the box", list(dense), list(dense.values())
-        yield Series(panel, 5, reading, "scene scale", "largest opacity", x, y, log_y=False)
-    columns = ["amplifier", "largest density", *(f"opacity at {scale:g}" for scale in SCALES)]
-    columns += [f"PSNR ceiling of a silhouette at {scale:g}, dB" for scale in SCALES]
-    title = "Opacity within reach, and what a black silhouette on white then scores at best"
-    yield Table("slab", 5, title, columns, rows)
+        panel, y = "Opacity within reach of a slab as thick as half of the box", [opacity[scale] for scale in drawn]
+        yield Series(panel, 5, reading, "scene scale", "largest opacity", drawn, y, log_y=False)
 
 
 @torch.no_grad()
@@ -273,11 +260,9 @@ COLOUR_BAR = 0.5 / 255
 
 
 @torch.no_grad()
-def layers(field: NetworkField, position: Tensor, dtype: torch.dtype, fed: list[Tensor] | None = None) -> list[Tensor]:
+def layers(field: NetworkField, position: Tensor, dtype: torch.dtype) -> list[Tensor]:
     """Return rectified outputs of each density layer and the raw density, [points, width] each, with matrix
     multiplications in `dtype`.
-
-    With `fed`, the outputs of another precision, each layer gets that one's input instead of its own.
     """
     position = position.to(dtype)
     h, again, outputs = position, None, []
@@ -287,42 +272,29 @@ def layers(field: NetworkField, position: Tensor, dtype: torch.dtype, fed: list[
         h = torch.nn.functional.linear(x, weight, bias)
         h = torch.relu(h) if index < len(field.density_net) else h
         outputs.append(h)
-        h = h if fed is None else fed[index].to(dtype)
         again = position if index == field.skip else None
     return outputs
 
 
-def digits(values: list[Tensor], truths: list[Tensor]) -> list[float]:
-    """Return −log10 of the root mean square error of each relative to its truth's root mean square."""
-    pairs = zip(values, truths, strict=True)
-    errors = (((value.double() - truth).square().mean().sqrt(), truth) for value, truth in pairs)
-    return [float(-torch.log10(error / truth.square().mean().sqrt())) for error, truth in errors]
+def digits(value: Tensor, truth: Tensor) -> float:
+    """Return −log10 of the root mean square error relative to the root mean square of the truth."""
+    return float(-torch.log10((value.double() - truth).square().mean().sqrt() / truth.square().mean().sqrt()))
 
 
 def digits_by_layer(context: StabilityContext) -> Iterator[Found]:
     """O3: every method's trained network against its float64 twin, fed the same encoded positions."""
-    rows: Rows = []
     methods, others = with_parts(context)
     for method in methods:
         field = trained(context, method).trainer.field
         points = torch.rand(256 if context.quick else POINTS, 3, generator=generator_for("stability", "O3"))
         position = encode(field.box.normalised(field.box.from_unit(points)), field.base, field.position_bands)
         truth = layers(field, position, torch.float64)
-        names = [f"layer {index + 1}" for index in range(len(truth) - 1)] + ["raw density"]
-        exact = digits(layers(field, position, torch.float32), truth)
+        panel, x = f"Digits left in {method}, layer by layer", [float(index + 1) for index in range(len(truth))]
         for name, dtype in DTYPES.items():
-            through = digits(layers(field, position, dtype), truth)
-            alone = digits(layers(field, position, dtype, fed=truth), truth)
-            panel, x = f"Digits left in {method}, layer by layer", [float(index + 1) for index in range(len(truth))]
-            yield Series(panel, 7, name, "layer", "decimal digits", x, through, log_x=False, log_y=False)
-            rows += [
-                [method, name, layer, through[i], exact[i] - through[i], alone[i]] for i, layer in enumerate(names)
-            ]
+            left = list(map(digits, layers(field, position, dtype), truth))
+            yield Series(panel, 7, name, "layer", "decimal digits", x, left, log_x=False, log_y=False)
         yield from _seen(context, method)
     yield from others
-    columns = ["method", "products", "after", "digits left", "digits lost to float32"]
-    columns.append("digits left by this layer alone")
-    yield Table("digits", 7, "Digits of a trained network, against its float64 twin fed the same", columns, rows)
 
 
 def _seen(context: StabilityContext, method: str) -> Iterator[Found]:

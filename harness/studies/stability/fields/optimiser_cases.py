@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from itertools import accumulate
 from typing import Any
 
 import torch
@@ -18,7 +18,7 @@ from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import CPU, STREAM, new_trainer, setup, train, trained
 from harness.studies.stability.stability_context import Rows, StabilityContext, error_of, not_judged
-from harness.training.learner import Clipping, steps
+from harness.training.learner import steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
 from harness.training.trainer import Diverged
@@ -35,10 +35,11 @@ def half_precision(context: StabilityContext) -> Iterator[Found]:
     title = "A weight of 1 after 100 steps of Adam at a rate of 5e-4 and one gradient: distance moved"
     yield Table("adam", 7, title, ["weights", "gradient", "moved, ε = 1e-8", "moved, ε = 1e-4"], rows)
     due = 100 * 5e-4
+    owners: dict[str, Owner] = {"float32": "ours"}
     for name, dtype in kept.items():
         moved = _moved(dtype, 1e-4)
         error, why = (abs(moved / due - 1.0), "") if isinstance(moved, float) else (math.nan, moved)
-        what, owner = "relative error of the distance that a weight moves in 100 steps", _owner(name == "float32")
+        what, owner = "relative error of the distance that a weight moves in 100 steps", owners.get(name, "usual")
         yield check(what, error, high=0.01, why=why, subject=f"weights in {name}", owner=owner)
     for name, dtype in HALF.items():
         reduced = accepted_by_parts(dtype) + not_float32(context, name)
@@ -52,10 +53,6 @@ def half_precision(context: StabilityContext) -> Iterator[Found]:
         difference = abs(_mean(losses[-10:]) / reference - 1.0)
         what = f"relative difference of the loss of float32 after {count} steps"
         yield check(what, difference, high=0.05, subject=f"training in {name}")
-
-
-def _owner(ours: bool) -> Owner:
-    return "ours" if ours else "usual"
 
 
 def _mean(values: list[float]) -> float:
@@ -125,22 +122,19 @@ def spike(context: StabilityContext) -> Iterator[Found]:
     yield _line("no spike", base)
     for factor in FACTORS:
         for clipping in CLIPPING:
-            name = f"× {factor:g}, {clipping}"
-            losses, norms = _spiked(context, METHOD, at, factor, clipping)
+            name, losses = f"× {factor:g}, {clipping}", spiked(context, METHOD, at, factor, clipping)
             yield _line(name, losses)
-            yield _recovered(name, losses, base, at, _owner(clipping == "as here"))
-            if clipping == "as here":
-                yield _norms(f"{name}: before clipping", [norm for norm, _ in norms], at)
-            yield _norms(f"{name}: after clipping", [kept for _, kept in norms], at)
+            yield _recovered(name, losses, base, at, "ours" if clipping == "as here" else "usual")
     # the larger spike alone; what clipping makes of a spike is ours, whosever the method
+    largest = FACTORS[-1]
     if "qnerf" in context.methods:
-        losses, _ = _spiked(context, "qnerf", at, FACTORS[-1], "as here")
-        yield _recovered(f"qnerf, × {FACTORS[-1]:g}, as here", losses, trained(context, "qnerf").losses, at)
+        losses = spiked(context, "qnerf", at, largest, "as here")
+        yield _recovered(f"qnerf, × {largest:g}, as here", losses, trained(context, "qnerf").losses, at)
     if "voxels_drjit" in context.methods:
-        name = f"voxels_drjit, × {FACTORS[-1]:g}, as here"
+        name = f"voxels_drjit, × {largest:g}, as here"
         try:
-            unspiked, losses = (losses_of_voxels(context, at, factor) for factor in (1.0, FACTORS[-1]))
-            yield _recovered(name, losses, unspiked, at)
+            plain, losses = (losses_of_voxels(context, at, factor) for factor in (1.0, largest))
+            yield _recovered(name, losses, plain, at)
         except NotAvailable as error:
             yield not_judged(name, str(error), "not_available")
     yield _nan_gradient(context)
@@ -190,46 +184,18 @@ def _recovered(name: str, losses: list[float], base: list[float], at: int, owner
     return check(what, max(late, 0.0), high=BAR, why=why, subject=name, owner=owner)
 
 
-class NotedClipping(Clipping):
-    """Clipping that records the norm of each gradient before and after it."""
-
-    def __init__(self, norm: float, ratio: float) -> None:
-        super().__init__(norm, ratio)
-        self.norms: list[tuple[float, float]] = []
-
-    def scale(self, norm: float) -> float:
-        kept = super().scale(norm)
-        self.norms.append((norm, kept * norm))
-        return kept
-
-
-@cache
-def _spiked(
-    context: StabilityContext, method: str, at: int, factor: float, clipping: str
-) -> tuple[list[float], list[tuple[float, float]]]:
-    """Return losses with one gradient `factor` times as large; norms before and after clipping."""
+def spiked(context: StabilityContext, method: str, at: int, factor: float, clipping: str) -> list[float]:
+    """Return the losses of a training in which one gradient is `factor` times as large."""
     settings = replace(setup(context).settings, **CLIPPING[clipping])  # type: ignore[arg-type]
     trainer = new_trainer(context, method, settings)
-    noted = NotedClipping(settings.clip_norm, settings.clip_ratio)
-    trainer.clipping = noted
     for weight in trainer.fields.parameters():
         weight.register_hook(lambda gradient: gradient * factor if trainer.step == at else gradient)
-    return train(context, trainer).losses, noted.norms
-
-
-def _norms(name: str, norms: list[float], at: int) -> Series:
-    """Return a few steps before the spike, and the steps until one of its size would have left a running mean."""
-    part = slice(max(0, at - SMOOTHED), at + 2 * SMOOTHED)
-    x = [float(step) for step in range(1, len(norms) + 1)][part]
-    y = [norm if norm > 0.0 else None for norm in norms[part]]
-    return Series("Norm of the gradient around a spike", 11, name, "step", "norm of the gradient", x, y, log_x=False)
+    return train(context, trainer).losses
 
 
 def smoothed(losses: list[float]) -> list[float]:
     """Return the mean of each `SMOOTHED` batches, at the place of the last of them; shorter ones at the start."""
-    sums = [0.0]
-    for loss in losses:
-        sums.append(sums[-1] + loss)
+    sums = [0.0, *accumulate(losses)]
     return [(sums[i] - sums[max(0, i - SMOOTHED)]) / min(i, SMOOTHED) for i in range(1, len(sums))]
 
 

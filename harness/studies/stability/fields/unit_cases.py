@@ -14,7 +14,7 @@ from baselines.amplifiers import Amplifier, CallMeanAmplifier
 from baselines.contract import Rays
 from baselines.rendering import Sampling, render_rays
 from harness.plan.seeds import generator_for
-from harness.records.study import Check, Owner, Picture, Series, Table, check
+from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import CPU, PROBES, new_trainer, setup, train, trained, with_parts
 from harness.studies.stability.stability_context import Rows, StabilityContext, whose
@@ -23,39 +23,33 @@ from harness.training.batches import Batches, Cameras
 from harness.training.evaluate import cameras_of, quick_scores, render_split
 from harness.training.lockstep import box_of
 from harness.training.trainer import Trainer
-from scenes.view_sets.images import write_png
 from scenes.view_sets.view_set import Split, ViewSet
 
 BAR = 2e-6
 """The largest difference of a colour; measured 1.8e-7 for methods whose density is that of the point alone."""
 EVERYTHING = 1 << 20
 """More rays than a view has, so that it is one chunk."""
-PICTURED = {"nerf": "no amplifier", "qnerf": "Listing 2", "qnerf_theorem": "Eq. 4"}
 OTHER_POINTS = "other points"
 """The only way in which an opacity is compared, and no colour."""
-WAYS = ("calls of 1", "calls of 16", "calls of 256", "shuffled", "padded", OTHER_POINTS, "training mode", "reloaded")
 
 
 def chunks(context: StabilityContext) -> Iterator[Found]:
     """A2: every method of this run, trained, then evaluated on the same view in many ways."""
-    rows: Rows = []
+    by_subject: dict[str, dict[str, float]] = {}
     methods, others = with_parts(context)
     for method in methods:
         trainer = trained(context, method).trainer
-        apart = differences(context, trainer)
-        rows.append([method, *apart.values()])
-        yield _outcome(method, whose(method), apart)
+        by_subject[method] = differences(context, trainer)
+        yield _outcome(method, whose(method), by_subject[method])
         if not trainer.field.pointwise:
-            subject = f"{method}, mean held"
-            cured = differences(context, with_mean_held(trainer), with_reload=False)
-            rows.append([subject, *cured.values(), None])
-            yield _outcome(subject, "ours", cured)
+            held = f"{method}, mean held"
+            by_subject[held] = differences(context, with_mean_held(trainer), with_reload=False)
+            yield _outcome(held, "ours", by_subject[held])
     yield from others
+    ways = list(dict.fromkeys(way for apart in by_subject.values() for way in apart))
+    rows: Rows = [[subject, *map(apart.get, ways)] for subject, apart in by_subject.items()]
     title = f"The same pixels in other company: largest difference of a colour ({OTHER_POINTS}: of an opacity)"
-    yield Table("calls", 4, title, ["subject", *WAYS], rows)
-    for method, reading in PICTURED.items():
-        if method in context.methods:
-            yield _picture(context, method, reading)
+    yield Table("calls", 4, title, ["subject", *ways], rows)
 
 
 def _largest(apart: dict[str, float]) -> str:
@@ -74,7 +68,7 @@ def _apart(a: Tensor, b: Tensor) -> float:
 
 
 def differences(context: StabilityContext, trainer: Trainer, with_reload: bool = True) -> dict[str, float]:
-    """Return way → largest difference from the complete view in one chunk, in the order of `WAYS`."""
+    """Return way → largest difference from the complete view in one chunk."""
     rays = setup(context).test.all_rays(0)
     whole = trainer.render(rays, EVERYTHING).colour
     few = slice(3 * len(rays) // 8, 3 * len(rays) // 8 + (16 if context.quick else 256))
@@ -170,25 +164,6 @@ def with_mean_held(trainer: Trainer) -> Trainer:
     return copy
 
 
-def _picture(context: StabilityContext, method: str, reading: str) -> Picture:
-    """Return the test view in one chunk, row by row, and their difference, four times as large."""
-    trainer, test = trained(context, method).trainer, setup(context).test
-    rays = test.all_rays(0)
-    views = [trainer.render(rays, chunk).colour.reshape(test.height, test.width, 3).numpy()
-             for chunk in (EVERYTHING, test.width)]  # fmt: skip
-    difference = np.abs(views[0] - views[1])
-    largest, rms = float(difference.max()), float(np.sqrt(np.mean(difference**2)))
-    factor = 10 ** min(6, max(0, math.floor(-math.log10(max(largest, 1e-12)))))
-    gap = np.ones((test.height, 2, 3), dtype=difference.dtype)
-    joined = np.concatenate([views[0], gap, views[1], gap, difference * factor], axis=1)
-    file = f"calls-{method}.png"
-    write_png(context.picture_file(file), joined.repeat(4, axis=0).repeat(4, axis=1))
-    psnr = metrics.psnr_from_mse(rms**2)
-    between = "identical" if math.isinf(psnr) else f"{psnr:.1f} dB between two pictures of the same model"
-    caption = f"One call for the view; one call a row; their difference × {factor}. Largest {largest:.2g}, {between}."
-    return Picture(4, f"{method}: {reading}", caption, f"stability/{file}")
-
-
 SIZES = ((1, 1), (9, 1), (1, 9), (5, 3), (12, 11))
 """Pairs (width, height)."""
 
@@ -260,10 +235,8 @@ def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
 
 def units_of_length(context: StabilityContext) -> Iterator[Found]:
     """S8: every method, trained on the same images in five units of length."""
-    rows: Rows = []
     for method in METHODS:
         psnr = {k: psnr_in_unit(context, method, k) for k in (1.0, EXACT, *UNITS)}
-        rows.append([method, *psnr.values()])
         owner: Owner = "paper" if method == "qnerf_printed" else "ours"
         units = ", ".join(f"{k:g}" for k in UNITS)
         what = f"largest change of test PSNR where the unit of length is 1/k as long, k = {units}"
@@ -273,5 +246,3 @@ def units_of_length(context: StabilityContext) -> Iterator[Found]:
         yield check(what, abs(psnr[EXACT] - psnr[1.0]), high=0.0, unit="dB", subject=method, owner=owner)
         panel, x = "Test PSNR against the unit of length of the poses", sorted(psnr)
         yield Series(panel, 10, method, "k", "dB", x, [psnr[k] for k in x], log_y=False)
-    columns = ["method", *(f"k = {k:g}" for k in (1.0, EXACT, *UNITS))]
-    yield Table("s8-units", 10, "Test PSNR, dB, with every length multiplied by k", columns, rows)

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import mpmath
 import torch
@@ -77,36 +77,23 @@ POSITIONS = (0.0, 1e-45, -1e-38, 1e-10, 1e-4, 1.0, 1.00009, 1e2, 1e4, 1e38, math
 
 def positions(context: StabilityContext) -> Iterator[Found]:
     """E2: ten bands of base 2 at each position, behind the check and without it."""
-    del context
-    rows: Rows = []
-    worst_inside, wrong = 0.0, []
-    worst: dict[str, tuple[float, float]] = dict.fromkeys(BASES, (0.0, 0.0))
-    not_finite: dict[str, list[str]] = {ladder: [] for ladder in BASES}
-    for value in POSITIONS:
-        x = torch.tensor([[value]])
-        inside, refused = abs(value) <= REACH, error_of(ValueError, checked_positions, x) is not None
-        if refused == inside:
-            wrong.append(f"{value:g}")
-        rows.append([f"{value:g}", "refused" if refused else "encoded"])
-        for ladder, base in BASES.items():
-            error = largest_error(fourier_features(x, frequency_ladder(base, 10)), value, base)
-            if math.isfinite(error):
-                worst[ladder] = max(worst[ladder], (error, value))
-            else:
-                not_finite[ladder].append(f"{value:g}")
-            rows[-1].append(error if math.isfinite(error) else "not finite")
-            if inside:
-                worst_inside = max(worst_inside, largest_error(encode(x, base, 10), value, base))
+    bar = BARS["2^k", 10]
+    places = {value: torch.tensor([[value]]) for value in POSITIONS}
+    inside = {value for value in POSITIONS if abs(value) <= REACH}
+    accepted = {value for value, x in places.items() if error_of(ValueError, checked_positions, x) is None}
+    wrong = [f"{value:g}" for value in inside ^ accepted]
     what = f"positions refused within ±{REACH:g} or accepted beyond"
     yield check(what, len(wrong), high=0, why=", ".join(wrong), subject="checked")
-    bar = BARS["2^k", 10]
-    yield check("largest error of any band", worst_inside, high=bar, subject="inside the box")
-    for ladder, (error, where) in worst.items():
+    worst = max(largest_error(encode(places[x], base, 10), x, base) for x in inside for base in BASES.values())
+    yield check("largest error of any band", worst, high=bar, subject="inside the box")
+    for ladder, base in BASES.items():
+        frequencies = frequency_ladder(base, 10)
+        errors = {value: largest_error(fourier_features(x, frequencies), value, base) for value, x in places.items()}
+        not_finite = ", ".join(f"{value:g}" for value, error in errors.items() if not math.isfinite(error))
+        worst, where = max((error, value) for value, error in errors.items() if math.isfinite(error))
         what = "largest error of any band, of the positions whose features are finite"
-        why = f"at x = {where:g}; not finite at {', '.join(not_finite[ladder])}"
-        yield check(what, error, high=bar, why=why, subject=f"{ladder}, unchecked", owner=OWNERS[ladder])
-    columns = ["position", "checked", "2^k", "φ^k"]
-    yield Table("positions", 8, "Error of an unchecked encoding at a position, L = 10", columns, rows)
+        why = f"at x = {where:g}; not finite at {not_finite}"
+        yield check(what, worst, high=bar, why=why, subject=f"{ladder}, unchecked", owner=OWNERS[ladder])
 
 
 def largest_error(features: Tensor, value: float, base: float) -> float:
@@ -144,14 +131,13 @@ def ghosts(context: StabilityContext) -> Iterator[Found]:
         for name, (base, _) in RATIOS.items():
             panel, label = f"Likeness of two points, L = {bands}", "mean of cos(π f d)"
             yield _straight(panel, f"ratio {name}", "distance", label, d, kernel(base, bands, d))
-    rows: Rows = []
     for name, (base, owner) in RATIOS.items():
         gaps = {distance: ghost(base, 14, distance, context.quick) for distance in DISTANCES}
-        rows.append([f"ratio {name}", *(gap.share for gap in gaps.values())])
-        where = max(gaps, key=lambda distance: abs(gaps[distance].share))
+        shares = {distance: abs(gap.share) for distance, gap in gaps.items()}
+        where = max(shares, key=lambda distance: shares[distance])
         what = "share of the burst that appears in a gap never seen, the worst of three distances"
-        share, why, subject = abs(gaps[where].share), f"at distance {where:.4g}", f"ratio {name}, L = 14"
-        yield check(what, share, high=GHOST_BAR, why=why, subject=subject, owner=owner)
+        why, subject = f"at distance {where:.4g}", f"ratio {name}, L = 14"
+        yield check(what, shares[where], high=GHOST_BAR, why=why, subject=subject, owner=owner)
         for distance, gap in gaps.items():
             panel = f"A gap never seen, {distance:.4g} from a burst, L = 14 (the truth is 0)"
             lines = {f"ratio {name}": gap.predicted}
@@ -159,8 +145,6 @@ def ghosts(context: StabilityContext) -> Iterator[Found]:
                 lines["the burst, moved by that distance"] = gap.burst
             for line, values in lines.items():
                 yield _straight(panel, line, "distance from its middle", "prediction", gap.offset[::3], values[::3])
-    columns = ["ladder, L = 14", *(f"at {distance:.4g}" for distance in DISTANCES)]
-    yield Table("ghosts", 8, "Share of a burst that a trained network shows in a gap at a distance", columns, rows)
     yield from _gratings(context.quick)
 
 
@@ -174,17 +158,16 @@ def burst(x: Tensor, centre: float) -> Tensor:
     return waves * torch.exp(-0.5 * ((x - centre) / BURST) ** 2)
 
 
-@dataclass(frozen=True)
-class Gap:
-    """The prediction of networks in a gap that they never saw, in which the truth is 0."""
+class Gap(NamedTuple):
+    """The prediction of networks in a gap that they never saw, in which the truth is 0, at places [places]."""
 
     share: float
     """The share ⟨prediction, burst⟩ / ⟨burst, burst⟩."""
-    offset: Float[Tensor, " places"]
+    offset: Tensor
     """The offset from the middle of the gap."""
-    predicted: Float[Tensor, " places"]
-    """The mean over networks; the truth is 0."""
-    burst: Float[Tensor, " places"]
+    predicted: Tensor
+    """The mean over networks."""
+    burst: Tensor
     """The prediction of a perfect ghost."""
 
 

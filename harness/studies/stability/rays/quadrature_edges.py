@@ -56,7 +56,6 @@ def posts(rays: int = 1, bins: int = BINS) -> Tensor:
 
 def almost_nothing(context: StabilityContext) -> Iterator[Found]:
     """Q6: rays with almost nothing."""
-    del context
     exact = -math.expm1(-1e-8 * (FAR - NEAR))
     for name, rule in QUADRATURES.items():
         opacity = float(rendered(everywhere(1e-8), name).opacity[0])
@@ -86,7 +85,6 @@ def _badness(figure: float) -> float:
 
 def nothing(context: StabilityContext) -> Iterator[Found]:
     """Q7: rays with nothing."""
-    del context
     solid = everywhere(50.0)
     for name, rule in QUADRATURES.items():
         renderings = {
@@ -115,7 +113,6 @@ def nothing(context: StabilityContext) -> Iterator[Found]:
 
 def no_interval(context: StabilityContext) -> Iterator[Found]:
     """Q8: rays without an interval."""
-    del context
     backwards = {"far < near": (6.0, 2.0), "far = ∞": (2.0, math.inf), "far NaN": (2.0, math.nan)}
     for name, rule in QUADRATURES.items():
         accepted = [
@@ -146,7 +143,6 @@ def no_interval(context: StabilityContext) -> Iterator[Found]:
 
 def bad_sample(context: StabilityContext) -> Iterator[Found]:
     """Q9: samples that are not numbers."""
-    del context
     rays, ray, sample = 16, 11, 7
     for name in OURS:
         rule = QUADRATURES[name]
@@ -242,7 +238,6 @@ def usual_inverse(t_edges: Tensor, w: Tensor, u: Tensor) -> Tensor:
 
 def inverse_cdf_extremes(context: StabilityContext) -> Iterator[Found]:
     """Q10: importance sampling at its edges."""
-    del context
     worst, wrong = _tried(inverse_cdf, anywhere=False)
     what = "largest distance outside of the bins with weight, or backwards"
     yield check(what, worst, high=0.0, why="; ".join(wrong[:4]), subject="inverse_cdf")

@@ -2,8 +2,8 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from functools import cache, partial
+from collections.abc import Iterator
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -12,7 +12,7 @@ from torch import Tensor
 
 from baselines.numerics.quadrature import QUADRATURES, Rule
 from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
-from harness.records.study import Owner, Series, Table, check
+from harness.records.study import Owner, Series, check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import (
     MOST_SLOPE,
@@ -25,7 +25,7 @@ from harness.studies.stability.rays.exact_rays import (
     owner_of,
     ramp,
 )
-from harness.studies.stability.stability_context import Rows, StabilityContext
+from harness.studies.stability.stability_context import StabilityContext
 
 SMOOTH = (ramp(1.0), exponential(3.0), gaussian(3.0, 0.6, 0.3))
 """The profiles whose orders are fitted: some optical depths, none of them within one bin. On a steeper ramp the first
@@ -33,21 +33,18 @@ term of the left point's error nearly cancels, and its second one hides the orde
 """
 SHOWN = (homogeneous(1.0), homogeneous(1000.0), ramp(100.0), exponential(100.0), gaussian(100.0))
 """The profiles whose errors are drawn: the ranking of the rules differs between them."""
-TABLED = (homogeneous(1.0), homogeneous(10.0), homogeneous(100.0), homogeneous(1000.0), exponential(100.0),
-          ramp(100.0), gaussian(100.0))  # fmt: skip
 FITTED = (32, 64, 128, 256, 512)
 DRAWN = tuple(2**k for k in range(3, 13))
-SEARCHED = tuple(sorted({*(2**k for k in range(15)), *(3 * 2**k for k in range(13))}))
-STEP, FINE = 1.0 / 510.0, 1e-4
-"""Half an 8-bit step of a colour, and an invisible difference."""
 FLOOR = 1e-13
 """The error below which all is rounding: there is no order in it."""
+LEAST = 1e-16
+"""The value at which an error of 0 is drawn."""
 ORDER_BAR, STIFF_BAR, LINEAR_BAR, SHELL_BAR = 0.15, 1.1, 1e-4, 1e-2
 SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
     "trapezoid": (0.06, "ours", "misses 0.01, and is held to a bar of its own: it counts the shell to the bins on both "
-                  "sides of its point, and the one in front, which then looks opaque, gets nearly all samples"),
+                  "sides of its point, and the one in front, which then looks opaque, gets nearly all samples; "),
     "left": (SHELL_BAR, "usual", "a property of left ends, as the field usually takes them, that no rule of weights "
-             "mends: it looks for the shell behind the point that saw it alone, and misses what lies in front"),
+             "mends: it looks for the shell behind the point that saw it alone, and misses what lies in front; "),
 }  # fmt: skip
 """Rules that miss `SHELL_BAR` by construction: their own threshold, whose property it is, and why. Of a shell of τ = 3
 an error of 0.95 is all there is: no bar short of that would hold for left ends.
@@ -67,10 +64,6 @@ def _errors(name: str, profile: Profile, bins: int) -> tuple[float, float]:
     return abs(float(w.sum()) - opacity), abs(float((w * colour(t)).sum()) - seen)
 
 
-def _points(name: str, bins: int) -> int:
-    return QUADRATURES[name].stride * bins + QUADRATURES[name].closed
-
-
 def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
     """Return the slope of log error on log bin length; None if fewer than three errors are more than rounding."""
     seen = [(count, error) for count, error in zip(counts, errors, strict=True) if error > FLOOR]
@@ -81,67 +74,35 @@ def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
 
 def orders(context: StabilityContext) -> Iterator[Found]:
     """Q2: the order of each rule."""
-    rows: Rows = []
     for name, rule in QUADRATURES.items():
         declared = rule.orders
-        gaps, fits = [], []
+        gaps, fits = [], {}
         for profile in SMOOTH:
             errors = [_errors(name, profile, bins) for bins in FITTED]
             of_opacity, of_colour = (fitted_order([error[k] for error in errors], FITTED) for k in (0, 1))
-            rows.append([profile.name, name, of_colour, declared.colour, of_opacity, declared.opacity])
-            fits.append((profile.name.partition(",")[0], of_colour or math.nan))
+            fits[profile.name.partition(",")[0]] = of_colour or 0.0
             gaps += [abs(of_colour - declared.colour)] if of_colour is not None else [math.inf]
             gaps += [abs(of_opacity - declared.opacity)] if of_opacity is not None else []
         if rule.of_the_paper:
-            least = min(float(row[2] or 0.0) for row in rows if row[1] == name)
             why = "its last interval of 1e10 leaves an error of e^−τ that no sample removes: "
-            why += ", ".join(f"{profile} {order:.2f}" for profile, order in fits)
-            what = "smallest fitted order of colour"
+            why += ", ".join(f"{profile} {order:.2f}" for profile, order in fits.items())
+            what, least = "smallest fitted order of colour", min(fits.values())
             yield check(what, least, low=1.0 - ORDER_BAR, why=why, subject=name, owner="paper")
         else:
             why = f"declared {declared.colour:g} (colour), {declared.opacity:g} (opacity)"
             yield check("largest deviation from the declared order", max(gaps), high=ORDER_BAR, why=why, subject=name)
-    columns = ["profile", "rule", "order of colour", "declared", "order of opacity", "declared"]
-    yield Table("orders", 2, "Fitted orders, 32 to 512 bins (none: exact up to rounding)", columns, rows)
-    shown = SHOWN[: 1 if context.quick else None]
-    # over the finer half of the bins that are drawn: a stiff profile may not have reached its order before
-    counts = DRAWN[:3] if context.quick else DRAWN[len(DRAWN) // 2 :]
-    rows = []
-    for profile in shown:
-        by_rule = {name: [_errors(name, profile, bins)[1] for bins in counts] for name in QUADRATURES}
-        rows.append([profile.name, *(fitted_order(by_rule[name], counts) for name in QUADRATURES)])
-    title = f"Fitted order of colour on the profiles of the charts, {counts[0]} to {counts[-1]} bins (none: exact)"
-    yield Table("orders_drawn", 2, title, ["profile", *QUADRATURES], rows)
-    yield _needed(context)
-    drawn = DRAWN[:2] if context.quick else DRAWN
+    drawn, shown = (DRAWN[:2], SHOWN[:1]) if context.quick else (DRAWN, SHOWN)
     milliseconds = _milliseconds(drawn, 0.0 if context.quick else 0.03)
     for profile in shown:
-        for name in QUADRATURES:
-            seen = [max(_errors(name, profile, bins)[1], 1e-16) for bins in drawn]
-            points = [float(_points(name, bins)) for bins in drawn]
+        for name, rule in QUADRATURES.items():
+            seen = [max(_errors(name, profile, bins)[1], LEAST) for bins in drawn]
+            points = [float(rule.stride * bins + rule.closed) for bins in drawn]
             for against, label, x in (("samples", "points of a ray", points), ("time", TIMED, milliseconds[name])):
                 panel = f"Error against {against}: {profile.name}"
                 yield Series(panel, 2, name, label, "error of colour, float64", x, seen)
 
 
-def _needed(context: StabilityContext) -> Table:
-    """Return the fewest points from which on the error stays below both bars."""
-    searched = SEARCHED[:6] if context.quick else SEARCHED
-
-    def first_below(name: str, errors: list[float], bar: float) -> str:
-        above = [k for k, error in enumerate(errors) if not error < bar]
-        first = above[-1] + 1 if above else 0
-        return f"{_points(name, searched[first])}" if first < len(searched) else "never"
-
-    rows: Rows = []
-    for profile in TABLED[: 1 if context.quick else None]:
-        by_rule = {name: [_errors(name, profile, bins)[1] for bins in searched] for name in QUADRATURES}
-        cells = [" / ".join(first_below(name, errors, bar) for bar in (STEP, FINE)) for name, errors in by_rule.items()]
-        rows.append([profile.name, *cells])
-    title = "Points of a ray until the error of colour stays below 1/510 and below 1e-4"
-    return Table("points_needed", 2, title, ["profile", *QUADRATURES], rows)
-
-
+@torch.no_grad()
 def _milliseconds(counts: tuple[int, ...], enough: float) -> dict[str, list[float]]:
     """Return the time to place, evaluate (3 layers of 64), weigh and sum the points of 16 rays."""
     generator = torch.Generator().manual_seed(1)
@@ -156,29 +117,22 @@ def _milliseconds(counts: tuple[int, ...], enough: float) -> dict[str, list[floa
         w, _ = rule.weights(h[..., 0], rule.lengths(t, t_edges))
         return (w.unsqueeze(-1) * h[..., 1:]).sum(dim=1)
 
+    def shortest(rule: Rule, bins: int) -> float:
+        """Return the milliseconds of the shortest of as many renderings as take `enough` seconds, three at least."""
+        posts, seconds = uniform_edges(entry, entry + 1.0, bins), []
+        render(rule, posts)
+        while len(seconds) < 3 or sum(seconds) < enough:
+            began = time.perf_counter()
+            render(rule, posts)
+            seconds.append(time.perf_counter() - began)
+        return 1e3 * min(seconds)
+
     threads = torch.get_num_threads()
     torch.set_num_threads(1)  # so little work gains nothing from two, and waits for the second where that is busy
     try:
-        return {
-            name: [
-                1e3 * _best_time(partial(render, rule, uniform_edges(entry, entry + 1.0, n)), enough) for n in counts
-            ]
-            for name, rule in QUADRATURES.items()
-        }
+        return {name: [shortest(rule, bins) for bins in counts] for name, rule in QUADRATURES.items()}
     finally:
         torch.set_num_threads(threads)
-
-
-@torch.no_grad()
-def _best_time(work: Callable[[], Tensor], enough: float) -> float:
-    """Return the shortest of as many runs as take `enough` seconds, three at least."""
-    work()
-    seconds: list[float] = []
-    while len(seconds) < 3 or sum(seconds) < enough:
-        began = time.perf_counter()
-        work()
-        seconds.append(time.perf_counter() - began)
-    return min(seconds)
 
 
 def stiff(context: StabilityContext) -> Iterator[Found]:
@@ -197,7 +151,7 @@ def stiff(context: StabilityContext) -> Iterator[Found]:
             yield check("largest error of colour", max(errors.values()), high=LINEAR_BAR, subject=name)
     shown = [10.0 ** float(k) for k in np.linspace(-2, 3, 2 if context.quick else 21)]
     for name in QUADRATURES:
-        y = [max(_errors(name, homogeneous(depth * 64), 64)[1], 1e-16) for depth in shown]
+        y = [max(_errors(name, homogeneous(depth * 64), 64)[1], LEAST) for depth in shown]
         panel = "Stiffness: homogeneous ray, 64 bins"
         yield Series(panel, 2, name, "optical depth of a bin", "error of colour", shown, y)
 
@@ -230,8 +184,6 @@ def shell(context: StabilityContext) -> Iterator[Found]:
         again, _ = rule.weights(density(t), rule.lengths(t, edges))
         error = (again.sum(dim=-1) - truth).abs()
         what = "largest error of opacity with 128 importance samples, where the first pass saw the shell"
-        bar, owner, known = SHELL_KNOWN.get(name, (SHELL_BAR, owner_of(name), ""))
-        why = "; ".join(
-            filter(None, (known, f"on the rays that missed it: median {float(error[missed].median()):.2g}"))
-        )
+        bar, owner, why = SHELL_KNOWN.get(name, (SHELL_BAR, owner_of(name), ""))
+        why += f"on the rays that missed it: median {float(error[missed].median()):.2g}"
         yield check(what, float(error[~missed].max()), high=bar, why=why, subject=name, owner=owner)

@@ -1,7 +1,7 @@
 """R1: our renderer against renderers that share no code with it, and against closed forms."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mpmath
 import numpy as np
@@ -111,8 +111,7 @@ def _against_tracking(variant: Variant, paths: int) -> Iterator[Found]:
 # (2) Dr.Jit on Mitsuba's volumes
 
 
-@dataclass(frozen=True)
-class Bundle:
+class Bundle(NamedTuple):
     """Points along rays, and the weights of their colours in the sum that is differentiated."""
 
     points: Float[Tensor, "rays bins 3"]
@@ -159,18 +158,12 @@ def errors(theirs: Differentiated, ours: Differentiated) -> tuple[float, float, 
 def _against_gridvolume(variant: Variant) -> Iterator[Found]:
     some = bundle()
     delta = torch.diff(some.edges, dim=-1).numpy()
-    rows: Rows = []
     worst = {"midpoint": [0.0] * 3, "listing4": [0.0] * 3}
     for tau in TAU_OF_A_VOXEL:
         sigma, colour = random_grids(tau)
         theirs = differentiated(sigma, colour, some.points.numpy(), delta, some.weights.numpy(), variant)
         for rule, so_far in worst.items():
-            differences = errors(theirs, by_autograd(sigma, colour, some, rule))
-            worst[rule] = list(map(max, so_far, differences))
-            rows.append([f"τ of a voxel ≤ {tau:g}", rule, *differences])
-    title = f"Dr.Jit in float32 on Mitsuba's gridvolume against torch in float64, {BINS} bins"
-    columns = ["grid", "rule", "error of colour", "error of ∂/∂σ", "error of ∂/∂c"]
-    yield Table("reference.gridvolume", 12, title, columns, rows)
+            worst[rule] = list(map(max, so_far, errors(theirs, by_autograd(sigma, colour, some, rule))))
     bars = (
         ("values", VALUE_BAR, "largest difference of a colour"),
         ("∂σ", SIGMA_BAR, "relative difference of the gradient in σ"),
@@ -217,19 +210,15 @@ def _against_closed_forms() -> Iterator[Found]:
     colour, opacity = closed_form(sigma, grey)
     shape = (CELLS,) * 3
     grids = np.broadcast_to(sigma, shape).copy(), np.broadcast_to(grey[:, None], (*shape, 3)).copy()
-    rows: Rows = []
     for rule, quadrature in QUADRATURES.items():
         seen = rendered(*grids, FINE_BINS, rule, np.array([-1.0, 0.37, 0.61]), np.array([1.0, 0.0, 0.0]))
-        gaps = (abs(float(seen.colour[0, 0]) - colour), abs(float(seen.opacity[0]) - opacity))
-        rows.append([rule, *gaps])
+        gap = max(abs(float(seen.colour[0, 0]) - colour), abs(float(seen.opacity[0]) - opacity))
         bar, why = CLOSED_FORM_BAR, ""
         if quadrature.orders.colour == 1.0:
             bar = FIRST_ORDER_BAR
             why = f"misses the {CLOSED_FORM_BAR:g} of the others: of first order, it would need some 1e6 bins"
         what = "largest error of colour and opacity through layers, mpmath"
-        yield check(what, max(gaps), high=bar, why=why, subject=f"{rule}, closed form", owner=owner_of(rule))
-    title = f"Layers of varying density and colour against their closed form, {FINE_BINS} bins"
-    yield Table("reference.closed_form", 12, title, ["rule", "error of colour", "error of opacity"], rows)
+        yield check(what, gap, high=bar, why=why, subject=f"{rule}, closed form", owner=owner_of(rule))
 
 
 def differentiating_variant() -> tuple[Variant | None, str]:

@@ -7,17 +7,18 @@ a fog ball looks the same from every side, and its copies are perfect.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from harness.plan.profiles import Plan, planned
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
-from harness.records.study import Check, Series, Status, Table, check
+from harness.records.study import Check, Series, Status, check
 from harness.studies.choices.omissions import Omission
 from harness.studies.framework import Found
-from harness.studies.stability.stability_context import Rows, StabilityContext, whose
+from harness.studies.stability.stability_context import StabilityContext, whose
 from harness.studies.stability.whole_scenes.scene_truth import (
     SceneRun,
     colour_variance,
@@ -26,7 +27,6 @@ from harness.studies.stability.whole_scenes.scene_truth import (
     trained,
 )
 from scenes.catalog.ladders.ladders import LADDERS, Ladder
-from scenes.modelling.needs import PARTS, Needs, left_out, needs_of
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
 
@@ -42,49 +42,35 @@ measured: 1, 5, 5, 5 and 5, of which thinness and dynamic range explain little m
 """
 
 
-@dataclass(frozen=True)
-class RungScore:
+class RungScore(NamedTuple):
     """The performance of a method on one rung."""
 
     share: float | None
     """The share of the variance that it explains; None if it has no scores."""
     broken: str
     """The reason why it counts as broken there; empty if it does not."""
-    note: str = ""
 
 
 def ladders(context: StabilityContext) -> Iterator[Found]:
     """L1: train every rung, then judge by the test views alone."""
     names = [scene for ladder in LADDERS.values() for scene in ladder.scenes]
     run = trained(context, PROFILE, names, context.out / "ladders")
-    rows: Rows = []
     for ladder in LADDERS.values():
         values = list(ladder.values)
         sets = [run.view_set(context, scene) for scene in ladder.scenes]
         noise = [0.0 if views.test.noise_mse is None else float(np.mean(views.test.noise_mse)) for views in sets]
         ceilings = [share_of_views(mse, views) for mse, views in zip(noise, sets, strict=True)]
         yield _line(ladder, "the ground truth's own noise allows", values, ceilings)
-        scores: dict[str, list[RungScore]] = {}
         for method in run.run.methods:
-            climbed = scores[method] = [
+            climbed = [
                 worst([score_of(run, cell, views, ladder.name in LOOKS) for cell in run.cells[scene, method]])
                 for scene, views in zip(ladder.scenes, sets, strict=True)
             ]
             seen = {x: rung.share for x, rung in zip(values, climbed, strict=True) if rung.share is not None}
             if seen:
                 yield _line(ladder, method, list(seen), list(seen.values()))
-            rows.append(_row(ladder, method, climbed))
-            yield _outcome(ladder, run, method, climbed)
+            yield outcome_of(ladder, run, method, climbed)
         yield _line(ladder, "half explained", values, [ENOUGH] * len(values))
-        for rung, x in enumerate(values):  # a mark on every line where it first breaks
-            first = [climbed[rung].share for climbed in scores.values() if rungs_climbed(climbed) == rung]
-            shares = [share for share in first if share is not None]
-            if shares:
-                yield _line(ladder, f"first rung that breaks: {rung + 1}", [x] * len(shares), shares)
-    rungs = max(len(ladder.values) for ladder in LADDERS.values())
-    columns = ["ladder", "method", "breaks on", "why", *(f"rung {i + 1}" for i in range(rungs)), "to know"]
-    title = f"The first rung on which a method explains less than {ENOUGH:.0%} of the variance of what there is to see"
-    yield Table("ladders", ITEM, title, columns, rows)
 
 
 def score_of(run: SceneRun, cell: CellRecord, views: ViewSet, looks: bool) -> RungScore:
@@ -95,10 +81,7 @@ def score_of(run: SceneRun, cell: CellRecord, views: ViewSet, looks: bool) -> Ru
     share = share_of_looks(run, cell, views) if looks else None if mse is None else share_of_views(mse, views)
     if share is None:
         return RungScore(None, "its record keeps nothing to judge by")
-    psnr, floor = cell.scores.get("psnr"), cell.scores.get("psnr_floor")
-    below = psnr is not None and floor is not None and psnr < floor
-    note = f"{psnr:.1f} dB, a copy of the nearest training view {floor:.1f} dB" if below else ""
-    return RungScore(share, f"explains {share:.0%}" if share < ENOUGH else "", note)
+    return RungScore(share, f"explains {share:.0%}" if share < ENOUGH else "")
 
 
 def share_of_views(mse: float, views: ViewSet) -> float:
@@ -123,16 +106,7 @@ def _line(ladder: Ladder, name: str, x: list[float], explained: list[float]) -> 
     return Series(panel, ITEM, name, ladder.unit, label, [x[i] for i in order], [1.0 - explained[i] for i in order])
 
 
-def _row(ladder: Ladder, method: str, climbed: list[RungScore]) -> list[str | float | None]:
-    count = rungs_climbed(climbed)
-    broke = count < len(climbed)
-    where = f"{count + 1}: {ladder.values[count]:g} {ladder.unit}" if broke else "none"
-    notes = (f"rung {place + 1}: {score.note}" for place, score in enumerate(climbed) if score.note)
-    why = climbed[count].broken if broke else ""
-    return [ladder.name, method, where, why, *(score.share for score in climbed), "; ".join(notes)]
-
-
-def _outcome(ladder: Ladder, run: SceneRun, method: str, climbed: list[RungScore]) -> Check:
+def outcome_of(ladder: Ladder, run: SceneRun, method: str, climbed: list[RungScore]) -> Check:
     what, owner = f"{ladder.name}: rungs climbed of {len(climbed)}", whose(method)
     first = run.cells[ladder.scenes[0], method][0]
     if first.status == "not_available":
@@ -147,13 +121,11 @@ SCENES = ("materials", "tiny")
 FOG = "fog_dense"
 STEPS, SEEDS = 300, (0, 1, 2)
 FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16
-CHAPTER = 13
-COLUMNS = ["left out", "because", "concerns", "seconds saved", "of", "change", "95 %", "bound", "unit", "verdict"]
 
 
 def omissions(context: StabilityContext) -> Iterator[Found]:
     """N1: small cells, three seeds, every omission that concerns model, sampling or rendering."""
-    from harness.execution.ground_truth import read_views, view_set_folders
+    from harness.execution.ground_truth import view_set_folders
     from harness.studies.choices.omissions import compared_integrators, omission_of_integrators, verified
 
     plan = _plan(context)
@@ -166,12 +138,6 @@ def omissions(context: StabilityContext) -> Iterator[Found]:
     yield from (_control(control) for control in controls if control.name == "high_bands")
     fog = omission_of_integrators(compared_integrators(FOG, FOG_PIXELS, FOG_VIEWS, FOG_SPP), FOG_PIXELS**2)
     yield _control(replace(fog, what=f"volumetric integrator on {FOG}"))
-    for scene, folder in folders.items():
-        needs = needs_of(read_views(folder, plan.views, context.scratch))
-        yield _table(scene, needs, {omission.name: omission for omission in omitted if omission.scene == scene})
-    rows = [[x.scene, *_omission_row(x, "needed: left out to see what that costs")] for x in [*controls, fog]]
-    title = "Controls: what is needed, left out all the same"
-    yield Table("left-out-controls", CHAPTER, title, ["scene", *COLUMNS], rows)
 
 
 def _plan(context: StabilityContext) -> Plan:
@@ -199,7 +165,7 @@ def _worst(omitted: list[Omission]) -> Check:
     measured = [omission for omission in among if omission.difference is not None]
     worst = max(measured or among, key=lambda omission: _cost(omission) or 0.0)
     why = [f"costs more on {' '.join(omission.scene for omission in costly)}"] if costly else []
-    why += [_not_settled(omission) for omission in unsettled if omission not in costly]
+    why += [_line_of(omission) for omission in unsettled if omission not in costly]
     seconds = [omission.seconds_saved for omission in omitted if omission.seconds_saved is not None]
     why += [f"shown: {worst.scene}"] if measured else []
     why += [f"{sum(seconds):.1f} s saved ({omitted[0].clock}) on {len(seconds)} scenes"] if seconds else []
@@ -208,30 +174,17 @@ def _worst(omitted: list[Omission]) -> Check:
     return Check(what, _cost(worst), None, high, unit, "; ".join(why), worst.title, status=status)
 
 
-def _not_settled(omission: Omission) -> str:
-    if omission.difference is None:
-        return f"{omission.scene}: no measurement: {_uncounted(omission)}"
-    counted = f"{omission.pairs} {'seed' if omission.pairs == 1 else 'seeds'}"
-    if omission.interval is None:
-        return f"{omission.scene}: inconclusive: no interval from {counted}"
-    low, high = omission.interval
-    low, high = (low, high) if omission.unit != "dB" else (-high, -low)
-    return f"{omission.scene}: inconclusive: interval [{low:+.2g}, {high:+.2g}] {omission.unit} over {counted}"
-
-
-def _uncounted(omission: Omission) -> str:
-    """Return why there is no difference."""
-    pairs = omission.pairs + omission.diverged
-    return f"{omission.diverged} of {pairs} pairs of cells have no score, as one of them diverged"
-
-
 def _control(omission: Omission) -> Check:
     cost, subject, what = _cost(omission), f"control: {omission.title}", "what leaving out something needed costs"
     low, unit = omission.bound, omission.unit
     if cost is None:
-        why = f"no measurement: {_uncounted(omission)}"
+        why = _line_of(omission)
         return Check(what, None, low, unit=unit, why=why, subject=subject, status="not_available")
     return check(what, cost, low, unit=unit, why="else nothing could fail here", subject=subject)
+
+
+def _line_of(omission: Omission) -> str:
+    return f"{omission.line}: {omission.pairs} pairs of cells, {omission.diverged} more have no score as one diverged"
 
 
 def _cost(omission: Omission) -> float | None:
@@ -239,20 +192,3 @@ def _cost(omission: Omission) -> float | None:
     if omission.difference is None:
         return None
     return -omission.difference if omission.unit == "dB" else abs(omission.difference)
-
-
-def _table(scene: str, needs: Needs, by_name: dict[str, Omission]) -> Table:
-    rows: Rows = []
-    for row in left_out(needs):
-        if row["name"] in by_name:
-            rows.append(_omission_row(by_name[row["name"]], row["reason"]))
-        else:
-            empty = [None, None, None, None, row["bound"], row["unit"], "nothing to try: no method has it"]
-            rows.append([row["what"], row["reason"], row["concerns"], *empty])
-    return Table(f"left-out-{scene}", CHAPTER, f"{scene}: left out", COLUMNS, rows)
-
-
-def _omission_row(x: Omission, because: str) -> list[str | float | None]:
-    between = None if x.interval is None else f"{x.interval[0]:+.3g} … {x.interval[1]:+.3g}"
-    measured = [x.seconds_saved, x.clock, x.difference, between, x.bound, x.unit, x.verdict]
-    return [x.title, because, PARTS[x.name].concerns, *measured]
