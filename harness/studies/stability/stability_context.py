@@ -1,6 +1,6 @@
 """The context of every stiff or extreme case, the owner of a subject's formula, and the run of the cases."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -67,7 +67,7 @@ def not_judged(subject: str, why: str, status: Status = "not_applicable", owner:
 
 
 def ours_and_usual(
-    what: str, figures: dict[str, float], low: float | None = None, high: float | None = None
+    what: str, figures: Mapping[str, float], low: float | None = None, high: float | None = None
 ) -> Iterator[Check]:
     """Check a figure of ours, and the same figure of what is usual in the field: two subjects, in that order."""
     owners: tuple[Owner, Owner] = ("ours", "usual")

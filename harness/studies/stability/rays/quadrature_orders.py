@@ -119,7 +119,8 @@ def _milliseconds(counts: tuple[int, ...], enough: float) -> dict[str, list[floa
 
     def shortest(rule: Rule, bins: int) -> float:
         """Return the milliseconds of the shortest of as many renderings as take `enough` seconds, three at least."""
-        posts, seconds = uniform_edges(entry, entry + 1.0, bins), []
+        posts = uniform_edges(entry, entry + 1.0, bins)
+        seconds: list[float] = []
         render(rule, posts)
         while len(seconds) < 3 or sum(seconds) < enough:
             began = time.perf_counter()

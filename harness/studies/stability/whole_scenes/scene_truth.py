@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import isfinite
 from pathlib import Path
 
@@ -13,9 +13,10 @@ from harness.execution.ground_truth import read_views, render_view_sets
 from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
 from harness.records.json_record import DamagedRecord
-from harness.records.pictures import last_of, read_renders
+from harness.records.pictures import Render, last_of, read_renders
 from harness.records.study import Check, Status, Table, check
 from harness.run_folder.integrity import mend
+from harness.studies.stability.cases import CASES
 from harness.studies.stability.stability_context import Rows, StabilityContext, whose
 from scenes.catalog.entries import scene_named
 from scenes.modelling.truth import Truth, pixel_means
@@ -37,17 +38,17 @@ LARGEST_EXCESS = 1.5
 
 @dataclass(frozen=True)
 class Views:
-    """Some views of a view set as they were rendered, and their closed form; n views."""
+    """n views of a view set as they were rendered, and their closed form: float64, linear and premultiplied."""
 
     names: tuple[str, ...]
     rendered: np.ndarray
-    """Colour, float64 [n, h, w, 4]: linear, premultiplied."""
+    """[n, h, w, 4]"""
     variance: np.ndarray
-    """Variance [n, h, w, 4]: the renderer's estimate, and that of the closed form's mean."""
+    """[n, h, w, 4]: the renderer's estimate, and that of the closed form's mean."""
     truth: np.ndarray
-    """The closed form [n, h, w, 4]."""
+    """[n, h, w, 4]: the closed form."""
     depth: np.ndarray
-    """Depth [n, h, w]: rendered, 0 where nothing was hit."""
+    """[n, h, w]: rendered, 0 where nothing was hit."""
     true_depth: np.ndarray
 
     @property
@@ -73,8 +74,7 @@ def views_beside(folder: Path, truth: Truth, count: int | None = None) -> Views:
             np.stack([channels[f"{kind}{colour}"] for colour in COLOURS], axis=-1).astype(np.float64)
             for kind in ("", "V.")
         )
-        height, width = rendered.shape[:2]
-        mean, apart, depth = closed_form(truth, pose, width, height, number)
+        mean, apart, depth = closed_form(truth, pose, rendered.shape[1], rendered.shape[0], number)
         rows.append((rendered, noise + apart, mean, channels["Z"], depth))
     return Views(tuple(names), *(np.stack(column).astype(np.float64) for column in zip(*rows, strict=True)))
 
@@ -110,9 +110,7 @@ def worst_z(views: Views, chosen: np.ndarray | None = None) -> float:
 
 def unexplained(views: Views) -> float:
     """Return the mean square difference of pixels over what noise explains: about 1 if every pixel is right, not means
-    alone.
-
-    It is 0 if there is neither difference nor noise.
+    alone; 0 if there is neither difference nor noise.
     """
     square, noise = float(np.mean((views.rendered - views.truth) ** 2)), float(np.mean(views.variance))
     # float32 colours carry a rounding error that no noise explains
@@ -175,49 +173,36 @@ def trained(context: StabilityContext, profile: str, scenes: Iterable[str], fold
     return SceneRun(folder, context.view_sets, read_run(folder), cells)
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A test view as the record keeps it, in float16: what every method leaves behind, whatever it is made of."""
-
-    view: str
-    render: np.ndarray
-    """The picture [h, w, 3], display colour over white."""
-    opacity: np.ndarray
-    """The opacity [h, w]."""
-
-
-def shown(run: SceneRun, cell: CellRecord) -> list[Shown]:
+def shown(run: SceneRun, cell: CellRecord) -> list[Render]:
+    """Return the test views that the record keeps, what every method leaves behind, clipped to [0, 1]."""
     if cell.pictures is None:
         return []
-    renders = last_of(read_renders(records_folder(run.out) / cell.pictures))
 
-    def kept(values: np.ndarray) -> np.ndarray:
+    def clipped(values: np.ndarray) -> np.ndarray:
         return np.clip(values.astype(np.float64), 0.0, 1.0)
 
-    return [Shown(render.view, kept(render.colour), kept(render.opacity)) for render in renders]
+    renders = last_of(read_renders(records_folder(run.out) / cell.pictures))
+    return [replace(view, colour=clipped(view.colour), opacity=clipped(view.opacity)) for view in renders]
 
 
-NOTHING_THERE = ("empty",)
-"""The scenes of which to show nothing is right."""
 LARGEST_TRACE = 0.05
 """The mean distance from white, at most, of a picture that shows nothing."""
 
 
 def learnt_nothing(run: SceneRun, cell: CellRecord) -> bool:
-    """Whether a complete cell shows nothing at all of a scene in which there is something: empty collapse.
+    """Tell whether a complete cell shows nothing at all of a scene in which there is something: empty collapse.
 
     Whether a training collapses within a few hundred steps depends on its random numbers, and says nothing of how well
     a formula is computed: it is recorded, and never taken for a result. A picture that has no opacity and is dark all
     the same adds up its colours wrongly, and is judged.
     """
     collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
-    if cell.status != "done" or not collapsed or cell.scene in NOTHING_THERE:
+    if cell.status != "done" or not collapsed or cell.scene == "empty":
         return False
-    return all((1.0 - view.render).mean() <= LARGEST_TRACE for view in shown(run, cell))
+    return all((1.0 - view.colour).mean() <= LARGEST_TRACE for view in shown(run, cell))
 
 
 PROFILE = "stress"
-ITEM = 10
 SCENES: dict[str, tuple[str, ...]] = {
     "S1": ("empty", "black", "white"),
     "S2": ("wall", "inside"),
@@ -279,12 +264,12 @@ def each_method(
             why = f"{scene}: {cell.status}, {cell.reason}"
             yield Check(name, None, why=why, subject=method, owner=owner, status=status)
         elif (value := figure(cell)) is None:
-            why = "its record holds no such score"
-            yield Check(name, None, why=why, subject=method, owner=owner, status="not_applicable")
+            yield Check(
+                name, None, why="its record holds no such score", subject=method, owner=owner, status="not_applicable"
+            )
         elif learnt_nothing(run, cell):
             why = f"learnt nothing in {cell.steps} steps: empty collapse; nothing is there to judge"
-            value = value if isfinite(value) else None
-            yield Check(name, value, low, high, unit, why, method, owner, "not_applicable")
+            yield Check(name, value if isfinite(value) else None, low, high, unit, why, method, owner, "not_applicable")
         else:
             yield check(name, value, low, high, unit, "; ".join(cell.warnings), subject=method, owner=owner)
 
@@ -292,7 +277,7 @@ def each_method(
 SCORES = ("psnr", "psnr_train", "psnr_floor", "psnr_ceiling")
 
 
-def scores_table(case: str, title: str, run: SceneRun) -> Table:
+def scores_table(case: str, run: SceneRun) -> Table:
     """Return scene × method of a case: training and test views always side by side."""
     rows: Rows = []
     for cell in (cell for scene in SCENES[case] for cell in run.of(scene)):
@@ -300,7 +285,7 @@ def scores_table(case: str, title: str, run: SceneRun) -> Table:
         notes = "; ".join(["learnt nothing"] * learnt_nothing(run, cell) + cell.warnings)
         rows.append([cell.scene, cell.method, *(cell.scores.get(name) for name in SCORES), status, notes])
     columns = ["scene", "method", "test dB", "training dB", "floor dB", "ceiling dB", "status", "what to know"]
-    return Table(f"{case.lower()}-scores", ITEM, title, columns, rows)
+    return Table(f"{case.lower()}-scores", 10, CASES[case].info.title, columns, rows)
 
 
 def mse_over_tests(cell: CellRecord) -> float | None:
@@ -316,7 +301,7 @@ def share_of_looks(run: SceneRun, cell: CellRecord, views: ViewSet) -> float | N
         rgba = views.test.rgba[views.test.names.index(view.view)]
         covered = rgba[..., 3] > 0.999
         truth.append(over_white(rgba)[covered])
-        render.append(view.render[covered])
+        render.append(view.colour[covered])
     if not truth or not (true := np.concatenate(truth).astype(np.float64)).size:
         return None
     mse, variance = float(np.mean((np.concatenate(render) - true) ** 2)), colour_variance(true)

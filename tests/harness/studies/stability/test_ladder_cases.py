@@ -1,4 +1,4 @@
-"""Where a method breaks: the stated criterion, on records written by hand."""
+"""Where a method breaks, and what an omission costs: the stated criteria, on records written by hand."""
 
 from pathlib import Path
 
@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from harness.records.cells import CellRecord
+from harness.studies.choices.omissions import Omission, Verdict
 from harness.studies.stability.whole_scenes.ladder_cases import (
     LEAST_RUNGS,
     RungScore,
-    _outcome,
-    _row,
+    _control,
+    _worst,
+    outcome_of,
     rungs_climbed,
     score_of,
     share_of_views,
@@ -22,8 +24,6 @@ from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.view_set import Split, ViewSet
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.stability.made_up import pictured, run_of
-
-FREQUENCY = LADDERS["frequency"]
 
 
 def views_of(rgba: np.ndarray) -> ViewSet:
@@ -55,69 +55,101 @@ def test_looks_are_judged_within_the_silhouette(tmp_path: Path, contrast: float,
     assert share_of_looks(run, record, views_of(half_covered())) == pytest.approx(share, abs=0.01)
 
 
-def test_shape_is_judged_over_whole_views() -> None:
+def test_shape_is_judged_over_complete_views() -> None:
     variance = (0.5 * 1.0 + 0.25 * 0.04 + 0.25 * 0.64) - 0.75**2
     mse = mse_over_tests(cell("frequency_1", "nerf", 0, []))
     assert mse == pytest.approx(0.01)
     assert share_of_views(0.01, views_of(half_covered())) == pytest.approx(1 - 0.01 / variance)
 
 
-def test_who_gets_the_silhouette_alone_is_broken(tmp_path: Path) -> None:
+def test_the_silhouette_alone_is_broken_and_so_is_a_cell_without_scores(tmp_path: Path) -> None:
     run, record = shown_as(tmp_path, 0.0, 13.0)
     assert score_of(run, record, views_of(half_covered()), looks=True).broken.startswith("explains")
     whole = score_of(run, record, views_of(half_covered()), looks=False)
     assert whole.broken == "", "over whole views the silhouette is most of what there is"
-
-
-def test_a_cell_without_scores_is_broken_and_says_why() -> None:
-    record = diverged("frequency_1", "nerf", 0)
-    score = score_of(run_of(Path(), record), record, views_of(half_covered()), looks=True)
-    assert (score.share, score.broken) == (None, "diverged: not finite at step 7: loss")
-
-
-def test_below_the_copy_of_the_nearest_view_is_said_and_no_break(tmp_path: Path) -> None:
-    run, record = shown_as(tmp_path, 1.0, 30.0)
-    record.scores["psnr_floor"] = 35.0
-    score = score_of(run, record, views_of(half_covered()), looks=True)
-    assert score.broken == ""
-    assert score.note == "30.0 dB, a copy of the nearest training view 35.0 dB"
+    score = score_of(run, diverged("frequency_1", "nerf", 0), views_of(half_covered()), looks=True)
+    assert score == (None, "diverged: not finite at step 7: loss")
 
 
 WHOLE, BROKEN = RungScore(0.9, ""), RungScore(0.1, "explains 10%")
 
 
-def test_of_several_seeds_the_worst_counts() -> None:
+def test_the_worst_of_several_seeds_and_the_first_broken_rung_count() -> None:
     none = RungScore(None, "diverged: x")
     assert worst([WHOLE, BROKEN]) is BROKEN
     assert worst([BROKEN, none, WHOLE]) is none
-
-
-def test_the_first_broken_rung_is_the_one_that_counts() -> None:
-    climbed = [WHOLE, WHOLE, BROKEN, WHOLE, BROKEN]
-    assert rungs_climbed(climbed) == 2
+    assert rungs_climbed([WHOLE, WHOLE, BROKEN, WHOLE, BROKEN]) == 2
     assert rungs_climbed([WHOLE] * 5) == 5
-    assert _row(FREQUENCY, "nerf", climbed)[2] == "3: 11 cycles around the ball"
-    assert _row(FREQUENCY, "nerf", [WHOLE] * 5)[2] == "none"
 
 
 @pytest.mark.parametrize(
-    ("method", "first", "status", "broke"),
-    [("nerf", WHOLE, "pass", False), ("nerf", BROKEN, "fail", True), ("qnerf", BROKEN, "fail", False)],
+    ("ladder", "method", "climbed", "status", "broke"),
+    [
+        ("frequency", "nerf", [WHOLE, *[BROKEN] * 4], "pass", False),
+        ("frequency", "nerf", [BROKEN] * 5, "fail", True),
+        ("frequency", "qnerf", [BROKEN] * 5, "fail", False),
+        ("scale", "nerf", [WHOLE] * 5, "pass", False),
+        ("scale", "nerf", [*[WHOLE] * 4, BROKEN], "fail", True),
+    ],
 )
-def test_what_is_ours_must_climb_the_first_rung(method: str, first: RungScore, status: str, broke: bool) -> None:
-    run = run_of(Path(), cell("frequency_1", method, 0, []))
-    outcome = _outcome(FREQUENCY, run, method, [first, *[BROKEN] * 4])
+def test_what_is_ours_must_climb_as_many_rungs_as_the_ladder_asks(
+    ladder: str, method: str, climbed: list[RungScore], status: str, broke: bool
+) -> None:
+    run = run_of(Path(), cell(f"{ladder}_1", method, 0, []))
+    outcome = outcome_of(LADDERS[ladder], run, method, climbed)
     assert (outcome.status, outcome.is_broken) == (status, broke)
 
 
 def test_a_method_that_is_not_available_is_no_failure() -> None:
+    assert set(LEAST_RUNGS) == set(LADDERS)
     missing = cell("frequency_1", "nerf", 0, [], status="not_available", reason="no LLVM")
-    outcome = _outcome(FREQUENCY, run_of(Path(), missing), "nerf", [RungScore(None, "not_available: no LLVM")] * 5)
+    none = [RungScore(None, "not_available: no LLVM")] * 5
+    outcome = outcome_of(LADDERS["frequency"], run_of(Path(), missing), "nerf", none)
     assert (outcome.status, outcome.why, outcome.is_broken) == ("not_available", "no LLVM", False)
 
 
-def test_the_control_must_be_climbed_whole() -> None:
-    assert set(LEAST_RUNGS) == set(LADDERS)
-    scale, run = LADDERS["scale"], run_of(Path(), cell("scale_1", "nerf", 0, []))
-    assert _outcome(scale, run, "nerf", [WHOLE] * 5).status == "pass"
-    assert _outcome(scale, run, "nerf", [*[WHOLE] * 4, BROKEN]).is_broken
+# what a scene does not need
+
+
+def omission(
+    verdict: Verdict,
+    difference: float | None,
+    interval: tuple[float, float] | None = (-0.01, 0.01),
+    scene: str = "tiny",
+    pairs: int = 3,
+) -> Omission:
+    return Omission(scene, "nerf", "empty_space", 1.0, "training", difference, interval, pairs, 3 - pairs, verdict)
+
+
+WITHIN = omission("within its bound", 0.01)
+
+
+@pytest.mark.parametrize(
+    ("omitted", "status", "value", "said"),
+    [
+        ([WITHIN, omission("within its bound", -0.02, scene="materials")], "pass", 0.02, "2.0 s saved"),
+        (
+            [omission("inconclusive", -9.0), omission("costs more", -0.5, scene="materials")],
+            "fail", 0.5, "costs more on materials",
+        ),
+        ([WITHIN, omission("inconclusive", -0.02, (-0.6, 0.1))], "inconclusive", 0.02, "[-0.6, +0.1] dB"),
+        ([WITHIN, omission("inconclusive", -0.4, (-0.6, 0.1))], "inconclusive", 0.4, "[-0.6, +0.1] dB"),
+        (
+            [WITHIN, omission("inconclusive", None, None, "materials", pairs=0)],
+            "not_available", None, "materials: samples in empty space: nothing measured",
+        ),
+        ([omission("costs more", None, None, pairs=0)], "fail", None, "costs more on tiny"),
+    ],
+)  # fmt: skip
+def test_the_worst_scene_of_an_omission_decides(
+    omitted: list[Omission], status: str, value: float | None, said: str
+) -> None:
+    outcome = _worst(omitted)
+    assert (outcome.status, outcome.value, outcome.limit) == (status, value, WITHIN.bound)
+    assert said in outcome.why
+
+
+def test_a_control_must_cost_and_be_measured() -> None:
+    assert _control(omission("costs more", -20.0)).status == "pass"
+    assert _control(omission("within its bound", 0.0)).is_broken
+    assert _control(omission("inconclusive", None, None, pairs=0)).status == "not_available"

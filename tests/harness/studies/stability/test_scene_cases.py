@@ -9,26 +9,27 @@ import pytest
 from baselines.numerics.quadrature import QUADRATURES
 from harness.plan.profiles import planned
 from harness.studies.stability.whole_scenes import scene_truth
-from harness.studies.stability.whole_scenes.light_cases import (
+from harness.studies.stability.whole_scenes.scene_cases import (
+    FIGURES,
+    RAW,
+    StressScene,
     _fog_by_quadrature,
     _grazing_chord,
+    above_the_copy,
     covered_share,
+    depth_of_truth,
     mean_of_ramp,
+    over_best_constant,
+    refused,
+    silhouette,
+    textbook_scores,
     virtual_depth,
     z_of_thin_wires,
-)
-from harness.studies.stability.whole_scenes.scene_cases import (
-    RAW,
-    _silhouette,
-    above_the_copy,
-    depth_error,
-    depth_rows,
-    refused,
-    textbook_scores,
 )
 from harness.studies.stability.whole_scenes.scene_truth import (
     PROFILE,
     SCENES,
+    SceneRun,
     Views,
     closed_form,
     colour_variance,
@@ -44,7 +45,7 @@ from scenes.modelling.normalise import Similarity
 from scenes.modelling.truth import Seen, pixel_means
 from scenes.view_sets.viewpoints import FOV_X_RADIANS
 from tests.harness.cells import cell, checkpoint
-from tests.harness.studies.stability.made_up import pictured, run_of
+from tests.harness.studies.stability.made_up import context_in, pictured, run_of
 
 
 def noisy_views(bias: float = 0.0, noise: float = 0.05, seed: int = 0) -> Views:
@@ -77,11 +78,15 @@ def test_without_noise_nothing_may_differ() -> None:
 
 def test_depth_is_compared_where_a_pixel_is_covered() -> None:
     views = noisy_views()
-    assert math.isnan(depth_error(views)), "no pixel is covered from border to border"
+    run = run_of(Path(), cell("wall", "nerf", 0, []))
+    (none,) = depth_of_truth(scene_of(run, views, "wall"))
+    assert none.is_broken, "no pixel is covered from border to border"
     ones = np.ones_like(views.truth)
     depth = views.depth.copy()
     depth[1, 3, 3] = 1.5
-    assert depth_error(Views(views.names, ones, views.variance, ones, depth, views.true_depth)) == pytest.approx(0.5)
+    covered = Views(views.names, ones, views.variance, ones, depth, views.true_depth)
+    (half,) = depth_of_truth(scene_of(run, covered, "wall"))
+    assert half.value == pytest.approx(0.5)
     assert views.of("b").names == ("b",)
     assert np.array_equal(views.of("b").truth[0], views.truth[1])
 
@@ -114,7 +119,7 @@ def test_who_learnt_nothing_never_passes(scene: str, warnings: list[str], status
     assert {outcome.status} == statuses
     assert outcome.value == 0.5, "recorded all the same"
     assert ("learnt nothing in" in outcome.why) == (outcome.status == "not_applicable")
-    (row,) = scores_table("S4" if scene == "wires" else "S1", "title", run).rows
+    (row,) = scores_table("S4" if scene == "wires" else "S1", run).rows
     assert ("learnt nothing" in str(row[-1])) == (outcome.status == "not_applicable")
 
 
@@ -131,26 +136,19 @@ def test_a_figure_that_misses_its_bar_still_fails(tmp_path: Path) -> None:
     assert outcome.is_broken
 
 
-def test_depth_is_shown_beside_the_best_constant(tmp_path: Path) -> None:
+def scene_of(run: SceneRun, views: Views, name: str = "white") -> StressScene:
+    return StressScene(context_in(run.out), run, name, views)
+
+
+def test_scores_that_are_compared_with_a_trivial_picture() -> None:
     ones = np.ones((1, 4, 4, 4))
     depth = np.repeat([[8.0, 9.0]], 8).reshape(1, 4, 4)
-    views = Views(("a",), ones, ones, ones, depth, depth)
-    run = run_of(
-        tmp_path,
-        cell("inside", "nerf", 0, [], scores={"depth_rmse": 2.4}),
-        cell("inside", "qnerf", 0, [], scores={"depth_rmse": 0.4}),
-        cell("inside", "voxels_drjit", 0, [], scores={"depth_rmse": 2.4}, warnings=["empty collapse: x"]),
-    )
-    assert [row[1:] for row in depth_rows(run, "inside", views)] == [
-        ["nerf", 2.4, pytest.approx(0.5), "worse than the constant"],
-        ["qnerf", 0.4, pytest.approx(0.5), "better than the constant"],
-        ["voxels_drjit", 2.4, pytest.approx(0.5), "learnt nothing"],
-    ]
-
-
-def test_above_the_copy() -> None:
-    assert above_the_copy(cell("wall", "nerf", 0, [], scores={"psnr": 15.8, "psnr_floor": 13.6})) == pytest.approx(2.2)
-    assert above_the_copy(cell("wall", "nerf", 0, [], scores={"psnr": None, "psnr_floor": 13.6})) is None
+    record = cell("wall", "nerf", 0, [], scores={"psnr": 15.8, "psnr_floor": 13.6, "depth_rmse": 2.4})
+    scene = scene_of(run_of(Path(), record), Views(("a",), ones, ones, ones, depth, depth))
+    assert above_the_copy(scene, record) == pytest.approx(2.2)
+    assert over_best_constant(scene, record) == pytest.approx(4.8)
+    record.scores.update({"psnr": None, "depth_rmse": None})
+    assert above_the_copy(scene, record) is over_best_constant(scene, record) is None
 
 
 def test_a_white_veil_is_no_silhouette(tmp_path: Path) -> None:
@@ -160,7 +158,7 @@ def test_a_white_veil_is_no_silhouette(tmp_path: Path) -> None:
     views = Views(("test/r_0",), truth, truth, truth, truth[..., 0], truth[..., 0])
     for opacity, figure in ((np.ones((8, 8)), 0.0), (truth[0, ..., 0], 1.0)):
         record = cell("white", "nerf", 0, [], pictures=pictured(tmp_path, np.stack([opacity] * 3, -1)))
-        assert _silhouette(run_of(tmp_path, record), views, record) == pytest.approx(figure)
+        assert silhouette(scene_of(run_of(tmp_path, record), views), record) == pytest.approx(figure)
 
 
 def test_the_mean_of_a_ramp_in_fog() -> None:
@@ -206,19 +204,24 @@ def test_raw_scales_are_refused_and_the_unit_is_not() -> None:
 
 def test_every_stress_scene_has_its_case_and_the_size_it_is_made_for() -> None:
     assert sorted(scene for scenes in SCENES.values() for scene in scenes) == sorted(STRESS)
+    assert sorted([*FIGURES, *SCENES["S7"]]) == sorted(STRESS)
     assert planned(PROFILE, precision="float32").views.resolution == RESOLUTION
 
 
-@pytest.mark.parametrize(("scene", "tau"), [("fog_dense", 50.0), ("fog_thin", 1e-3)])
-def test_our_rule_meets_the_closed_form_of_fog_and_the_printed_one_does_not(scene: str, tau: float) -> None:
-    outcomes = list(_fog_by_quadrature(scene, tau))
-    assert [(one.status, one.owner) for one in outcomes] == [("pass", "ours")] * 2 + [("fail", "paper")] * 2
+def fog(name: str) -> StressScene:
+    return scene_of(run_of(Path(), cell(name, "nerf", 0, [])), noisy_views(), name)
+
+
+@pytest.mark.parametrize("scene", ["fog_dense", "fog_thin"])
+def test_our_rule_meets_the_closed_form_of_fog_and_the_printed_one_does_not(scene: str) -> None:
+    outcomes = list(_fog_by_quadrature(fog(scene)))
+    assert [(check.status, check.owner) for check in outcomes] == [("pass", "ours")] * 2 + [("fail", "paper")] * 2
 
 
 def test_the_colour_in_dense_fog_tells_a_rule_of_lower_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of even density the opacity is exact for both."""
     monkeypatch.setitem(QUADRATURES, "midpoint", QUADRATURES["left"])
-    opacity, colour, *_ = _fog_by_quadrature("fog_dense", 50.0)
+    opacity, colour, *_ = _fog_by_quadrature(fog("fog_dense"))
     assert (opacity.status, colour.status) == ("pass", "fail")
 
 
