@@ -163,11 +163,10 @@ def losses_of_voxels(context: StabilityContext, at: int, factor: float) -> list[
         slope = learner._slope
 
         def spiked(*batch: Any) -> Any:
-            plain = slope(*batch)
+            loss, norm, gradients, points = slope(*batch)
             if learner.step != at or factor == 1.0:
-                return plain
-            larger = {name: values * factor for name, values in plain.gradients.items()}
-            return replace(plain, norm=plain.norm * factor, gradients=larger)
+                return loss, norm, gradients, points
+            return loss, norm * factor, {name: values * factor for name, values in gradients.items()}, points
 
         learner._slope = spiked
         return [x.last_loss for x in steps(learner, here.batches.stream(STREAM, here.settings.rays))]
