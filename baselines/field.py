@@ -157,18 +157,18 @@ class NetworkField(nn.Module):
         return layer.weight.to(self.dtype)
 
 
-def field_of(method: Method, asked: FieldSpec, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
+def field_of(method: Method, spec: FieldSpec, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
     """Return a fresh field of a method: a `NetworkField` of our parts, or the torch module that the method makes
     itself, of which only the interface `baselines.contract.TrainableField` may be used.
 
     Raises `ValueError` for a method that has neither.
     """
     if method.make_field is not None:
-        return method.make_field(asked)
+        return method.make_field(spec)
     if method.parts is None:
         raise ValueError(f"{method.title}: it is not made of parts; it has a trainer of its own")
     return NetworkField(
-        method.parts, asked.size, asked.box, asked.precision, asked.seed, asked.view_dependent, accelerations
+        method.parts, spec.size, spec.box, spec.precision, spec.seed, spec.view_dependent, accelerations
     )
 
 
@@ -177,8 +177,11 @@ def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
     """Enclose a training step: means of density that belong to a field are updated at its end from what was evaluated
     within, unless an error ends it. Evaluations outside leave them alone.
     """
-    networks = [field for field in fields if isinstance(field, NetworkField)]
-    amplifiers = [(x.amplifier, x.raw_in_box) for x in networks if isinstance(x.amplifier, MeanAmplifier)]
+    amplifiers = [
+        (field.amplifier, field.raw_in_box)
+        for field in fields
+        if isinstance(field, NetworkField) and isinstance(field.amplifier, MeanAmplifier)
+    ]
     for amplifier, _ in amplifiers:
         amplifier.mean.begin()
     try:

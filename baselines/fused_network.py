@@ -63,11 +63,33 @@ def evaluate(
 
 @dataclass(frozen=True)
 class _Stage:
-    """One multiplication: `hidden` on the layer before, `again` on the encoded position where it enters."""
+    """One multiplication, or the sums of its gradient: `hidden` on the layer before, `again` on the encoded position
+    where it enters.
+    """
 
     hidden: Tensor
     bias: Tensor
     again: Tensor | None = None
+
+    def zeros(self) -> "_Stage":
+        parts = (self.hidden, self.bias, self.again)
+        sums = _sums(self.bias.dtype)
+        return _Stage(*(None if part is None else part.new_zeros(part.shape, dtype=sums) for part in parts))
+
+    def add(self, gradient: Tensor, x: Tensor, position: Tensor) -> None:
+        _add_product(self.hidden, gradient, x)
+        if self.again is not None:
+            _add_product(self.again, gradient, position)
+        self.bias.add_(gradient.sum(dim=0, dtype=self.bias.dtype))
+
+    def merge(self, other: "_Stage") -> None:
+        self.hidden.add_(other.hidden)
+        if self.again is not None and other.again is not None:
+            self.again.add_(other.again)
+        self.bias.add_(other.bias)
+
+    def weight(self) -> Tensor:
+        return self.hidden if self.again is None else torch.cat([self.hidden, self.again], dim=1)
 
 
 @dataclass(frozen=True)
@@ -205,30 +227,6 @@ def _add_product(total: Tensor, a: Tensor, b: Tensor) -> None:
         total.add_(torch.mm(a.t(), b))
 
 
-class _StageGradient:
-    """The sums over blocks for one stage."""
-
-    def __init__(self, stage: _Stage) -> None:
-        sums = _sums(stage.bias.dtype)
-        self.hidden, self.bias = (part.new_zeros(part.shape, dtype=sums) for part in (stage.hidden, stage.bias))
-        self.again = None if stage.again is None else stage.again.new_zeros(stage.again.shape, dtype=sums)
-
-    def add(self, gradient: Tensor, x: Tensor, position: Tensor) -> None:
-        _add_product(self.hidden, gradient, x)
-        if self.again is not None:
-            _add_product(self.again, gradient, position)
-        self.bias.add_(gradient.sum(dim=0, dtype=self.bias.dtype))
-
-    def merge(self, other: "_StageGradient") -> None:
-        self.hidden.add_(other.hidden)
-        if self.again is not None and other.again is not None:
-            self.again.add_(other.again)
-        self.bias.add_(other.bias)
-
-    def weight(self) -> Tensor:
-        return self.hidden if self.again is None else torch.cat([self.hidden, self.again], dim=1)
-
-
 class _Evaluation(torch.autograd.Function):
     @staticmethod
     def forward(
@@ -261,9 +259,9 @@ class _Gradients:
     """The sums over blocks for all stages."""
 
     def __init__(self, net: _Prepared, rays: int) -> None:
-        self.density = [_StageGradient(stage) for stage in net.density]
-        self.heads = _StageGradient(net.heads)
-        self.colour = [_StageGradient(stage) for stage in net.colour]
+        self.density = [stage.zeros() for stage in net.density]
+        self.heads = net.heads.zeros()
+        self.colour = [stage.zeros() for stage in net.colour]
         self.of_view = net.heads.hidden.new_zeros((rays, net.direction.hidden.shape[0]), dtype=net.sums)
 
     def add(self, other: "_Gradients") -> None:
@@ -271,7 +269,7 @@ class _Gradients:
             mine.merge(theirs)
         self.of_view.add_(other.of_view)
 
-    def _stages(self) -> list[_StageGradient]:
+    def _stages(self) -> list[_Stage]:
         return [*self.density, self.heads, *self.colour]
 
     def flat(self, view: Tensor) -> list[Tensor]:

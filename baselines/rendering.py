@@ -123,9 +123,10 @@ def _march(
     view = field.encode_directions(rays.directions)
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()
     sigma = torch.zeros_like(t)
-    found = []
+    evaluated = []
     shared = torch.zeros_like(keep[:, 0])  # points on the border of two segments, evaluated already
-    for first, last in _segments(keep.shape[1], SEGMENTS if may_stop else 1):
+    segments = SEGMENTS if may_stop else 1
+    for first, last in pairwise(sorted({round(keep.shape[1] * i / segments) for i in range(segments + 1)})):
         chosen = keep[:, first:last]
         if first > 0:
             before = rule.optical_depth(sigma[:, : first * rule.stride + rule.closed], lengths[:, :first]).sum(dim=-1)
@@ -139,8 +140,8 @@ def _march(
         point = point + first * rule.stride
         sigma_kept, colour_kept = field.density_and_colour(x[ray, point], view, ray)
         sigma = sigma.index_put((ray, point), sigma_kept)
-        found.append((ray, point, colour_kept))
-    ray, point, colour = (torch.cat(parts) for parts in zip(*found, strict=True))
+        evaluated.append((ray, point, colour_kept))
+    ray, point, colour = (torch.cat(parts) for parts in zip(*evaluated, strict=True))
     require_density(sigma)
     w, T_end = rule.weights(sigma, lengths)
     rendering = Rendering(
@@ -150,9 +151,3 @@ def _march(
         network_evaluations=len(ray),
     )
     return rendering, t_edges, rule.bin_weights(w, sigma, lengths)
-
-
-def _segments(bins: int, count: int) -> list[tuple[int, int]]:
-    """Split all bins into at most `count` runs of nearly equal length."""
-    bounds = sorted({round(bins * i / count) for i in range(count + 1)})
-    return list(pairwise(bounds))

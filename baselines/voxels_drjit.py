@@ -41,13 +41,13 @@ def corners(unit: Any, shape: tuple[int, int, int]) -> list[tuple[Any, Any]]:
         low.append(dr.clip(integer(below), 0, voxels - 1))
         high.append(dr.clip(integer(below) + 1, 0, voxels - 1))
         share.append(at - below)
-    found = []
+    weighted = []
     for corner in range(8):
         upper = [bool(corner >> axis & 1) for axis in range(3)]
         x, y, z = (high[axis] if upper[axis] else low[axis] for axis in range(3))
         wx, wy, wz = (share[axis] if upper[axis] else 1.0 - share[axis] for axis in range(3))
-        found.append(((z * shape[1] + y) * shape[0] + x, wx * wy * wz))
-    return found
+        weighted.append(((z * shape[1] + y) * shape[0] + x, wx * wy * wz))
+    return weighted
 
 
 def interpolated(values: Any, at: list[tuple[Any, Any]], kind: type) -> Any:
@@ -138,13 +138,13 @@ class VoxelField:
     def filled(self, values: dict[str, Tensor]) -> "VoxelField":
         """Return a field of a `state_dict`; raises `ValueError` if it is of another box or degree."""
         shape = tuple(values["density"].shape[::-1])
-        found = VoxelField(self.box, max(shape), self.degree > 0, self._backend)
-        for name in found.values:
-            wanted = shape[::-1] if name == "density" else (*shape[::-1], self.coefficients)
-            if found.shape != shape or tuple(values[name].shape) != wanted:
-                raise ValueError(f"{name} of shape {tuple(values[name].shape)}, {wanted} in a grid of {found.shape}")
-            found.values[name] = self._flat(values[name].reshape(-1))
-        return found
+        field = VoxelField(self.box, max(shape), self.degree > 0, self._backend)
+        for name in field.values:
+            expected = shape[::-1] if name == "density" else (*shape[::-1], self.coefficients)
+            if field.shape != shape or tuple(values[name].shape) != expected:
+                raise ValueError(f"{name} of shape {tuple(values[name].shape)}, {expected} in a grid of {field.shape}")
+            field.values[name] = self._flat(values[name].reshape(-1))
+        return field
 
     def refined(self, voxels: int) -> "VoxelField":
         """Return the same field on a finer grid, interpolated."""
@@ -197,7 +197,7 @@ class VoxelField:
         dr.enable_grad(self.values)
         shown, _, _ = self._seen(samples)
         truth = self._triple(colours)
-        error = share * sum(dr.sum(dr.square(one - there)) for one, there in zip(shown, truth, strict=True))
+        error = share * sum(dr.sum(dr.square(seen - true)) for seen, true in zip(shown, truth, strict=True))
         _finished(smooth.device)
         rough = self._roughness(self.types.UInt32(self.types.TensorXi(smooth.to(torch.int32).contiguous()).array))
         dr.backward(error + smoothing * rough)
@@ -238,7 +238,7 @@ class VoxelField:
             kind = types.Float if self.degree == 0 else types.Array4f
             held = interpolated(self.values[name], at, kind)
             held = [held] if self.degree == 0 else held
-            value = sigmoid(sum(basis * one for basis, one in zip(harmonics, held, strict=True)))
+            value = sigmoid(sum(basis * factor for basis, factor in zip(harmonics, held, strict=True)))
             shown.append(over_rays(w * value, bins) + T_end)
         return shown, w, over_rays(w, bins)
 

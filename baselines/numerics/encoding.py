@@ -151,15 +151,15 @@ def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
     cos 2a = 2 cos² a − 1 would lose 4 in every doubling near a = 0, where every upper band starts.
     """
     stride = 1 + DOUBLINGS
-    zero, one = _constants(raw.dtype, raw.device)
+    nought, unity = _constants(raw.dtype, raw.device)
     lower = waves[::stride]
     _sines(lower, raw, angular[::stride])
     for k in range(1, min(stride, len(waves))):
         upper = waves[k::stride]
         sine, cosine = lower[: len(upper)].unbind(1)
         upper_sine, upper_cosine = upper.unbind(1)
-        torch.addcmul(zero, sine, cosine, value=2, out=upper_sine)
-        torch.addcmul(one, sine, sine, value=-2, out=upper_cosine)
+        torch.addcmul(nought, sine, cosine, value=2, out=upper_sine)
+        torch.addcmul(unity, sine, sine, value=-2, out=upper_cosine)
         lower = upper
 
 

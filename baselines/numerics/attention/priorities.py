@@ -27,34 +27,34 @@ def checked(attention: np.ndarray, count: int | None = None) -> np.ndarray:
     if np.iscomplexobj(attention):
         raise BadAttention("attention is complex: a priority has a size alone")
     try:
-        found = np.asarray(attention, dtype=np.float64)
+        given = np.asarray(attention, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BadAttention(f"attention is not made of numbers: {error}") from error
-    if found.ndim != 1 or (count is not None and len(found) != count):
+    if given.ndim != 1 or (count is not None and len(given) != count):
         wanted = "[regions]" if count is None else f"[{count}]"
-        raise BadAttention(f"attention has the shape {list(found.shape)}: must be {wanted}, one number for each region")
-    if not len(found):
+        raise BadAttention(f"attention has the shape {list(given.shape)}: must be {wanted}, one number for each region")
+    if not len(given):
         raise BadAttention("attention is empty: there is no region to render")
-    bad = ~(np.isfinite(found) & (found >= 0.0))
+    bad = ~(np.isfinite(given) & (given >= 0.0))
     if bad.any():
         region = int(bad.argmax())
         others = f", and {bad.sum() - 1} more" if bad.sum() > 1 else ""
-        raise BadAttention(f"region {region}: attention {found[region]:g}{others}; must be finite and not below 0")
-    return found
+        raise BadAttention(f"region {region}: attention {given[region]:g}{others}; must be finite and not below 0")
+    return given
 
 
 def is_equal(attention: np.ndarray) -> bool:
-    """Whether no region is attended more than another (to `TIE`), which also holds where nothing is attended."""
-    found = checked(attention)
-    return bool(found.min() >= found.max() * (1.0 - TIE))
+    """Tell whether no region is attended more than another (to `TIE`), which also holds where nothing is attended."""
+    given = checked(attention)
+    return bool(given.min() >= given.max() * (1.0 - TIE))
 
 
 def shares(attention: np.ndarray) -> np.ndarray:
     """Return attention / Σ attention, float64 [regions]; all zero gives equal shares. Σ = 1 up to rounding."""
-    found = checked(attention)
-    largest = found.max()
+    given = checked(attention)
+    largest = given.max()
     # divide by the largest first, so that the sum neither overflows nor is 0
-    relative = found / largest if largest > 0.0 else np.ones_like(found)
+    relative = given / largest if largest > 0.0 else np.ones_like(given)
     return relative / relative.sum()
 
 
@@ -71,10 +71,10 @@ def priorities(attention: np.ndarray) -> np.ndarray:
 
 def region_order(attention: np.ndarray) -> np.ndarray:
     """Return all regions, most attended first, ties (`TIE`) row by row; raises `BadAttention`."""
-    found = checked(attention)
-    falling = np.argsort(-found, kind="stable")
-    inorder = found[falling]
-    rank = np.empty(len(found), dtype=np.int64)
+    given = checked(attention)
+    falling = np.argsort(-given, kind="stable")
+    inorder = given[falling]
+    rank = np.empty(len(given), dtype=np.int64)
     rank[falling] = np.concatenate([[0], np.cumsum(inorder[1:] < inorder[:-1] * (1.0 - TIE))])
     return np.argsort(rank, kind="stable")
 
@@ -88,15 +88,15 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
     `bins` everywhere. `bins` is a mean and need not be whole (equal attention rounds it down).
     Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
     """
-    found = checked(attention)
+    given = checked(attention)
     counts = np.asarray(rays)
-    if counts.shape != found.shape or counts.min() < 1:
-        raise ValueError(f"rays {counts.shape}: must be at least one in each of {len(found)} regions")
+    if counts.shape != given.shape or counts.min() < 1:
+        raise ValueError(f"rays {counts.shape}: must be at least one in each of {len(given)} regions")
     if not 1 <= least <= bins:
         raise ValueError(f"at least {least} of {bins} bins a ray: must lie between 1 and {bins}")
-    if is_equal(found):
-        return np.full(len(found), int(bins))
-    relative = found / found.max()
+    if is_equal(given):
+        return np.full(len(given), int(bins))
+    relative = given / given.max()
     free = int((bins - least) * int(counts.sum()))
     step = 2.0 ** -max(BINARY_PLACES, int(counts.sum()).bit_length())
     wanted = np.round(free * relative / (relative * counts).sum() / step) * step
@@ -147,10 +147,6 @@ class PhiEffect(NamedTuple):
 def without_phi(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> PhiEffect:
     """Compare order and allocation by P with those by the shares, which lack the factor: measured, not assumed."""
     with_it, without = priorities(attention), shares(attention)
-    return PhiEffect(
-        sum_of_priorities=float(with_it.sum()),
-        order_changed=not np.array_equal(region_order(with_it), region_order(without)),
-        allocation_changed=not np.array_equal(
-            allocated_bins(with_it, rays, bins, least), allocated_bins(without, rays, bins, least)
-        ),
-    )
+    same_order = np.array_equal(region_order(with_it), region_order(without))
+    bins_with, bins_without = (allocated_bins(each, rays, bins, least) for each in (with_it, without))
+    return PhiEffect(float(with_it.sum()), not same_order, not np.array_equal(bins_with, bins_without))
