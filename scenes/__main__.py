@@ -11,6 +11,7 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from scenes.catalog.entries import CATALOG
 from scenes.files.errors import InputError
@@ -55,7 +56,7 @@ def _render(options: argparse.Namespace) -> None:
     from scenes.catalog.mitsuba_xml import notes
     from scenes.catalog.scene_file import scene_from_file
     from scenes.modelling.scene import Scene
-    from scenes.rendering.store import Standing, ensure_view_set
+    from scenes.rendering.store import ensure_view_set
     from scenes.view_sets.manifest import read_manifest
 
     counts = {"train": options.train, "val": options.val, "test": options.test}
@@ -65,24 +66,19 @@ def _render(options: argparse.Namespace) -> None:
         scenes.append(scene_from_file(options.scene_file))
     for scene in scenes:
         started = time.perf_counter()
-        name = scene if isinstance(scene, str) else scene.name
+
+        def event(facts: dict[str, Any], name: str = scene if isinstance(scene, str) else scene.name) -> None:
+            print(json.dumps({"scene": name, **facts}), flush=True)
+
         for note in [] if isinstance(scene, str) else notes(scene):
-            print(json.dumps({"scene": name, "note": note}), flush=True)
-
-        def say(standing: Standing, name: str = name) -> None:
-            print(json.dumps({"scene": name, **asdict(standing)}), flush=True)
-
-        def tell(text: str, name: str = name) -> None:
-            print(json.dumps({"scene": name, "note": text}), flush=True)
-
+            event({"note": note})
         path = ensure_view_set(
-            scene, resolution=options.resolution, counts=counts, spp=spp,
-            cache_folder=options.view_sets, variant=options.variant, progress=say, integrator=options.integrator,
-            say=tell,
+            scene, resolution=options.resolution, counts=counts, spp=spp, cache_folder=options.view_sets,
+            variant=options.variant, progress=lambda standing, event=event: event(asdict(standing)),
+            integrator=options.integrator, say=lambda text, event=event: event({"note": text}),
         )  # fmt: skip
         seconds = round(time.perf_counter() - started, 3)
-        variant = read_manifest(path)["variant"]
-        print(json.dumps({"scene": name, "path": str(path), "variant": variant, "seconds": seconds}), flush=True)
+        event({"path": str(path), "variant": read_manifest(path)["variant"], "seconds": seconds})
 
 
 def _export(options: argparse.Namespace) -> None:

@@ -4,22 +4,24 @@ LONGEST = 1500
 """The largest number of characters of a message."""
 
 
-class InputError(ValueError):
-    """The user's input is wrong: the message names the file or option, the value and the remedy.
-
-    The command line prints the message alone, without a traceback, and exits with 2. Text taken from a file can hold
-    anything: it is cut if it would be endless, and control characters, which a terminal would obey, are written out.
+class _Readable(ValueError):
+    """Text taken from a file can hold anything: it is cut if it would be endless, and control characters, which a
+    terminal would obey, are written out.
     """
 
     def __init__(self, message: object = "") -> None:
         super().__init__(readable(str(message)))
 
 
-class DamagedRecord(ValueError):
-    """A file of records is not what this version writes: the message names the file, the reason and the remedy."""
+class InputError(_Readable):
+    """The user's input is wrong: the message names the file or option, the value and the remedy.
 
-    def __init__(self, message: object = "") -> None:
-        super().__init__(readable(str(message)))
+    The command line prints the message alone, without a traceback, and exits with 2.
+    """
+
+
+class DamagedRecord(_Readable):
+    """A file of records is not what this version writes: the message names the file, the reason and the remedy."""
 
 
 def readable(text: str) -> str:
@@ -35,5 +37,5 @@ def short(error: Exception, length: int = 300) -> str:
 
 
 def as_text(text: str) -> str:
-    """With the halves of characters written out, which a name that is not UTF-8 has and no file can hold."""
+    """Return `text` with the halves of characters written out, which a name that is not UTF-8 has."""
     return text.encode(errors="backslashreplace").decode()

@@ -76,7 +76,8 @@ def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
             free = _try(handle)
             if free is None:
                 return Lock(path, None)
-            held = free and _is_still(path, ours)
+            # its holder may have removed the file before it was locked here
+            held = free and _identity(path) == (ours.st_dev, ours.st_ino)
             if held:
                 return Lock(path, handle)
             if not free and time.monotonic() >= until:
@@ -89,7 +90,7 @@ def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
 
 
 def is_held(path: Path, create: bool = False) -> bool | None:
-    """Whether anybody has the lock; None if that cannot be known, as where there is no such file and none is made."""
+    """Tell whether anybody has the lock; None if that cannot be known, as where there is no file and none is made."""
     try:
         handle = os.open(path, FLAGS | (os.O_CREAT if create else 0), 0o644)
     except OSError:
@@ -129,10 +130,9 @@ def _library() -> ModuleType:
     return filelock
 
 
-def _is_still(path: Path, ours: os.stat_result) -> bool:
-    """Whether the file that was opened still has its name: its holder may have removed it before it was locked."""
+def _identity(path: Path) -> tuple[int, int] | None:
     try:
         there = os.stat(path)  # noqa: PTH116 - in half the time of a path's own method
     except FileNotFoundError:
-        return False
-    return (there.st_dev, there.st_ino) == (ours.st_dev, ours.st_ino)
+        return None
+    return there.st_dev, there.st_ino

@@ -14,7 +14,7 @@ from scenes.files.errors import InputError, short
 from scenes.view_sets import nerfstudio
 from scenes.view_sets.images import read_image
 from scenes.view_sets.nerfstudio import read_nerfstudio
-from scenes.view_sets.source import Region, Source, nine_to_one
+from scenes.view_sets.source import Region, Source, nine_to_one, region_in
 from scenes.view_sets.transforms import Frames, read_transforms, transforms_file
 from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, check_poses
 
@@ -60,18 +60,12 @@ class Member:
         if any(length < 0 for length in self.shape) or math.prod(self.shape) * self.dtype.itemsize > limit:
             raise InputError(f"{self.where} is {self.shape} of {self.dtype}, more than {limit} bytes; make it smaller")
 
-    def __getitem__(self, index: int) -> np.ndarray:
-        """Return the entry at `index`, float64; errors as in `whole`."""
-        return self._read(self.shape[1:], index)
-
-    def whole(self) -> np.ndarray:
-        """Return all entries, float64; raises `InputError` if the archive is damaged or one of them not finite."""
-        return self._read(self.shape)
-
-    def _read(self, shape: tuple[int, ...], index: int = 0) -> np.ndarray:
+    def read(self, index: int | None = None) -> np.ndarray:
+        """Return the entry at `index`, or all, float64. Raises `InputError` if it is damaged or not finite."""
+        shape = self.shape if index is None else self.shape[1:]
         size = math.prod(shape) * self.dtype.itemsize
         try:
-            self._stream.seek(self._start + index * size)
+            self._stream.seek(self._start + (index or 0) * size)
             data = self._stream.read(size)
         except _PROBLEMS as error:
             raise InputError(f"{self.where} is damaged ({short(error, 120)}); get the file again") from error
@@ -94,11 +88,11 @@ def read_tiny_nerf(file: Path) -> Source:
     if poses.shape != (count, 4, 4):
         raise InputError(f"{file}: poses is {poses.shape}; it must be {(count, 4, 4)}, a camera for each image")
     focal = Member(file, "focal")
-    if math.prod(focal.shape) != 1 or not (length := float(focal.whole().ravel()[0])) > 0:
+    if math.prod(focal.shape) != 1 or not (length := float(focal.read().ravel()[0])) > 0:
         raise InputError(f"{file}: focal must be one positive number of pixels")
     fov = 2 * math.atan(0.5 * width / length)
     check_field_of_view(fov, f"{file}: focal {length}")
-    cameras = poses.whole()
+    cameras = poses.read()
     check_poses(cameras, [f"{file}: pose {number}" for number in range(count)])
     with zipfile.ZipFile(file) as archive:
         names = {name.removesuffix(".npy") for name in archive.namelist()}
@@ -113,24 +107,23 @@ def read_tiny_nerf(file: Path) -> Source:
     if "bounds" not in names:
         notes.append("Bounds are found from the cameras; --bounds says better.")
     # names in the archive, as files of a folder would be named
-    files = [file.resolve() / "images" / str(number) for number in range(count)]
+    frames = Frames(fov, [file.resolve() / "images" / str(number) for number in range(count)], cameras)
     largest = 255.0 if images.dtype.kind in "iu" else 1.0
 
     def pixels(name: Path) -> np.ndarray:
         number = int(name.name)
-        colour = images[number] / largest
+        colour = images.read(number) / largest
         if colour.min() < -1e-6 or colour.max() > 1 + 1e-6:
             raise InputError(
                 f"{file}: image {number} has values {colour.min():.3g} … {colour.max():.3g}; they must lie in 0 … 1"
             )
         rgba = colour if colour.shape[2] == 4 else np.concatenate([colour, np.ones((height, width, 1))], axis=-1)
         if alpha is not None:
-            covered = np.clip(alpha[number], 0.0, 1.0)[..., None]
+            covered = np.clip(alpha.read(number), 0.0, 1.0)[..., None]
             straight = np.where(covered > 0, rgba[..., :3] / np.where(covered > 0, covered, 1.0), 0.0)
             rgba = np.concatenate([straight, covered], axis=-1)
         return np.clip(rgba, 0.0, 1.0).astype(np.float32)
 
-    frames = Frames(fov, files, cameras)
     return Source(
         name=file.stem,
         frames=lambda split: frames.of(splits[split]) if splits.get(split) else None,
@@ -180,7 +173,7 @@ def _splits(file: Path, names: set[str], count: int) -> tuple[dict[str, list[int
 
 
 def _indices(file: Path, name: str, count: int) -> list[int]:
-    values = Member(file, name).whole().ravel()
+    values = Member(file, name).read().ravel()
     if len(set(values.tolist())) != len(values) or (values != np.floor(values)).any():
         raise InputError(f"{file}: {name} must list each view once, by its number")
     if not len(values) or values.min() < 0 or values.max() >= count:
@@ -189,14 +182,11 @@ def _indices(file: Path, name: str, count: int) -> list[int]:
 
 
 def _region(file: Path, names: set[str]) -> Region:
-    bounds = tuple(Member(file, "bounds").whole().ravel().tolist()) if "bounds" in names else None
-    distances = Member(file, "distances").whole().ravel().tolist() if "distances" in names else [NEAR, FAR]
+    bounds = tuple(Member(file, "bounds").read().ravel().tolist()) if "bounds" in names else None
+    distances = Member(file, "distances").read().ravel().tolist() if "distances" in names else [NEAR, FAR]
     if len(distances) != 2:
         raise InputError(f"{file}: distances must be two numbers, near and far")
-    try:
-        return Region(bounds, *distances)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from error
+    return region_in(file, bounds, *distances)
 
 
 BLENDER_REGION = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)

@@ -13,8 +13,8 @@ import numpy as np
 
 from scenes.files.errors import InputError
 from scenes.view_sets.images import read_image
-from scenes.view_sets.source import Region, Source, nine_to_one
-from scenes.view_sets.transforms import Document, image_file, read_listing, shown
+from scenes.view_sets.source import Region, Source, nine_to_one, region_in
+from scenes.view_sets.transforms import Document, ViewRegion, image_file, read_listing, shown
 from scenes.view_sets.viewpoints import SPLITS
 
 NAME = "transforms.json"
@@ -74,12 +74,9 @@ def read_nerfstudio(folder: Path) -> Source:
     if read_image(frames.files[0]).shape[2] == 3:
         image = frames.files[0].name
         notes.append(f"{image} has no alpha: images without alpha count as wholly covered, background included.")
-    given = document.view_region
-    try:
-        box = None if given is None or given.bounds is None else tuple(given.bounds)
-        region = Region() if given is None else Region(box, given.near, given.far)
-    except InputError as error:
-        raise InputError(f"{file}: {REGION}: {error}") from error
+    given = document.view_region or ViewRegion()
+    box = None if given.bounds is None else tuple(given.bounds)
+    region = region_in(f"{file}: {REGION}", box, given.near, given.far)
     if region.bounds is None:
         notes.append("Bounds, near and far are found from the cameras; --bounds, --near and --far say better.")
     return Source(

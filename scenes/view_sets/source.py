@@ -47,6 +47,14 @@ class Region:
         )
 
 
+def region_in(where: object, bounds: tuple[float, ...] | None, near: float | None, far: float | None) -> Region:
+    """Return the region that a file gives; raises `InputError`, which names `where`, for one that is invalid."""
+    try:
+        return Region(bounds, near, far)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
 @dataclass(frozen=True)
 class Source:
     """A source of somebody's posed images: poses are read, pixels not yet."""

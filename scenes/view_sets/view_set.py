@@ -32,7 +32,7 @@ from scenes.view_sets.pixels import (
     display_from_linear,
     over_white,
 )
-from scenes.view_sets.source import Region, Source, completed
+from scenes.view_sets.source import Region, Source, completed, region_in
 from scenes.view_sets.transforms import Frames, transforms_file
 from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
 
@@ -131,6 +131,8 @@ def read_view_set(
     fov = next(iter(angles.values()))
     if max(angles.values()) - min(angles.values()) > 1e-6:
         raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
+    if resolution is not None and resolution < 1:
+        raise InputError(f"resolution {resolution}: choose 1 pixel or more")
     reader = _Reader(folder, resolution, manifest, source, scratch)
     read = {split: reader.split(frames, split in geometry) for split, frames in chosen.items()}
     if reader.size is None or reader.stored is None:
@@ -178,28 +180,24 @@ def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
     """Return the region as the manifest gives it, or else the format."""
     if not manifest:
         return source.region
-    try:
-        box = np.ravel(np.array(manifest["bounds"], dtype=np.float64)).tolist()
-        return Region(tuple(box), float(manifest["near"]), float(manifest["far"]))
-    except InputError as error:
-        raise InputError(f"{folder}: {error}") from error
+    box = np.ravel(np.array(manifest["bounds"], dtype=np.float64)).tolist()
+    return region_in(folder, tuple(box), float(manifest["near"]), float(manifest["far"]))
 
 
+@dataclass
 class _Reader:
     """A reader of the views of one folder, one after another, which holds them to one size."""
 
-    def __init__(
-        self, folder: Path, resolution: int | None, manifest: dict[str, Any], source: Source, scratch: Path | None
-    ) -> None:
-        if resolution is not None and resolution < 1:
-            raise InputError(f"resolution {resolution}: choose 1 pixel or more")
-        self.folder, self.resolution, self.manifest, self.scratch = folder, resolution, manifest, scratch
-        self.source = source
-        self.stored: tuple[int, int] | None = None
-        self.size: tuple[int, int] | None = None
-        """The height and width after resizing."""
-        self.content = hashlib.blake2b(digest_size=32)
-        """The digest of the stored pixels, in the order in which they are read, if they are not ours."""
+    folder: Path
+    resolution: int | None
+    manifest: dict[str, Any]
+    source: Source
+    scratch: Path | None
+    stored: tuple[int, int] | None = None
+    size: tuple[int, int] | None = None
+    """The height and width after resizing."""
+    content: Any = field(default_factory=lambda: hashlib.blake2b(digest_size=32))
+    """The digest of the stored pixels, in the order in which they are read, if they are not ours."""
 
     def split(self, frames: Frames, geometry: bool) -> Split:
         root = self.folder.resolve()
@@ -228,8 +226,7 @@ class _Reader:
         pixels = self.source.pixels(file)
         self._fits(file, pixels.shape[:2])
         self.content.update(np.ascontiguousarray(pixels, dtype=np.float32).data)
-        width = self._width()
-        return pixels if width == pixels.shape[1] else area_average_straight(pixels, width)
+        return pixels if self.width == pixels.shape[1] else area_average_straight(pixels, self.width)
 
     def _own(self, file: Path, geometry: bool) -> list[np.ndarray]:
         """Read colour, then depth and normals if `geometry` is wanted."""
@@ -239,21 +236,22 @@ class _Reader:
             raise DamagedViewSet(f"{exr}: has no channel {' '.join(lacking)}; render the view set again")
         linear = np.stack([channels[name] for name in "RGBA"], axis=-1)
         self._fits(exr, linear.shape[:2])
-        resized = self._width() != linear.shape[1]
-        rgba = display_from_linear(area_average(linear, self._width()) if resized else linear)
+        resized = self.width != linear.shape[1]
+        rgba = display_from_linear(area_average(linear, self.width) if resized else linear)
         if not geometry:
             return [rgba]
         depth = channels["Z"]
         normal = np.stack([channels[name] for name in ("N.X", "N.Y", "N.Z")], axis=-1)
         if resized:
             hits = np.where(depth > 0, np.maximum(linear[..., 3], 1e-3), 0.0)
-            depth = area_average_hits(depth[..., None], hits, self._width())[..., 0]
-            normal = area_average_hits(normal, hits, self._width())
+            depth = area_average_hits(depth[..., None], hits, self.width)[..., 0]
+            normal = area_average_hits(normal, hits, self.width)
             length = np.linalg.norm(normal, axis=-1, keepdims=True)
             normal = normal / np.where(length > 1e-6, length, 1.0)
         return [rgba, depth, normal]
 
-    def _width(self) -> int:
+    @property
+    def width(self) -> int:
         assert self.stored is not None
         return self.resolution or self.stored[1]
 
@@ -266,8 +264,7 @@ class _Reader:
                     f"enlarging adds nothing: choose --resolution {width} or less"
                 )
             self.stored = (height, width)
-            scale = width / self._width()
-            self.size = (max(1, int(height / scale + 1e-9)), self._width())
+            self.size = (max(1, int(height / (width / self.width) + 1e-9)), self.width)
         if self.stored != (height, width):
             raise InputError(
                 f"{file}: {width} × {height} pixels, but views before it have {self.stored[1]} × {self.stored[0]}; "

@@ -12,7 +12,7 @@ from baselines.methods.ablations import BANDWIDTH, WEAKENED, combination, partia
 from baselines.methods.nerf import NERF
 from baselines.methods.qnerf import QNERF, QNERF_THEOREM
 from baselines.numerics.encoding import PHI
-from tests.baselines.small_fields import field_of, some_points
+from tests.baselines.small_fields import field_of
 
 
 def highest(encoding: str, bands: int = 10) -> float:
@@ -53,17 +53,6 @@ def test_without_encoding_a_network_gets_raw_coordinates() -> None:
     assert field.colour_net[0].in_features == 256 + 3  # type: ignore[union-attr]
     d = torch.nn.functional.normalize(torch.randn(5, 3, generator=torch.Generator().manual_seed(1)), dim=-1)
     assert torch.equal(field.encode_directions(d), d)
-
-
-@pytest.mark.parametrize("method", ["nerf", "nerf_no_encoding", "nerf_no_direction"])
-def test_colour_depends_on_direction_unless_that_was_taken_away(method: str) -> None:
-    field = field_of(method)
-    x, d, _ = some_points(12)
-    here = x[:1].expand(len(d), 3)
-    with torch.no_grad():
-        _, colour = field.density_and_colour(here, field.encode_directions(d), torch.arange(len(d)))
-    spread = float((colour - colour[:1]).abs().max())
-    assert (spread < 1e-6) == (method == "nerf_no_direction")
 
 
 def test_each_control_changes_one_part_alone() -> None:

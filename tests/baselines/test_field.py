@@ -62,20 +62,6 @@ def test_field_equals_a_plain_one_with_concatenations(method: str, depth: int, v
             assert float((one - two).abs().max()) <= 2e-5 * max(1.0, float(two.abs().max()))
 
 
-@pytest.mark.parametrize("count", [1, 5, 1023, 1024, 1025, 2500])
-@pytest.mark.parametrize("method", ["nerf", "qnerf", "qnerf_theorem"])
-def test_padding_is_not_seen(method: str, count: int) -> None:
-    parts = PARTS[method]
-    field = roughened(field_of(method), None if parts.amplifier == "none" else 0.9)
-    x, d, ray = some_points(count)
-    sigma, colour = field.density_and_colour(x, field.encode_directions(d), ray)
-    expected_sigma, expected_colour = plain_field(field, parts, x, d, ray)
-    assert sigma.shape == (count,)
-    assert colour.shape == (count, 3)
-    torch.testing.assert_close(colour, expected_colour, rtol=0.0, atol=1e-6)
-    torch.testing.assert_close(sigma, expected_sigma, rtol=5e-6, atol=5e-5)
-
-
 @every_method
 def test_without_view_dependence_directions_are_ignored(method: str) -> None:
     field = roughened(field_of(method, view_dependent=False))

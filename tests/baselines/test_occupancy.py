@@ -58,13 +58,6 @@ def colours(field: AnalyticField, grid: OccupancyGrid | None, **options: object)
     return render_rays(field, None, rays, BOX, sampling, grid, WHITE, source).colour
 
 
-def test_a_fresh_grid_is_full() -> None:
-    grid = OccupancyGrid(CELLS, BOX, THRESHOLD)
-    assert grid.occupied_share() == 1.0
-    assert grid.at(centres()).all()
-    assert not grid.emptied
-
-
 @pytest.mark.parametrize("share", [1.0, 0.25, 0.01])
 def test_matter_is_never_dropped(share: float) -> None:
     """Cells wholly inside a ball are kept, however few cells a refresh measures."""

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import nn
 
-from baselines.composition import Parts, encoding_bands, skip_layer
+from baselines.composition import Parts, skip_layer
 from baselines.contract import Box, NetworkSize
 from baselines.field import NetworkField
 from baselines.methods.ablations import LADDER, PARTS_OF_QNERF, combination
@@ -50,11 +50,6 @@ def test_layer_of_the_skip(skip: str, depth: int, layer: int) -> None:
         assert layer == int(PHI * depth / 2), "Listing 3"
 
 
-def test_phi_skip_of_depth_8_widens_the_eighth_layer() -> None:
-    widths = [layer.in_features for layer in field_of("qnerf", NetworkSize()).density_net]  # type: ignore[union-attr]
-    assert widths == [63, *[256] * 6, 319]
-
-
 @pytest.mark.parametrize("depth", [4, 5])
 def test_phi_skip_of_small_depths_reaches_the_heads(depth: int) -> None:
     field = field_of("qnerf", replace(SMALL, depth=depth))
@@ -63,13 +58,6 @@ def test_phi_skip_of_small_depths_reaches_the_heads(depth: int) -> None:
     first = field.colour_net[0]
     assert isinstance(first, nn.Linear)
     assert first.in_features == SMALL.width + position + direction
-
-
-def test_bandwidth_control_has_as_many_bands_as_the_paper_s_reach() -> None:
-    assert encoding_bands("base2_matched", 10) == 7
-    assert encoding_bands("base2", 10) == encoding_bands("phi", 10) == 10
-    matched = field_of("nerf_matched", NetworkSize())
-    assert (matched.base, matched.position_bands) == (2.0, 7)
 
 
 def test_combinations_of_nothing_and_of_everything() -> None:

@@ -19,21 +19,6 @@ def test_composite_is_the_loop_of_equation_6_over_a_background() -> None:
     torch.testing.assert_close(composite(w, ray, values, T_end, background), torch.tensor(expected))
 
 
-def test_no_points_are_the_background_exactly() -> None:
-    background = torch.tensor([0.1, 0.2, 0.3])
-    colour = composite(torch.zeros(0), torch.zeros(0, dtype=torch.long), torch.zeros(0, 3), torch.ones(4), background)
-    assert torch.equal(colour, background.expand(4, 3))
-
-
-def test_gradients() -> None:
-    generator = torch.Generator().manual_seed(12)
-    w = torch.rand(5, dtype=torch.float64, generator=generator, requires_grad=True)
-    values = torch.rand(5, 2, dtype=torch.float64, generator=generator, requires_grad=True)
-    T_end = torch.rand(3, dtype=torch.float64, generator=generator, requires_grad=True)
-    ray, background = torch.tensor([0, 0, 1, 1, 1]), torch.ones(2, dtype=torch.float64)
-    assert torch.autograd.gradcheck(lambda w, v, T: composite(w, ray, v, T, background), (w, values, T_end))
-
-
 def test_depth_is_the_mean_distance_of_what_is_hit() -> None:
     w, t = torch.tensor([[0.25, 0.25], [0.0, 0.5]]), torch.tensor([[2.0, 4.0], [3.0, 5.0]])
     assert expected_depth(w, t, 9.0).tolist() == [3.0, 5.0]

@@ -5,7 +5,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from baselines.numerics.amplifier import amplify_listing2
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.encoding import fourier_features
@@ -165,11 +164,3 @@ def test_sine_and_cosine_lie_on_the_unit_circle(x: list[float], band: int, base:
     mirrored = fourier_features(-torch.tensor(x).unsqueeze(-1), torch.tensor([base**band]))
     assert torch.equal(mirrored[:, :2], -features[:, :2])
     assert torch.equal(mirrored[:, 2], features[:, 2])
-
-
-@law
-@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30), st.floats(-100.0, 100.0), st.floats(-100.0, 100.0))
-def test_listing_2_stays_within_0_and_1(values: list[float], alpha: float, beta: float) -> None:
-    normalised = torch.tensor(values)
-    after = amplify_listing2(normalised, normalised.mean(), torch.tensor(alpha), torch.tensor(beta))
-    assert ((after >= 0) & (after <= 1)).all()

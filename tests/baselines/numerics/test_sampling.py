@@ -28,11 +28,6 @@ def test_fenceposts_are_evenly_spaced_with_exact_ends() -> None:
     assert rising(edges)
 
 
-def test_an_empty_interval_has_bins_without_length() -> None:
-    edges = uniform_edges(torch.tensor([2.5]), torch.tensor([2.5]), 7)
-    assert torch.equal(torch.diff(edges), torch.zeros(1, 7))
-
-
 @pytest.mark.parametrize("bins", [0, -3])
 def test_no_bins_are_refused(bins: int) -> None:
     with pytest.raises(ValueError, match=f"bins must be >= 1, is {bins}"):

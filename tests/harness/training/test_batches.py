@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from scipy.stats import chi2_contingency, chisquare
 
 from harness.plan.seeds import generator_for
 from harness.plan.settings import RayAttention
@@ -64,13 +63,6 @@ def patterned(attention: RayAttention) -> Batches:
     return Batches(cameras(), ImageStack.of(rgba), attention)
 
 
-def test_without_attention_batches_are_drawn_as_they_ever_were() -> None:
-    index = torch.randint(PIXELS, (40,), generator=generator_for(3, 17, "batch"))
-    assert numbers(batches(), 3, 17) == index.tolist()
-    rgba = batches().rgba
-    assert numbers(Batches(cameras(), rgba, "none"), 3, 17) == index.tolist()
-
-
 def test_with_attention_half_of_the_rays_go_where_the_training_images_change() -> None:
     some = patterned("gradients")
     rays, colours = some.batch(5, 1, 2000)
@@ -110,30 +102,3 @@ def test_the_global_generator_is_left_alone() -> None:
     torch.manual_seed(5)
     numbers(batches(), 0, 0)
     assert torch.equal(torch.rand(3), expected)
-
-
-def test_each_colour_comes_with_the_ray_of_its_own_pixel() -> None:
-    some = batches()
-    rays, colours = some.batch(1, 2, 200)
-    assert len(rays) == 200
-    for i, number in enumerate(colours[:, 0].int().tolist()):
-        view, pixel = divmod(number, HEIGHT * WIDTH)
-        whole = some.cameras.all_rays(view)
-        assert torch.equal(rays.directions[i], whole.directions[pixel])
-        assert torch.equal(rays.origins[i], whole.origins[pixel])
-
-
-def test_all_pixels_of_all_views_are_drawn_equally_often() -> None:
-    some = batches()
-    drawn = np.concatenate([numbers(some, 0, step, 600) for step in range(40)])
-    counts = np.bincount(drawn, minlength=PIXELS)
-    assert len(counts) == PIXELS
-    assert chisquare(counts).pvalue > 1e-3
-
-
-def test_pixels_of_successive_steps_are_independent() -> None:
-    some = batches()
-    views = np.stack([numbers(some, 0, step, 400) for step in range(60)]) // (HEIGHT * WIDTH)
-    table = np.zeros((VIEWS, VIEWS))
-    np.add.at(table, (views[0::2], views[1::2]), 1)
-    assert chi2_contingency(table).pvalue > 1e-3

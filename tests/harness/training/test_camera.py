@@ -28,14 +28,6 @@ def test_its_rays_are_those_of_the_views() -> None:
     assert (ours.near, ours.far) == (2.0, 6.0)
 
 
-def test_the_axis_leaves_through_the_centre_and_row_0_is_on_top() -> None:
-    rays = camera(width=3, height=3).rays(CPU).directions.double().numpy()
-    np.testing.assert_allclose(rays[4], -POSE[:3, 2], atol=1e-7)
-    assert rays[1] @ POSE[:3, 1] > 0.1
-    assert rays[5] @ POSE[:3, 0] > 0.1
-    assert rays[5] @ -POSE[:3, 2] == pytest.approx(9.0 / math.hypot(9.0, 1.0))
-
-
 def test_resized_sees_the_same_between_the_same_corners() -> None:
     one = camera()
     half, same = one.resized(4), one.resized(8)

@@ -45,14 +45,6 @@ def test_the_paper_s_network_by_hand() -> None:
     assert flops_per_evaluation(field_of("nerf", NetworkSize())) == 2 * (density + 256 + colour)
 
 
-def test_without_view_direction_its_columns_are_not_counted() -> None:
-    size = NetworkSize()
-    seeing, blind = (flops_per_evaluation(field_of("nerf", size, view_dependent=on)) for on in (True, False))
-    assert seeing is not None
-    assert blind is not None
-    assert seeing - blind == 2 * 27 * 128
-
-
 def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> None:
     """Nobody asks for a gradient of what is encoded, and direction's product is taken once a ray."""
     size, points, rays = NetworkSize(), 1000, 10

@@ -76,18 +76,6 @@ def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[f
         assert read_cell(cell_path(out, "ball", method, 0)).scores == cell.scores
 
 
-def test_histograms_are_shares_before_and_after_the_amplifier(trained: tuple[Any, dict[str, CellRecord], Any]) -> None:
-    for method, cell in trained[1].items():
-        for point in cell.curve:
-            assert point.density is not None
-            assert len(point.density["edges"]) == len(point.density["before"]) + 1
-            assert sum(point.density["before"]) == pytest.approx(1.0)
-            assert sum(point.density["after"]) == pytest.approx(1.0)
-            assert (point.alpha is None) == (method != "qnerf")
-            if method != "qnerf":
-                assert point.density["before"] == point.density["after"]
-
-
 def test_pictures_and_weights_are_kept(trained: tuple[Path, dict[str, CellRecord], Any], ball: ViewSet) -> None:
     out, cells, _ = trained
     for method, cell in cells.items():
@@ -166,12 +154,6 @@ def test_all_methods_get_the_rays_that_the_settings_choose(
     for directions, colours in second:
         assert torch.equal(directions, expected[0].directions)
         assert torch.equal(colours, expected[1])
-
-
-def test_batches_of_a_seed_are_those_of_no_other(ball: ViewSet) -> None:
-    cameras = evaluate.cameras_of(ball, ball.train, CPU)
-    some = Batches(cameras, ball.train.rgba)
-    assert not torch.equal(some.batch(0, 0, 8)[0].directions, some.batch(1, 0, 8)[0].directions)
 
 
 @pytest.mark.parametrize(("limit", "share"), [(1e-12, 1.0), (1e9, 0.0)])

@@ -12,7 +12,7 @@ from harness.machine.stopwatch import Stopwatch
 from harness.plan.schedule import Budget, learning_rate
 from harness.plan.settings import GridSettings
 from harness.training.trainer import TRACED, Diverged, Trainer
-from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours, trainer
+from tests.harness.tiny import CPU, TRAIN, rays_and_colours, trainer
 
 METHODS = ["nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"]
 
@@ -295,11 +295,6 @@ def test_the_trace_has_series_of_one_length() -> None:
     assert one.trace["alpha"][0] == pytest.approx(0.618, abs=0.02)
     assert train(trainer("nerf"), 1).trace["alpha"] == [None]
     assert trainer("nerf").amplifier_scalars() == {"alpha": None, "beta": None}
-
-
-def test_nothing_is_spent_at_the_start() -> None:
-    one = trainer()
-    assert (one.progress, one.clock.seconds, one.budget) == (0.0, 0.0, BUDGET)
 
 
 @pytest.mark.parametrize("bins", [0, -1])

@@ -13,7 +13,6 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from harness.machine.stopwatch import Stopwatch
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import VoxelSettings
@@ -208,15 +207,6 @@ def test_a_batch_that_sees_nothing_of_the_box_teaches_nothing() -> None:
 
 
 @pytest.mark.usefixtures("available")
-def test_a_budget_of_seconds_runs_on_its_own_clock() -> None:
-    one = voxels(budget=Budget(None, 10.0))
-    ticks = iter(range(1000))
-    one.clock = Stopwatch(CPU, lambda: float(next(ticks)))
-    train(one, 4)
-    assert one.progress == 0.4
-
-
-@pytest.mark.usefixtures("available")
 def test_its_records_are_as_complete_as_those_of_others_and_it_learns(ball: ViewSet, tmp_path: Path) -> None:
     train, score = replace(SETTINGS, rays=256), replace(SCORE, checkpoints=2)
     task = GroupTask("ball", 0, ("nerf", "voxels_drjit"), train, score, Budget(100, None), tmp_path)
@@ -274,10 +264,3 @@ def test_a_run_where_drjit_cannot_be_imported_goes_on_without_it(tmp_path: Path)
     assert page.returncode == 0, page.stdout + page.stderr
     html = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     assert "not available" in html
-
-
-@pytest.mark.usefixtures("available")
-@pytest.mark.parametrize("bins", [0, -1])
-def test_less_than_one_bin_a_ray_is_refused(bins: int) -> None:
-    with pytest.raises(ValueError, match=f"{bins} bins a ray"):
-        voxels().render(rays_and_colours(8)[0], 8, bins)
