@@ -1,11 +1,16 @@
 """Settings so small that a cell trains in a second, and rays to train on without a scene."""
 
+from typing import TypeVar
+
 import torch
 
 from baselines.contract import Box, NetworkSize, Rays
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
+from harness.training.learner import Learner
 from harness.training.trainer import Trainer
+
+L = TypeVar("L", bound=Learner)
 
 TRAIN = TrainSettings(
     network=NetworkSize(
@@ -41,3 +46,18 @@ def rays_and_colours(count: int = 64, seed: int = 0) -> tuple[Rays, torch.Tensor
 
 def trainer(method: str = "nerf", settings: TrainSettings = TRAIN, budget: Budget = BUDGET, seed: int = 0) -> Trainer:
     return Trainer(method, box(), settings, budget, seed, CPU)
+
+
+def train(learner: L, steps: int) -> L:
+    """The learner after as many steps, each on a batch of its own."""
+    for step in range(steps):
+        learner.train_on(*rays_and_colours(seed=step))
+    return learner
+
+
+def weights(learner: Learner) -> dict[str, torch.Tensor]:
+    return {name: value.clone() for name, value in learner.fields.state_dict().items()}
+
+
+def same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor]) -> bool:
+    return set(first) == set(second) and all(torch.equal(first[name], second[name]) for name in first)

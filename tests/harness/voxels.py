@@ -1,9 +1,17 @@
 """Whether Dr.Jit can train here, found out without risk to the process that asks."""
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 import torch
 
-from harness.training.make_learner import NotAvailable, drjit_backend
+from harness.plan.schedule import Budget
+from harness.plan.settings import VoxelSettings
+from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
+from tests.harness.tiny import BUDGET, CPU, TRAIN, box
+
+SETTINGS = replace(TRAIN, voxels=VoxelSettings(finest=16, bins=24, smoothed=256))
 
 
 def drjit_or_skip() -> None:
@@ -12,3 +20,9 @@ def drjit_or_skip() -> None:
         drjit_backend(torch.device("cpu"))
     except NotAvailable as missing:
         pytest.skip(str(missing))
+
+
+def voxels(seed: int = 0, budget: Budget = BUDGET) -> Any:
+    """The method in training; the test is skipped where it is not available."""
+    drjit_or_skip()
+    return learner_for("voxels_drjit", box(), SETTINGS, budget, seed, CPU)

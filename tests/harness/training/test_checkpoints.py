@@ -20,20 +20,15 @@ from harness.training.checkpoints import (
 )
 from harness.training.learner import Learner
 from scenes.files.errors import InputError
-from tests.harness.tiny import TRAIN, rays_and_colours, trainer
-from tests.harness.training.test_voxel_trainer import train as train_voxels
-from tests.harness.training.test_voxel_trainer import voxels
-from tests.harness.voxels import drjit_or_skip
+from tests.harness.tiny import TRAIN, rays_and_colours, train, trainer
+from tests.harness.voxels import voxels
 
 STEPS = 12
 """Past the first refresh of the grid."""
 
 
 def trained(method: str, **changes: Any) -> Any:
-    one = trainer(method, replace(TRAIN, **changes))
-    for step in range(STEPS):
-        one.train_on(*rays_and_colours(seed=step))
-    return one
+    return train(trainer(method, replace(TRAIN, **changes)), STEPS)
 
 
 CASES: dict[str, Callable[[], Any]] = {
@@ -69,8 +64,7 @@ def test_what_is_loaded_is_what_was_saved(case: str, tmp_path: Path) -> None:
 
 
 def test_voxels_come_back_at_their_fineness(tmp_path: Path) -> None:
-    drjit_or_skip()
-    before = train_voxels(voxels(), STEPS)
+    before = train(voxels(), STEPS)
     save_checkpoint(before, tmp_path / "voxels.safetensors")
     after = voxels(seed=1)
     assert weights_digest(after) != weights_digest(before)

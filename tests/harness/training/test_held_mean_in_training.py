@@ -9,7 +9,7 @@ import torch
 from baselines.amplifiers import HeldMeanAmplifier
 from baselines.methods.repaired import CANDIDATES
 from harness.training.trainer import Diverged, Trainer
-from tests.harness.tiny import TRAIN, rays_and_colours, trainer
+from tests.harness.tiny import TRAIN, rays_and_colours, same, train, trainer, weights
 
 every_candidate = pytest.mark.parametrize("method", CANDIDATES)
 
@@ -17,12 +17,6 @@ every_candidate = pytest.mark.parametrize("method", CANDIDATES)
 def mean_of(one: Trainer) -> HeldMeanAmplifier:
     assert isinstance(one.coarse.amplifier, HeldMeanAmplifier)
     return one.coarse.amplifier
-
-
-def train(one: Trainer, steps: int) -> Trainer:
-    for step in range(steps):
-        one.train_on(*rays_and_colours(seed=step))
-    return one
 
 
 @every_candidate
@@ -46,8 +40,7 @@ def test_the_same_seed_gives_the_same_bits_and_the_warm_up_leaves_no_trace(metho
     first, second = train(trainer(method), 13), trainer(method)
     second.warm_up(*rays_and_colours(seed=5))
     train(second, 13)
-    for name, value in first.fields.state_dict().items():
-        assert torch.equal(value, second.fields.state_dict()[name]), name
+    assert same(weights(first), weights(second))
 
 
 @every_candidate

@@ -12,35 +12,85 @@ from harness.machine.stopwatch import Stopwatch
 from harness.plan.schedule import Budget, learning_rate
 from harness.plan.settings import GridSettings
 from harness.training.trainer import TRACED, Diverged, Trainer
-from tests.harness.tiny import CPU, TRAIN, rays_and_colours, trainer
+from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours, same, train, trainer, weights
+from tests.harness.voxels import voxels
 
 METHODS = ["nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"]
+every_kind = pytest.mark.parametrize("method", ["nerf", "voxels_drjit"])
 
 
-def weights(one: Trainer) -> dict[str, torch.Tensor]:
-    return {name: value.clone() for name, value in one.fields.state_dict().items()}
+def learner(method: str, budget: Budget = BUDGET) -> Any:
+    return voxels(budget=budget) if method == "voxels_drjit" else trainer(method, budget=budget)
 
 
-def same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor]) -> bool:
-    return set(first) == set(second) and all(torch.equal(first[name], second[name]) for name in first)
-
-
-def train(one: Trainer, steps: int) -> Trainer:
-    for step in range(steps):
-        one.train_on(*rays_and_colours(seed=step))
-    return one
-
-
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*METHODS, "voxels_drjit"])
 def test_the_same_seed_gives_the_same_bits(method: str) -> None:
-    first = train(trainer(method), 22)
+    first = train(learner(method), 22)
     torch.manual_seed(1234)
-    second = train(trainer(method), 22)
+    second = train(learner(method), 22)
     assert same(weights(first), weights(second))
     assert first.trace == second.trace
     assert first.network_evaluations == second.network_evaluations
     rays, _ = rays_and_colours(seed=77)
     assert torch.equal(first.render(rays, 16).colour, second.render(rays, 16).colour)
+
+
+@every_kind
+def test_rendering_between_steps_and_in_chunks_changes_nothing(method: str) -> None:
+    alone, looked_at = train(learner(method), 12), learner(method)
+    for step in range(12):
+        looked_at.render(rays_and_colours(seed=step)[0], 16)
+        looked_at.train_on(*rays_and_colours(seed=step))
+    assert same(weights(looked_at), weights(alone))
+    rays, _ = rays_and_colours()
+    whole = alone.render(rays, 10_000)
+    for chunk in (1, 7, 64, 1000):
+        parts = alone.render(rays, chunk)
+        for name in ("colour", "opacity", "depth"):
+            torch.testing.assert_close(getattr(parts, name), getattr(whole, name), atol=2e-5, rtol=1e-4)
+        assert parts.network_evaluations == whole.network_evaluations
+
+
+@every_kind
+def test_the_warm_up_changes_nothing_and_is_not_on_the_clock(method: str) -> None:
+    """Nine steps: over both refinements of the voxels."""
+    plain, warmed = learner(method), learner(method)
+    warmed.warm_up(*rays_and_colours(seed=3))
+    assert (warmed.clock.seconds, warmed.step, warmed.network_evaluations) == (0.0, 0, 0)
+    assert same(weights(plain), weights(warmed))
+    assert same(weights(train(plain, 9)), weights(train(warmed, 9)))
+
+
+@every_kind
+def test_training_lowers_the_loss(method: str) -> None:
+    one = learner(method, Budget(60, None))
+    batch = rays_and_colours()
+    losses = []
+    for _ in range(60):
+        one.train_on(*batch)
+        losses.append(one.last_loss)
+    assert losses[-1] < 0.9 * losses[0]
+
+
+@every_kind
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_colour_that_is_not_finite_shows_in_the_loss_and_leaves_the_weights_alone(method: str, bad: float) -> None:
+    one = train(learner(method), 2)
+    before = weights(one)
+    rays, colours = rays_and_colours()
+    colours[5, 1] = bad
+    with pytest.raises(Diverged, match="at step 2: loss"):
+        one.train_on(rays, colours)
+    assert same(weights(one), before)
+    assert one.step == 2
+
+
+def test_a_budget_of_seconds_runs_on_the_methods_own_clock() -> None:
+    one = trainer(budget=Budget(None, 10.0))
+    ticks = iter(range(1000))
+    one.clock = Stopwatch(CPU, lambda: float(next(ticks)))
+    train(one, 4)
+    assert (one.clock.seconds, one.progress) == (4.0, 0.4)
 
 
 def test_another_seed_gives_other_weights_and_other_samples() -> None:
@@ -59,34 +109,6 @@ def test_two_methods_in_turn_do_not_disturb_each_other() -> None:
     assert same(weights(ours), weights(alone))
 
 
-def test_rendering_between_steps_changes_nothing() -> None:
-    alone = train(trainer(), 12)
-    looked_at = trainer()
-    for step in range(12):
-        looked_at.render(rays_and_colours(seed=step)[0], 16)
-        looked_at.train_on(*rays_and_colours(seed=step))
-    assert same(weights(looked_at), weights(alone))
-
-
-def test_the_warm_up_changes_nothing_and_is_not_on_the_clock() -> None:
-    one, warmed = trainer(), trainer()
-    warmed.warm_up(*rays_and_colours(seed=3))
-    assert (warmed.clock.seconds, warmed.step, warmed.network_evaluations) == (0.0, 0, 0)
-    assert same(weights(one), weights(warmed))
-    assert same(weights(train(one, 3)), weights(train(warmed, 3)))
-
-
-def test_training_lowers_the_loss() -> None:
-    one = trainer(budget=Budget(60, None))
-    batch = rays_and_colours()
-    for _ in range(60):
-        one.train_on(*batch)
-    first, last = one.trace["loss"][0], one.trace["loss"][-1]
-    assert first is not None
-    assert last is not None
-    assert last < 0.9 * first
-
-
 # what is not finite
 
 
@@ -98,18 +120,6 @@ def test_a_weight_that_is_nan_is_named_with_its_step() -> None:
         one.train_on(*rays_and_colours())
     assert (caught.value.step, caught.value.tensor) == (3, "weight of coarse.density_net.2.weight")
     assert str(caught.value) == "not finite at step 3: weight of coarse.density_net.2.weight"
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_colour_that_is_not_finite_is_told_by_the_loss_and_leaves_the_weights_alone(bad: float) -> None:
-    one = train(trainer(), 2)
-    before = weights(one)
-    rays, colours = rays_and_colours()
-    colours[5, 1] = bad
-    with pytest.raises(Diverged, match="at step 2: loss"):
-        one.train_on(rays, colours)
-    assert same(weights(one), before)
-    assert one.step == 2
 
 
 def test_a_gradient_that_is_nan_is_named_and_leaves_the_weights_alone() -> None:
@@ -166,16 +176,6 @@ def test_a_coarse_pass_that_is_nan_is_a_divergence() -> None:
 
 
 # rendering
-
-
-@pytest.mark.parametrize("chunk", [1, 7, 64, 1000])
-def test_rendering_in_chunks_keeps_the_order_of_rays(chunk: int) -> None:
-    one = train(trainer(), 12)
-    rays, _ = rays_and_colours()
-    whole, parts = one.render(rays, 10_000), one.render(rays, chunk)
-    for name in ("colour", "opacity", "depth"):
-        torch.testing.assert_close(getattr(parts, name), getattr(whole, name), atol=2e-5, rtol=1e-4)
-    assert parts.network_evaluations == whole.network_evaluations
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -276,15 +276,6 @@ def test_a_fine_pass_trains_both_fields_and_shows_the_fine_one() -> None:
 
 
 # budget and trace
-
-
-def test_a_budget_of_seconds_runs_on_the_methods_own_clock() -> None:
-    one = trainer(budget=Budget(None, 10.0))
-    ticks = iter(range(1000))
-    one.clock = Stopwatch(CPU, lambda: float(next(ticks)))
-    train(one, 4)
-    assert one.clock.seconds == 4.0
-    assert one.progress == 0.4
 
 
 def test_the_trace_has_series_of_one_length() -> None:

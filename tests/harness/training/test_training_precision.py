@@ -15,7 +15,7 @@ from harness.plan.profiles import planned
 from harness.plan.settings import GridSettings
 from harness.training import trainer as trainer_module
 from harness.training.trainer import LOSS_SCALE, Diverged, Trainer
-from tests.harness.tiny import TRAIN, rays_and_colours, trainer
+from tests.harness.tiny import TRAIN, rays_and_colours, train, trainer
 
 REDUCED: list[Precision] = ["bfloat16", "float16"]
 every_reduced = pytest.mark.parametrize("precision", REDUCED)
@@ -27,10 +27,7 @@ def dtypes_of(values: Any) -> set[torch.dtype]:
 
 
 def trained(precision: Precision, steps: int = 3, method: str = "qnerf", **changes: Any) -> Trainer:
-    one = trainer(method, replace(TRAIN, precision=precision, **changes))
-    for step in range(steps):
-        one.train_on(*rays_and_colours(seed=step))
-    return one
+    return train(trainer(method, replace(TRAIN, precision=precision, **changes)), steps)
 
 
 @every_reduced
@@ -62,8 +59,7 @@ def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
         "_prepared",
         lambda *a: seen["products"].add((net := products(*a)).density[0].hidden.dtype) or net,
     )
-    for step in range(3):
-        one.train_on(*rays_and_colours(seed=step))
+    train(one, 3)
     one.render(rays_and_colours()[0], 16)
     assert seen == {
         "encoding": {torch.float32},
@@ -82,8 +78,7 @@ def test_weights_move_by_less_than_reduced_precision_resolves(precision: Precisi
     bias = one.coarse.colour_net[0].bias
     with torch.no_grad():
         bias.fill_(1.0)
-    for step in range(10):
-        one.train_on(*rays_and_colours(seed=step))
+    train(one, 10)
     moved = (bias.detach() - 1.0).abs()
     assert float(moved.max()) > 2e-5
     assert bool((bias.detach().to(field.DTYPES[precision]) == 1.0).all()), "the test would see nothing"
