@@ -16,10 +16,6 @@ def meet(o: list[float], d: list[float], near: float = NEAR, far: float = FAR) -
     return entry.item(), leave.item(), hit.item()
 
 
-def test_ray_through_the_middle() -> None:
-    assert meet([0.0, 0.0, 4.0], [0.0, 0.0, -1.0]) == (3.5, 4.25, True)
-
-
 def test_ray_that_starts_inside_enters_at_near() -> None:
     assert meet([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]) == (0.5, 1.0, True)
     assert meet([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], near=0.0) == (0.0, 1.0, True)
@@ -40,10 +36,6 @@ def test_a_miss_has_zero_length(o: list[float], d: list[float], why: str) -> Non
     assert not hit, why
     assert entry == leave
     assert math.isfinite(entry)
-
-
-def test_near_and_far_cut() -> None:
-    assert meet([0.0, 0.0, 4.0], [0.0, 0.0, -1.0], near=3.75, far=4.0) == (3.75, 4.0, True)
 
 
 def test_no_rays() -> None:

@@ -62,15 +62,6 @@ def test_half_of_a_batch_is_by_attention_and_the_rest_from_everywhere(count: int
     assert len(set(map(tuple, drawn.tolist()))) > 150 // (1 + (count == 1))
 
 
-def test_seed_and_step_alone_decide() -> None:
-    attended = AttendedPixels.by_gradients(images())
-    first = mixed(attended, 210, 50, "lego/0", 3)
-    torch.manual_seed(1)
-    assert torch.equal(mixed(attended, 210, 50, "lego/0", 3), first)
-    assert not torch.equal(mixed(attended, 210, 50, "lego/0", 4), first)
-    assert not torch.equal(mixed(attended, 210, 50, "lego/1", 3), first)
-
-
 @pytest.mark.parametrize("u", [0.0, 0.5, 1.0 - 2.0**-53])
 def test_no_pixel_is_drawn_where_nothing_is_attended(u: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even by the smallest variate, where the first image is of one colour."""

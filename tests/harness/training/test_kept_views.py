@@ -52,14 +52,19 @@ def test_the_truth_of_posed_pngs_is_display_colour_alone(ball: ViewSet, tmp_path
     assert one.opacity == pytest.approx(ball.test.rgba[1][..., 3], abs=1e-3)
 
 
+def rendered(ball: ViewSet, folder: Path, rgba: np.ndarray) -> ViewSet:
+    """A view set of ours in which one test view has this linear light."""
+    file = folder / "test" / "r_0.exr"
+    file.parent.mkdir()
+    write_channels(file, {name: rgba[..., i] for i, name in enumerate("RGBA")})
+    return replace(ball, path=folder, width=len(rgba), rendered={"files": {"test/r_0.exr": file_digest(file)}})
+
+
 def test_light_over_white_is_not_clipped_and_averages_areas(ball: ViewSet, tmp_path: Path) -> None:
     rgba = np.zeros((4, 4, 4), dtype=np.float32)
     rgba[:2] = (12.0, 3.0, 0.5, 1.0)
     rgba[2:, :2] = (0.1, 0.2, 0.25, 0.5)
-    file = tmp_path / "test" / "r_0.exr"
-    file.parent.mkdir()
-    write_channels(file, {name: rgba[..., i] for i, name in enumerate("RGBA")})
-    views = replace(ball, path=tmp_path, width=4, rendered={"files": {"test/r_0.exr": file_digest(file)}})
+    views = rendered(ball, tmp_path, rgba)
     light = linear_over_white(views, "test/r_0")
     assert light is not None
     assert light[0, 0] == pytest.approx([12.0, 3.0, 0.5])
@@ -70,6 +75,7 @@ def test_light_over_white_is_not_clipped_and_averages_areas(ball: ViewSet, tmp_p
     (blue,) = decode_srgb(0.625 * encode_srgb(mean[2:3] / 0.625) + 0.375)
     assert small == pytest.approx(np.array([mean[0] + 0.375, mean[1] + 0.375, blue]).reshape(1, 1, 3))
     assert linear_over_white(ball, "test/r_0") is None
+    file = tmp_path / "test" / "r_0.exr"
     write_channels(file, {**read_channels(file), "A": rgba[..., 0]})
     with pytest.raises(DamagedViewSet, match="checksum is wrong"):
         linear_over_white(views, "test/r_0")
@@ -83,11 +89,7 @@ def test_a_perfect_picture_has_no_error_in_linear_light_but_where_it_is_brighter
     colour = np.random.default_rng(1).uniform(0, 1, (8, 8, 3)).astype(np.float32)
     alpha[0, 0], colour[0, 0], colour[1, 1, 0], alpha[1, 1] = 0.5, 0.0, 9.0, 0.25
     rgba = np.concatenate([colour * alpha, alpha], axis=-1)
-    (tmp_path / "test").mkdir()
-    file = tmp_path / "test" / "r_0.exr"
-    write_channels(file, {name: rgba[..., i] for i, name in enumerate("RGBA")})
-    views = replace(ball, path=tmp_path, width=8, rendered={"files": {"test/r_0.exr": file_digest(file)}})
-    light = linear_over_white(views, "test/r_0")
+    light = linear_over_white(rendered(ball, tmp_path, rgba), "test/r_0")
     assert light is not None
     error = light - decode_srgb(over_white(display_from_linear(rgba)))
     assert light[0, 0] == pytest.approx([0.2140411] * 3)

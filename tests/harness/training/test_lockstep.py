@@ -1,5 +1,6 @@
 """All methods of a group in turn: same batches, own clocks, whole records, no one stopped by another."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,17 @@ def group(
     task = replace(GroupTask("ball", seed, methods, TRAIN, SCORE, BUDGET, out), **changes)
     cells = train_group(task, ball, {"here": 1}, progress or (lambda share: None))
     return {cell.method: cell for cell in cells}
+
+
+def watched(monkeypatch: pytest.MonkeyPatch, note: Callable[[Trainer, Any, torch.Tensor], object]) -> None:
+    """Let `note` see every step before it is taken."""
+    original = Trainer.train_on
+
+    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        note(self, rays, colours)
+        original(self, rays, colours)
+
+    monkeypatch.setattr(Trainer, "train_on", spy)
 
 
 @pytest.fixture(scope="module")
@@ -112,14 +124,12 @@ def test_all_methods_get_the_same_batches_and_take_turns(
 ) -> None:
     seen: dict[str, list[torch.Tensor]] = {method: [] for method in THREE}
     order: list[str] = []
-    original = Trainer.train_on
 
-    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
-        seen[self.method].append(torch.cat([rays.origins, rays.directions, colours], dim=-1))
-        order.append(self.method)
-        original(self, rays, colours)
+    def note(learner: Trainer, rays: Any, colours: torch.Tensor) -> None:
+        seen[learner.method].append(torch.cat([rays.origins, rays.directions, colours], dim=-1))
+        order.append(learner.method)
 
-    monkeypatch.setattr(Trainer, "train_on", spy)
+    watched(monkeypatch, note)
     group(ball, tmp_path, budget=Budget(6, None))
     assert len(seen["nerf"]) == 6
     for method in THREE[1:]:
@@ -138,13 +148,7 @@ def test_all_methods_get_the_rays_that_the_settings_choose(
     cameras = evaluate.cameras_of(ball, ball.train, CPU)
     expected = Batches(cameras, ball.train.rgba, attention).batch("ball/0", 1, TRAIN.rays)
     seen: list[tuple[int, torch.Tensor, torch.Tensor]] = []
-    original = Trainer.train_on
-
-    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
-        seen.append((self.step, rays.directions, colours))
-        original(self, rays, colours)
-
-    monkeypatch.setattr(Trainer, "train_on", spy)
+    watched(monkeypatch, lambda learner, rays, colours: seen.append((learner.step, rays.directions, colours)))
     train = replace(TRAIN, ray_attention=attention)
     cells = group(ball, tmp_path, ("nerf", "qnerf"), budget=Budget(3, None), train=train)
     assert {cell.settings["train"]["ray_attention"] for cell in cells.values()} == {attention}
@@ -167,13 +171,10 @@ def test_the_record_says_how_many_of_the_steps_were_clipped(
 
 def test_scenes_are_independent_draws(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[torch.Tensor, torch.Tensor]] = []
-    original = Trainer.train_on
-
-    def spy(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
-        seen.append((colours, self.coarse.density_net[0].weight.detach().clone()))
-        original(self, rays, colours)
-
-    monkeypatch.setattr(Trainer, "train_on", spy)
+    watched(
+        monkeypatch,
+        lambda learner, _, colours: seen.append((colours, learner.coarse.density_net[0].weight.detach().clone())),
+    )
     score = replace(SCORE, checkpoints=1)
     for scene in ("lego", "mic"):
         task = GroupTask(scene, 0, ("nerf",), TRAIN, score, Budget(1, None), tmp_path)

@@ -13,7 +13,7 @@ from harness.training import evaluate, lockstep
 from harness.training.trainer import Trainer
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet
-from tests.harness.training.test_lockstep import group, without_time
+from tests.harness.training.test_lockstep import group, watched, without_time
 
 
 @pytest.fixture(scope="module")
@@ -21,23 +21,15 @@ def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     return group(ball, tmp_path_factory.mktemp("trained"))
 
 
-@pytest.fixture
-def spoil_qnerf_at_step_9(monkeypatch: pytest.MonkeyPatch) -> None:
-    original = Trainer.train_on
-
-    def spoilt(self: Trainer, rays: Any, colours: torch.Tensor) -> None:
-        if self.method == "qnerf" and self.step == 9:
-            with torch.no_grad():
-                self.coarse.density_head.weight[0, 0] = math.nan
-        original(self, rays, colours)
-
-    monkeypatch.setattr(Trainer, "train_on", spoilt)
+def poisoned(learner: Trainer) -> None:
+    with torch.no_grad():
+        learner.coarse.density_head.weight[0, 0] = math.nan
 
 
-@pytest.mark.usefixtures("spoil_qnerf_at_step_9")
 def test_a_method_that_diverges_does_not_stop_or_change_the_others(
-    trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path
+    trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    watched(monkeypatch, lambda one, *_: poisoned(one) if (one.method, one.step) == ("qnerf", 9) else None)
     shares: list[float] = []
     cells = group(ball, tmp_path, progress=shares.append)
     broken = cells["qnerf"]
@@ -56,14 +48,11 @@ def test_a_method_that_diverges_does_not_stop_or_change_the_others(
 def test_an_error_of_ours_costs_its_own_cell_alone(
     trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = Trainer.train_on
-
-    def broken(self: Trainer, *batch: Any) -> None:
-        if self.method == "nerf" and self.step == 7:
+    def broken(learner: Trainer, *_: object) -> None:
+        if learner.method == "nerf" and learner.step == 7:
             raise RuntimeError("a bug")
-        original(self, *batch)
 
-    monkeypatch.setattr(Trainer, "train_on", broken)
+    watched(monkeypatch, broken)
     cells = group(ball, tmp_path)
     assert (cells["nerf"].status, cells["nerf"].reason) == ("error", "RuntimeError at step 7: a bug")
     for method in ("nerf_matched", "qnerf"):
@@ -125,8 +114,7 @@ def test_what_is_not_finite_in_the_warm_up_is_a_divergence(
 
     def spoilt(self: Trainer, *batch: Any) -> None:
         if self.method == "nerf":
-            with torch.no_grad():
-                self.coarse.density_head.weight[0, 0] = math.nan
+            poisoned(self)
         original(self, *batch)
 
     monkeypatch.setattr(Trainer, "warm_up", spoilt)
