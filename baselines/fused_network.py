@@ -72,9 +72,9 @@ class _Stage:
     again: Tensor | None = None
 
     def zeros(self) -> "_Stage":
-        parts = (self.hidden, self.bias, self.again)
         sums = _sums(self.bias.dtype)
-        return _Stage(*(None if part is None else part.new_zeros(part.shape, dtype=sums) for part in parts))
+        hidden, bias = (part.new_zeros(part.shape, dtype=sums) for part in (self.hidden, self.bias))
+        return _Stage(hidden, bias, None if self.again is None else self.again.new_zeros(self.again.shape, dtype=sums))
 
     def add(self, gradient: Tensor, x: Tensor, position: Tensor) -> None:
         _add_product(self.hidden, gradient, x)

@@ -10,13 +10,17 @@ import json
 import sys
 import time
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenes.catalog.entries import CATALOG
 from scenes.files.errors import InputError
 from scenes.files.installed import packages_needed
 from scenes.files.stopping import stop_on_signals
+
+if TYPE_CHECKING:
+    from scenes.rendering.store import Standing
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -66,19 +70,22 @@ def _render(options: argparse.Namespace) -> None:
         scenes.append(scene_from_file(options.scene_file))
     for scene in scenes:
         started = time.perf_counter()
-
-        def event(facts: dict[str, Any], name: str = scene if isinstance(scene, str) else scene.name) -> None:
-            print(json.dumps({"scene": name, **facts}), flush=True)
-
+        event = partial(_event, scene if isinstance(scene, str) else scene.name)
         for note in [] if isinstance(scene, str) else notes(scene):
-            event({"note": note})
+            event(note)
         path = ensure_view_set(
             scene, resolution=options.resolution, counts=counts, spp=spp, cache_folder=options.view_sets,
-            variant=options.variant, progress=lambda standing, event=event: event(asdict(standing)),
-            integrator=options.integrator, say=lambda text, event=event: event({"note": text}),
+            variant=options.variant, progress=event, integrator=options.integrator, say=event,
         )  # fmt: skip
         seconds = round(time.perf_counter() - started, 3)
         event({"path": str(path), "variant": read_manifest(path)["variant"], "seconds": seconds})
+
+
+def _event(scene: str, facts: "str | dict[str, Any] | Standing") -> None:
+    """Print a note or facts as one line of JSON."""
+    if isinstance(facts, str):
+        facts = {"note": facts}
+    print(json.dumps({"scene": scene, **(facts if isinstance(facts, dict) else asdict(facts))}), flush=True)
 
 
 def _export(options: argparse.Namespace) -> None:
