@@ -206,6 +206,18 @@ def smooth(solid: Solid) -> Solid:
     return Solid(solid.vertices, solid.faces, solid.uv, normals[place])
 
 
+def sheet(points: np.ndarray, uv: np.ndarray | None = None) -> Solid:
+    """A smooth surface through a grid of points [rows, columns, 3], with `uv` [rows, columns, 2]."""
+    faces = grid_faces(*points.shape[:2])
+    return smooth(Solid(points.reshape(-1, 3), faces, None if uv is None else uv.reshape(-1, 2)))
+
+
+def between(start: Point, end: Point, shares: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Return points [N, 3] on the straight line, at these shares [N] of the way."""
+    first = np.asarray(start)
+    return first + np.asarray(shares)[:, None] * (np.asarray(end) - first)
+
+
 def creased(solid: Solid, degrees: float = 50.0) -> Solid:
     """Return the solid with vertex normals shared only by triangles that meet at less than this angle.
 

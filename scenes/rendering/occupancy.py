@@ -153,7 +153,10 @@ def with_occupancy(folder: Path, order: Order) -> Path:
     scene = order.scene
     occupied = None if scene.load else inside(order.description, np.array(manifest["bounds"]), scene.emitters_seen)
     if occupied is not None:
-        _write(folder / NAME, _bound_to(manifest), np.packbits(occupied).tobytes())
+        content, bits = _bound_to(manifest), np.packbits(occupied).tobytes()
+        whole = {**content, "inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
+        with suppress(OSError):  # a cache that others keep: what is inside then stays unknown, and the report says so
+            write_atomically(folder / NAME, json.dumps(whole), fsync=False)
     return folder
 
 
@@ -185,9 +188,3 @@ def _read(folder: Path, manifest: dict[str, Any]) -> np.ndarray | None:
         raise DamagedViewSet(f"{file}: {error}; delete it, the next run makes it again") from error
     cells = np.unpackbits(np.frombuffer(bits, dtype=np.uint8)).astype(bool)
     return cells.reshape(CELLS, CELLS, CELLS)
-
-
-def _write(file: Path, content: dict[str, Any], bits: bytes) -> None:
-    whole = {**content, "inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
-    with suppress(OSError):  # a cache that others keep: what is inside then stays unknown, and the report says so
-        write_atomically(file, json.dumps(whole), fsync=False)

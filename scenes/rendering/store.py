@@ -307,22 +307,21 @@ def _move_into_place(partial: Path, target: Path) -> None:
     raise InputError(f"{target}: cannot be replaced, something keeps writing to it; remove it by hand")
 
 
+REFUSALS = {
+    errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk is full", errno.EFBIG: "the disk is full",
+    errno.EROFS: "not writable", errno.EACCES: "not writable", errno.EPERM: "not writable",
+    errno.ENOTDIR: "a file is in the way of a folder", errno.EEXIST: "a file is in the way of a folder",
+}  # fmt: skip
+
+
 @contextmanager
 def _disk(cache: Path) -> Iterator[None]:
     """Turn the system's refusal to write into an `InputError` that names the remedy."""
     try:
         yield
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            reason, remedy = "the disk is full", "free some space or choose"
-        elif error.errno in (errno.EROFS, errno.EACCES, errno.EPERM):
-            reason, remedy = "not writable", "choose"
-        elif error.errno in (errno.ENOTDIR, errno.EEXIST):
-            reason, remedy = "a file is in the way of a folder", "choose"
-        else:
-            reason, remedy = f"cannot be written ({error.strerror})", "choose"
-        where = error.filename or cache
-        raise InputError(f"{where}: {reason}; {remedy} another --view-sets folder") from error
+        reason = REFUSALS.get(error.errno or 0, f"cannot be written ({error.strerror})")
+        raise InputError(f"{error.filename or cache}: {reason}; choose another --view-sets folder") from error
 
 
 def _folder(cache: Path, order: Order, variant: str) -> Path:

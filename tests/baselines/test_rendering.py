@@ -222,12 +222,3 @@ def test_listing4_has_no_background_and_needs_the_whole_ray() -> None:
     assert torch.equal(empty.colour, torch.zeros(30, 3, dtype=torch.float64)), "black, not the background"
     hazy = render(AnalyticField(homogeneous(1e-6)), rays, 16, clip_to_box=False, quadrature="listing4")
     torch.testing.assert_close(hazy.opacity, torch.ones(30, dtype=torch.float64), rtol=0.0, atol=1e-6)
-
-
-def test_float32_agrees_with_float64() -> None:
-    field = AnalyticField(gaussian(5.0, 0.4))
-    double = rays_at(0.4, 100)
-    single = Rays(double.origins.float(), double.directions.float(), double.near, double.far)
-    ours = render(field, single, 64, box=cube(dtype=torch.float32))
-    assert ours.colour.dtype == torch.float32
-    torch.testing.assert_close(ours.colour.double(), render(field, double, 64).colour, rtol=0.0, atol=2e-6)

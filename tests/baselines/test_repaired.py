@@ -17,7 +17,6 @@ from baselines.amplifiers import (
 )
 from baselines.composition import DENSITY_SCALE
 from baselines.field import NetworkField, training_step
-from baselines.methods.nerf import NERF
 from baselines.methods.qnerf import QNERF
 from baselines.methods.repaired import CANDIDATES, MEANING
 from baselines.numerics.encoding import PHI
@@ -168,7 +167,3 @@ def test_gradients_are_those_of_differences(reading: str) -> None:
 def test_half_precision_is_refused(reading: str, dtype: torch.dtype) -> None:
     with pytest.raises(TypeError, match="the amplifier needs float32 or better, got torch"):
         made(reading).before_and_after(torch.zeros(4, dtype=dtype))
-
-
-def test_nerf_has_none_of_it() -> None:
-    assert not list(AMPLIFIERS[NERF.amplifier]().buffers())

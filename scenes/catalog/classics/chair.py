@@ -103,13 +103,8 @@ def front_leg() -> Solid:
 
 def back_leg() -> Solid:
     """A sabre leg: swept backwards, carried on upwards as the stile of the back."""
-    bend = [
-        (-0.60, 0.40, -1.06),
-        (-0.47, 0.385, -0.75),
-        (-0.40, 0.38, -0.35),
-        (-0.375, 0.39, -0.05),
-        (-0.35, 0.40, 0.12),
-    ]
+    leg = [(-0.60, 0.40, -1.06), (-0.47, 0.385, -0.75), (-0.40, 0.38, -0.35)]
+    bend = [*leg, (-0.375, 0.39, -0.05), (-0.35, 0.40, 0.12)]
     return tube(spline(bend, 30), np.interp(np.linspace(0, 1, 30), [0, 0.5, 1], [0.032, 0.052, 0.036]), 12)
 
 
@@ -155,24 +150,19 @@ def stretcher() -> Solid:
     return merged([mirrored(merged([side, bulb])), cross, finial])
 
 
-def nails() -> list[Solid]:
-    """Brass nails along the edges of the cloth."""
-    head = ball(0.0125, 8)
-    seat = along(np.c_[seat_outline(72), np.full(72, -0.208)], head)
-    return [seat, leaning(along(np.c_[back_outline(72) * [0.955, 0.955], np.full(72, 0.05)], head))]
-
-
 def build() -> Description:
     carving = merged([carved_back(), mirrored(merged([front_leg(), back_leg(), arm()])), apron(), stretcher()])
     seat = padded(seat_outline() * 0.985, 0.13, 0.115).moved(z=-0.17)
     seat = replace(seat, uv=seat.vertices[:, 1::-1])  # the pattern points to the back
     front = leaning(padded(back_outline() * 1.01, 0.07, 0.075))
     rear = leaning(padded(back_outline()[::-1] * [-1.02, 1.02], 0.05, 0.03).turned(180, (0, 1, 0)))
-    parts = {
-        "frame": [carving],
-        "cloth": [seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)],
-        "nails": [merged(nails())],
-    }
+    nail = ball(0.0125, 8)  # brass nails along the edges of the cloth
+    nails = [
+        along(np.c_[seat_outline(72), np.full(72, -0.208)], nail),
+        leaning(along(np.c_[back_outline(72) * [0.955, 0.955], np.full(72, 0.05)], nail)),
+    ]
+    cloth = [seat, front, rear, arm_pad(), arm_pad().scaled(1, -1, 1)]
+    parts = {"frame": [carving], "cloth": cloth, "nails": [merged(nails)]}
     centred = each(parts, lambda solid: solid.moved(x=0.05, z=-0.05).scaled(0.97, 1.06, 0.935))
     materials = {
         "frame": surfaces.plastic(surfaces.srgb("#8a4a20"), surfaces.VARNISH),

@@ -8,7 +8,7 @@ from scenes.modelling import surfaces
 from scenes.modelling.lighting import studio
 from scenes.modelling.parts import merged
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import Solid, grid_faces, lathe, mesh, smooth, tube
+from scenes.modelling.solids import Solid, lathe, mesh, sheet, smooth, tube
 
 GOLDEN_ANGLE = np.pi * (3 - 5**0.5)
 POT_BOTTOM, POT_HEIGHT = -1.17, 0.5
@@ -150,10 +150,9 @@ def leaf(curl: float, fold: float, shade: int) -> Solid:
     across = np.array([-1.0, -0.55, 0.0, 0.55, 1.0])
     y = half_width[:, None] * across
     z = fold * np.abs(y) - curl * blade[:, None] ** 2
-    vertices = np.stack([np.broadcast_to(x[:, None], y.shape), y, z], axis=-1).reshape(-1, 3)
     u = (shade + 0.5 + 0.46 * across) / SHADES
-    uv = np.stack(np.broadcast_arrays(u, x[:, None]), axis=-1).reshape(-1, 2)
-    return smooth(Solid(vertices, grid_faces(len(x), len(across)), uv))
+    uv = np.stack(np.broadcast_arrays(u, x[:, None]), axis=-1)
+    return sheet(np.stack([np.broadcast_to(x[:, None], y.shape), y, z], axis=-1), uv)
 
 
 def leaf_colours() -> np.ndarray:

@@ -8,7 +8,7 @@ from scenes.modelling import surfaces
 from scenes.modelling.lighting import hazed, studio
 from scenes.modelling.parts import merged
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import Solid, grid_faces, lathe, mesh, smooth
+from scenes.modelling.solids import Solid, lathe, mesh, sheet, smooth
 
 BASIN_RADIUS, BASIN_BOTTOM = 1.08, -0.68
 
@@ -43,7 +43,7 @@ def basin() -> Solid:
 
 
 def disc(radius: float, rings: int, segments: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y [segments + 1, rings] over a disc, from the centre out; for `grid_faces`."""
+    """Return x and y [segments + 1, rings] over a disc, from the centre out; for `sheet`."""
     angle = np.linspace(0, -2 * np.pi, segments + 1)[:, None]
     r = radius * np.linspace(0, 1, rings)
     return np.cos(angle) * r, np.sin(angle) * r
@@ -69,7 +69,7 @@ def water() -> Solid:
     bottom = np.full_like(skirt_x, BASIN_BOTTOM + 0.015)
     z = np.concatenate([WATER + ripple, bottom], axis=1)
     vertices = np.stack([np.hstack([x, skirt_x]), np.hstack([y, skirt_y]), z], axis=-1)
-    return smooth(Solid(vertices.reshape(-1, 3), grid_faces(*vertices.shape[:2])))
+    return sheet(vertices)
 
 
 def seabed() -> Solid:
@@ -77,9 +77,8 @@ def seabed() -> Solid:
     x, y = disc(BASIN_RADIUS - 0.03, rings=50, segments=120)
     r = np.hypot(x, y) / BASIN_RADIUS
     z = BASIN_BOTTOM + 0.075 + 0.09 * r**4 + waves(x, y, seed=3, longest=0.6, height=0.005)
-    vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    uv = vertices[:, :2] / (2 * BASIN_RADIUS) + 0.5
-    return smooth(Solid(vertices, grid_faces(*x.shape), uv))
+    vertices = np.stack([x, y, z], axis=-1)
+    return sheet(vertices, vertices[..., :2] / (2 * BASIN_RADIUS) + 0.5)
 
 
 def sand() -> np.ndarray:

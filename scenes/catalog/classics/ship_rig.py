@@ -7,7 +7,7 @@ import numpy as np
 from scenes.catalog.classics.ship_hull import MASTS_AT, STERN, WATER, channel, on_side
 from scenes.modelling import surfaces
 from scenes.modelling.parts import merged
-from scenes.modelling.solids import Solid, grid_faces, lathe, smooth, tube
+from scenes.modelling.solids import Solid, between, lathe, sheet, smooth, tube
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def spars() -> Solid:
     """Masts, bowsprit, yards, the gaff and boom of the spanker."""
     parts = []
     for mast in MASTS:
-        line = np.array([[mast.x, 0, z] for z in (mast.foot - 0.1, mast.top, mast.top + 0.02, mast.head)])
+        line = np.array([at(mast, z) for z in (mast.foot - 0.1, mast.top, mast.top + 0.02, mast.head)])
         parts.append(tube(line, np.array([0.021, 0.017, 0.012, 0.005]), sides=12))
         parts += [spar(ends_of_yard(mast, yard), 0.011 - 0.0025 * yard) for yard in range(len(mast.yards))]
     parts += [spar(GAFF, 0.007), spar(BOOM, 0.008), tube(BOWSPRIT, np.array([0.019, 0.007]), sides=12)]
@@ -54,7 +54,7 @@ def tops() -> Solid:
 def spar(ends: np.ndarray, radius: float) -> Solid:
     """A spar, thickest in the middle."""
     t = np.linspace(0, 1, 9)
-    return tube(ends[0] + t[:, None] * (ends[1] - ends[0]), radius * (1 - 0.5 * (2 * t - 1) ** 2), sides=8)
+    return tube(between(*ends, t), radius * (1 - 0.5 * (2 * t - 1) ** 2), sides=8)
 
 
 def ends_of_yard(mast: Mast, yard: int, ahead: float = 0.022) -> np.ndarray:
@@ -67,14 +67,13 @@ def ends_of_yard(mast: Mast, yard: int, ahead: float = 0.022) -> np.ndarray:
 
 def sail(corners: np.ndarray, belly: np.ndarray) -> Solid:
     """A cloth between four corners (head left, head right, foot left, foot right), blown out along `belly`."""
-    across, down = 17, 15
-    u, v = np.meshgrid(np.linspace(0, 1, across), np.linspace(0, 1, down), indexing="ij")
+    u, v = np.meshgrid(np.linspace(0, 1, 17), np.linspace(0, 1, 15), indexing="ij")
     weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v], axis=-1)
     bulge = np.sin(np.pi * u) ** 0.7 * np.sin(np.pi * np.clip(v * 0.93, 0, 1)) ** 0.7
     # the foot is cut as an arch
     rise = 0.10 * (corners[0, 2] - corners[2, 2]) * np.sin(np.pi * u) * v**4
     points = weights @ corners + bulge[..., None] * belly + rise[..., None] * np.array([0, 0, 1.0])
-    return smooth(Solid(points.reshape(-1, 3), grid_faces(across, down), np.stack([u, v], -1).reshape(-1, 2)))
+    return sheet(points, np.stack([u, v], -1))
 
 
 def sails() -> tuple[Solid, Solid]:
@@ -95,16 +94,15 @@ def sails() -> tuple[Solid, Solid]:
     spread.append(sail(spanker, np.array([0.0, -0.05, 0])))
     for high, low, share in ((0.62, 0.95, 0.80), (0.36, 0.60, 0.75)):
         head = np.array([FORE.x + 0.02, 0, high])
-        nose = BOWSPRIT[0] + low * (BOWSPRIT[1] - BOWSPRIT[0])
-        top, bottom = head + 0.22 * (nose - head), head + 0.94 * (nose - head)
+        (nose,) = between(*BOWSPRIT, (low,))
+        top, bottom = between(head, nose, (0.22, 0.94))
         clew_ = np.array([FORE.x + 0.12, -0.10, bottom[2] + 0.05])
         spread.append(sail(np.array([top, top, bottom, bottom + share * (clew_ - bottom)]), np.array([0.0, -0.04, 0])))
     return merged(spread), merged(furled)
 
 
 def narrowed(ends: np.ndarray, share: float) -> np.ndarray:
-    middle = ends.mean(axis=0)
-    return middle + share * (ends - middle)
+    return ends.mean(axis=0) + share * (ends - ends.mean(axis=0))
 
 
 def bundle(ends: np.ndarray, seed: int) -> Solid:
@@ -113,8 +111,7 @@ def bundle(ends: np.ndarray, seed: int) -> Solid:
     pinch = np.abs(np.sin(np.pi * 9 * t)) ** 0.5
     radius = (0.011 + 0.013 * pinch) * (1 - 0.45 * np.abs(2 * t - 1) ** 2)
     wobble = 0.002 * np.random.default_rng(seed).normal(size=(61, 3))
-    line = ends[0] + t[:, None] * (ends[1] - ends[0]) + wobble - np.array([0, 0, 0.016])
-    return smooth(tube(line, radius, sides=10))
+    return smooth(tube(between(*ends, t) + wobble - np.array([0, 0, 0.016]), radius, sides=10))
 
 
 def canvas() -> np.ndarray:
@@ -129,7 +126,7 @@ def flag() -> Solid:
     u, v = np.meshgrid(np.linspace(0, 1, 17), np.linspace(0, 1, 5), indexing="ij")
     x = MAIN.x - 0.005 - 0.17 * u
     y = 0.03 * np.sqrt(u) * np.sin(9 * u) - 0.05 * u
-    return smooth(Solid(np.stack([x, y, MAIN.head - 0.01 - 0.08 * v - 0.02 * u], -1).reshape(-1, 3), grid_faces(17, 5)))
+    return sheet(np.stack([x, y, MAIN.head - 0.01 - 0.08 * v - 0.02 * u], -1))
 
 
 def at(mast: Mast, z: float) -> np.ndarray:
@@ -142,7 +139,7 @@ def rope(start: np.ndarray, end: np.ndarray, radius: float = 0.0032) -> Solid:
 
 def rigging() -> Solid:
     lines = [line for mast in MASTS for line in [*standing(mast), *braces(mast)]]
-    nose = [BOWSPRIT[0] + share * (BOWSPRIT[1] - BOWSPRIT[0]) for share in (0.6, 0.8, 0.98)]
+    nose = between(*BOWSPRIT, (0.6, 0.8, 0.98))
     stays = [
         (at(FORE, FORE.top), nose[0]),
         (at(FORE, 0.5), nose[1]),
@@ -165,20 +162,20 @@ def standing(mast: Mast) -> list[Solid]:
     for starboard in (True, False):
         feet = np.array([channel(mast.x - aft, starboard) for aft in np.linspace(-0.06, 0.07, 5)])
         lean = np.array([0.012, 0.05 if not starboard else -0.05, 0.0])
-        tops = np.array([mast.x, 0, mast.top]) + np.linspace([0.02, 0, 0], [-0.02, 0, 0], 5) + 0.3 * lean
+        tops = at(mast, mast.top) + np.linspace([0.02, 0, 0], [-0.02, 0, 0], 5) + 0.3 * lean
         lines += ladder(feet, tops, rungs=13)
-        upper_feet = np.array([mast.x, 0, mast.top + 0.015]) + lean + np.linspace([0.01, 0, 0], [-0.035, 0, 0], 3)
-        upper_tops = np.repeat([[mast.x, 0, mast.top + 0.62 * (mast.head - mast.top)]], 3, axis=0)
+        upper_feet = at(mast, mast.top + 0.015) + lean + np.linspace([0.01, 0, 0], [-0.035, 0, 0], 3)
+        upper_tops = np.repeat([at(mast, mast.top + 0.62 * (mast.head - mast.top))], 3, axis=0)
         lines += ladder(upper_feet, upper_tops, rungs=9)
-        lines.append(rope(np.array([mast.x, 0, mast.head - 0.04]), channel(mast.x - 0.10, starboard), 0.0026))
+        lines.append(rope(at(mast, mast.head - 0.04), channel(mast.x - 0.10, starboard), 0.0026))
     return lines
 
 
 def ladder(feet: np.ndarray, tops: np.ndarray, rungs: int) -> list[Solid]:
     """Shrouds from feet to tops, tied together by rungs across."""
     shrouds = [rope(foot, top) for foot, top in zip(feet, tops, strict=True)]
-    shares = np.linspace(0, 1, rungs + 2)[1:-1, None]
-    left, right = feet[0] + shares * (tops[0] - feet[0]), feet[-1] + shares * (tops[-1] - feet[-1])
+    shares = np.linspace(0, 1, rungs + 2)[1:-1]
+    left, right = between(feet[0], tops[0], shares), between(feet[-1], tops[-1], shares)
     return shrouds + [rope(a, b, 0.0022) for a, b in zip(left, right, strict=True)]
 
 
@@ -187,7 +184,7 @@ def braces(mast: Mast) -> list[Solid]:
     lines = []
     for yard, (z, _) in enumerate(mast.yards):
         for end, sign in zip(ends_of_yard(mast, yard), (1, -1), strict=True):
-            lines.append(rope(end, np.array([mast.x, 0, min(z + 0.16, mast.head)]), 0.002))
+            lines.append(rope(end, at(mast, min(z + 0.16, mast.head)), 0.002))
             aft = max(mast.x - 0.33, STERN + 0.02)
             lines.append(rope(end, on_side(aft, 1.0, starboard=sign < 0), 0.002))
     return lines

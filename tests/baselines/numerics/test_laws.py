@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from baselines.numerics.bounds import ray_box
-from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.encoding import fourier_features
 from baselines.numerics.quadrature import midpoint
 from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
@@ -68,49 +67,6 @@ def test_the_unit_of_length_does_not_matter(bins: list[tuple[float, float]], exp
     scaled = midpoint(sigma / 2.0**exponent, t * 2.0**exponent, t_edges * 2.0**exponent)
     for ours, theirs in zip(scaled, midpoint(sigma, t, t_edges), strict=True):
         assert torch.equal(ours, theirs)
-
-
-@law
-@given(ray_of_bins, st.data(), st.floats(0.0, 100.0))
-def test_more_density_hides_what_is_behind(bins: list[tuple[float, float]], data: st.DataObject, more: float) -> None:
-    at = data.draw(st.integers(0, len(bins) - 1))
-    sigma, t, t_edges = ray_from(bins)
-    w, T_end = midpoint(sigma, t, t_edges)
-    sigma[:, at] += more
-    denser_w, denser_T = midpoint(sigma, t, t_edges)
-    assert torch.equal(denser_w[:, :at], w[:, :at])
-    assert (denser_w[:, at] >= w[:, at] - 1e-15).all()
-    assert (denser_w[:, at + 1 :] <= w[:, at + 1 :] + 1e-15).all()
-    assert (denser_T <= T_end + 1e-15).all()
-
-
-@law
-@given(ray_of_bins)
-def test_gradient_of_conservation_is_zero(bins: list[tuple[float, float]]) -> None:
-    """Σ w + T_end is constant, so its gradient vanishes whatever the density: the closed form's own check."""
-    sigma, t, t_edges = ray_from(bins)
-    sigma.requires_grad_()
-    w, T_end = midpoint(sigma, t, t_edges)
-    (w.sum() + T_end.sum()).backward()
-    delta = torch.diff(t_edges)
-    assert (sigma.grad.abs() <= 1e-12 * delta).all()  # type: ignore[union-attr]
-
-
-@law
-@given(ray_of_bins, st.floats(0.0, 1.0), st.floats(0.0, 1.0))
-def test_colour_lies_between_what_is_seen_and_the_background(
-    bins: list[tuple[float, float]], seen: float, background: float
-) -> None:
-    sigma, t, t_edges = ray_from(bins)
-    w, T_end = midpoint(sigma, t, t_edges)
-    values = torch.full((len(bins), 1), seen, dtype=torch.float64)
-    ray = torch.zeros(len(bins), dtype=torch.long)
-    behind = torch.tensor([background], dtype=torch.float64)
-    colour = float(composite(w[0], ray, values, T_end, behind))
-    assert min(seen, background) - 1e-12 <= colour <= max(seen, background) + 1e-12
-    depth = float(expected_depth(w, t, 1e9))
-    total = float(w.sum())
-    assert depth == 1e9 if total == 0 else float(t[0, 0]) - 1e-9 <= depth <= float(t[0, -1]) * (1 + 1e-12) + 1e-9
 
 
 @law

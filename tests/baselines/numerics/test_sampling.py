@@ -49,12 +49,6 @@ def test_points_with_a_generator_are_uniform_in_their_bins() -> None:
     assert abs(float(torch.corrcoef(share.T)[0, 1])) < 0.1, "bins are jittered independently"
 
 
-def test_points_depend_on_the_generator_alone() -> None:
-    edges = uniform_edges(torch.zeros(5), torch.ones(5), 8)
-    assert torch.equal(points_in_bins(edges, generator(1)), points_in_bins(edges, generator(1)))
-    assert not torch.equal(points_in_bins(edges, generator(1)), points_in_bins(edges, generator(2)))
-
-
 def step_function() -> tuple[Tensor, Tensor]:
     """Uneven fenceposts with an empty bin between full ones."""
     edges = torch.tensor([[2.0, 2.5, 3.5, 3.75, 5.0, 6.0]], dtype=torch.float64)

@@ -96,14 +96,6 @@ def test_a_convex_body_under_a_uniform_sky_has_its_albedo_as_radiance(
     assert (view.rgba[view.rgba[..., 3] == 0] == 0).all()
 
 
-def test_a_white_furnace_is_white(seen: Callable[..., RenderedView]) -> None:
-    """Light that only bounces between white bodies keeps its radiance, however often."""
-    pair = {"a": sphere(0.6, grey(1.0), (0, 0.6, 0)), "b": mesh(box(1, 1, 1).moved(y=-0.6), grey(1.0))}
-    view = seen(pair, spp=128, max_depth=200)
-    whole = view.rgba[..., 3] == 1
-    assert view.rgba[whole][:, :3].mean() == pytest.approx(1.0, abs=0.01)
-
-
 def test_a_mesh_is_the_shape_that_it_describes(seen: Callable[..., RenderedView]) -> None:
     """Vertices, faces, normals and uv reach Mitsuba: a fine mesh of a ball looks like the ball."""
     bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.7, 0.2, 0.1]}}
