@@ -114,42 +114,38 @@ def needs(
     """
     types = {entry["type"] for entry in entries(description) if "type" in entry}
     media, shiny = sorted(types & MEDIA), sorted(types - LAMBERTIAN - _NO_BSDF)
+    direction = "every surface is Lambertian and lit statically"
     if shiny:
-        direction = Need("view_direction", True, f"not Lambertian: {' '.join(shiny)}")
+        direction = f"not Lambertian: {' '.join(shiny)}"
     elif media:
-        reason = f"light scattered on its way through a medium: {' '.join(media)}"
-        direction = Need("view_direction", True, reason)
-    else:
-        direction = Need("view_direction", False, "every surface is Lambertian and lit statically")
+        direction = f"light scattered on its way through a medium: {' '.join(media)}"
     surfaces = _surfaces(description)
     containers = [entry for entry in entries(description) if entry.get("type") in SHAPES and "interior" in entry]
     no_depth = "a medium has no depth" if containers else "nothing has a depth"
-    listed = [
-        direction,
-        Need("background_model", False, "no sky is seen, so alpha is known"),
-        Need("participating_media", bool(media), f"media: {' '.join(media)}" if media else "no participating medium"),
-        _hdr_metrics(description),
-        Need("depth_metric", bool(surfaces), "surfaces have a depth" if surfaces else no_depth),
-    ]
+    known: dict[str, tuple[Any, ...]] = {
+        "view_direction": (bool(shiny or media), direction),
+        "background_model": (False, "no sky is seen, so alpha is known"),
+        "participating_media": (bool(media), f"media: {' '.join(media)}" if media else "no participating medium"),
+        "hdr_metrics": _hdr_metrics(description),
+        "depth_metric": (bool(surfaces), "surfaces have a depth" if surfaces else no_depth),
+    }
     if bounds is not None:
         low, high = (" ".join(f"{value:.2f}" for value in corner) for corner in bounds)
-        listed.append(Need("outside_box", False, f"everything lies between ({low}) and ({high})"))
+        known["outside_box"] = (False, f"everything lies between ({low}) and ({high})")
         full = not surfaces and any(entry["type"] == "cube" for entry in containers)
         empty = "surfaces fill no space: most of the box is empty" if surfaces else "nothing fills the box"
-        listed.append(Need("empty_space", full, "a medium fills the box" if full else empty))
+        known["empty_space"] = (full, "a medium fills the box" if full else empty)
         box = bounds if described is None else described
         size, away = float(np.ptp(box, axis=0).max()) / 2, float(np.abs(box.mean(axis=0)).max())
         usual = SCALES[0] <= size <= SCALES[1] and away <= SCALES[1]
-        listed.append(Need("scale_checks", not usual, f"half-extent {size:.3g}, {away:.3g} from the origin"))
-        listed += _along_rays(description, bounds)
+        known["scale_checks"] = (not usual, f"half-extent {size:.3g}, {away:.3g} from the origin")
+        known |= _along_rays(description, bounds)
         if pixel:
             cycles = float((bounds[1] - bounds[0]).max()) / pixel / 2
             bands = f"{useful_bands(cycles, 2.0)} of 2^k or {useful_bands(cycles, 1.618034)} of φ^k"
             reason = f"pixels show {cycles:.0f} cycles across the box: bands {bands} reach that far"
-            kept = "the bands are what is compared; nerf_matched stands beside"
-            listed.append(Need("high_bands", False, reason, kept))
-    by_name = {need.name: need for need in listed}
-    return {name: by_name[name] for name in PARTS if name in by_name}
+            known["high_bands"] = (False, reason, "the bands are what is compared; nerf_matched stands beside")
+    return {name: Need(name, *known[name]) for name in PARTS if name in known}
 
 
 def left_out(known: Needs) -> list[dict[str, Any]]:
@@ -158,41 +154,28 @@ def left_out(known: Needs) -> list[dict[str, Any]]:
     The result is plain data, as a manifest keeps it.
     """
     omitted = [need for need in known.values() if not need.needed and not need.kept and need.name not in NOBODY_HAS]
-    return [
-        {"name": need.name, "what": part.what, "reason": need.reason, "concerns": part.concerns, "bound": part.bound,
-         "unit": part.unit}
-        for need in omitted
-        for part in [need.part]
-    ]  # fmt: skip
+    # in the order of the keys that manifests have
+    return [{"name": need.name, "what": need.part.what, "reason": need.reason, **asdict(need.part)} for need in omitted]
 
 
 def as_rows(known: Needs) -> list[dict[str, Any]]:
-    """Return every need as plain data; `needs_from_rows` is the inverse."""
+    """Return every need as plain data; `needs_of` reads it."""
     return [asdict(need) for need in known.values()]
 
 
-def needs_from_rows(rows: object) -> Needs:
-    """Return the needs that `as_rows` wrote; empty for anything else, such as the manifest of an older version."""
+def needs_of(views: "ViewSet") -> Needs:
+    """Return the needs of a view set; empty for one from elsewhere or of an older version."""
+    rows = views.rendered.get("needs")
     return {row["name"]: Need(**row) for row in rows} if isinstance(rows, list) else {}
 
 
-def forced(known: Needs, need: tuple[str, ...], no_need: tuple[str, ...]) -> Needs:
-    """Return `known` with the parts that the user forces in, or out, whatever the scene says."""
-    everything = known | {name: Need(name, True, "forced in by --need") for name in need}
-    everything |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
-    return {name: everything[name] for name in PARTS if name in everything}
-
-
-def needs_of(views: "ViewSet") -> Needs:
-    """Return the needs of a view set; empty for one from elsewhere, about whose scene nothing is known."""
-    return needs_from_rows(views.rendered.get("needs"))
-
-
 def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]) -> "ViewSet":
-    """Return the same images, with parts forced in or out; without depth if nothing has one."""
+    """Return the same images, with parts forced in or out, and without depth if nothing has one."""
     if need or no_need:
-        needs = forced(needs_of(views), need, no_need)
-        views = replace(views, rendered={**views.rendered, "needs": as_rows(needs), "left_out": left_out(needs)})
+        known = needs_of(views) | {name: Need(name, True, "forced in by --need") for name in need}
+        known |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
+        known = {name: known[name] for name in PARTS if name in known}
+        views = replace(views, rendered={**views.rendered, "needs": as_rows(known), "left_out": left_out(known)})
     depth = needs_of(views).get("depth_metric")
     if depth is not None and not depth.needed:
         views = replace(views, val=replace(views.val, depth=None), test=replace(views.test, depth=None))
@@ -204,23 +187,22 @@ def useful_bands(cycles: float, base: float) -> int:
     return max(1, math.ceil(math.log(max(cycles, 1.0), base)))
 
 
-def _along_rays(description: Description, bounds: np.ndarray) -> list[Need]:
+def _along_rays(description: Description, bounds: np.ndarray) -> dict[str, tuple[bool, str]]:
     """Return the needs that depend on how much geometry a ray and one of its bins meet."""
     if _surfaces(description):
-        return [
-            Need("fine_pass", True, "a surface is thinner than any bin: samples must be drawn to it"),
-            Need("linear_quadrature", True, "a surface is opaque within a bin"),
-            Need("behind_opaque", False, "nothing is seen behind an opaque surface"),
-        ]
+        return {
+            "fine_pass": (True, "a surface is thinner than any bin: samples must be drawn to it"),
+            "linear_quadrature": (True, "a surface is opaque within a bin"),
+            "behind_opaque": (False, "nothing is seen behind an opaque surface"),
+        }
     tau = float(np.linalg.norm(bounds[1] - bounds[0])) * _largest_extinction(description)
-    stiff, reason = tau / BINS > 1.0, f"τ of a bin is at most {tau / BINS:.3g}"
-    quadrature = [Need("fine_pass", stiff, reason), Need("linear_quadrature", stiff, reason)]
-    reason = f"τ along a ray is at most {tau:.3g}"
-    opaque = tau >= OPAQUE_TAU
-    return [*quadrature, Need("behind_opaque", not opaque, reason if opaque else f"{reason}: every sample counts")]
+    in_bin = (tau / BINS > 1.0, f"τ of a bin is at most {tau / BINS:.3g}")
+    opaque, reason = tau >= OPAQUE_TAU, f"τ along a ray is at most {tau:.3g}"
+    behind = (not opaque, reason if opaque else f"{reason}: every sample counts")
+    return {"fine_pass": in_bin, "linear_quadrature": in_bin, "behind_opaque": behind}
 
 
-def _hdr_metrics(description: Description) -> Need:
+def _hdr_metrics(description: Description) -> tuple[bool, str]:
     around, glowing = np.empty(0), np.empty(0)
     for entry in entries(description):
         if entry.get("type") == "envmap" and "data" in entry:
@@ -231,7 +213,7 @@ def _hdr_metrics(description: Description) -> Need:
             glowing = np.append(glowing, _luminances(_numbers(entry.get("radiance", 1.0))))
     brightest = float(np.append(around, glowing).max(initial=0.0))
     if brightest == 0.0:
-        return Need("hdr_metrics", False, "no light that is measured in radiance")
+        return False, "no light that is measured in radiance"
     if len(around):
         usual = float(np.median(around))
     else:
@@ -239,7 +221,7 @@ def _hdr_metrics(description: Description) -> Need:
         albedos = [_largest_albedo(shape) for shape in _surfaces(description) if not glows(shape)]
         usual = float(np.median(glowing)) * min([1.0, *albedos])
     ratio = brightest / usual if usual > 0 else math.inf
-    return Need("hdr_metrics", ratio > LARGEST_RATIO, f"brightest over usual light: {ratio:.3g}")
+    return ratio > LARGEST_RATIO, f"brightest over usual light: {ratio:.3g}"
 
 
 def _largest_albedo(shape: Description) -> float:

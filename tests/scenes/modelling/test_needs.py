@@ -1,9 +1,10 @@
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from scenes.modelling.needs import as_rows, needs, needs_from_rows
+from scenes.modelling.needs import as_rows, needs, needs_of
 from scenes.modelling.scene import Description
 
 DIFFUSE = {"type": "diffuse", "reflectance": {"type": "bitmap", "data": np.zeros((2, 2, 3), np.float32)}}
@@ -114,7 +115,9 @@ def test_bright_over_median_light(lights: list[Description], needed: bool) -> No
 
 
 def test_a_manifest_keeps_them() -> None:
+    def read(rows: object) -> object:
+        return needs_of(SimpleNamespace(rendered={"needs": rows}))  # type: ignore[arg-type]
+
     found = needs(fog(50.0), BOX, 0.02)
-    assert needs_from_rows(json.loads(json.dumps(as_rows(found)))) == found
-    assert needs_from_rows({"view_direction": True}) == {}
-    assert needs_from_rows(None) == {}
+    assert read(json.loads(json.dumps(as_rows(found)))) == found
+    assert read({"view_direction": True}) == read(None) == {}
