@@ -197,51 +197,48 @@ def write_view_set(
             f"{scene.file}: reaches from {low} to {high}, nearer to the cameras, {RADIUS:.4g} from the origin, "
             f"than near, {scene.near:g}; scale it to fit"
         )
-    files: list[Path] = []
-    views: dict[str, Any] = {}
-    listed: dict[str, tuple[list[str], np.ndarray]] = {}
     digest = order.digest(variant.name)
+    placed = {split: order.poses(split) for split in SPLITS}
     names_of = {split: [f"{split}/r_{number}" for number in range(order.counts[split])] for split in SPLITS}
     kept = salvaged(folder, list(donors), digest, [name for names in names_of.values() for name in names])
     standing = standings(order.counts, order.spp, kept)
     if progress:
         progress(next(standing))
-    earlier = sum(facts.get("seconds", 0.0) for facts in kept.values())
-    seen = lit = False
+    facts_of = dict(kept)
+    files: list[Path] = []
+    views: dict[str, Any] = {}
+    listed: dict[str, tuple[list[str], np.ndarray]] = {}
     for split, names in names_of.items():
         if not names:
             continue
         (folder / split).mkdir(exist_ok=True)
-        viewpoints, poses = order.poses(split)
-        seeds = [seed_from(scene.name, split, int(viewpoint)) for viewpoint in viewpoints]
-        missing = [place for place, name in enumerate(names) if name not in kept]
-        rendered = render_views(
-            loaded, poses[missing], order.spp[split], [seeds[i] for i in missing], [names[i] for i in missing]
-        )
+        viewpoints, poses = placed[split]
+        places = [place for place, name in enumerate(names) if name not in kept]
+        missing = [names[place] for place in places]
+        seeds = [seed_from(scene.name, split, int(viewpoints[place])) for place in places]
+        began = time.perf_counter()
+        rendered = render_views(loaded, poses[places], order.spp[split], seeds, missing)
+        for name, view in zip(missing, rendered, strict=True):
+            write_png(folder / f"{name}.png", display_from_linear(view.rgba))
+            channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
+            channels["Z"] = view.depth
+            channels |= {f"N.{axis}": view.normal[..., i] for i, axis in enumerate("XYZ")}
+            channels |= {f"V.{channel}": view.variance[..., i] for i, channel in enumerate("RGBA")}
+            write_channels(folder / f"{name}.exr", channels)
+            met, shining = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
+            facts_of[name] = {"noise_mse": view.noise_mse, "seen": met, "lit": shining}
+            note(folder, digest, name, {**facts_of[name], "seconds": time.perf_counter() - began})
+            if progress:
+                progress(next(standing))
+            began = time.perf_counter()
         for name, viewpoint in zip(names, viewpoints, strict=True):
-            png, exr = folder / f"{name}.png", folder / f"{name}.exr"
-            files += [png, exr]
-            facts: dict[str, Any] = kept.get(name, {})
-            if not facts:
-                began = time.perf_counter()
-                view = next(rendered)
-                write_png(png, display_from_linear(view.rgba))
-                channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
-                channels["Z"] = view.depth
-                channels |= {f"N.{axis}": view.normal[..., i] for i, axis in enumerate("XYZ")}
-                channels |= {f"V.{channel}": view.variance[..., i] for i, channel in enumerate("RGBA")}
-                write_channels(exr, channels)
-                met, shining = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
-                facts = {"noise_mse": view.noise_mse, "seen": met, "lit": shining}
-                note(folder, digest, name, {**facts, "seconds": time.perf_counter() - began})
-                if progress:
-                    progress(next(standing))
-            seen, lit = seen or facts.get("seen", True), lit or facts.get("lit", True)
-            views[name] = {"noise_mse": facts["noise_mse"], "viewpoint": int(viewpoint)}
+            files += [folder / f"{name}.png", folder / f"{name}.exr"]
+            views[name] = {"noise_mse": facts_of[name]["noise_mse"], "viewpoint": int(viewpoint)}
         listing = transforms_file(folder, split)
         write_transforms(listing, FOV_X_RADIANS, [f"./{name}" for name in names], poses)
         files.append(listing)
         listed[split] = [f"{name}.png" for name in names], poses
+    seen, lit = (any(facts.get(key, True) for facts in facts_of.values()) for key in ("seen", "lit"))
     if scene.file is not None and not (seen and lit):
         what = "no light reaches what is seen, every view is black" if seen else "nothing is seen in any view"
         raise InputError(f"{scene.file}: {what}; mend the scene")
@@ -254,7 +251,7 @@ def write_view_set(
     if loaded.placement is not None:
         described = loaded.box_in_file
     # the length of a pixel in the middle of the box, from the nearest camera
-    eyes = np.concatenate([order.poses(split)[1][:, :3, 3] for split in SPLITS])
+    eyes = np.concatenate([poses[:, :3, 3] for _, poses in placed.values()])
     pixel = float(np.linalg.norm(eyes - bounds.mean(axis=0), axis=1).min() / focal)
     needed = needs(order.description, bounds, pixel, described)
     if scene.load is not None:
@@ -278,7 +275,7 @@ def write_view_set(
         "variant_why": variant.why,
         "integrator": loaded.integrator_name,
         "versions": {**versions(), "python": platform.python_version()},
-        "seconds": time.perf_counter() - started + earlier,
+        "seconds": time.perf_counter() - started + sum(facts.get("seconds", 0.0) for facts in kept.values()),
         "needs": as_rows(needed),
         "left_out": left_out(needed),
         "views": views,
