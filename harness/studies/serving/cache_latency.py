@@ -38,8 +38,6 @@ HITS = {
     "disk.cold": ("from disk, file not in the system's memory", 50.0),
 }
 """Kind of hit → words, and how many times as long rendering should take at least: our reading of “instantly”."""
-LEVELS = {None: "rendered", 2: "disk (level 2)", 1: "memory (level 1)", 0: "memory (level 0)"}
-"""The level that a view came from, in words."""
 
 
 class WrongHit(RuntimeError):
@@ -165,12 +163,6 @@ def dropped(folder: Path) -> bool:
     return True
 
 
-def level_of_last(store: ViewStore, before: dict[int, int]) -> int | None:
-    """Return the level of the last view, None if it was rendered: `before` are the hits before it was requested."""
-    now = store.hits
-    return next((level for level in now if now[level] > before[level]), None)
-
-
 def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
     """Return the method of a disk cache with nothing in memory and the weights hashed already."""
     cached = frozen(cell, ViewStore(0, folder, ROOM), (2,))
@@ -184,8 +176,8 @@ def _hit(cached: CachedMethod, camera: Camera, view: View, level: int, clock: Cl
     picture, took = timed(lambda: cached.render(camera), clock)
     if not same(picture, view):
         raise WrongHit(f"a hit of level {level} is not the picture that was stored")
-    if (source := level_of_last(cached.store, before)) != level:
-        raise WrongHit(f"a view was {LEVELS[source]}, where level {level} is timed")
+    if cached.store.hits[level] == before[level]:
+        raise WrongHit(f"a view did not come from level {level}, which is timed")
     return took
 
 

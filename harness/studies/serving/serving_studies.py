@@ -21,15 +21,6 @@ STUDIES: dict[str, Study] = catalogue(
         6,
     ),
     _study(
-        "paths",
-        "Camera paths through the cache",
-        "How many views of a camera path come from the cache?",
-        "Every view is asked of the cache and rendered without, in turn. Level 0 keeps what was asked for again, level "
-        "1 what was asked for once, level 2 is on disk; a hit moves a view up.",
-        "cache_paths:paths",
-        15,
-    ),
-    _study(
         "confusions",
         "What a key has to tell apart",
         "Which pictures does a key of the pose alone (Listing 5) take for each other?",

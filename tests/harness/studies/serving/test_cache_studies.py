@@ -12,17 +12,13 @@ from harness.playback.cached import CachedMethod
 from harness.playback.run_loader import TrainedCell
 from harness.records.study import Check
 from harness.studies.serving.cache_confusions import Variant, compared, confused, copied, pose_hash, variants
-from harness.studies.serving.cache_latency import HITS, ROOM, WrongHit, hit_check, latencies
-from harness.studies.serving.cache_paths import Route, followed, hit_rate
+from harness.studies.serving.cache_latency import HITS, WrongHit, hit_check, latencies
 from harness.studies.serving.serving_context import ServingContext, plain, quantile
 from harness.training.batches import Camera
 from harness.training.evaluate import View
 from harness.training.metrics import mse
 from harness.training.trainer import Trainer
 from tests.harness.studies.serving.conftest import Ticks
-from tests.harness.trained_runs import SIZE
-
-VIEW_BYTES = SIZE * SIZE * 5 * 4
 
 
 def test_every_level_is_timed_as_often_as_asked(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
@@ -73,7 +69,6 @@ def test_a_hit_that_is_another_picture_is_no_hit(
 def test_nothing_reads_a_file_before_it_is_timed(
     context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """But for the views that a path has to find."""
     reads: list[float] = []
     read = disk._content
 
@@ -85,41 +80,10 @@ def test_nothing_reads_a_file_before_it_is_timed(
     monkeypatch.setattr(disk, "_content", noted)
     latencies(context, cell, ticks)
     assert len(reads) == 2 * context.sizes.rounds * context.sizes.hits, "one a hit, warm or cold"
-    poses = context.orbit(cell.scene, 2)[[0, 1, 0]]
-    followed(context, cell, Route("by hand", poses, VIEW_BYTES, ROOM), 0, ticks)
-    assert len(reads) == 2 * context.sizes.rounds * context.sizes.hits + 1
-
-
-@pytest.mark.parametrize(
-    ("places", "memory", "disk", "hits"),
-    [
-        ([0, 1, 0, 1, 0], ROOM, 0, {None: 2, 1: 2, 0: 1}),
-        # one view fits: each pushes the other out
-        ([0, 1, 0, 1, 0], VIEW_BYTES, 0, {None: 5}),
-        ([0, 0, 1, 1], VIEW_BYTES, 0, {None: 2, 1: 2}),
-        ([0, 1, 0, 1, 0], VIEW_BYTES, ROOM, {None: 2, 2: 3}),
-    ],
-)
-def test_views_come_from_where_they_must(
-    context: ServingContext, cell: TrainedCell, ticks: Ticks, places: list[int], memory: int, disk: int,
-    hits: dict[int | None, int],
-) -> None:  # fmt: skip
-    poses = context.orbit(cell.scene, 2)[places]
-    found = followed(context, cell, Route("by hand", poses, memory, disk), 0, ticks)
-    assert found is not None
-    assert found.sources == hits
-    assert (found.seconds, found.seconds_without) == (len(places), len(places))
-    assert found.hit_rate == pytest.approx(1 - hits[None] / len(places))
-    if memory == ROOM:
-        assert hit_rate(poses) == found.hit_rate, "counted without rendering"
 
 
 def test_what_is_late_is_left_out_and_named(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
     context.deadline, context.clock = 3.0, ticks
-    route = Route("by hand", context.orbit(cell.scene, 4), ROOM, 0)
-    assert followed(context, cell, route, 0, Ticks()) is None
-    assert [(one.what, one.id) for one in context.gaps] == [("by hand, with nerf", "late")]
-    ticks.now = 0.0
     assert len(latencies(context, cell, Ticks())["render"]) == 3, "the first two looks at the clock were in time"
     context.deadline = ticks.now + 3
     assert len(confused(context, cell, variants(context, cell))) == 2

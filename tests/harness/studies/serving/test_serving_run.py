@@ -131,11 +131,11 @@ def test_a_failing_study_costs_itself_alone_and_is_tried_again(
 
 
 def test_an_error_of_ours_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_studies(monkeypatch, paths=failing(ZeroDivisionError("ours")))
+    with_studies(monkeypatch, confusions=failing(ZeroDivisionError("ours")))
     with pytest.raises(ZeroDivisionError):
         run(asked_of(out, out), list(STUDIES), False, Quiet())
     assert [one.info.id for one in record_of(out).studies] == ["latency"], "what was finished is kept"
-    with_studies(monkeypatch, paths=failing(Diverged(3, "colour")))
+    with_studies(monkeypatch, confusions=failing(Diverged(3, "colour")))
     assert run(asked_of(out, out), list(STUDIES), True, Quiet()) == 3
 
 
@@ -170,7 +170,7 @@ def test_ctrl_c_keeps_what_was_finished(out: Path, monkeypatch: pytest.MonkeyPat
     with_studies(monkeypatch, anytime=failing(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt, match="are kept"):
         after_run(out, "cpu", out, Quiet())
-    assert [one.info.id for one in record_of(out).studies] == list(STUDIES)[:3]
+    assert [one.info.id for one in record_of(out).studies] == list(STUDIES)[:2]
     assert not list(out.glob(".scratch-*"))
 
 
