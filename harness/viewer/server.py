@@ -145,8 +145,8 @@ def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -
 
     async def truth(request: Request) -> Response:
         view = view_number(request.query_params.get("view"))
-        found = await desk.done(shown.truth_message, request.query_params.get("scene", ""), view)
-        return Response(found, media_type="application/octet-stream")
+        message = await desk.done(shown.truth_message, request.query_params.get("scene", ""), view)
+        return Response(message, media_type="application/octet-stream")
 
     async def render(request: Request) -> Response:
         if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
@@ -186,16 +186,16 @@ async def _break(request: Request, error: Exception) -> Response:
 
 async def _body(request: Request) -> bytes:
     """Read the body; no more than the limit is ever kept, nor waited for longer."""
-    found = b""
+    body = b""
     try:
         async with asyncio.timeout(BODY_SECONDS):
             async for part in request.stream():
-                found += part
-                if len(found) > LARGEST_BODY:
+                body += part
+                if len(body) > LARGEST_BODY:
                     raise BadRequest(f"the request has more than {LARGEST_BODY} bytes")
     except TimeoutError as error:
         raise Refused(408, f"the request was not here after {BODY_SECONDS:g} seconds") from error
-    return found
+    return body
 
 
 def _file(path: Path) -> Callable[[Request], Any]:

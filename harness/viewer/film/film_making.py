@@ -1,6 +1,7 @@
 """Rendering of the missing frames, and pictures side by side and an animation of all frames."""
 
 import time
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,27 +24,25 @@ PLACES = {0: "memory", 1: "memory", 2: "disk"}
 
 @dataclass
 class Tally:
-    """The origins of the frames of one method."""
+    """The origins of the frames of one method, `there`, `rendered` or a place of the view cache, and seconds."""
 
-    there: int = 0
-    rendered: int = 0
-    rendering_seconds: float = 0.0
-    found: dict[str, int] = field(default_factory=dict)
-    """Map place of the view cache → frames."""
-    finding_seconds: float = 0.0
+    frames: Counter[str] = field(default_factory=Counter)
+    seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def line(self, method: str, use_cache: bool) -> str:
-        found = sum(self.found.values())
-        parts = [f"{method}: {self.there + self.rendered + found} frames"]
-        if self.there:
-            parts.append(f"{self.there} there already")
-        if self.rendered:
-            parts.append(f"{self.rendered} rendered in {1e3 * self.rendering_seconds / self.rendered:.1f} ms each")
-        if found:
-            places = " and ".join(f"{count} from {place}" for place, count in self.found.items())
-            parts.append(f"{found} from the view cache in {1e3 * self.finding_seconds / found:.2f} ms each ({places})")
-        if use_cache and (asked := self.rendered + found):
-            parts.append(f"hit rate {found / asked:.0%}")
+        places = {place: self.frames[place] for place in PLACES.values() if self.frames[place]}
+        rendered, hits = self.frames["rendered"], sum(places.values())
+        parts = [f"{method}: {self.frames.total()} frames"]
+        if self.frames["there"]:
+            parts.append(f"{self.frames['there']} there already")
+        if rendered:
+            parts.append(f"{rendered} rendered in {1e3 * self.seconds['rendered'] / rendered:.1f} ms each")
+        if hits:
+            counts = " and ".join(f"{count} from {place}" for place, count in places.items())
+            milliseconds = 1e3 * sum(self.seconds[place] for place in places) / hits
+            parts.append(f"{hits} from the view cache in {milliseconds:.2f} ms each ({counts})")
+        if use_cache and rendered + hits:
+            parts.append(f"hit rate {hits / (rendered + hits):.0%}")
         return ", ".join(parts)
 
 
@@ -69,7 +68,7 @@ def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
 
 def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
     """Yield the number of each missing frame as soon as its files are there."""
-    tally.there += len(part.keys) - len(part.missing)
+    tally.frames["there"] += len(part.keys) - len(part.missing)
     if not part.missing:
         return
     cell = plan.run.trained(part.take.scene, part.method, plan.wish.seed, plan.device)
@@ -77,18 +76,13 @@ def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
     for number in part.missing:
         camera = part.take.cameras[number]
         began = time.perf_counter()
-        found = cached.lookup(camera) if plan.use_cache else None
-        view = rendered(cell, camera) if found is None else found[0]
-        spent = time.perf_counter() - began
-        if found is None:
-            tally.rendered += 1
-            tally.rendering_seconds += spent
-            if plan.use_cache:
-                cached.keep(camera, view)
-        else:
-            place = PLACES[found[1]]
-            tally.found[place] = tally.found.get(place, 0) + 1
-            tally.finding_seconds += spent
+        hit = cached.lookup(camera) if plan.use_cache else None
+        view = rendered(cell, camera) if hit is None else hit[0]
+        origin = "rendered" if hit is None else PLACES[hit[1]]
+        tally.frames[origin] += 1
+        tally.seconds[origin] += time.perf_counter() - began
+        if hit is None and plan.use_cache:
+            cached.keep(camera, view)
         part.frames.write(number, part.keys[number], view)
         yield number
 

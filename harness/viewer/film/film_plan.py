@@ -53,14 +53,14 @@ class FilmPlan:
     """Map method → the seconds of rendering a frame, measured on one if any is to be rendered."""
 
     def lines(self) -> list[str]:
-        lens = self.parts[0].take.cameras[0]
-        count = sum(len(part.keys) for part in self.parts)
-        missing = sum(len(part.missing) for part in self.parts)
-        cached = sum(part.cached for part in self.parts)
-        frames = sorted({len(part.keys) for part in self.parts})
-        cost = sum(self.seconds.get(part.method, 0.0) * (len(part.missing) - part.cached) for part in self.parts)
-        cameras = [(part.take.cameras[0], len(part.missing)) for part in self.parts]
-        pixels = sum(camera.width * camera.height * missing for camera, missing in cameras)
+        lens, frames = self.parts[0].take.cameras[0], sorted({len(part.keys) for part in self.parts})
+        count = missing = cached = pixels = 0
+        cost = 0.0
+        for part in self.parts:
+            camera = part.take.cameras[0]
+            count, missing, cached = count + len(part.keys), missing + len(part.missing), cached + part.cached
+            pixels += camera.width * camera.height * len(part.missing)
+            cost += self.seconds.get(part.method, 0.0) * (len(part.missing) - part.cached)
         measured = ", ".join(f"{method} {1e3 * spent:.0f} ms" for method, spent in self.seconds.items())
         return [
             f"film: {self.wish.path}, {' or '.join(map(str, frames))} frames of {lens.width} × {lens.height} pixels",

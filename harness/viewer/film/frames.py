@@ -6,8 +6,10 @@ FOLDER/frames.json   frame → key of the view and digests of both files, writte
 """
 
 import hashlib
+from contextlib import suppress
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from harness.records.json_record import load_json, write_json
@@ -40,11 +42,14 @@ class FrameFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._listed = _read_listing(path / LISTING)
+        self._listed: dict[str, dict[str, str]] = {}
+        # frames that are not listed are rendered again, which costs time and nothing else
+        with suppress(OSError, ValueError, msgspec.ValidationError):
+            self._listed = msgspec.convert(load_json(path / LISTING), dict[str, dict[str, str]])
 
     def is_whole(self, number: int, key: str) -> bool:
         """Return whether a frame shows the view with `key`, and both files hold the bytes that were written."""
-        listed = self._listed.get(_stem(number), {})
+        listed = self._listed.get(f"{number:04}", {})
         return listed.get("key") == key and all(
             listed.get(file.suffix) == _digest(file) for file in self._files(number)
         )
@@ -57,7 +62,7 @@ class FrameFolder:
             write_png(file, np.clip(view.colour, 0.0, 1.0))
         with replacing(exr, exr.suffix) as file:
             write_channels(file, exr_channels(view))
-        self._listed[_stem(number)] = {"key": key, **{file.suffix: _digest(file) or "" for file in (png, exr)}}
+        self._listed[f"{number:04}"] = {"key": key, **{file.suffix: _digest(file) or "" for file in (png, exr)}}
         write_json(self.path / LISTING, self._listed)
 
     def picture(self, number: int) -> np.ndarray:
@@ -65,7 +70,7 @@ class FrameFolder:
         return as_levels(read_image(self._files(number)[0]))
 
     def _files(self, number: int) -> tuple[Path, Path]:
-        return self.path / f"{_stem(number)}.png", self.path / f"{_stem(number)}.exr"
+        return self.path / f"{number:04}.png", self.path / f"{number:04}.exr"
 
 
 def as_levels(display: np.ndarray) -> np.ndarray:
@@ -74,13 +79,9 @@ def as_levels(display: np.ndarray) -> np.ndarray:
 
 
 def write_levels(file: Path, levels: np.ndarray) -> None:
-    """uint8 [h, w, 3] as a PNG, whole or not at all; raises `OSError`."""
+    """Write uint8 [h, w, 3] as a PNG, atomically; raises `OSError`."""
     with replacing(file, file.suffix) as beside:
         write_png(beside, levels / 255.0)
-
-
-def _stem(number: int) -> str:
-    return f"{number:04}"
 
 
 def _digest(file: Path) -> str | None:
@@ -88,12 +89,3 @@ def _digest(file: Path) -> str | None:
         return hashlib.blake2b(file.read_bytes(), digest_size=16).hexdigest()
     except OSError:
         return None
-
-
-def _read_listing(path: Path) -> dict[str, dict[str, str]]:
-    """Read the listing; empty if that fails: frames are then rendered again, which costs time and nothing else."""
-    try:
-        frames = load_json(path)
-    except (OSError, ValueError):
-        return {}
-    return {name: one for name, one in frames.items() if isinstance(one, dict)} if isinstance(frames, dict) else {}

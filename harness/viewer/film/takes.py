@@ -66,8 +66,7 @@ class Take:
 def take_of(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path, methods: int) -> Take:
     """Make a take; raises `InputError` for too large a picture, too many test views, and a missing view set."""
     take = _test_views(run, cell.scene, wish, view_sets) if wish.path == "test" else _path(run, cell, wish, view_sets)
-    lens = take.cameras[0]
-    across, down = size_of(methods + (take.truth is not None), lens.width, lens.height)
+    across, down = size_of(methods + (take.truth is not None), take.cameras[0].width, take.cameras[0].height)
     if max(across, down) > LARGEST:
         raise InputError(
             f"{methods} methods side by side make {across} × {down} pixels, {LARGEST} are the most along a side; "
@@ -93,5 +92,5 @@ def _test_views(run: FinishedRun, scene: SceneRecord, wish: FilmSpec, view_sets:
     views = run.views(scene, view_sets, wish.resolution, geometry=False)
     poses = views.test.camera_to_world
     shown = evenly_spread(len(poses) if wish.frames is None else wish.frames, poses, "test views")
-    cameras = [Camera(poses[one], views.width, views.height, views.focal, views.near, views.far) for one in shown]
-    return Take(scene, tuple(cameras), views, tuple(int(one) for one in shown))
+    lens = Camera(poses[0], views.width, views.height, views.focal, views.near, views.far)
+    return Take(scene, tuple(lens.at(poses[index]) for index in shown), views, tuple(map(int, shown)))
