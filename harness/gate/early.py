@@ -116,20 +116,21 @@ def renew(context: GateContext) -> References:
 
 def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reordering()) -> Courses:
     """Return all that is recorded, in this process."""
+    views = disc_views(32, 12, 1, seed=1)  # without a renderer, so that no renderer's rounding is in it
+    block_bytes, dtype = fused_network.BLOCK_BYTES, torch.get_default_dtype()
     torch.set_num_threads(order.threads)
-    usual = fused_network.BLOCK_BYTES
     fused_network.BLOCK_BYTES = order.block_bytes
+    seen: Courses = {}
     try:
-        # it needs no renderer, so that no renderer's rounding is in it
-        views = disc_views(32, 12, 1, seed=1)
-        return {
-            precision: {name: _course(STARTS[name], views, kind, order.fused) for name in names}
-            for precision, kind in PRECISIONS.items()
-            if order.fused or precision == "single"
-        }
+        for precision, kind in PRECISIONS.items():
+            if order.fused or precision == "single":
+                torch.set_default_dtype(kind.dtype)
+                seen[precision] = {name: _first_steps(STARTS[name], views, kind, order.fused) for name in names}
     finally:
-        fused_network.BLOCK_BYTES = usual
+        torch.set_default_dtype(dtype)
+        fused_network.BLOCK_BYTES = block_bytes
         torch.set_num_threads(1)
+    return seen
 
 
 def _settings(start: Start, fused: bool) -> TrainSettings:
@@ -149,18 +150,9 @@ def _settings(start: Start, fused: bool) -> TrainSettings:
     )
 
 
-def _course(start: Start, views: ViewSet, kind: Precision, fused: bool) -> Course:
+def _first_steps(start: Start, views: ViewSet, kind: Precision, fused: bool) -> Course:
     """Return the first steps of one training."""
-    usual = torch.get_default_dtype()
-    torch.set_default_dtype(kind.dtype)
-    try:
-        return _first_steps(start, views, kind, _settings(start, fused))
-    finally:
-        torch.set_default_dtype(usual)
-
-
-def _first_steps(start: Start, views: ViewSet, kind: Precision, settings: TrainSettings) -> Course:
-    cpu = torch.device("cpu")
+    settings, cpu = _settings(start, fused), torch.device("cpu")
     train, test = (
         replace(cameras, camera_to_world=cameras.camera_to_world.to(kind.dtype))
         for cameras in (evaluate.cameras_of(views, split, cpu) for split in (views.train, views.test))

@@ -41,13 +41,8 @@ CPU = torch.device("cpu")
 @complete("fairness")
 def measure(context: GateContext) -> Iterator[Check]:
     """Train on a view set that needs no renderer, and count what is not equal."""
-    scratch = context.scratch
-    views = drawn()
-
-    @cache
-    def copies(method: str) -> tuple[int | None, list[CellRecord]]:
-        return copied(method, views, scratch / method)
-
+    scratch, views = context.scratch, drawn()
+    copies = cache(lambda method: copied(method, views, scratch / method))
     for name, gate in context.of_kind("fairness").items():
         match name.split(".")[1:]:
             case ["first_weights"]:

@@ -22,7 +22,7 @@ from harness.records.json_record import file_digest
 from harness.records.study import Studies, StudyInfo, read_studies
 from harness.run_folder.folder_lock import scratch_folder
 from harness.studies import framework
-from harness.studies.framework import Shelf, Study, catalogue
+from harness.studies.framework import Shelf, Study
 from scenes.files.atomic import write_atomically
 
 JUNIT_FILE = "junit.xml"
@@ -31,20 +31,18 @@ RENEWED_CLASSES = ("avx2", "avx512")
 CPU = torch.device("cpu")
 
 
-def _kind(kind: Kind, title: str, module: str, seconds: float) -> Study:
-    return Study(StudyInfo(kind, title), f"{module}:measure", seconds)
-
-
+TITLES: dict[Kind, tuple[str, str, float]] = {
+    "changed": ("The first steps of training, against the stored ones", "early", 30),
+    "worse": ("Short trainings, against the stored ones of the same seeds", "worse", 90),
+    "images": ("Renders, against the stored mean and variance", "images", 30),
+    "fairness": ("Copies of a method, and what methods share", "fairness", 15),
+    "speed": ("Seconds beside those of plain code", "gate_speed", 30),
+}
+"""Kind → its title, its module, and the seconds that it takes."""
 SHELF = Shelf(
     "gate",
     "kinds of gates",
-    catalogue(
-        _kind("changed", "The first steps of training, against the stored ones", "early", 30),
-        _kind("worse", "Short trainings, against the stored ones of the same seeds", "worse", 90),
-        _kind("images", "Renders, against the stored mean and variance", "images", 30),
-        _kind("fairness", "Copies of a method, and what methods share", "fairness", 15),
-        _kind("speed", "Seconds beside those of plain code", "gate_speed", 30),
-    ),
+    {kind: Study(StudyInfo(kind, title), f"{module}:measure", took) for kind, (title, module, took) in TITLES.items()},
     package="harness.gate",
     resumes=False,
 )
@@ -84,21 +82,28 @@ def run(context: GateContext, replay: str) -> int:
     keep_freed_memory()
     began = time.monotonic()
     out, show, name, usual = context.out, context.show, context.of_class, context.references.name
-    foreign = (
-        f", of which nothing is stored: held to {usual} with wider limits; `python -m harness gate --renew --class "
-        f"{name}` makes its own"
-    )
-    show.line(
-        f"{len(context.gates)} of {len(gates())} gates, processor of class {name}{foreign if name != usual else ''}"
-    )
+    line = f"{len(context.gates)} of {len(gates())} gates, processor of class {name}"
+    if name != usual:
+        line += f", of which nothing is stored: held to {usual} with wider limits; "
+        line += f"`python -m harness gate --renew --class {name}` makes its own"
+    show.line(line)
+    kinds: list[str] = [kind for kind in KINDS if context.of_kind(kind)]
+    settings = {"class": name, "references": usual, "gates": [gate.name for gate in context.gates]}
 
     def within(scratch: Path, _: tuple[str, ...]) -> GateContext:
         return replace(context, scratch=scratch)
 
-    kinds: list[str] = [kind for kind in KINDS if context.of_kind(kind)]
-    settings = {"class": name, "references": usual, "gates": [gate.name for gate in context.gates]}
     with forced(name):
-        framework.run(SHELF, kinds, out, False, settings, provenance(CPU), within, show)
+        framework.run(
+            SHELF,
+            kinds,
+            out,
+            False,
+            settings,
+            provenance(CPU),
+            lambda scratch, _: replace(context, scratch=scratch),
+            show,
+        )
     record = read_studies(out / SHELF.file)
     write_junit(out / JUNIT_FILE, record, replay)
     for _, check in record.broken:
