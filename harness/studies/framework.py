@@ -70,8 +70,8 @@ class Shelf:
     def measure_of(self, name: str) -> Callable[[Any], Iterator[Found]]:
         """Return the generator behind a study; what is heavy is imported here, one study at a time."""
         module, _, function = self.studies[name].measure.partition(":")
-        found: Callable[[Any], Iterator[Found]] = getattr(import_module(f"{self.package}.{module}"), function)
-        return found
+        measure: Callable[[Any], Iterator[Found]] = getattr(import_module(f"{self.package}.{module}"), function)
+        return measure
 
 
 def catalogue(*studies: Study) -> dict[str, Study]:
@@ -118,7 +118,7 @@ def run(
     record = _claimed(shelf, out, resume, settings, provenance, show)
 
     def kept() -> str:
-        complete = sum(one.info.id in asked for one in record.studies)
+        complete = sum(study.info.id in asked for study in record.studies)
         then = f"; `python -m reports {out}` reports them; {ON} {out}" if shelf.resumes else f" in {path}"
         return f"{complete} of {len(asked)} {shelf.noun} are kept{then}"
 
@@ -137,7 +137,7 @@ def run(
             began = time.monotonic()
             findings = measure(shelf.measure_of(name)(context), show)
             measured = StudyRecord(study.info, scale_of(study, context), findings, time.monotonic() - began)
-            studies = sorted([*record.studies, measured], key=lambda one: list(shelf.studies).index(one.info.id))
+            studies = sorted([*record.studies, measured], key=lambda done: list(shelf.studies).index(done.info.id))
             record = msgspec.structs.replace(record, studies=studies)
             write_studies(path, record)
     record = msgspec.structs.replace(record, finished=True)
@@ -203,5 +203,5 @@ def _claimed(
         write_studies(out / shelf.file, record)
     if record.settings != json.loads(json.dumps(settings)):
         raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
-    known = [one for one in record.studies if one.info.id in shelf.studies]
+    known = [study for study in record.studies if study.info.id in shelf.studies]
     return msgspec.structs.replace(record, studies=known, finished=False)

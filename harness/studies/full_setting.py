@@ -5,6 +5,7 @@ one respect: all samples of all rays are counted, although rays that miss the sc
 be skipped.
 """
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import ceil
@@ -24,23 +25,15 @@ DECODED_BYTES_A_PIXEL = 16
 """The bytes per pixel of a worker's own copy of a view set on disk while it trains: RGBA as float32."""
 
 
-@dataclass(frozen=True)
-class Gpu:
-    """The rates that a data sheet states; nothing here was measured."""
-
-    name: str
-    float32: float
-    """TFLOP/s without matrix units that round: float32 matrix multiplications are float32 here (no TF32)."""
-    bfloat16: float
-    """TFLOP/s, dense."""
-
-
-GPUS = (
-    Gpu("NVIDIA A100", 19.5, 312.0),
-    Gpu("NVIDIA H100 or H200, SXM", 67.0, 989.0),
-    Gpu("AMD MI250X, one of its two dies", 23.9, 191.5),
-    Gpu("AMD MI300X", 163.4, 1307.0),
-)
+GPUS = {
+    "NVIDIA A100": {"float32": 19.5, "bfloat16": 312.0},
+    "NVIDIA H100 or H200, SXM": {"float32": 67.0, "bfloat16": 989.0},
+    "AMD MI250X, one of its two dies": {"float32": 23.9, "bfloat16": 191.5},
+    "AMD MI300X": {"float32": 163.4, "bfloat16": 1307.0},
+}
+"""TFLOP/s that data sheets state, dense; nothing here was measured. float32 matrix multiplications are float32 here: no
+TF32.
+"""
 ASSUMED_SHARES = {"float32": (0.2, 0.6), "bfloat16": (0.05, 0.25)}
 """The share of the data sheet's rate that a step is assumed to reach, worst and best. The paper's layers are 256 wide:
 in bfloat16 memory, not arithmetic, sets the pace.
@@ -52,19 +45,18 @@ class Work:
     """The operations of one cell and the bytes of one run."""
 
     training: float
-    """The FLOP of training."""
     scoring: float
-    """The FLOP of scoring."""
+    """FLOP, like that of training."""
     cells: int
     groups: int
     megasamples: float
     """The megasamples of Mitsuba's path tracer, over all scenes."""
     view_sets: tuple[float, float]
-    """The bytes of the view sets: least and most."""
+    """Bytes: least and most."""
     decoded: float
-    """The bytes per worker."""
+    """Bytes per worker."""
     pictures: float
-    """The bytes of the pictures, at most."""
+    """Bytes, at most."""
 
     @property
     def a_cell(self) -> float:
@@ -121,23 +113,24 @@ def render_seconds(speed: Studies) -> tuple[float, float]:
     """Return seconds per megasample: least and most over the scenes measured, of the fastest variant that works
     there.
     """
-    found: dict[str, list[float]] = {}
-    for _, one in speed.checks():
-        parts = one.id.split(".")
-        if len(parts) == 4 and parts[0] == "render" and parts[3] == "seconds" and one.value is not None:
-            found.setdefault(parts[1], []).append(one.value)
-    if not found:
+    fastest: dict[str, float] = {}
+    for name, seconds in _values(speed).items():
+        if rendered := re.fullmatch(r"render\.(\w+)\.\w+\.seconds", name):
+            fastest[rendered[1]] = min(seconds, fastest.get(rendered[1], seconds))
+    if not fastest:
         raise InputError("the speed record has no seconds of rendering; run `nox -s speed` again")
-    fastest = [min(values) for values in found.values()]
-    return min(fastest), max(fastest)
+    return min(fastest.values()), max(fastest.values())
 
 
 def value_of(speed: Studies, name: str) -> float:
     """Return the value of a measurement. Raises `InputError` if it was not measured."""
-    for _, one in speed.checks():
-        if one.id == name and one.value is not None:
-            return one.value
-    raise InputError(f"the speed record has no {name}; run `nox -s speed` again")
+    if name not in _values(speed):
+        raise InputError(f"the speed record has no {name}; run `nox -s speed` again")
+    return _values(speed)[name]
+
+
+def _values(speed: Studies) -> dict[str, float]:
+    return {check.id: check.value for _, check in speed.checks() if check.value is not None}
 
 
 def page(speed: Studies) -> str:
@@ -195,11 +188,11 @@ def page(speed: Studies) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
-def _gpu_row(work: Work, gpu: Gpu, precision: str) -> tuple[str, ...]:
-    peak = getattr(gpu, precision)
+def _gpu_row(work: Work, gpu: str, precision: str) -> tuple[str, ...]:
+    peak = GPUS[gpu][precision]
     low, high = (work.a_cell / (peak * 1e12 * share) / 3600 for share in reversed(ASSUMED_SHARES[precision]))
     walls = [[wall_hours(work, hours, gpus) for hours in (low, high)] for gpus in (1, 8, work.groups)]
-    return gpu.name, precision, f"{peak:g}", *(f"{_number(a)} – {_number(b)}" for a, b in [(low, high), *walls])
+    return gpu, precision, f"{peak:g}", *(f"{_number(a)} – {_number(b)}" for a, b in [(low, high), *walls])
 
 
 def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:

@@ -2,21 +2,15 @@
 
 import math
 import statistics
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from harness.execution.ground_truth import view_set_folders
-from harness.records.cells import read_cells
-from harness.records.json_record import DamagedRecord
 from harness.records.study import Series, Table, check
-from harness.studies.evidence.contrasts import listed
-from harness.studies.evidence.evidence_context import TRAININGS, EvidenceContext, folder_of
+from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
 from harness.studies.renderer import printed_rows
-from harness.training.cell_training import REFERENCE_LIMITED_DB
 from harness.training.metrics import psnr_from_mse
 from harness.verdicts.statistics import critical
 from scenes.catalog.entries import CLASSICS
@@ -63,25 +57,6 @@ def noise_rows(
     if code:
         raise RuntimeError(f"rendering ended with exit code {code}: {complaints[-2000:]}")
     return rows
-
-
-def scores_at_hand(context: EvidenceContext, width: int) -> dict[str, float]:
-    """Scene → PSNR of its best method, the median over seeds, of images `width` pixels wide.
-
-    They come from the run in the output folder, else from the first training of the studies that has the scene. Nothing
-    is trained for it.
-    """
-    best: dict[str, float] = {}
-    for folder in (context.out, *(folder_of(context.out, name) for name in TRAININGS)):
-        values: dict[tuple[str, str], list[float]] = defaultdict(list)
-        with suppress(DamagedRecord):
-            for cell in read_cells(folder):
-                psnr = cell.scores.get("psnr")
-                if psnr is not None and cell.settings.get("view_set", {}).get("width") == width:
-                    values[cell.scene, cell.method].append(psnr)
-            medians = sorted((statistics.median(scores), scene) for (scene, _), scores in values.items())
-            best = {scene: score for score, scene in medians} | best
-    return best
 
 
 @dataclass(frozen=True)
@@ -135,7 +110,6 @@ def ceilings(context: EvidenceContext) -> Iterator[Found]:
         "float colours that scores use: the 8-bit pictures beside them play no part. Each view is rendered "
         f"{REPEATS} times more, by {sample['variant']}."
     )
-    yield limited(agreements, scores_at_hand(context, plan.views.resolution))
     yield Series(
         "Ceiling stated and measured again", 0, "scenes", "stated ceiling, dB", "ceiling from new renders, dB",
         [scene.stated for scene in agreements], [scene.again for scene in agreements], log_x=False, log_y=False,
@@ -188,20 +162,6 @@ def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:
         for scene in scenes
     ]
     yield Table("ceilings", 0, "PSNR ceilings of the test views", columns, rows)
-
-
-def limited(scenes: Sequence[Agreement], scores: dict[str, float]) -> str:
-    """Return how far the best available scores stay below the ceiling."""
-    room = {scene.scene: scene.again - scores[scene.scene] for scene in scenes if scene.scene in scores}
-    if not room:
-        return "No trained cell is at hand in this folder to stand beside the ceilings."
-    near = [name for name, value in room.items() if value < REFERENCE_LIMITED_DB]
-    least = min(room, key=lambda name: room[name])
-    return (
-        f"The best cells of this folder stay {room[least]:.1f} dB ({least}) to {max(room.values()):.1f} dB below the "
-        f"ceiling of their scene; within {REFERENCE_LIMITED_DB:g} dB of it "
-        f"{listed(near) + ' are' if near else 'none is'} reference-limited."
-    )
 
 
 def _signed(value: float) -> str:

@@ -23,7 +23,6 @@ from harness.studies.speed.speed_context import (
     DENSE,
     STREAM,
     SpeedContext,
-    batches_of,
     interleaved,
     measured,
     new_trainer,
@@ -31,15 +30,10 @@ from harness.studies.speed.speed_context import (
     ratio,
     reduced_plan,
     synthetic_batch,
-    trained_reduced,
     unit_box,
-    views_of,
 )
 from harness.training.batches import Batch
-from harness.training.learner import at_step, steps, take_step
-from harness.training.lockstep import box_of
-
-NEVER = 10**9
+from harness.training.learner import take_step
 
 
 def measure(context: SpeedContext) -> Iterator[Check]:
@@ -67,7 +61,6 @@ def measure(context: SpeedContext) -> Iterator[Check]:
         if name in sides:
             rates = [settings.rays * settings.bins / taken / 1e6 for taken in seconds[name]]
             yield measured(f"training.dense.{name}.rate", f"Training, {title}", rates, "million samples/s", words)
-    yield _with_skipping(context, settings)
 
 
 def dense_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> Callable[[], object]:
@@ -84,35 +77,6 @@ def dense_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> 
             raise RuntimeError(f"a dense step evaluated {trainer.network_evaluations - before} samples")
 
     return step
-
-
-def _with_skipping(context: SpeedContext, settings: TrainSettings) -> Check:
-    """Count the samples that a step stands for: those in empty space count, and are not evaluated."""
-    views, trained = views_of(context, "lego"), trained_reduced(context)
-    batch_at = batches_of(views, context.device).stream(STREAM, settings.rays)
-    # cut to the box and skipping, never refreshed: the paper's network has learnt nothing that it could look for
-    grid = GridSettings(cells=trained.settings.grid.cells, first_step=0, every=NEVER)
-    accelerations = replace(settings.accelerations, grid=True, clipping=True)
-    sparse = replace(settings, grid=grid, accelerations=accelerations)
-    trainer = new_trainer(context, sparse, box_of(views, context.device))
-    assert trained.grid is not None
-    assert trainer.grid is not None
-    trainer.grid.density, trainer.grid.occupied = trained.grid.density.clone(), trained.grid.occupied.clone()
-    trainer.step = 1  # from the second step on the grid is used
-    trainer.warm_up(*batch_at(0))
-    before, began = trainer.network_evaluations, trainer.clock.seconds
-    rates: list[float] = []
-    for _ in steps(trainer, batch_at, at_step(trainer.step + context.repeats(12))):
-        rates.append(settings.rays * settings.bins / (trainer.clock.seconds - began) / 1e6)
-        began = trainer.clock.seconds
-    share = (trainer.network_evaluations - before) / (len(rates) * settings.rays * settings.bins)
-    return measured(
-        "training.skipping.rate",
-        "Training with empty-space skipping: samples stood for, not evaluated",
-        rates,
-        "million samples/s",
-        f"lego, grid of {grid.cells}³ cells of a trained field; {share:.0%} of the samples were evaluated",
-    )
 
 
 CHUNKS = (1024, 2048, 4096, 8192, 16384)

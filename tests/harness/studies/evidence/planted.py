@@ -13,7 +13,7 @@ from harness.records.cells import CellRecord, SceneRecord
 from harness.records.study import Effect, Series, Table
 from harness.studies.evidence.contrasts import Design, Term, signs
 from harness.studies.evidence.evidence_context import EvidenceContext, StudyRun
-from tests.harness.cells import cell, checkpoint
+from tests.harness.cells import cell, checkpoint, diverged
 
 STEPS = (10, 100, 500)
 Truth = dict[Term, float]
@@ -26,34 +26,37 @@ def score(design: Design, corner: int, truth: Truth, mean: float = 24.0) -> floa
 
 def planted(
     design: Design,
-    truth: Truth | Callable[[str], Truth],
+    truth: Truth,
     scenes: tuple[str, ...] = ("lego", "ficus", "hotdog"),
     seeds: int = 3,
     noise: float = 0.0,
     seconds: Callable[[str], float] = lambda method: 10.0,
     ripeness: Callable[[int], float] = lambda step: 1.0,
-    **changes: Any,
 ) -> list[CellRecord]:
     """Every corner on every scene with every seed. Seeds and scenes have levels of their own, which pairing removes.
 
-    `truth` may be a function of the scene, `ripeness` the share of it that is there at a step.
+    `ripeness` is the share of the truth that is there at a step.
     """
     draw = np.random.default_rng(11)
-    found = []
+    cells = []
     for place, scene in enumerate(scenes):
         for seed in range(seeds):
             for corner, method in enumerate(design.methods.values()):
-                full = truth(scene) if callable(truth) else truth
                 own = float(draw.normal(0.0, noise)) if noise else 0.0
                 curve = []
                 for step in STEPS:
-                    part = {term: size * ripeness(step) for term, size in full.items()}
+                    part = {term: size * ripeness(step) for term, size in truth.items()}
                     psnr = score(design, corner, part, 20.0 + place + 0.3 * seed + np.log10(step)) + own
                     at = seconds(method) * step / STEPS[-1]
                     curve.append(checkpoint(step, at, psnr, ssim=0.8 + psnr / 1000))
                 scores = {"psnr": curve[-1].psnr, "ssim": curve[-1].ssim}
-                found.append(cell(scene, method, seed, curve, scores=scores, **changes))
-    return found
+                cells.append(cell(scene, method, seed, curve, scores=scores))
+    return cells
+
+
+def with_diverged(cells: list[CellRecord], *keys: tuple[str, str, int]) -> list[CellRecord]:
+    """`cells`, of which those of `keys` (scene, method, seed) diverged."""
+    return [diverged(*key) if (key := (cell.scene, cell.method, cell.seed)) in keys else cell for cell in cells]
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class Planted(EvidenceContext):
         px = self.pixels.get(name, 100)
         scenes = [
             SceneRecord(scene, scene, "", px, px, {"train": 60}, 1.0, 2.0, [[0, 0, 0], [1, 1, 1]], None, None, {}, [])
-            for scene in dict.fromkeys(one.scene for one in cells)
+            for scene in dict.fromkeys(cell.scene for cell in cells)
         ]
         return StudyRun(self.plan(name), scenes, cells)
 
@@ -78,21 +81,21 @@ def situation(folder: Path, cells: dict[str, list[CellRecord]], pixels: dict[str
     return Planted(folder, folder, folder, False, Quiet(), machine, True, cells, pixels or {})
 
 
-def sentences(found: Iterable[Any]) -> list[str]:
-    return [one for one in found if isinstance(one, str)]
+def sentences(findings: Iterable[Any]) -> list[str]:
+    return [finding for finding in findings if isinstance(finding, str)]
 
 
-def effect(found: Iterable[Any], name: str, against: str = "", scene: str = "all", **wanted: str) -> Effect:
+def effect(findings: Iterable[Any], name: str, against: str = "", scene: str = "all", **wanted: str) -> Effect:
     """The only one of that name, on PSNR at equal steps unless something else is wanted."""
     facts = {"metric": "psnr", "budget": "steps", **wanted, "name": name, "against": against, "scene": scene}
-    effects = [one for one in found if isinstance(one, Effect)]
-    (chosen,) = [one for one in effects if all(getattr(one, key) == value for key, value in facts.items())]
+    effects = [finding for finding in findings if isinstance(finding, Effect)]
+    (chosen,) = [effect for effect in effects if all(getattr(effect, key) == value for key, value in facts.items())]
     return chosen
 
 
-def lines(found: Iterable[Any]) -> dict[tuple[str, str], Series]:
-    return {(one.panel, one.name): one for one in found if isinstance(one, Series)}
+def lines(findings: Iterable[Any]) -> dict[tuple[str, str], Series]:
+    return {(line.panel, line.name): line for line in findings if isinstance(line, Series)}
 
 
-def table(found: Iterable[Any], name: str) -> Table:
-    return next(one for one in found if isinstance(one, Table) and one.id == name)
+def table(findings: Iterable[Any], name: str) -> Table:
+    return next(finding for finding in findings if isinstance(finding, Table) and finding.id == name)

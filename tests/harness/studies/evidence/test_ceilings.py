@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from harness.records.study import Check
-from harness.studies.evidence.ceilings import TOLERANCE_DB, agreement, judged, limited, noise_rows
+from harness.studies.evidence.ceilings import TOLERANCE_DB, agreement, judged, noise_rows
 from scenes.files.errors import InputError
 
 VIEWS = 15
@@ -70,16 +70,6 @@ def test_standard_errors_that_resolve_the_tolerance_hold_and_the_widest_pass_is_
     assert error.value is not None
     assert worst.high is not None
     assert f"{TOLERANCE_DB + worst.high * error.value:.2f} dB where they are largest" in worst.why
-
-
-def test_scores_near_the_ceiling_are_called_so() -> None:
-    scenes = [agreement(name, [1e-4] * 2, [1e-4] * 2, [1e-4] * 2) for name in ("lego", "mic", "ship")]
-    near = limited(scenes, {"lego": 39.5, "mic": 39.2, "ship": 30.0})
-    assert "0.5 dB (lego) to 10.0 dB" in near
-    assert "lego and mic are reference-limited" in near
-    far = limited(scenes, {"lego": 30.0})
-    assert "none is reference-limited" in far
-    assert limited(scenes, {}).startswith("No trained cell")
 
 
 SCRIPT = """

@@ -17,7 +17,7 @@ from harness.studies.evidence.repaired import MARGIN, METRICS, REPAIRED, equal_t
 from harness.studies.framework import Found
 from harness.verdicts import paper
 from tests.harness.cells import cell, checkpoint, diverged
-from tests.harness.studies.evidence.planted import effect, sentences, situation, table
+from tests.harness.studies.evidence.planted import effect, sentences, situation, table, with_diverged
 from tests.replacing import replace
 
 SEEDS = (0, 1, 2)
@@ -69,9 +69,10 @@ def test_the_first_sentence_says_whether_the_paper_s_margin_is_reached(study: St
     assert first.startswith("At equal steps the repaired Q-NeRF changes NeRF's PSNR by")
     assert second.startswith("At equal time ")
     assert first.rstrip(".").endswith(said)
-    one = effect(found, REPAIRED, "nerf")
-    assert one.difference == pytest.approx(gain, abs=0.05)
-    assert f"{gain:+.1f}".replace("-", "−")[:2] in first or abs((one.difference or 0.0) - gain) < 0.05
+    assert effect(found, REPAIRED, "nerf").difference == pytest.approx(gain, abs=0.05)
+    (claim,) = [claim for claim in paper.ABSTRACT if claim.id == "abstract-psnr-range"]
+    assert isinstance(claim.printed, tuple)
+    assert min(claim.printed) == MARGIN
 
 
 def test_equal_time_charges_for_slowness(study: Study) -> None:
@@ -106,20 +107,11 @@ def test_the_controls_tell_bandwidth_and_the_amplifier_apart(study: Study) -> No
 
 
 def test_a_cell_that_diverged_is_named_and_the_others_are_judged(study: Study) -> None:
-    cells = [
-        diverged(one.scene, one.method, one.seed)
-        if (one.scene, one.method, one.seed) == (HELD_OUT[0], REPAIRED, 1)
-        else one
-        for one in cells_of(1.9)
-    ]
-    found = study(cells)
-    said = sentences(found)
-    assert "1 of 18 pairs without a score" in said[0]
-    assert any("1 of 72 cells have no score" in one and HELD_OUT[0] in one for one in said)
-    assert (
-        effect(found, REPAIRED, "nerf").unpaired,
-        effect(found, REPAIRED, "nerf").verdict,
-    ) == (1, "better")
+    found = study(with_diverged(cells_of(1.9), (HELD_OUT[0], REPAIRED, 1)))
+    assert "1 of 18 pairs without a score" in sentences(found)[0]
+    assert any("1 of 72 cells have no score" in sentence and HELD_OUT[0] in sentence for sentence in sentences(found))
+    judged = effect(found, REPAIRED, "nerf")
+    assert (judged.unpaired, judged.verdict) == (1, "better")
     assert table(found, "contrast_learnt").rows[0][2] is None
 
 
@@ -154,9 +146,3 @@ def test_the_table_of_the_search_holds_what_was_measured(study: Study) -> None:
         mine = [one.psnr_val for one in found.rows if one.method == method]
         assert list(row[5:]) == mine
         assert row[1] == pytest.approx(np.mean([one for one in mine if one is not None]))
-
-
-def test_the_margin_is_the_paper_s() -> None:
-    (claim,) = [one for one in paper.ABSTRACT if one.id == "abstract-psnr-range"]
-    assert isinstance(claim.printed, tuple)
-    assert min(claim.printed) == MARGIN

@@ -50,7 +50,6 @@ def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
     found = answers(tmp_path / "speed", 1, 2, 3, 4, 5, 6, 11)
     for id in (
         "training.dense.ratio",
-        "training.skipping.rate",
         "matrix.paper.share",
         "matrix.reduced.share",
         "target.same.ratio",
