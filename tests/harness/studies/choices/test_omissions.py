@@ -22,7 +22,6 @@ from harness.studies.choices.omissions import (
     too_costly,
     verifiable,
 )
-from harness.training.evaluate import cameras_of
 from harness.verdicts.statistics import paired_difference
 from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
 from scenes.rendering.checks import in_blocks
@@ -52,20 +51,16 @@ def ball_plan(**changes: Any) -> Plan:
 def test_a_part_is_forced_in_by_either_option(name: str, acceleration: str) -> None:
     by_need, by_without = planned("smoke", need=[name]), planned("smoke", without=[acceleration])
     assert by_need == by_without
-    assert by_need.views.need == (name,)
     assert not getattr(by_need.train.accelerations, acceleration)
     assert by_need.settings()["views"]["need"] == (name,)
 
 
-def test_parts_are_forced_out() -> None:
+def test_parts_are_forced_out_and_nothing_by_default() -> None:
     plan = planned("full", no_need=["view_direction", "fine_pass", "empty_space"])
     assert plan.views.no_need == ("view_direction", "fine_pass", "empty_space")
     assert plan.train.fine_bins == 0
     assert plan.train.grid.cells > 0
     assert planned("reduced", need=["fine_pass"]).train.fine_bins == 64
-
-
-def test_nothing_is_forced_by_default() -> None:
     for profile in ("smoke", "reduced", "full"):
         assert (planned(profile).views.need, planned(profile).views.no_need) == ((), ())
 
@@ -102,6 +97,8 @@ def test_only_what_makes_a_difference_is_tried(ball: ViewSet) -> None:
     assert "empty_space" not in verifiable(views, dense, "nerf")
     clipped_no_more = replace(plan, train=kept(TRAIN, ("outside_box", "behind_opaque")))
     assert verifiable(views, clipped_no_more, "nerf") == ("view_direction", "empty_space")
+    for method in ("voxels_drjit", "qnerf_listing4"):
+        assert verifiable(views, plan, method) == ("view_direction",), "what a method has not is not tried on it"
 
 
 def test_every_cell_has_an_arm_for_each_omission(ball: ViewSet, tmp_path: Path) -> None:
@@ -118,34 +115,25 @@ def test_every_cell_has_an_arm_for_each_omission(ball: ViewSet, tmp_path: Path) 
 
 
 def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
-    """An arm that changes nothing ends with the same score; each that changes something does not."""
-    view_set = write_ball(tmp_path / "ball")
+    """An arm that changes nothing ends with the same score, and so does one whose weights were rendered again; each
+    that changes something does not.
+    """
     arms = {
         "as planned": Arm(rendered_with=("behind_opaque",)),
         "again": Arm(),
         "outside_box": Arm(need=("outside_box",)),
-        "no view_direction": Arm(no_need=("view_direction",)),
+        "no direction": Arm(no_need=("view_direction",)),
         "no bands": Arm(position_bands=0),
     }
     plan = replace(ball_plan(), budget=Budget(16, None))
-    cell = trained_cell(CellTask("ball", "nerf", 0, view_set, tmp_path, plan, arms))
-    planned_, again, *others = cell.ended.values()
-    assert again.psnr == planned_.psnr
-    assert all(one.psnr is not None and one.psnr != planned_.psnr for one in others)
-    assert all(one.train_seconds > 0 and one.render_seconds > 0 for one in cell.ended.values())
-    opaque = planned_.rerendered["behind_opaque"]
+    cell = trained_cell(CellTask("ball", "nerf", 0, write_ball(tmp_path / "ball"), tmp_path, plan, arms))
+    as_planned, again, *others = cell.ended.values()
+    assert again.psnr == as_planned.psnr
+    assert all(arm.psnr is not None and arm.psnr != as_planned.psnr for arm in others)
+    assert all(arm.train_seconds > 0 and arm.render_seconds > 0 for arm in cell.ended.values())
+    opaque = as_planned.rerendered["behind_opaque"]
     assert opaque.largest_change <= PARTS["behind_opaque"].bound
     assert min(opaque.seconds, opaque.seconds_without) > 0.0
-
-
-def test_rendering_once_more_leaves_the_trainer_as_it_was(ball: ViewSet) -> None:
-    from harness.studies.choices import arms
-    from tests.harness.tiny import CPU, trainer
-
-    made = trainer()
-    before = made.settings
-    arms._rerendered(made, "behind_opaque", cameras_of(ball, ball.test, CPU), 512)
-    assert made.settings is before
 
 
 def ended(psnr: float | None, seconds: float = 2.0, largest: float | None = None) -> Ended:
@@ -166,19 +154,18 @@ def test_an_omission_is_without_less_with() -> None:
     assert trained.difference == pytest.approx(-0.11)
     assert trained.interval is not None
     assert trained.interval[0] < -0.11 < trained.interval[1] < 0
-    assert trained.seconds_saved == pytest.approx(3.0)
-    assert trained.verdict == "within its bound"
     assert (rendered.name, rendered.difference, rendered.interval) == ("behind_opaque", 5e-5, None)
-    assert rendered.seconds_saved == pytest.approx(2.0)
-    assert rendered.verdict == "within its bound"
+    for omission, saved in ((trained, 3.0), (rendered, 2.0)):
+        assert omission.seconds_saved == pytest.approx(saved)
+        assert omission.verdict == "within its bound"
 
 
 def test_what_costs_more_is_named() -> None:
-    trained, rendered = omissions_of(cells_with((20.0, 21.0), (21.0, 22.1), (22.0, 22.9), largest=2e-4))
-    assert (trained.verdict, rendered.verdict) == ("costs more", "costs more")
-    assert too_costly([trained, rendered]) == [trained, rendered]
-    assert "lego: samples in empty space: -1" in trained.line
-    assert trained.line.endswith("costs more (0.2 dB)")
+    costly = omissions_of(cells_with((20.0, 21.0), (21.0, 22.1), (22.0, 22.9), largest=2e-4))
+    assert [omission.verdict for omission in costly] == ["costs more"] * 2
+    assert too_costly(costly) == costly
+    assert "lego: samples in empty space: -1" in costly[0].line
+    assert costly[0].line.endswith("costs more (0.2 dB)")
 
 
 def test_a_cell_that_only_diverges_without_the_part_costs_more() -> None:
@@ -224,22 +211,15 @@ def test_blocks_are_means_and_a_rest_at_the_border_is_left() -> None:
     assert in_blocks(np.full((3, 5, 3), 2.0)).shape == (1, 1, 3)
 
 
-def test_what_a_method_has_not_is_not_tried_on_it(ball: ViewSet) -> None:
-    views, plan = known(ball, SOLID), ball_plan()
-    assert verifiable(views, plan, "voxels_drjit") == ("view_direction",)
-    assert verifiable(views, plan, "qnerf_listing4") == ("view_direction",)
-
-
 def test_what_was_measured_fills_what_was_left_out() -> None:
     rows = [
         LeftOut("samples in empty space", "mostly", None, None, None, "empty_space"),
         LeftOut("background model", "alpha", None, None, None),
     ]
-    found = omissions_of(cells_with((20.0, 20.1), (21.0, 21.1)))
-    told, untouched = filled(rows, found)
-    assert (told.difference, told.seconds_saved) == (found[0].difference, found[0].seconds_saved)
-    assert told.interval == found[0].interval
-    assert told.verdict == "within its bound"
+    omission, _ = omissions = omissions_of(cells_with((20.0, 20.1), (21.0, 21.1)))
+    measured, untouched = filled(rows, omissions)
+    for name in ("difference", "seconds_saved", "interval", "verdict"):
+        assert getattr(measured, name) == getattr(omission, name) is not None
     assert untouched == rows[1]
 
 
