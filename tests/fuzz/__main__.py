@@ -1,11 +1,11 @@
-"""Tries the readers for a given time, each in processes of its own, and prints what was tried and what was found.
+"""Tries the readers for a given time, each in processes of its own, and prints what was tried and what went wrong.
 
     python -m tests.fuzz [--seconds 600] [--inputs N] [--targets NAME …] [--seed N] [--scratch DIR] [--keep]
                          [--no-guided | --guided-alone]
 
-Half of the time inputs are made by chance, half guided by coverage (atheris, the dependency group `fuzz`). With
-`--keep` each input that showed a fault goes to tests/fuzz/corpus/TARGET/, which the fast tests try again. Exit
-code 1 where a fault was found.
+Half of the time inputs of files are made by chance, half guided by coverage (atheris, the dependency group `fuzz`).
+With `--keep` each input that showed a fault goes to tests/fuzz/corpus/TARGET/, which the fast tests try again. Exit
+code 1 if there was a fault.
 """
 
 import argparse
@@ -19,7 +19,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from tests.fuzz.campaign import GUIDED, Tally, row, table
+from tests.fuzz.campaign import Tally, keep_fault
 
 CORPUS = Path(__file__).parent / "corpus"
 SILENT_SECONDS = 120.0
@@ -43,29 +43,29 @@ def main(arguments: list[str]) -> int:
     way.add_argument("--no-guided", action="store_true", help="by chance alone")
     way.add_argument("--guided-alone", action="store_true", help="by coverage alone")
     options = parser.parse_args(arguments)
-    can_be_guided = importlib.util.find_spec("atheris") is not None
+    can_be_guided = importlib.util.find_spec("atheris") is not None and not options.no_guided
     if options.guided_alone and not can_be_guided:
         parser.error("--guided-alone: atheris is not installed; install the dependency group fuzz")
-    ways = [False, True] if can_be_guided and not options.no_guided else [False]
-    ways = [True] if options.guided_alone else ways
-    if ways == [False]:
+    if not can_be_guided:
         print("by chance alone, without coverage to guide it: atheris is not installed or not wanted")
-    each = options.seconds / len(options.targets) / len(ways)
-    found: dict[str, Tally] = {}
+    jobs = [(name, False) for name in options.targets if not options.guided_alone]
+    jobs += [(name, True) for name in options.targets if can_be_guided and TARGETS[name].files]
+    each = options.seconds / max(len(jobs), 1)
     print(f"seed {options.seed}, {each:.0f} s of each target and way, in {options.scratch}")
-    for name in options.targets:
-        for guided in ways:
-            key = f"{name}{GUIDED if guided else ''}"
-            found[key] = tried(name, options.scratch / key, each, options.inputs, options.seed, guided)
-            if options.keep:
-                keep(name, options.scratch / key)
-            print(row(key, found[key]), flush=True)
-    print(table(found))
-    return 1 if any(tally.faults for tally in found.values()) else 0
+    faults = []
+    for name, guided in jobs:
+        key = f"{name}-guided" if guided else name
+        tally = tried(name, options.scratch / key, each, options.inputs, options.seed, guided)
+        if options.keep:
+            keep(name, options.scratch / key)
+        print(tally.line(key), flush=True)
+        faults += [f"{key}: {fault}: {count}" for fault, count in tally.faults.items()]
+    print("\n".join(faults) or "no fault")
+    return 1 if faults else 0
 
 
 def tried(name: str, scratch: Path, seconds: float, inputs: int, seed: int, guided: bool) -> Tally:
-    """What a process made of a target. One that ends by a signal or hangs is a fault of the input that it had."""
+    """Try a target in a process. One that ends by a signal or hangs is a fault of the input that it had."""
     scratch.mkdir(parents=True, exist_ok=True)
     for file in ("tally.json", "current"):
         (scratch / file).unlink(missing_ok=True)
@@ -73,22 +73,22 @@ def tried(name: str, scratch: Path, seconds: float, inputs: int, seed: int, guid
     command += ["--inputs", str(inputs), "--seed", str(seed), *(["--guided"] if guided else [])]
     with (scratch / "log").open("w", encoding="utf-8") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, cwd=Path(__file__).parents[2])
-        ended = _waited(process, scratch, seconds)
-    tally = _read(scratch)
-    if tally is None or (ended != 0 and not (scratch / "current").exists()):
-        said = (scratch / "log").read_text(encoding="utf-8", errors="replace")[-300:]
-        return Tally(faults=Counter({f"could not be tried at all: {' '.join(said.split())}": 1}))
-    tally.features = _features(scratch / "log")
+        code = _waited(process, scratch, seconds)
+    printed = (scratch / "log").read_text(encoding="utf-8", errors="replace")
+    if not (scratch / "current").exists() and (code != 0 or not (scratch / "tally.json").exists()):
+        return Tally(faults=Counter({f"could not be tried at all: {' '.join(printed[-300:].split())}": 1}))
+    tally = Tally(**json.loads((scratch / "tally.json").read_text(encoding="utf-8")))
     # libraries may break off once libFuzzer has told that it is done; 77 is where a callback raised, which none does
-    if ended != 0 and not re.search(rb"^Done \d+ runs", (scratch / "log").read_bytes(), re.MULTILINE):
-        how = "hung" if ended is None else f"ended the process with {ended}"
+    if code != 0 and not re.search(r"^Done \d+ runs", printed, re.MULTILINE):
+        how = "hung" if code is None else f"ended the process with {code}"
         tally.faults[f"{how}, at input {tally.tried} or later"] += 1
-        _keep_current(name, scratch, how)
+        file, _, data = (scratch / "current").read_bytes().partition(b"\n")
+        keep_fault(scratch, "ended", file.decode(), data, how)
     return tally
 
 
 def _waited(process: subprocess.Popen[bytes], scratch: Path, seconds: float) -> int | None:
-    """The exit code; None where it had to be killed."""
+    """Return the exit code; None if it had to be killed."""
     began = last = time.monotonic()
     seen = None
     while process.poll() is None:
@@ -105,38 +105,15 @@ def _waited(process: subprocess.Popen[bytes], scratch: Path, seconds: float) -> 
     return process.returncode
 
 
-def _features(log: Path) -> list[int]:
-    """libFuzzer's count of coverage after the inputs that it began with, and at the end; none where nothing guided."""
-    text = log.read_text(encoding="utf-8", errors="replace")
-    begun = re.search(r"INITED .*?ft: (\d+)", text)
-    counts = re.findall(r"^#\d+\s.*?ft: (\d+)", text, re.MULTILINE)
-    return [int(begun[1]), int(counts[-1])] if begun else []
-
-
-def _read(scratch: Path) -> Tally | None:
-    try:
-        return Tally.of_json(json.loads((scratch / "tally.json").read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        return None
-
-
-def _keep_current(name: str, scratch: Path, how: str) -> None:
-    file, _, data = (scratch / "current").read_bytes().partition(b"\n")
-    (scratch / "faults").mkdir(exist_ok=True)
-    (scratch / "faults" / "ended").write_bytes(data)
-    text = json.dumps({"target": name, "file": file.decode(), "said": how})
-    (scratch / "faults" / "ended.json").write_text(text, encoding="ascii")
-
-
 def keep(name: str, scratch: Path) -> None:
-    """Small inputs that showed a fault, with the name of the file that they stand for."""
-    for told in sorted((scratch / "faults").glob("*.json")):
-        data = told.with_suffix("").read_bytes()
+    """Keep small inputs that showed a fault, with the name of the file that they stand for."""
+    for description in sorted((scratch / "faults").glob("*.json")):
+        data = description.with_suffix("").read_bytes()
         if len(data) <= LARGEST_KEPT:
             folder = CORPUS / name
             folder.mkdir(parents=True, exist_ok=True)
-            file = json.loads(told.read_text(encoding="ascii"))["file"]
-            (folder / told.stem).write_bytes(file.encode() + b"\n" + data)
+            file = json.loads(description.read_text(encoding="ascii"))["file"]
+            (folder / description.stem).write_bytes(file.encode() + b"\n" + data)
 
 
 if __name__ == "__main__":

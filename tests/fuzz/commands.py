@@ -1,7 +1,7 @@
 """Every option of the commands, with values that nobody should give; nothing is trained, rendered or measured.
 
 An input is the JSON list of a command line's arguments. A refusal names an option that was given or is missing, or a
-file. One in some five hundred that are refused is given to a process of its own as well, which must refuse it likewise.
+file.
 """
 
 import argparse
@@ -9,11 +9,7 @@ import contextlib
 import importlib
 import io
 import json
-import os
 import re
-import subprocess
-import sys
-import zlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -21,7 +17,12 @@ from random import Random
 from typing import Any
 from unittest import mock
 
+from reports.run import outputs, publish, run_page
+from scenes.files.atomic import write_atomically
+from scenes.files.errors import InputError, readable
 from tests.fuzz.mutations import NUMBERS, TEXTS
+from tests.fuzz.readers import NotTried
+from tests.fuzz.watch import Fault, kind_of_refusal
 
 PATHS = ("run", "ball", "new", "new/deep", "run/records/run.json", "nothing there", "/dev/null/x", "/proc/x", "",
          "x" * 300, "ball/../run", "é\n", "ball/train/r_0.png", ".", "run/", "~", "new.png", "new.npz", "new.json",
@@ -38,7 +39,6 @@ GOOD = {
     "out": ("run", "new.png", "new"), "run": ("run",),
 }  # fmt: skip
 """By option, or by the name of what has none."""
-EVERY = 512
 OF_THE_PARSER = re.compile(r"(argument \S+: |the following arguments are required: |unrecognized arguments:)")
 
 
@@ -58,75 +58,58 @@ def place(package: str) -> Callable[[Path, str, bytes], None]:
 
 
 def reader(package: str) -> Callable[[Path], None]:
-    """`python -m PACKAGE ARGUMENTS`, in the folder that it gets."""
+    """Return `python -m PACKAGE ARGUMENTS`, in the folder that it gets."""
 
     def read(folder: Path) -> None:
-        from scenes.files.errors import InputError
-        from tests.fuzz.readers import NotTried
-
-        data = (folder / "arguments.json").read_bytes()
-        arguments = json.loads(data)
-        if not isinstance(arguments, list) or not all(isinstance(one, str) for one in arguments):
+        arguments = json.loads((folder / "arguments.json").read_bytes())
+        if not isinstance(arguments, list) or not all(isinstance(argument, str) for argument in arguments):
             raise NotTried("no arguments")
-        code, said = called(package, arguments, folder)
-        if code == 2 and zlib.crc32(data) % EVERY == 0:
-            again, told = called_in_process(package, arguments, folder)
-            same = again == 2 and "Traceback" not in told
-            assert same, f"by itself exit code {again} for {arguments}: {told[-300:]}"
+        code, printed = called(package, arguments, folder)
         if code == 2:
-            text = said_at_the_end(said)
-            refuse_unnamed(text, arguments, package)
+            text = refusal_in(printed)
+            if not names_its_option(text, arguments, package):
+                raise Fault(f"a refusal that names neither option nor file, {kind_of_refusal(text)}: {text[:200]!r}")
             raise InputError(f"error: {text}")
-        assert code in (0, 3, 4), f"exit code {code} for {arguments}: {said[-300:]}"
+        assert code in (0, 3, 4), f"exit code {code} for {arguments}: {printed[-300:]}"
 
     return read
 
 
-def said_at_the_end(said: str) -> str:
-    """Without the list of all options that argparse shows first, and without the program's name."""
-    text = said.strip()
+def refusal_in(printed: str) -> str:
+    """Return a refusal without the list of all options that argparse shows first, and without the program's name."""
+    text = printed.strip()
     if text.startswith("usage: "):
         text = text[text.rindex("error:") :]
     return re.sub(r"^(error|scenes): ", "", text)
 
 
-def refuse_unnamed(text: str, arguments: list[str], package: str) -> None:
-    """A fault for a refusal that tells neither the option nor the file that it is about."""
-    from tests.fuzz.watch import Fault, kind_of_refusal
-
-    if not names_its_option(text, arguments, package):
-        raise Fault(f"a refusal that names neither option nor file, {kind_of_refusal(text)}: {text[:200]!r}")
-
-
 def names_its_option(text: str, arguments: list[str], package: str) -> bool:
-    """Whether a refusal starts as the parser's own do or with an option of the command, holds an option that was
+    """Tell whether a refusal starts as the parser's own do or with an option of the command, holds an option that was
     given, tells the name that is unknown, or starts with a path that was given or that is meant where none is.
     """
-    from scenes.files.errors import readable
-
     if OF_THE_PARSER.match(text):
         return True
     command = command_of(arguments, package)
-    given = {one.partition("=")[0] for one in arguments}
     known = {option for action in command._actions for option in action.option_strings}
-    options = known & given
+    options = known & {argument.partition("=")[0] for argument in arguments}
     if text.split(" ")[0].rstrip(":") in known or options & set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", text)):
         return True
-    left_out = [str(action.default) for action in command._actions if isinstance(action.default, Path)]
-    values = [one for one in arguments if one not in options]
-    if any(f"unknown {thing}{one!r}"[:200] in text for one in values for thing in ("", "scene ")):
+    defaults = [str(action.default) for action in command._actions if isinstance(action.default, Path)]
+    values = [argument for argument in arguments if argument not in options]
+    if any(f"unknown {thing}{value!r}"[:200] in text for value in values for thing in ("", "scene ")):
         return True
     # the beginning of a long one, as messages are cut
-    paths = [str(Path(one)).strip()[:200] for one in values + left_out]
-    return any(text.startswith((one, readable(one))) for one in paths)
+    paths = [str(Path(value)).strip()[:200] for value in values + defaults]
+    return any(text.startswith((path, readable(path))) for path in paths)
 
 
 def command_of(arguments: list[str], package: str) -> argparse.ArgumentParser:
-    """The parser of the command that is named, and of the study within it; or the whole one."""
+    """Return the parser of the command that is named, and of the study within it; or the whole parser."""
     parser: argparse.ArgumentParser = parser_of(package)
     while inner := commands_of(parser):
-        named = [inner[one] for one in arguments if one in inner]
-        named += [one for group in map(commands_of, inner.values()) for name, one in group.items() if name in arguments]
+        named = [inner[name] for name in arguments if name in inner]
+        named += [part for group in map(commands_of, inner.values()) for name, part in group.items()
+                  if name in arguments]  # fmt: skip
         if not named:
             break
         parser = named[0]
@@ -134,8 +117,8 @@ def command_of(arguments: list[str], package: str) -> argparse.ArgumentParser:
 
 
 def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    found = [one.choices for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
-    return dict(found[0]) if found else {}
+    choices = [action.choices for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    return dict(choices[0]) if choices else {}
 
 
 def _arguments(random: Random, parser: argparse.ArgumentParser) -> bytes:
@@ -145,7 +128,7 @@ def _arguments(random: Random, parser: argparse.ArgumentParser) -> bytes:
         command = random.choice(list(inner))
         arguments.append(command if random.randrange(30) else random.choice(TEXTS))
         parser = inner[command]
-    actions = [one for one in parser._actions if not isinstance(one, argparse._HelpAction)]
+    actions = [action for action in parser._actions if not isinstance(action, argparse._HelpAction)]
     often = random.choice((3, 6))  # with many options it is mostly the parser that refuses one
     for action in actions:
         if action.required or random.randrange(often) == 0:
@@ -157,8 +140,8 @@ def _arguments(random: Random, parser: argparse.ArgumentParser) -> bytes:
     # no system passes on a NUL, and of halves of characters those alone that stand for a byte; and what is written
     # where somebody wants it is no fault
     arguments = [
-        one.replace("\0", "0").replace("\ud800", "\udcff").replace("../..", "..").replace("/etc/", "/proc/")
-        for one in arguments
+        argument.replace("\0", "0").replace("\ud800", "\udcff").replace("../..", "..").replace("/etc/", "/proc/")
+        for argument in arguments
     ]
     return json.dumps(arguments).encode("utf-8", "surrogatepass")
 
@@ -204,7 +187,6 @@ WORK = {
 }
 """Where options have been read and work would begin."""
 LARGEST_WIDTH = 16384
-PATIENCE_SECONDS = 100.0
 
 
 class Reached(Exception):
@@ -238,72 +220,56 @@ def _parser(make: Callable[[], Any]) -> Any:
 
 
 def called(package: str, arguments: list[str], folder: Path) -> tuple[int | str | None, str]:
-    """Exit code and what was said of `python -m PACKAGE ARGUMENTS` in `folder`; 0 where work would begin."""
+    """Return exit code and errors of `python -m PACKAGE ARGUMENTS` in `folder`; 0 where work would begin."""
     module = _home_of(package)
-    said, before = io.StringIO(), Path.cwd()
+    errors = io.StringIO()
     with contextlib.ExitStack() as stack:
         for owner, name, new in _stand_ins(package):
             stack.enter_context(mock.patch.object(owner, name, new))
-        stack.enter_context(contextlib.redirect_stderr(said))
+        stack.enter_context(contextlib.redirect_stderr(errors))
         stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
-        os.chdir(folder)
+        stack.enter_context(contextlib.chdir(folder))
         try:
             code: int | str | None = module.main(arguments)
         except SystemExit as ended:
             code = ended.code
         except Reached:
             code = 0
-        finally:
-            os.chdir(before)
-    return code, said.getvalue()
-
-
-def called_in_process(package: str, arguments: list[str], folder: Path) -> tuple[int, str]:
-    """The same by a process of its own, of which nothing is cut off: for what was refused."""
-    root = Path(__file__).parents[2]
-    environment = {**os.environ, "PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1", "HOME": str(folder)}
-    try:
-        done = subprocess.run(
-            [sys.executable, "-m", package, *arguments], cwd=folder, env=environment, capture_output=True,
-            stdin=subprocess.DEVNULL, timeout=PATIENCE_SECONDS, check=False,
-        )  # fmt: skip
-    except (ValueError, UnicodeError):  # no system passes such arguments on
-        return 2, ""
-    return done.returncode, done.stderr.decode("utf-8", "replace")
+    return code, errors.getvalue()
 
 
 @cache
 def _stand_ins(package: str) -> list[tuple[Any, str, Any]]:
-    found: list[tuple[Any, str, Any]] = []
+    replaced: list[tuple[Any, str, Any]] = []
     for module, names in WORK.items():
         if module.startswith(package):
             owner = importlib.import_module(module)
-            found += [(owner, name, reached) for name in names]
+            replaced += [(owner, name, reached) for name in names]
     main = _home_of(package)
     name = "parser" if hasattr(main, "parser") else "_parser"
     make = getattr(main, name)
-    found.append((main, name, lambda: _parser(make)))
+    replaced.append((main, name, lambda: _parser(make)))
     if package == "harness":
-        found.append((importlib.import_module("harness.viewer.film.film_plan"), "rendered", lambda cell, camera: None))
+        replaced.append(
+            (importlib.import_module("harness.viewer.film.film_plan"), "rendered", lambda cell, camera: None)
+        )
         with contextlib.suppress(ImportError):
-            found.append((importlib.import_module("ray"), "init", reached))
+            replaced.append((importlib.import_module("ray"), "init", reached))
     if package == "scenes":
         variant = importlib.import_module("scenes.rendering.variant")
         render = importlib.import_module("scenes.rendering.render")
-        found.append((variant, "_choose", lambda wanted: variant.Variant(wanted or "scalar_rgb", None, "not asked")))
-        found.append((render.LoadedScene, "of", staticmethod(loaded)))
-    return found + (_page_stand_ins() if package == "reports" else [])
+        replaced.append((variant, "_choose", lambda wanted: variant.Variant(wanted or "scalar_rgb", None, "not asked")))
+        replaced.append((render.LoadedScene, "of", staticmethod(loaded)))
+    return replaced + (_page_stand_ins() if package == "reports" else [])
 
 
 def _page_stand_ins() -> list[tuple[Any, str, Any]]:
     """Pages are files of a line: where they go is checked, what is in them is for `tests.fuzz.pages`."""
-    from reports.run import outputs, publish, run_page
-    from scenes.files.atomic import write_atomically
 
     def of_run(records: Any, path: Path, beside: Any, shown: Any) -> None:
         write_atomically(path, "a page")
 
-    def of_outputs(found: Any, path: Path) -> str:
+    def of_outputs(outputs: Any, path: Path) -> str:
         write_atomically(path, "a page")
         return "a title"
 

@@ -6,9 +6,34 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
+from PIL import Image
 
-from tests.fuzz.viewer_requests import REQUEST
+from harness.plan.group_task import GroupTask
+from harness.plan.profiles import Machine, planned
+from harness.plan.schedule import Budget
+from harness.playback.disk import DiskPictures, frozen
+from harness.records.cells import read_cells, read_run, write_cell
+from harness.records.pictures import Render, Truth, half, write_renders, write_truth
+from harness.records.targets import write_targets
+from harness.run_folder.output_folder import claim
+from harness.studies.choices.repair_search import PUBLISHED
+from harness.training.lockstep import train_group
+from harness.verdicts.survival import targets
+from harness.viewer.film.film_folder import claim as claim_film
+from harness.viewer.film.takes import FilmSpec
+from scenes.catalog.entries import scene_named
+from scenes.modelling.needs import as_rows, left_out, needs
+from scenes.rendering.occupancy import NAME, _bound_to, _write
+from scenes.view_sets.foreign import write_tiny_nerf
+from scenes.view_sets.images import write_channels, write_png
+from scenes.view_sets.manifest import note, read_manifest, write_manifest
+from scenes.view_sets.source import Region
+from scenes.view_sets.transforms import write_transforms
+from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import FOV_X_RADIANS, ball_view, pose, write_ball
+from tests.harness.tiny import SCORE, TRAIN
+from tests.harness.trained_runs import train_run
 from tests.replacing import replace
 from tests.reports.fake_evidence import write_fake_evidence
 from tests.reports.fake_run import write_fake_run
@@ -33,12 +58,6 @@ def ball(folder: Path) -> None:
 
 def own(folder: Path) -> None:
     """A view set of ours: EXR files and a manifest with every key that the renderer writes."""
-    from scenes.catalog.entries import scene_named
-    from scenes.modelling.needs import as_rows, left_out, needs
-    from scenes.view_sets.images import write_channels, write_png
-    from scenes.view_sets.manifest import write_manifest
-    from scenes.view_sets.transforms import write_transforms
-
     files, views = [], {}
     for split in ("train", "test"):
         (folder / split).mkdir(parents=True)
@@ -59,14 +78,14 @@ def own(folder: Path) -> None:
         write_transforms(listing, FOV_X_RADIANS, [f"./{split}/r_{i}" for i in range(2)], poses)
         files.append(listing)
     counts = {"train": 2, "val": 0, "test": 2}
-    found = needs(scene_named("hotdog").build())
+    scene_needs = needs(scene_named("hotdog").build())
     facts = {
         "scene": "ball", "title": "A ball", "digest": "0" * 64, "near": 2.0, "far": 6.0,
         "bounds": [[-1.1] * 3, [1.1] * 3], "view_from": "hemisphere", "resolution": SIZE, "counts": counts,
         "empty_splits": ["val"], "spp": {"train": 16, "val": 16, "test": 64}, "max_depth": 8, "emitters_seen": False,
         "normalised": {"scale": 1.0, "shift": [0.0, 0.0, 0.0]}, "variant": "scalar_rgb", "variant_why": "the only one",
         "integrator": "path", "versions": {"mitsuba": "3", "drjit": "1", "python": "3"}, "seconds": 1.0,
-        "needs": as_rows(found), "left_out": left_out(found), "views": views,
+        "needs": as_rows(scene_needs), "left_out": left_out(scene_needs), "views": views,
     }  # fmt: skip
     write_manifest(folder, facts, files)
 
@@ -82,9 +101,6 @@ def trained(folder: Path) -> None:
     """A run with its checkpoints in `run`, its view set in `ball` beside it; its records hold no digests of weights,
     as old ones, or every spoilt file would be refused before it is read.
     """
-    from harness.records.cells import read_cells, write_cell
-    from tests.harness.trained_runs import train_run
-
     out = train_run(folder, ["nerf", "qnerf"], steps=2)
     for cell in read_cells(out):
         write_cell(out, replace(cell, files={}))
@@ -92,10 +108,6 @@ def trained(folder: Path) -> None:
 
 def pictures(folder: Path) -> None:
     """Images of every kind that is read, as other programs write them as well."""
-    import OpenImageIO as oiio
-    from PIL import Image
-
-    from scenes.view_sets.images import write_channels, write_png
 
     folder.mkdir(parents=True)
     picture = ball_view(pose(1.0, 0.4), SIZE)
@@ -110,16 +122,16 @@ def pictures(folder: Path) -> None:
     Image.fromarray(levels[..., :3].copy()).save(folder / "progressive.jpg", progressive=True)
     write_channels(folder / "a.exr", {name: picture[..., k] for k, name in enumerate("RGBA")})
     for name in ("none", "rle", "piz", "pxr24", "b44", "dwaa"):
-        _foreign_exr(oiio, folder / f"{name}.exr", picture, name, tile=0)
-    _foreign_exr(oiio, folder / "tiled.exr", picture, "zip", tile=4)
+        _foreign_exr(folder / f"{name}.exr", picture, name, tile=0)
+    _foreign_exr(folder / "tiled.exr", picture, "zip", tile=4)
 
 
-def _foreign_exr(oiio: object, file: Path, picture: np.ndarray, compression: str, tile: int) -> None:
+def _foreign_exr(file: Path, picture: np.ndarray, compression: str, tile: int) -> None:
     half = compression not in ("none", "zip")
-    spec = oiio.ImageSpec(*picture.shape[1::-1], 4, oiio.HALF if half else oiio.FLOAT)  # type: ignore[attr-defined]
+    spec = oiio.ImageSpec(*picture.shape[1::-1], 4, oiio.HALF if half else oiio.FLOAT)
     spec.attribute("compression", compression)
     spec.tile_width = spec.tile_height = tile
-    target = oiio.ImageOutput.create(str(file))  # type: ignore[attr-defined]
+    target = oiio.ImageOutput.create(str(file))
     assert target.open(str(file), spec)
     assert target.write_image(picture.astype(np.float32))
     assert target.close()
@@ -138,22 +150,14 @@ def gates(folder: Path) -> None:
 
 def started(folder: Path) -> None:
     """A run, a film and a search of which nothing is done yet."""
-    from harness.plan.profiles import Machine, planned
-    from harness.run_folder.output_folder import claim
-    from harness.viewer.film.film_folder import claim as claim_film
-    from harness.viewer.film.takes import FilmSpec
-
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=False)
     claim_film(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
-    from harness.studies.choices.repair_search import PUBLISHED
 
     (folder / "search.json").write_bytes(PUBLISHED.read_bytes())
 
 
 def view_cache(folder: Path) -> None:
     """A view cache with two pictures."""
-    from harness.playback.disk import DiskPictures, frozen
-
     disk = DiskPictures(folder / "cache", 1 << 20)
     for number in range(2):
         assert disk.put(f"key {number}", frozen(np.full((4, 5, 5), 0.25 * number, dtype=np.float32)))
@@ -167,7 +171,10 @@ def numbers(folder: Path) -> None:
     sight = {"map": "point", "height": 6, "width": 8, "region": 2, "row": 2.0, "column": 3.5, "radius": 1.5,
              "focal": 9.0, "values": [[0.1 * (i + j) for j in range(8)] for i in range(6)]}  # fmt: skip
     (folder / "attention.json").write_text(json.dumps(sight), encoding="utf-8")
-    (folder / "request.json").write_text(json.dumps(REQUEST), encoding="utf-8")
+    request = {"client": "c", "generation": 1, "scene": "ball", "methods": ["nerf"], "width": 16,
+               "attention": {"kind": "foveal", "row": 0.5, "column": 0.5},
+               "place": {"azimuth": 0.1, "elevation": 0.2, "distance": 4.0, "target": [0.0, 0.0, 0.0]}}  # fmt: skip
+    (folder / "request.json").write_text(json.dumps(request), encoding="utf-8")
     order = {"scene": "lego", "resolution": 8, "counts": {"train": 2, "val": 0, "test": 1},
              "spp": {"train": 2, "val": 2, "test": 4}}  # fmt: skip
     (folder / "order.json").write_text(json.dumps(order), encoding="utf-8")
@@ -183,7 +190,7 @@ def tables(folder: Path) -> None:
         for seed in range(2)
     ]
     (folder / "table.json").write_text(json.dumps({"cells": cells}), encoding="utf-8")
-    lines = [",".join(map(str, line)) for line in (cells[0], *(one.values() for one in cells))]
+    lines = [",".join(map(str, line)) for line in (cells[0], *(cell.values() for cell in cells))]
     (folder / "table.csv").write_text("\n".join(lines), encoding="utf-8")
 
 
@@ -194,19 +201,14 @@ def captured(folder: Path) -> None:
 
 def tiny(folder: Path) -> None:
     """A tiny-NeRF file of ten views with all arrays that ours have."""
-    from scenes.view_sets.foreign import write_tiny_nerf
-    from scenes.view_sets.source import Region
-
     folder.mkdir(parents=True)
     poses = np.array([pose(0.6 * i, 0.4) for i in range(10)])
     region = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)
-    write_tiny_nerf(folder / "tiny.npz", [ball_view(one, 6) for one in poses], poses, 8.0, 8, region)
+    write_tiny_nerf(folder / "tiny.npz", [ball_view(matrix, 6) for matrix in poses], poses, 8.0, 8, region)
 
 
 def scene_files(folder: Path) -> None:
     """A Mitsuba file with a part of its own and a picture, and a Python file."""
-    from scenes.view_sets.images import write_png
-
     folder.mkdir(parents=True)
     text = (EXAMPLES / "my_scene.xml").read_text(encoding="utf-8")
     more = (
@@ -222,14 +224,12 @@ def scene_files(folder: Path) -> None:
 
 def boxes(folder: Path) -> None:
     folder.mkdir(parents=True)
-    told = {"boxes": [[[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]]]}
-    (folder / "boxes.json").write_text(json.dumps({**told, "up": [0.0, 1.0, 0.0], "lights": 1}), encoding="ascii")
+    shapes = {"boxes": [[[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]]]}
+    (folder / "boxes.json").write_text(json.dumps({**shapes, "up": [0.0, 1.0, 0.0], "lights": 1}), encoding="ascii")
 
 
 def kept_pictures(folder: Path) -> None:
     """Truth and renders of two views of 4 × 4 pixels."""
-    from harness.records.pictures import Render, Truth, half, write_renders, write_truth
-
     colour, grey = half(np.full((4, 4, 3), 0.5)), half(np.full((4, 4), 0.5))
     write_truth(folder / "truth.safetensors", [Truth("r_0", colour, grey, colour, grey), Truth("r_1", colour, grey)])
     write_renders(
@@ -245,11 +245,6 @@ def half_way(folder: Path) -> None:
 
 def train_on(folder: Path) -> None:
     """One step of the cell, from where it was kept or from the start; it is then kept."""
-    from harness.plan.group_task import GroupTask
-    from harness.plan.schedule import Budget
-    from harness.training.lockstep import train_group
-    from scenes.view_sets.view_set import read_view_set
-    from tests.harness.tiny import SCORE, TRAIN
 
     class Stopped(Exception): ...
 
@@ -264,9 +259,6 @@ def train_on(folder: Path) -> None:
 
 def inside(folder: Path) -> None:
     """A view set of ours and where its matter is."""
-    from scenes.rendering.occupancy import NAME, _bound_to, _write
-    from scenes.view_sets.manifest import read_manifest
-
     own(folder)
     cells = np.zeros(32**3, dtype=bool)
     cells[9_000:20_000] = True
@@ -275,8 +267,6 @@ def inside(folder: Path) -> None:
 
 def unfinished(folder: Path) -> None:
     """Views that were rendered, with their journal, and the manifest of a set that was whole once."""
-    from scenes.view_sets.manifest import note
-
     donor = folder / "donor"
     own(donor)
     for split in ("train", "test"):
@@ -299,10 +289,6 @@ def packages(folder: Path) -> None:
 
 def small_run(folder: Path, seeds: int = 1) -> None:
     """Records of two scenes and three methods, with pictures."""
-    from harness.records.cells import read_cells, read_run
-    from harness.records.targets import write_targets
-    from harness.verdicts.survival import targets
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         write_fake_run(folder, seeds=seeds, size=4, change=lambda run: replace(run, seeds=list(range(seeds))))

@@ -1,4 +1,4 @@
-"""A valid input → one that may be wrong, by choices of a random source: Python's own, Hypothesis's or atheris's."""
+"""A valid input → one that may be wrong, by choices of a random source: Python's own or atheris's."""
 
 import copy
 import json
@@ -117,14 +117,14 @@ def _text(value: Any) -> str:
 
 def _places(value: Any, here: Step = ()) -> list[Step]:
     """Every place, the root first; of long lists the first and the last ones alone."""
-    found: list[Step] = [here]
+    places: list[Step] = [here]
     if isinstance(value, dict):
         for key, inner in value.items():
-            found += _places(inner, (*here, key))
+            places += _places(inner, (*here, key))
     elif isinstance(value, list):
         for index in dict.fromkeys([*range(min(3, len(value))), *range(max(0, len(value) - 1), len(value))]):
-            found += _places(value[index], (*here, index))
-    return found
+            places += _places(value[index], (*here, index))
+    return places
 
 
 def _at(value: Any, place: Step) -> Any:
@@ -170,7 +170,7 @@ def _from_elsewhere(random: Random, root: Any, here: Any) -> Any:
 
 
 def _like_from_elsewhere(random: Random, root: Any, here: Any) -> Any:
-    like = [found for place in _places(root) if type(found := _at(root, place)) is type(here)]
+    like = [there for place in _places(root) if type(there := _at(root, place)) is type(here)]
     return copy.deepcopy(random.choice(like))
 
 
@@ -239,28 +239,3 @@ def of_safetensors(random: Random, valid: bytes) -> bytes:
     if random.randrange(4) == 0:
         rest = of_bytes(random, rest)
     return len(header).to_bytes(8, "little") + header + rest
-
-
-class Choices(Random):
-    """Bytes as a source of choices: what makes an input by chance makes the same one of the same bytes.
-
-    libFuzzer changes the bytes and sees by coverage which choices led to something new, so that inputs which are lists
-    of choices (command lines, changes of a folder) are guided like any file. A number below n takes one byte, or as
-    many as n needs; where the bytes are at an end it is n − 1: mostly another option left out, so that inputs end.
-    """
-
-    def __init__(self, data: bytes) -> None:
-        super().__init__(0)
-        self._data, self._at = data, 0
-
-    def _randbelow(self, n: int) -> int:
-        size = max(1, ((n - 1).bit_length() + 7) // 8)
-        taken = self._data[self._at : self._at + size]
-        self._at += size
-        return int.from_bytes(taken, "little") % n if len(taken) == size else n - 1
-
-    def random(self) -> float:
-        return self._randbelow(1 << 53) / (1 << 53)
-
-    def getrandbits(self, k: int) -> int:
-        return self._randbelow(1 << k)

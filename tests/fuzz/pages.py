@@ -6,14 +6,18 @@ compiled again.
 """
 
 import contextlib
+import importlib
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any
 from unittest import mock
 
+from reports.__main__ import main
+from reports.drawing.figure import svg
+from reports.page import shell
 from scenes.files.errors import InputError
 from tests.fuzz.mutations import TEXTS, of_either, of_its_kind
 from tests.fuzz.seals import record_sealed
@@ -32,60 +36,37 @@ def mutate(random: Random, valid: bytes) -> bytes:
 
 
 def page(*options: str) -> Callable[[Path], None]:
-    """`python -m reports OUT …` in this process."""
+    """Return `python -m reports OUT …` in this process."""
 
     def read(folder: Path) -> None:
-        from reports.__main__ import main
-
         for old in folder.glob("*.html"):
             old.unlink()
-        said, told = io.StringIO(), io.StringIO()
-        with _made_once(), contextlib.redirect_stderr(said), contextlib.redirect_stdout(told):
+        errors, printed = io.StringIO(), io.StringIO()
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(mock.patch.object(shell, "environment", ENVIRONMENT))
+            for name in DRAWING:
+                stack.enter_context(mock.patch.object(importlib.import_module(f"reports.{name}"), "svg", _svg_once))
+            stack.enter_context(contextlib.redirect_stderr(errors))
+            stack.enter_context(contextlib.redirect_stdout(printed))
             code = main([str(folder), *options])
         if code == 2:
-            raise InputError(said.getvalue().strip())
-        assert code in (0, 3), f"exit code {code}: {said.getvalue()[-300:]}"
-        made = Path(told.getvalue().splitlines()[-1])
-        text = made.read_text(encoding="utf-8")
+            raise InputError(errors.getvalue().strip())
+        assert code in (0, 3), f"exit code {code}: {errors.getvalue()[-300:]}"
+        text = Path(printed.getvalue().splitlines()[-1]).read_text(encoding="utf-8")
         assert len(text) > 1000
         assert CODE not in text, f"text of a record has become code: {text[text.index(CODE) - 80 :][:200]!r}"
 
     return read
 
 
-@contextlib.contextmanager
-def _made_once() -> Iterator[None]:
-    import importlib
-
-    from reports.page import shell
-
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(mock.patch.object(shell, "environment", _environment_once()))
-        for name in DRAWING:
-            module = importlib.import_module(f"reports.{name}")
-            stack.enter_context(mock.patch.object(module, "svg", _remembering()))
-        yield
+ENVIRONMENT = cache(shell.environment)
+DRAWN: dict[tuple[str, str], Any] = {}
 
 
-@cache
-def _environment_once() -> Callable[[], Any]:
-    from reports.page import shell
-
-    return cache(shell.environment)
-
-
-@cache
-def _remembering() -> Callable[[Any, str], Any]:
-    from reports.drawing.figure import svg
-
-    drawn: dict[tuple[str, str], Any] = {}
-
-    def remembered(panel: Any, name: str) -> Any:
-        key = repr(panel), name
-        if key not in drawn:
-            if len(drawn) > MOST_DRAWN:
-                drawn.clear()
-            drawn[key] = svg(panel, name)
-        return drawn[key]
-
-    return remembered
+def _svg_once(panel: Any, name: str) -> Any:
+    key = repr(panel), name
+    if key not in DRAWN:
+        if len(DRAWN) > MOST_DRAWN:
+            DRAWN.clear()
+        DRAWN[key] = svg(panel, name)
+    return DRAWN[key]

@@ -10,6 +10,48 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import torch
+
+from baselines.amplifiers import AMPLIFIERS
+from baselines.catalog import CATALOG
+from baselines.composition import LADDERS, SKIPS
+from baselines.numerics.attention.maps import MAPS, MapInputs
+from baselines.numerics.attention.priorities import allocated_bins, priorities, region_order
+from baselines.numerics.attention.regions import Regions
+from harness.gate.gates import KINDS, gates
+from harness.gate.images import biases, read_reference
+from harness.gate.limits import LimitsFile, changes, read_stored, unfit
+from harness.gate.references import references_for
+from harness.plan import plugins
+from harness.plan.needed import for_scene
+from harness.plan.profiles import PROFILES, Machine, planned
+from harness.playback.camera_paths import PATHS
+from harness.playback.disk import DiskPictures, frozen
+from harness.playback.run_loader import FinishedRun
+from harness.records.cells import read_cells, read_comparisons, read_run
+from harness.records.judgements import read_judgement, write_judgement
+from harness.records.pictures import last_of, read_renders, read_truth
+from harness.run_folder.output_folder import claim
+from harness.studies.choices.repair_search import read_search
+from harness.verdicts.judgement import judge
+from harness.verdicts.result_table import read_table
+from harness.viewer.asked import ViewRequest, parsed
+from harness.viewer.film.film_folder import claim as claim_film
+from harness.viewer.film.takes import FilmSpec
+from reports.data.load import read_records
+from reports.data.studies_load import find_studies
+from reports.drawing.images import read
+from scenes.catalog.mitsuba_xml import loaded, notes
+from scenes.catalog.scene_file import mistakes_in, scene_from_file
+from scenes.files.errors import InputError, readable
+from scenes.modelling.needs import as_rows, left_out, needs, with_needs
+from scenes.rendering.occupancy import _read
+from scenes.rendering.store import _folder, checked_order, is_complete
+from scenes.view_sets.images import read_channels, read_image
+from scenes.view_sets.manifest import read_manifest, salvaged
+from scenes.view_sets.transforms import read_transforms
+from scenes.view_sets.view_set import read_view_set
+from tests.fuzz.watch import Fault
 
 
 class NotTried(ValueError):
@@ -17,43 +59,29 @@ class NotTried(ValueError):
 
 
 def view_set(folder: Path) -> None:
-    from scenes.view_sets.view_set import read_view_set
-
     read_view_set(folder, geometry=("train", "test"), scratch=folder)
 
 
 def needed_view_set(folder: Path) -> None:
-    from harness.plan.needed import for_scene
-    from harness.plan.profiles import PROFILES
-    from scenes.modelling.needs import with_needs
-    from scenes.rendering.store import is_complete
-    from scenes.view_sets.view_set import read_view_set
-
     is_complete(folder)
     views = with_needs(read_view_set(folder, scratch=folder), ("view_direction",), ("empty_space",))
     for_scene(PROFILES["smoke"].train, views)
 
 
 def transforms(folder: Path) -> None:
-    from scenes.view_sets.transforms import read_transforms
-
     read_transforms(folder, "train")
 
 
 def image(folder: Path) -> None:
-    from scenes.view_sets.images import read_channels, read_image
-
     for file in _first(folder):
         assert read_image(file).ndim == 3
         read_channels(file)
 
 
 def report_picture(folder: Path) -> None:
-    from reports.drawing.images import read
-
     for file in _first(folder):
-        found = read(folder, file.name)
-        assert found is None or found.shape[-1] == 3
+        picture = read(folder, file.name)
+        assert picture is None or picture.shape[-1] == 3
 
 
 def _first(folder: Path) -> list[Path]:
@@ -61,47 +89,31 @@ def _first(folder: Path) -> list[Path]:
 
 
 def records(folder: Path) -> None:
-    from harness.records.cells import read_cells, read_comparisons, read_run
-    from reports.data.load import read_records
-
     read_records(folder)
     read_run(folder), list(read_cells(folder)), read_comparisons(folder)
 
 
 def beside(find: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
-        from reports.data.studies_load import find_studies
-
         find_studies(folder, find)
 
     return read
 
 
 def plan(folder: Path) -> None:
-    from harness.plan.profiles import Machine, planned
-    from harness.run_folder.output_folder import claim
-
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=True)
 
 
 def film(folder: Path) -> None:
-    from harness.viewer.film.film_folder import claim
-    from harness.viewer.film.takes import FilmSpec
-
-    claim(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
+    claim_film(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
 
 
 def search(folder: Path) -> None:
-    from harness.studies.choices.repair_search import read_search
-
     read_search(folder / "search.json")
 
 
 def finished(folder: Path) -> None:
     """What the viewer, a film and the measurement of serving look at first."""
-    import torch
-
-    from harness.playback.run_loader import FinishedRun
 
     run = FinishedRun.of(folder / "run")
     scene = run.scenes(None)[0]
@@ -114,28 +126,19 @@ def finished(folder: Path) -> None:
 
 
 def limits(folder: Path) -> None:
-    from harness.gate.gates import gates
-    from harness.gate.limits import LimitsFile, changes, read_stored
-
-    found = read_stored(folder / "limits.json", LimitsFile)
+    stored = read_stored(folder / "limits.json", LimitsFile)
     for gate in gates():
-        found.limit_of(gate)
-    changes(found, found)
+        stored.limit_of(gate)
+    changes(stored, stored)
 
 
 def classes(folder: Path) -> None:
-    from harness.gate.gates import KINDS
-    from harness.gate.limits import unfit
-    from harness.gate.references import references_for
-
-    found = references_for(folder / "classes", "avx2")
+    class_references = references_for(folder / "classes", "avx2")
     for kind in KINDS:
-        unfit(kind, found.kinds)
+        unfit(kind, class_references.kinds)
 
 
 def reference(folder: Path) -> None:
-    from harness.gate.images import biases, read_reference
-
     scene = next((folder / "images").glob("*.exr")).stem
     reference = read_reference(folder / "images", scene)
     biases(np.zeros((2, *reference.mean.shape)), reference)
@@ -143,21 +146,19 @@ def reference(folder: Path) -> None:
 
 def cache(folder: Path) -> None:
     """Whatever lies in the folder, a picture is the one that was stored, or a miss."""
-    from harness.playback.disk import DiskPictures, frozen
-
     if (folder / "cache").is_symlink():
         raise NotTried("a user may have the whole cache elsewhere")
     disk = DiskPictures(folder / "cache", 1 << 20)
     for number in range(2):
-        found = disk.get(f"key {number}")
-        assert found is None or ((found == np.float32(0.25 * number)).all() and found.shape == (4, 5, 5))
+        picture = disk.get(f"key {number}")
+        assert picture is None or ((picture == np.float32(0.25 * number)).all() and picture.shape == (4, 5, 5))
     assert disk.put("key 3", frozen(np.ones((2, 2, 5), dtype=np.float32)))
 
 
 # --- numbers as functions are given them
 
 
-def _told(folder: Path, name: str) -> dict[str, Any]:
+def _given(folder: Path, name: str) -> dict[str, Any]:
     with _as_parsed():
         data = json.loads((folder / name).read_bytes())
         if not isinstance(data, dict):
@@ -175,56 +176,48 @@ def _as_parsed() -> Iterator[None]:
 
 
 def camera_path(folder: Path) -> None:
-    from harness.playback.camera_paths import PATHS
-
-    told = _told(folder, "path.json")
+    given = _given(folder, "path.json")
     with _as_parsed():
-        frames, radius = int(told["frames"]), float(told["radius"])
+        frames, radius = int(given["frames"]), float(given["radius"])
         if not 0 < frames <= 10_000:
             raise NotTried("checked before")
-    poses = PATHS[told["path"]](frames, radius=radius)
+    poses = PATHS[given["path"]](frames, radius=radius)
     assert poses.shape == (frames, 4, 4)
     assert np.isfinite(poses).all()
 
 
 def attention(folder: Path) -> None:
-    from baselines.numerics.attention.maps import MAPS, MapInputs
-    from baselines.numerics.attention.priorities import allocated_bins, priorities, region_order
-    from baselines.numerics.attention.regions import Regions
-
-    told = _told(folder, "attention.json")
+    given = _given(folder, "attention.json")
     with _as_parsed():
-        sizes = [int(told[name]) for name in ("height", "width", "region")]
-        row, column, radius, focal = (float(told[name]) for name in ("row", "column", "radius", "focal"))
-        values = np.array(told["values"], dtype=np.float64)
-        if max(sizes) > 1024 or min(sizes) < 1 or told["map"] not in MAPS:
+        sizes = [int(given[name]) for name in ("height", "width", "region")]
+        row, column, radius, focal = (float(given[name]) for name in ("row", "column", "radius", "focal"))
+        values = np.array(given["values"], dtype=np.float64)
+        if max(sizes) > 1024 or min(sizes) < 1 or given["map"] not in MAPS:
             raise NotTried("checked before")
     regions = Regions(*sizes)
-    sight = MapInputs(regions, row, column, radius, focal, lambda: values, lambda: values, lambda: values)
-    found = MAPS[told["map"]](sight)
-    assert found.shape == (regions.count,)
-    assert np.isfinite(priorities(found)).all()
-    assert sorted(region_order(found)) == list(range(regions.count))
-    assert (allocated_bins(found, regions.rays, 8.0) >= 1).all()
+    inputs = MapInputs(regions, row, column, radius, focal, lambda: values, lambda: values, lambda: values)
+    weights = MAPS[given["map"]](inputs)
+    assert weights.shape == (regions.count,)
+    assert np.isfinite(priorities(weights)).all()
+    assert sorted(region_order(weights)) == list(range(regions.count))
+    assert (allocated_bins(weights, regions.rays, 8.0) >= 1).all()
 
 
 def order(folder: Path) -> None:
-    from scenes.rendering.store import checked_order
-
-    told = _told(folder, "order.json")
+    given = _given(folder, "order.json")
     with _as_parsed():
-        numbers = [told["resolution"], *told["counts"].values(), *told["spp"].values()]
-        if not isinstance(told["scene"], str) or any(type(one) is not int for one in numbers):
+        numbers = [given["resolution"], *given["counts"].values(), *given["spp"].values()]
+        if not isinstance(given["scene"], str) or any(type(number) is not int for number in numbers):
             raise NotTried("checked before")
-    checked_order(told["scene"], told["resolution"], told["counts"], told["spp"])
+    checked_order(given["scene"], given["resolution"], given["counts"], given["spp"])
+
+
+def asked(folder: Path) -> None:
+    assert isinstance(parsed((folder / "request.json").read_bytes()), ViewRequest)
 
 
 def judged(name: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
-        from harness.records.judgements import read_judgement, write_judgement
-        from harness.verdicts.judgement import judge
-        from harness.verdicts.result_table import read_table
-
         record = judge(read_table([folder / name]), None, None, {})
         write_judgement(folder / "judgement.json", record)
         assert read_judgement(folder / "judgement.json") == record
@@ -238,17 +231,13 @@ COUNTS, SPP = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 
 
 
 def nerfstudio(folder: Path) -> None:
-    from scenes.view_sets.view_set import read_view_set
-
     read_view_set(folder, scratch=folder)
 
 
 def tiny_nerf(folder: Path) -> None:
-    from scenes.view_sets.view_set import read_view_set
-
     views = read_view_set(folder / "tiny.npz", scratch=folder)
     assert np.isfinite(views.bounds).all()
-    assert all(np.isfinite(one).all() for one in (views.train.rgba[0], views.test.rgba[0]))
+    assert all(np.isfinite(image).all() for image in (views.train.rgba[0], views.test.rgba[0]))
 
 
 def own_scene(name: str) -> Callable[[Path], None]:
@@ -257,11 +246,6 @@ def own_scene(name: str) -> Callable[[Path], None]:
 
 def _own_scene(file: Path) -> None:
     """Up to where Mitsuba is asked, as `python -m scenes render` and `scenes.rendering.store` do."""
-    from scenes.catalog.mitsuba_xml import notes
-    from scenes.catalog.scene_file import mistakes_in, scene_from_file
-    from scenes.modelling.needs import as_rows, left_out, needs
-    from scenes.rendering.store import _folder, checked_order
-
     known = set(sys.modules)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         try:
@@ -270,8 +254,8 @@ def _own_scene(file: Path) -> None:
             with mistakes_in(scene.file):
                 order = checked_order(scene, 8, COUNTS, SPP)
                 assert _folder(file.parent / "cache", order, "scalar_rgb").parent == file.parent / "cache"
-                found = needs(order.description)
-                json.dumps([as_rows(found), left_out(found), scene.title], allow_nan=False)
+                scene_needs = needs(order.description)
+                json.dumps([as_rows(scene_needs), left_out(scene_needs), scene.title], allow_nan=False)
         finally:
             for name in set(sys.modules) - known:
                 if name.startswith("scene_file_"):
@@ -280,12 +264,10 @@ def _own_scene(file: Path) -> None:
 
 def placed(folder: Path) -> None:
     """Boxes of shapes as Mitsuba might tell them, of a file that it could load."""
-    from scenes.catalog.mitsuba_xml import loaded
-
-    told = _told(folder, "boxes.json")
+    given = _given(folder, "boxes.json")
     with _as_parsed():
-        boxes = [np.array(box, dtype=np.float64) for box in told["boxes"]]
-        up, lights = np.array(told["up"], dtype=np.float64), int(told["lights"])
+        boxes = [np.array(box, dtype=np.float64) for box in given["boxes"]]
+        up, lights = np.array(given["up"], dtype=np.float64), int(given["lights"])
     # what the XML's reader and Mitsuba make sure of
     if any(box.shape != (2, 3) for box in boxes) or up.shape != (3,) or not np.isfinite(up).all() or not up.any():
         raise NotTried("no boxes")
@@ -296,57 +278,41 @@ def placed(folder: Path) -> None:
     scene = SimpleNamespace(shapes=lambda: shapes, emitters=lambda: [None] * min(max(lights, 0), 1))
     mitsuba = SimpleNamespace(load_file=lambda name: scene)
     _, place, whole = loaded(mitsuba, folder / "boxes.json", up)
-    found = place.box(whole)
-    assert np.isfinite(found).all()
-    assert np.isclose(np.linalg.norm(found[1] - found[0]), 2 * 1.36)
+    placed_box = place.box(whole)
+    assert np.isfinite(placed_box).all()
+    assert np.isclose(np.linalg.norm(placed_box[1] - placed_box[0]), 2 * 1.36)
     assert np.isfinite(place.camera(np.eye(4))).all()
 
 
 def truth(folder: Path) -> None:
-    from harness.records.pictures import read_truth
-
-    for one in read_truth(folder / "truth.safetensors"):
-        assert np.isfinite(one.display).all()
+    for view in read_truth(folder / "truth.safetensors"):
+        assert np.isfinite(view.display).all()
 
 
 def renders(folder: Path) -> None:
-    from harness.records.pictures import last_of, read_renders
-
-    found = read_renders(folder / "renders.safetensors")
-    assert all(np.isfinite(one.colour).all() for one in last_of(found))
+    saved = read_renders(folder / "renders.safetensors")
+    assert all(np.isfinite(render.colour).all() for render in last_of(saved))
 
 
 def occupancy(folder: Path) -> None:
-    from scenes.rendering.occupancy import _read
-    from scenes.view_sets.manifest import read_manifest
-
-    found = _read(folder, read_manifest(folder))
-    assert found is None or (found.shape == (32, 32, 32) and found.dtype == bool)
+    cells = _read(folder, read_manifest(folder))
+    assert cells is None or (cells.shape == (32, 32, 32) and cells.dtype == bool)
 
 
 def journal(folder: Path) -> None:
     """Views of an unfinished set, and what `scenes.rendering.store.write_view_set` takes of them; damage is a miss."""
-    from scenes.view_sets.manifest import salvaged
-
     into = folder / "into"
     into.mkdir()
     names = ["train/r_0", "train/r_1", "test/r_0", "test/r_1"]
     kept = salvaged(into, [folder / "donor"], "0" * 64, names)
     assert set(kept) <= set(names)
-    for one in kept.values():
-        facts = [float(one["noise_mse"]), 0.0 + one.get("seconds", 0.0)]
-        json.dumps([*facts, bool(one.get("seen", True)), bool(one.get("lit", True))], allow_nan=False)
+    for view in kept.values():
+        facts = [float(view["noise_mse"]), 0.0 + view.get("seconds", 0.0)]
+        json.dumps([*facts, bool(view.get("seen", True)), bool(view.get("lit", True))], allow_nan=False)
 
 
 def entry_points(folder: Path) -> None:
     """Every method that a package offers, asked for by name as `--methods` does."""
-    from baselines.amplifiers import AMPLIFIERS
-    from baselines.catalog import CATALOG
-    from baselines.composition import LADDERS, SKIPS
-    from harness.plan import plugins
-    from scenes.files.errors import InputError, readable
-    from tests.fuzz.watch import Fault
-
     tables = (CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded)
     before = [dict(table) for table in tables]
     known, path = set(sys.modules), str(folder)

@@ -8,9 +8,15 @@ import hashlib
 import json
 import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from safetensors import SafetensorError
+from safetensors.numpy import load
+
+from harness.records.json_record import DIGEST, digest_of
+from harness.records.pictures import digest_of as pictures_digest
 from scenes.files.digest import json_digest
 
 NO_SUCH_FILE = (ValueError, TypeError, KeyError, AttributeError, RecursionError)
@@ -22,13 +28,13 @@ def same(data: bytes) -> bytes:
 
 def png_sealed(data: bytes) -> bytes:
     """With the right checksum after each chunk."""
-    found, start = bytearray(data[:8]), 8
+    sealed, start = bytearray(data[:8]), 8
     while start + 12 <= len(data):
         length = min(int.from_bytes(data[start : start + 4], "big"), len(data) - start - 12)
         body = data[start + 4 : start + 8 + length]
-        found += length.to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
+        sealed += length.to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
         start += 12 + length
-    return bytes(found)
+    return bytes(sealed)
 
 
 def _sealed(data: bytes, key: str, digest: Callable[[Any], str]) -> bytes:
@@ -41,15 +47,9 @@ def _sealed(data: bytes, key: str, digest: Callable[[Any], str]) -> bytes:
         return data
 
 
-def manifest_sealed(data: bytes) -> bytes:
-    return _sealed(data, "checksum", json_digest)
-
-
-def record_sealed(data: bytes) -> bytes:
-    """A file of `harness.records.json_record.write_record`."""
-    from harness.records.json_record import DIGEST, digest_of
-
-    return _sealed(data, DIGEST, digest_of)
+manifest_sealed = partial(_sealed, key="checksum", digest=json_digest)
+record_sealed = partial(_sealed, key=DIGEST, digest=digest_of)
+"""Seals a file of `harness.records.json_record.write_record`."""
 
 
 def occupancy_sealed(data: bytes) -> bytes:
@@ -67,17 +67,12 @@ def journal_sealed(data: bytes) -> bytes:
 
 def listed_sealed(data: bytes) -> bytes:
     """A file of `harness.records.pictures` whose tensors can be read."""
-    from safetensors import SafetensorError
-    from safetensors.numpy import load
-
-    from harness.records.pictures import digest_of
-
     try:
         header, rest = opened(data)
         ((key, text),) = header["__metadata__"].items()
         listing = json.loads(text)
         listing.pop("digest", None)
-        listing["digest"] = digest_of(listing, load(data))
+        listing["digest"] = pictures_digest(listing, load(data))
         header["__metadata__"][key] = json.dumps(listing)
         return closed(header, rest)
     except (*NO_SUCH_FILE, SafetensorError):

@@ -3,15 +3,18 @@
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any
 
+from baselines.numerics.attention.priorities import BadAttention
+from harness.records.json_record import DamagedRecord
+from harness.viewer.asked import BadRequest
+from reports.data.load import NoRecords
+from scenes.files.errors import InputError
 from tests.fuzz import commands, material, mutations, pages, readers, seals
 from tests.fuzz import file_mutations as spoilt
 from tests.fuzz.readers import NotTried
-from tests.fuzz.viewer_requests import asked
 from tests.reports.fake_speed import write_fake_speed
 from tests.reports.fake_stability import write_fake_stability
 
@@ -118,7 +121,7 @@ TARGETS: dict[str, Target] = {
     "camera_path": _of_numbers("path.json", readers.camera_path, "frames", "radius", "target", "keep", "elevation"),
     "attention": _of_numbers("attention.json", readers.attention, "region", "point", "fovea", "attention", "image",
                              "picture"),
-    "viewer_request": Target(material.numbers, "request.json", asked, " "),
+    "viewer_request": Target(material.numbers, "request.json", readers.asked, " "),
     "scene_order": _of_numbers("order.json", readers.order, "resolution", "train", "val", "test", "scene", "view"),
     "harness_options": _of_options("harness"),
     "scenes_options": _of_options("scenes"),
@@ -155,16 +158,8 @@ TARGETS: dict[str, Target] = {
 """By name. Folders are made under the name of the function that makes them."""
 
 
-@cache
-def refusals() -> tuple[type[Exception], ...]:
-    """What a reader may raise."""
-    from baselines.numerics.attention.priorities import BadAttention
-    from harness.records.json_record import DamagedRecord
-    from harness.viewer.asked import BadRequest
-    from reports.data.load import NoRecords
-    from scenes.files.errors import InputError
-
-    return InputError, DamagedRecord, NoRecords, BadAttention, BadRequest, NotTried
+REFUSALS = (InputError, DamagedRecord, NoRecords, BadAttention, BadRequest, NotTried)
+"""What a reader may raise."""
 
 
 def whole_folder(target: Target, scratch: Path) -> Path:

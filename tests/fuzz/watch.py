@@ -41,7 +41,7 @@ class Outcome:
 
     kind: str
     """accepted, refused or fault."""
-    said: str = ""
+    why: str = ""
     """The refusal, or what was wrong and where."""
 
 
@@ -72,14 +72,14 @@ class Guard:
         try:
             name = Path(os.fsdecode(path))
             # the name that is made or taken away, not what a link leads to
-            found = name.parent.resolve() / name.name if event != "open" else name.resolve()
+            target = name.parent.resolve() / name.name if event != "open" else name.resolve()
         except (OSError, ValueError, RuntimeError):
             return  # no such name: the call fails by itself
         finally:
             self.watching = True
-        if not found.is_relative_to(self.scratch) and not f"{found}/".startswith(("/dev/", "/proc/")):
+        if not target.is_relative_to(self.scratch) and not f"{target}/".startswith(("/dev/", "/proc/")):
             self.watching = False
-            raise Fault(f"{event} outside of its folder: {found}")
+            raise Fault(f"{event} outside of its folder: {target}")
 
     def tried(self, call: Callable[[], object], refusals: tuple[type[BaseException], ...], names: Names) -> Outcome:
         """`names` must be in every refusal: the file's name, or one of those of options."""
@@ -92,9 +92,10 @@ class Guard:
                 finally:
                     self.watching = False
         except refusals as refusal:
-            said = str(refusal)
-            wrong = bad_refusal(said, names)
-            outcome = Outcome("fault", f"{wrong}: {said[:300]!r}") if wrong else Outcome("refused", said)
+            wrong = bad_refusal(str(refusal), names)
+            outcome = (
+                Outcome("fault", f"{wrong}: {str(refusal)[:300]!r}") if wrong else Outcome("refused", str(refusal))
+            )
         except Fault as fault:
             outcome = Outcome("fault", f"{fault} {_where(fault)}")
         except Exception as error:
@@ -102,7 +103,7 @@ class Guard:
         else:
             outcome = Outcome("accepted")
         if _peak() - before > MOST_BYTES:
-            return Outcome("fault", f"memory grew by {(_peak() - before) >> 20} MiB ({outcome.said[:80]})")
+            return Outcome("fault", f"memory grew by {(_peak() - before) >> 20} MiB ({outcome.why[:80]})")
         return outcome
 
 
@@ -113,18 +114,15 @@ def limit_memory() -> None:
 
 
 def bad_refusal(message: str, names: Names) -> str | None:
-    """Why a refusal is no good one; None where it names the file, or one of the options, and a reason in words."""
-    said = message if isinstance(names, str) else " ".join(re.findall(r"\w+", message))
-    named = (names,) if isinstance(names, str) else tuple(one for one in names if re.search(rf"\b{one}\b", said))
-    if not named or not all(one in said for one in named):
-        return (
-            f"a refusal that does not name {names if isinstance(names, str) else names[0]} ({kind_of_refusal(message)})"
-        )
-    if len(re.findall(r"[A-Za-z]{2,}", said.replace(named[0].strip() or "\0", ""))) < 3:
+    """Return why a refusal is no good one; None if it names the file, or one of the options, and a reason in words."""
+    known = [names] if isinstance(names, str) else [name for name in names if re.search(rf"\b{name}\b", message)]
+    if not known or known[0] not in message:
+        return f"a refusal that does not name {names} ({kind_of_refusal(message)})"
+    if len(re.findall(r"[A-Za-z]{2,}", message.replace(known[0].strip() or "\0", ""))) < 3:
         return "a refusal without a reason"
     if len(message) > LONGEST_REFUSAL:
         return f"a refusal of {len(message)} characters"
-    if any(ord(one) < 32 and one != "\n" for one in message):
+    if any(ord(character) < 32 and character != "\n" for character in message):
         return "a refusal with control characters"
     return None
 
@@ -135,8 +133,8 @@ def kind_of_refusal(message: str) -> str:
     return re.sub(r"\W+", " ", without)[:160]
 
 
-def kind_of_fault(said: str) -> str:
-    return re.sub(r"\d{3,}|'[^']*'", "·", said.split(": ")[0])[:200]
+def kind_of_fault(why: str) -> str:
+    return re.sub(r"\d{3,}|'[^']*'", "·", why.split(": ")[0])[:200]
 
 
 def _where(error: BaseException) -> str:
