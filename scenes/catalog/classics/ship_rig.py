@@ -54,7 +54,7 @@ def tops() -> Solid:
 def spar(ends: np.ndarray, radius: float) -> Solid:
     """A spar, thickest in the middle."""
     t = np.linspace(0, 1, 9)
-    return tube(between(*ends, t), radius * (1 - 0.5 * (2 * t - 1) ** 2), sides=8)
+    return tube(between(ends[0], ends[1], t), radius * (1 - 0.5 * (2 * t - 1) ** 2), sides=8)
 
 
 def ends_of_yard(mast: Mast, yard: int, ahead: float = 0.022) -> np.ndarray:
@@ -94,7 +94,7 @@ def sails() -> tuple[Solid, Solid]:
     spread.append(sail(spanker, np.array([0.0, -0.05, 0])))
     for high, low, share in ((0.62, 0.95, 0.80), (0.36, 0.60, 0.75)):
         head = np.array([FORE.x + 0.02, 0, high])
-        (nose,) = between(*BOWSPRIT, (low,))
+        (nose,) = between(BOWSPRIT[0], BOWSPRIT[1], (low,))
         top, bottom = between(head, nose, (0.22, 0.94))
         clew_ = np.array([FORE.x + 0.12, -0.10, bottom[2] + 0.05])
         spread.append(sail(np.array([top, top, bottom, bottom + share * (clew_ - bottom)]), np.array([0.0, -0.04, 0])))
@@ -111,7 +111,7 @@ def bundle(ends: np.ndarray, seed: int) -> Solid:
     pinch = np.abs(np.sin(np.pi * 9 * t)) ** 0.5
     radius = (0.011 + 0.013 * pinch) * (1 - 0.45 * np.abs(2 * t - 1) ** 2)
     wobble = 0.002 * np.random.default_rng(seed).normal(size=(61, 3))
-    return smooth(tube(between(*ends, t) + wobble - np.array([0, 0, 0.016]), radius, sides=10))
+    return smooth(tube(between(ends[0], ends[1], t) + wobble - np.array([0, 0, 0.016]), radius, sides=10))
 
 
 def canvas() -> np.ndarray:
@@ -139,7 +139,7 @@ def rope(start: np.ndarray, end: np.ndarray, radius: float = 0.0032) -> Solid:
 
 def rigging() -> Solid:
     lines = [line for mast in MASTS for line in [*standing(mast), *braces(mast)]]
-    nose = between(*BOWSPRIT, (0.6, 0.8, 0.98))
+    nose = between(BOWSPRIT[0], BOWSPRIT[1], (0.6, 0.8, 0.98))
     stays = [
         (at(FORE, FORE.top), nose[0]),
         (at(FORE, 0.5), nose[1]),
