@@ -2,11 +2,10 @@
 
 import math
 import tokenize
-import weakref
 import zipfile
 import zlib
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -33,71 +32,61 @@ _PROBLEMS = (
 """The errors that reading a damaged archive may raise; the last ones by numpy, which parses a header as Python."""
 
 
-class Member:
-    """One array of the archive, read by its first index, in order at best."""
-
-    def __init__(self, file: Path, name: str, limit: int = LARGEST_SMALL) -> None:
-        """Open a member; raises `InputError` if it is missing, damaged, pickled, not of numbers or above the limit."""
-        self.where = f"{file}: {name}"
-        try:
-            archive = zipfile.ZipFile(file)
-            weakref.finalize(self, archive.close)
-            self._stream: IO[bytes] = archive.open(f"{name}.npy")
-            weakref.finalize(self, self._stream.close)
-            major, _ = np.lib.format.read_magic(self._stream)
+def _array(file: Path, name: str, limit: int = LARGEST_SMALL) -> np.ndarray:
+    """Return one array of the archive as it is stored. Raises `InputError` if it is missing, damaged, pickled, larger
+    than the limit, or not of finite numbers.
+    """
+    where = f"{file}: {name}"
+    try:
+        with zipfile.ZipFile(file) as archive, archive.open(f"{name}.npy") as stream:
+            major, _ = np.lib.format.read_magic(stream)
             read = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
-            self.shape, fortran, self.dtype = read(self._stream)
-            self._start = self._stream.tell()
-        except KeyError as error:
-            raise InputError(
-                f"{file}: holds no array {name!r}; a tiny-NeRF file has images, poses and focal"
-            ) from error
-        except _PROBLEMS as error:
-            raise InputError(f"{self.where} cannot be read ({short(error, 120)}); get the file again") from error
-        if self.dtype.kind not in "fiu" or fortran:
-            order = " in Fortran order" if fortran else ""
-            raise InputError(f"{self.where} holds {self.dtype}{order}; save plain numbers")
-        if any(length < 0 for length in self.shape) or math.prod(self.shape) * self.dtype.itemsize > limit:
-            raise InputError(f"{self.where} is {self.shape} of {self.dtype}, more than {limit} bytes; make it smaller")
+            shape, fortran, dtype = read(stream)
+            if dtype.kind not in "fiu" or fortran:
+                raise InputError(f"{where} holds {dtype}{' in Fortran order' * fortran}; save plain numbers")
+            size = math.prod(shape) * dtype.itemsize
+            if any(length < 0 for length in shape) or size > limit:
+                raise InputError(f"{where} is {shape} of {dtype}, more than {limit} bytes; make it smaller")
+            data = stream.read(size)
+    except InputError:
+        raise
+    except KeyError as error:
+        raise InputError(f"{file}: holds no array {name!r}; a tiny-NeRF file has images, poses and focal") from error
+    except _PROBLEMS as error:
+        raise InputError(f"{where} cannot be read ({short(error, 120)}); get the file again") from error
+    if len(data) != size:
+        raise InputError(f"{where} is cut off; get the file again")
+    values = np.frombuffer(data, dtype=dtype).reshape(shape)
+    if not np.isfinite(values).all():
+        raise InputError(f"{where} holds NaN or infinity; give finite numbers")
+    return values
 
-    def read(self, index: int | None = None) -> np.ndarray:
-        """Return the entry at `index`, or all, float64. Raises `InputError` if it is damaged or not finite."""
-        shape = self.shape if index is None else self.shape[1:]
-        size = math.prod(shape) * self.dtype.itemsize
-        try:
-            self._stream.seek(self._start + (index or 0) * size)
-            data = self._stream.read(size)
-        except _PROBLEMS as error:
-            raise InputError(f"{self.where} is damaged ({short(error, 120)}); get the file again") from error
-        if len(data) != size:
-            raise InputError(f"{self.where} is cut off; get the file again")
-        values = np.frombuffer(data, dtype=self.dtype).astype(np.float64)
-        if not np.isfinite(values).all():
-            raise InputError(f"{self.where} holds NaN or infinity; give finite numbers")
-        return values.reshape(shape)
+
+def _numbers(file: Path, name: str) -> list[float]:
+    numbers: list[float] = _array(file, name).astype(np.float64).ravel().tolist()
+    return numbers
 
 
 def read_tiny_nerf(file: Path) -> Source:
     """Read a tiny-NeRF file. Raises `InputError`, naming file, array and remedy, for what cannot be trusted."""
-    images, poses = Member(file, "images", LARGEST_BYTES), Member(file, "poses")
+    images, cameras = _array(file, "images", LARGEST_BYTES), _array(file, "poses").astype(np.float64)
     if len(images.shape) != 4 or images.shape[3] not in (3, 4) or 0 in images.shape:
         raise InputError(f"{file}: images is {images.shape}; it must be [views, height, width, 3]")
     count, height, width, _ = images.shape
     if height * width > LARGEST_PIXELS:
         raise InputError(f"{file}: images of {width} × {height} pixels; no more than {LARGEST_PIXELS} are read")
-    if poses.shape != (count, 4, 4):
-        raise InputError(f"{file}: poses is {poses.shape}; it must be {(count, 4, 4)}, a camera for each image")
-    focal = Member(file, "focal")
-    if math.prod(focal.shape) != 1 or not (length := float(focal.read().ravel()[0])) > 0:
+    if cameras.shape != (count, 4, 4):
+        raise InputError(f"{file}: poses is {cameras.shape}; it must be {(count, 4, 4)}, a camera for each image")
+    focal = _numbers(file, "focal")
+    if len(focal) != 1 or not focal[0] > 0:
         raise InputError(f"{file}: focal must be one positive number of pixels")
-    fov = 2 * math.atan(0.5 * width / length)
-    check_field_of_view(fov, f"{file}: focal {length}")
-    cameras = poses.read()
+    fov = 2 * math.atan(0.5 * width / focal[0])
+    check_field_of_view(fov, f"{file}: focal {focal[0]}")
     check_poses(cameras, [f"{file}: pose {number}" for number in range(count)])
     with zipfile.ZipFile(file) as archive:
         names = {name.removesuffix(".npy") for name in archive.namelist()}
     splits, notes = _splits(file, names, count)
-    alpha = Member(file, "alpha", LARGEST_BYTES) if "alpha" in names else None
+    alpha = _array(file, "alpha", LARGEST_BYTES) if "alpha" in names else None
     if alpha is not None and alpha.shape != images.shape[:3]:
         raise InputError(f"{file}: alpha is {alpha.shape}; it must be {images.shape[:3]}, as the images are")
     if alpha is None and images.shape[3] == 3:
@@ -112,14 +101,14 @@ def read_tiny_nerf(file: Path) -> Source:
 
     def pixels(name: Path) -> np.ndarray:
         number = int(name.name)
-        colour = images.read(number) / largest
+        colour = images[number].astype(np.float64) / largest
         if colour.min() < -1e-6 or colour.max() > 1 + 1e-6:
             raise InputError(
                 f"{file}: image {number} has values {colour.min():.3g} … {colour.max():.3g}; they must lie in 0 … 1"
             )
         rgba = colour if colour.shape[2] == 4 else np.concatenate([colour, np.ones((height, width, 1))], axis=-1)
         if alpha is not None:
-            covered = np.clip(alpha.read(number), 0.0, 1.0)[..., None]
+            covered = np.clip(alpha[number].astype(np.float64), 0.0, 1.0)[..., None]
             straight = np.where(covered > 0, rgba[..., :3] / np.where(covered > 0, covered, 1.0), 0.0)
             rgba = np.concatenate([straight, covered], axis=-1)
         return np.clip(rgba, 0.0, 1.0).astype(np.float32)
@@ -173,20 +162,19 @@ def _splits(file: Path, names: set[str], count: int) -> tuple[dict[str, list[int
 
 
 def _indices(file: Path, name: str, count: int) -> list[int]:
-    values = Member(file, name).read().ravel()
-    if len(set(values.tolist())) != len(values) or (values != np.floor(values)).any():
+    values = _numbers(file, name)
+    if len(set(values)) != len(values) or any(value % 1 for value in values):
         raise InputError(f"{file}: {name} must list each view once, by its number")
-    if not len(values) or values.min() < 0 or values.max() >= count:
+    if not values or min(values) < 0 or max(values) >= count:
         raise InputError(f"{file}: {name} must name views from 0 to {count - 1}, at least one")
     return sorted(int(value) for value in values)
 
 
 def _region(file: Path, names: set[str]) -> Region:
-    bounds = tuple(Member(file, "bounds").read().ravel().tolist()) if "bounds" in names else None
-    distances = Member(file, "distances").read().ravel().tolist() if "distances" in names else [NEAR, FAR]
+    distances = _numbers(file, "distances") if "distances" in names else [NEAR, FAR]
     if len(distances) != 2:
         raise InputError(f"{file}: distances must be two numbers, near and far")
-    return region_in(file, bounds, *distances)
+    return region_in(file, tuple(_numbers(file, "bounds")) if "bounds" in names else None, *distances)
 
 
 BLENDER_REGION = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)

@@ -86,7 +86,7 @@ def unparsable(file: Path) -> None:
         (bomb, "more than .* bytes"),
         (pickled, "images holds object"),
         (cut, "cannot be read"),
-        (flipped, "images is damaged"),
+        (flipped, "images cannot be read"),
         (lambda file: file.write_text("hello"), "cannot be read"),
         (lambda file: tiny(file, focal=None), "no array 'focal'"),
         (lambda file: tiny(file, focal=np.array([1.0, 2.0])), "focal must be one"),
