@@ -63,17 +63,6 @@ def test_field_equals_a_plain_one_with_concatenations(method: str, depth: int, v
 
 
 @every_method
-def test_without_view_dependence_directions_are_ignored(method: str) -> None:
-    field = roughened(field_of(method, view_dependent=False))
-    x, d, ray = some_points(200)
-    colours = [
-        field.density_and_colour(x, field.encode_directions(directions), ray)[1] for directions in (d, -d, 0 * d)
-    ]
-    assert torch.equal(colours[0], colours[1])
-    assert torch.equal(colours[0], colours[2])
-
-
-@every_method
 def test_with_view_dependence_directions_change_colour_alone(method: str) -> None:
     field = roughened(field_of(method))
     x, d, ray = some_points(200)

@@ -10,7 +10,7 @@ from torch import nn
 from baselines.composition import Parts, skip_layer
 from baselines.contract import Box, NetworkSize
 from baselines.field import NetworkField
-from baselines.methods.ablations import LADDER, PARTS_OF_QNERF, combination
+from baselines.methods.ablations import PARTS_OF_QNERF, combination
 from baselines.methods.nerf import NERF, NERF_MATCHED
 from baselines.methods.qnerf import QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
 from baselines.numerics.encoding import PHI
@@ -60,11 +60,6 @@ def test_phi_skip_of_small_depths_reaches_the_heads(depth: int) -> None:
     assert first.in_features == SMALL.width + position + direction
 
 
-def test_combinations_of_nothing_and_of_everything() -> None:
-    assert combination() == NERF
-    assert combination(*PARTS_OF_QNERF) == QNERF
-
-
 def test_catalogue_holds_every_combination_once() -> None:
     parts = list(ALL_PARTS.values())
     subsets = list(chain.from_iterable(combinations(PARTS_OF_QNERF, count) for count in range(4)))
@@ -72,13 +67,6 @@ def test_catalogue_holds_every_combination_once() -> None:
     twice = [name for name, one in ALL_PARTS.items() if parts.count(one) > 1]
     assert len(twice) == 2, "a candidate, and that it was chosen"
     assert twice[0] == "qnerf_repaired"
-
-
-def test_rungs_of_the_ladder_differ_in_the_unit_of_density_alone() -> None:
-    for name, parts in LADDER.items():
-        base = QNERF if name.startswith("qnerf") else NERF
-        assert replace(parts, density_scale=base.density_scale) == base
-    assert {parts.density_scale for parts in LADDER.values()} == {0.3, 1.0, 3.0, 10.0, 100.0}
 
 
 @pytest.mark.parametrize("extent", [0.5, 1.0, 30.0])

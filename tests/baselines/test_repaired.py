@@ -1,7 +1,6 @@
 """What every candidate for the repaired Q-NeRF must be: Eq. 4, opaque, a field, finite, and kept in a checkpoint."""
 
 import math
-from dataclasses import replace
 from itertools import product
 
 import pytest
@@ -17,8 +16,7 @@ from baselines.amplifiers import (
 )
 from baselines.composition import DENSITY_SCALE
 from baselines.field import NetworkField, training_step
-from baselines.methods.qnerf import QNERF
-from baselines.methods.repaired import CANDIDATES, MEANING
+from baselines.methods.repaired import CANDIDATES
 from baselines.numerics.encoding import PHI
 from tests.baselines.small_fields import field_of, roughened, set_alpha, some_points
 
@@ -44,12 +42,6 @@ def settled(method: str) -> NetworkField:
     with training_step([field]):
         field.density(some_points(400)[0])
     return field
-
-
-def test_candidates_differ_from_qnerf_in_the_amplifier_alone_and_are_explained() -> None:
-    assert all(replace(parts, amplifier=QNERF.amplifier) == QNERF for parts in CANDIDATES.values())
-    assert set(MEANING) == set(READINGS)
-    assert len(set(READINGS)) == len(CANDIDATES)
 
 
 @every_reading

@@ -34,12 +34,6 @@ def test_the_fixed_bound_holds_before_and_besides_the_usual_norm() -> None:
     assert one.scale(4.0) == 0.25
 
 
-def test_a_step_without_any_gradient_says_nothing_of_the_next() -> None:
-    one = fed([1e-3])
-    assert one.scale(0.0) == 1.0
-    assert (one.usual_norm, one.clipped_steps) == (1e-3, 0)
-
-
 @pytest.mark.parametrize("height", [400.0, 1e3, 1e9, 1e300])
 def test_a_spike_costs_a_bounded_rise_that_is_forgotten(height: float) -> None:
     quiet = 1e-3

@@ -12,15 +12,8 @@ from harness.records.cells import cell_path, read_cell, write_cell
 from harness.training import lockstep
 from harness.training.lockstep import train_group
 from harness.training.make_learner import NotAvailable, learner_for
-from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
-from tests.harness.tiny import BUDGET, CPU, SCORE, TRAIN, box
-
-
-def test_a_network_is_trained_by_the_trainer() -> None:
-    one = learner_for("qnerf", box(), TRAIN, BUDGET, 0, CPU)
-    assert isinstance(one, Trainer)
-    assert one.method == "qnerf"
+from tests.harness.tiny import SCORE, TRAIN
 
 
 def test_a_method_that_cannot_run_here_costs_nobody_else_anything(

@@ -100,15 +100,6 @@ def test_another_seed_gives_other_weights_and_other_samples() -> None:
     assert not same(weights(train(first, 1)), weights(train(second, 1)))
 
 
-def test_two_methods_in_turn_do_not_disturb_each_other() -> None:
-    alone = train(trainer("nerf"), 12)
-    ours, theirs = trainer("nerf"), trainer("qnerf")
-    for step in range(12):
-        theirs.train_on(*rays_and_colours(seed=step))
-        ours.train_on(*rays_and_colours(seed=step))
-    assert same(weights(ours), weights(alone))
-
-
 # what is not finite
 
 

@@ -11,7 +11,6 @@ from torch import Tensor
 from baselines import field, rendering
 from baselines.contract import Precision, Rays
 from baselines.numerics.quadrature import QUADRATURES
-from harness.plan.profiles import planned
 from harness.plan.settings import GridSettings
 from harness.training import trainer as trainer_module
 from harness.training.trainer import LOSS_SCALE, Diverged, Trainer
@@ -122,10 +121,6 @@ def test_the_scaled_loss_keeps_gradients_that_float16_would_lose(monkeypatch: py
     assert missed[0] < 0.03
     assert missed[1] > 3.0 * missed[0], "without the scale the test would see nothing"
     assert all(math.log2(scale).is_integer() for scale in trainer_module.LOSS_SCALE.values())
-
-
-def test_float16_can_be_asked_for() -> None:
-    assert planned("smoke", precision="float16").train.precision == "float16"
 
 
 # what is refused

@@ -40,14 +40,9 @@ ORIGIN = {"threads": 1, "sources": "one"}
 
 
 def train(
-    ball: ViewSet,
-    out: Path,
-    notices: list[str],
-    until: float = 2.0,
-    origin: dict[str, Any] = ORIGIN,
-    **changes: Any,
-) -> dict[str, CellRecord]:
-    """The records until the group's share of training reaches `until`."""
+    ball: ViewSet, out: Path, until: float = 2.0, origin: dict[str, Any] = ORIGIN, **changes: Any
+) -> tuple[dict[str, CellRecord], list[str]]:
+    """The records, and the notices, until the group's share of training reaches `until`."""
 
     def on_progress(share: float) -> None:
         if share >= until:
@@ -55,23 +50,24 @@ def train(
 
     task = replace(GroupTask("ball", 0, METHODS, TRAIN, SCORE, BUDGET, out, keep_every=0.0), **changes)
     cells: dict[str, CellRecord] = {}
+    notices: list[str] = []
     with suppress(Stopped):
         for cell in train_group(task, ball, origin, on_progress, on_notice=notices.append):
             cells[cell.method] = cell
-    return cells
+    return cells, notices
 
 
 @pytest.fixture(scope="module")
 def undisturbed(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, CellRecord]]:
     out = tmp_path_factory.mktemp("undisturbed")
-    return out, train(ball, out, [])
+    return out, train(ball, out)[0]
 
 
 @pytest.fixture(scope="module")
 def half_way(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Past the first refreshes of the occupancy grid and the first two checkpoints."""
     out = tmp_path_factory.mktemp("half_way")
-    assert train(ball, out, [], until=14 / 24) == {}
+    assert train(ball, out, until=14 / 24)[0] == {}
     return out
 
 
@@ -93,8 +89,7 @@ def files(out: Path) -> dict[str, bytes]:
 def test_a_stopped_group_ends_in_the_bits_of_one_that_was_not(
     ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], stopped: Path
 ) -> None:
-    notices: list[str] = []
-    cells = train(ball, stopped, notices)
+    cells, notices = train(ball, stopped)
     assert notices == [f"ball, {method}, seed 0: goes on at step 14" for method in METHODS]
     expected_files, expected = files(undisturbed[0]), undisturbed[1]
     assert len(expected_files) == 2 * len(METHODS) + 1
@@ -109,7 +104,7 @@ def test_its_clock_goes_on_from_where_it_stood(ball: ViewSet, stopped: Path) -> 
     path = unfinished_path(stopped, "ball", "nerf", 0)
     kept = read_unfinished(path)
     write_unfinished(path, replace(kept, listing={**kept.listing, "seconds": 1000.0}))
-    cells = train(ball, stopped, [])
+    cells, _ = train(ball, stopped)
     assert 1000 < cells["nerf"].train_seconds < 1100
     assert 0 < cells["qnerf"].train_seconds < 100
 
@@ -119,8 +114,8 @@ def test_it_may_be_stopped_again_and_again(
     ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], tmp_path: Path
 ) -> None:
     for step in (2, 7, 11, 20):
-        train(ball, tmp_path, [], until=step / 24)
-    cells = train(ball, tmp_path, [])
+        train(ball, tmp_path, until=step / 24)
+    cells, _ = train(ball, tmp_path)
     assert cells["qnerf"].provenance["resumed_at"] == [2, 7, 11, 20]
     assert files(tmp_path) == files(undisturbed[0])
 
@@ -129,15 +124,13 @@ def test_it_may_be_stopped_again_and_again(
     "changes", [{"train": replace(TRAIN, learning_rate=5e-3)}, {"budget": replace(BUDGET, steps=25)}]
 )
 def test_other_settings_begin_again(ball: ViewSet, stopped: Path, changes: dict[str, Any]) -> None:
-    notices: list[str] = []
-    train(ball, stopped, notices, until=0.0, **changes)
+    _, notices = train(ball, stopped, until=0.0, **changes)
     assert notices[0] == "ball, nerf, seed 0: trained from the start, as settings changed since it was kept"
     assert read_unfinished(unfinished_path(stopped, "ball", "nerf", 0)).listing["step"] == 1
 
 
 def test_other_code_begins_again(ball: ViewSet, stopped: Path) -> None:
-    notices: list[str] = []
-    train(ball, stopped, notices, until=0.0, origin={**ORIGIN, "sources": "another"})
+    _, notices = train(ball, stopped, until=0.0, origin={**ORIGIN, "sources": "another"})
     assert notices[1] == "ball, qnerf, seed 0: trained from the start, as this program changed since it was kept"
 
 
@@ -150,8 +143,7 @@ def test_a_damaged_byte_is_found_and_its_cell_begins_again(
     path.write_bytes(data)
     with pytest.raises(DamagedRecord, match=r"nerf\.0\.safetensors"):
         read_unfinished(path)
-    notices: list[str] = []
-    cells = train(ball, stopped, notices)
+    cells, notices = train(ball, stopped)
     assert notices[0] == "ball, nerf, seed 0: trained from the start, as what was kept of it is damaged"
     assert notices[1] == "ball, qnerf, seed 0: goes on at step 14"
     assert without_time(cells["nerf"]) == without_time(undisturbed[1]["nerf"])
@@ -173,8 +165,7 @@ def test_what_does_not_fit_is_said_and_its_cell_begins_again(
     kept = read_unfinished(path)
     spoil(kept.listing, kept.tensors)
     write_unfinished(path, kept)
-    notices: list[str] = []
-    train(ball, stopped, notices, until=0.0)
+    _, notices = train(ball, stopped, until=0.0)
     assert notices[0] == "ball, nerf, seed 0: goes on at step 14"
     assert notices[1].startswith("ball, qnerf, seed 0: trained from the start, as what was kept of it does not fit (")
     assert read_unfinished(path).listing["step"] == 1
@@ -189,10 +180,9 @@ def test_one_that_cannot_be_kept_is_said_once_and_trained_to_its_end(
         return training_state(learner)
 
     monkeypatch.setattr("harness.training.cell_training.training_state", odd)
-    notices: list[str] = []
-    cells = train(ball, tmp_path, notices)
-    (said,) = notices
-    assert said.startswith("ball, qnerf, seed 0: cannot be kept in the middle of its training (TypeError: Got")
+    cells, notices = train(ball, tmp_path)
+    assert len(notices) == 1
+    assert notices[0].startswith("ball, qnerf, seed 0: cannot be kept in the middle of its training (TypeError: Got")
     assert {method: cell.status for method, cell in cells.items()} == dict.fromkeys(METHODS, "done")
     assert without_time(cells["qnerf"]) == without_time(undisturbed[1]["qnerf"])
 
