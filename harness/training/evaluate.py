@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from baselines.contract import Rays, Rendering
+from baselines.contract import Rays
 from harness.plan.seeds import generator_for
 from harness.records.cells import ViewScore
 from harness.records.json_record import finite_or_none
@@ -32,13 +32,6 @@ class View:
     opacity: np.ndarray
     depth: np.ndarray
 
-    @staticmethod
-    def of(rendering: Rendering, height: int, width: int) -> "View":
-        def image(values: torch.Tensor) -> np.ndarray:
-            return values.cpu().numpy().reshape(height, width, *values.shape[1:])
-
-        return View(image(rendering.colour), image(rendering.opacity), image(rendering.depth))
-
 
 def cameras_of(views: ViewSet, split: Split, device: torch.device) -> Cameras:
     return Cameras.of(split.camera_to_world, views.width, views.height, views.focal, views.near, views.far).to(device)
@@ -60,10 +53,9 @@ def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> Vi
     shuffled = Rays(rays.origins[order], rays.directions[order], rays.near, rays.far)
     rendering = trainer.render(shuffled, chunk)
     back = torch.argsort(order)
-    in_order = Rendering(
-        rendering.colour[back], rendering.opacity[back], rendering.depth[back], rendering.network_evaluations
-    )
-    return View.of(in_order, cameras.height, cameras.width)
+    parts = (rendering.colour, rendering.opacity, rendering.depth)
+    size = (cameras.height, cameras.width)
+    return View(*(part[back].cpu().numpy().reshape(*size, *part.shape[1:]) for part in parts))
 
 
 def render_split(trainer: Learner, cameras: Cameras, chunk: int) -> Iterator[View]:

@@ -9,9 +9,7 @@ import os
 import stat
 import time
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 """The errors of systems and file systems without locks."""
@@ -106,9 +104,10 @@ def is_held(path: Path, create: bool = False) -> bool | None:
 
 def _try(handle: int) -> bool | None:
     """Lock an open file; False if another has it, None if there are no locks."""
+    import filelock  # takes 0.05 s that a command without locks need not wait for
+
     try:
-        library = _library()
-        return library.lock_descriptor(handle, blocking=False) if library.has_fcntl else None
+        return filelock.lock_descriptor(handle, blocking=False) if filelock.has_fcntl else None
     except OSError as error:
         if error.errno in NO_LOCKS:
             return None
@@ -117,17 +116,11 @@ def _try(handle: int) -> bool | None:
 
 def _close(handle: int) -> None:
     """Unlock first: a process that was forked meanwhile has the descriptor, too, and would keep the lock."""
-    with suppress(OSError):
-        _library().unlock_descriptor(handle)
-    os.close(handle)
-
-
-@cache
-def _library() -> ModuleType:
-    """Import the library, which takes 0.05 s that a command without locks need not wait for."""
     import filelock
 
-    return filelock
+    with suppress(OSError):
+        filelock.unlock_descriptor(handle)
+    os.close(handle)
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

@@ -4,7 +4,7 @@ import errno
 import os
 import zlib
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -30,13 +30,14 @@ def read_channels(file: Path) -> dict[str, np.ndarray]:
 
 
 def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    import OpenImageIO as oiio  # where it is used: reading a manifest must not pay for it
+
     if not file.is_file():
         raise InputError(f"{file}: this image is missing")
     if file.stat().st_size == 0:
         raise InputError(f"{file}: this image file is empty; get it again")
     if file.suffix.lower() == ".png":
         _check_png(file)
-    oiio = _openimageio()
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # leave straight alpha as it is stored
     source = None
@@ -87,8 +88,9 @@ def write_png(file: Path, display: np.ndarray) -> None:
 
     Raises `OSError` if it cannot be written.
     """
+    import OpenImageIO as oiio
+
     levels = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
-    oiio = _openimageio()
     spec = oiio.ImageSpec(levels.shape[1], levels.shape[0], levels.shape[2], oiio.UINT8)
     spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.attribute("oiio:ColorSpace", "sRGB")
@@ -100,8 +102,9 @@ def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
 
     Raises `OSError` if it cannot be written.
     """
+    import OpenImageIO as oiio
+
     pixels = np.stack(list(channels.values()), axis=-1).astype(np.float32)
-    oiio = _openimageio()
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
     spec.channelnames = tuple(channels)
     spec.attribute("compression", "zip")
@@ -109,9 +112,10 @@ def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
     _write(file, spec, pixels)
 
 
-def _write(file: Path, spec: object, pixels: np.ndarray) -> None:
+def _write(file: Path, spec: Any, pixels: np.ndarray) -> None:
     """Write and read back: OpenImageIO does not notice a full disk for every format."""
-    oiio = _openimageio()
+    import OpenImageIO as oiio
+
     target = oiio.ImageOutput.create(str(file))
     if target is None:
         raise OSError(errno.EINVAL, _reason(oiio.geterror()), str(file))
@@ -146,10 +150,3 @@ def _cause(file: Path) -> int:
 def _reason(message: str) -> str:
     printable = "".join(letter if letter.isprintable() else " " for letter in message)  # messages include file contents
     return " ".join(printable.split())[:200] or "no reason given"
-
-
-def _openimageio() -> ModuleType:
-    """Import OpenImageIO where it is used: reading a manifest or listing scenes must not pay for it."""
-    import OpenImageIO
-
-    return OpenImageIO
