@@ -94,16 +94,7 @@ def run(context: GateContext, replay: str) -> int:
         return replace(context, scratch=scratch)
 
     with forced(name):
-        framework.run(
-            SHELF,
-            kinds,
-            out,
-            False,
-            settings,
-            provenance(CPU),
-            lambda scratch, _: replace(context, scratch=scratch),
-            show,
-        )
+        framework.run(SHELF, kinds, out, False, settings, provenance(CPU), within, show)
     record = read_studies(out / SHELF.file)
     write_junit(out / JUNIT_FILE, record, replay)
     for _, check in record.broken:

@@ -148,12 +148,9 @@ def test_both_questions_are_answered_apart(
     [
         (lambda file: file.unlink(), "there is no such file; get it back from version control, or make it with"),
         (lambda file: file.write_text("{"), "get it back from version control"),
-        (lambda file: file.write_text("[]"), "not an object"),
         (lambda file: file.write_text('{"schema": 2}'), "schema 2"),
-        (lambda file: file.write_text(file.read_text().replace('"high"', '"hihg"')), "hihg"),
         (lambda file: file.write_text(file.read_text().replace('"low": null', '"low": NaN', 1)), "JSON is malformed"),
         (lambda file: file.write_text(file.read_text().replace('"low": ', '"low": "a", "x": ', 1)), "float"),
-        (lambda file: file.write_text(file.read_text().replace('"low": null, "high"', '"low": null, "x"')), "`x`"),
         (
             lambda file: file.write_text(
                 file.read_text().replace('"limits": {', '"limits": {"a": {"low": null, "high": null}, ')

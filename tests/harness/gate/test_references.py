@@ -44,13 +44,10 @@ def test_a_class_without_references_is_held_to_the_usual_one_and_told_so(
     ("spoil", "said"),
     [
         (lambda text: "{", "truncated"),
-        (lambda text: "[]", "not an object"),
         (lambda text: text.replace('"schema": 1', '"schema": 7'), "schema 7"),
         (lambda text: text.replace('"psnr": [20.0', '"psnr": ["a"'), "cells"),
-        (lambda text: text.replace('"losses"', '"loses"'), "loses"),
         (lambda text: text.replace('"profiles"', '"known": false, "profiles"'), "known"),
         (lambda text: text.replace("[0.25]", "[NaN]"), "JSON is malformed"),
-        (lambda text: text.replace("[2.0, 2.1]", "[]"), "speed"),
         (lambda text: text.replace(f'"name": "{class_here()}"', '"name": "other"'), "'other'"),
     ],
 )

@@ -26,21 +26,14 @@ def probes(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     return table
 
 
-def test_a_line_each_with_what_to_do(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
-    probes["one"] = lambda: [Finding("disk", "1 GB", "limited", "make room"), Finding("cores", "4")]
+def test_a_line_each_with_what_to_do_and_2_for_what_is_needed(
+    probes: dict[str, object], capsys: pytest.CaptureFixture[str]
+) -> None:
+    probes["first"] = lambda: [Finding("disk", "1 GB", "limited", "make room"), Finding("ray", "none", "missing", "do")]
     code, text = said(capsys)
     assert code == 0
-    assert [line.split() for line in text.splitlines()[:3]] == [
-        ["limited", "disk:", "1", "GB"],
-        ["→", "make", "room"],
-        ["ok", "cores:", "4"],
-    ]
-
-
-def test_what_is_needed_and_missing_ends_with_2(probes: dict[str, object], capsys: pytest.CaptureFixture[str]) -> None:
-    probes["one"] = lambda: [Finding("ray", "not installed", "missing", "install it")]
-    assert said(capsys)[0] == 0
-    probes["two"] = lambda: [Finding("torch", "not installed", "missing", "install it", needed=True)]
+    assert [line.split() for line in text.splitlines()[:2]] == [["limited", "disk:", "1", "GB"], ["→", "make", "room"]]
+    probes["second"] = lambda: [Finding("torch", "not installed", "missing", "install it", needed=True)]
     code, text = said(capsys)
     assert code == 2
     assert text.splitlines()[-1] == "missing, and needed: torch"

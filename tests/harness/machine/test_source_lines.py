@@ -1,5 +1,7 @@
 """What counts as a source line."""
 
+import pytest
+
 from harness.machine.provenance import BASELINES, PARTS, core_module_lines, source_lines
 
 MODULE = '''"""A docstring
@@ -22,16 +24,18 @@ def f(x):
 '''
 
 
-def test_blank_lines_comments_and_docstrings_do_not_count():
-    assert source_lines(MODULE) == 8  # import, def, y over two lines, return ( x, y, )
-
-
-def test_each_kind_adds_what_it_should():
-    assert source_lines("") == 0
-    assert source_lines("\n\n# only\n") == 0
-    assert source_lines("x = 1\ny = 2\n") == 2
-    assert source_lines("x = 1; y = 2\n") == 1
-    assert source_lines('x = 1\n"""told of x"""\n') == 1
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        (MODULE, 8),  # import, def, y over two lines, return ( x, y, )
+        ("", 0),
+        ("\n\n# only\n", 0),
+        ("x = 1; y = 2\n", 1),
+        ('x = 1\n"""told of x"""\n', 1),
+    ],
+)
+def test_blank_lines_comments_and_docstrings_do_not_count(text: str, count: int) -> None:
+    assert source_lines(text) == count
 
 
 def test_the_core_module_is_counted_by_part_and_no_file_twice():

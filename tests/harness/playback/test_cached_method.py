@@ -83,19 +83,6 @@ def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(
     assert len(renders) == 1
 
 
-def test_nobody_can_change_what_is_kept() -> None:
-    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
-    expected = plain(one.learner)  # type: ignore[arg-type]
-    for _ in range(3):
-        view = one.render(camera())
-        for part in (view.colour, view.opacity, view.depth):
-            with pytest.raises(ValueError, match="read-only"):
-                part += 1.0
-            with pytest.raises(ValueError, match="WRITEABLE"):
-                part.setflags(write=True)
-        assert same(view, expected)
-
-
 def test_a_frozen_method_that_was_trained_all_the_same_is_found_out() -> None:
     method = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
     before = method.render(camera())

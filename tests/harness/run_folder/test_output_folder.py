@@ -52,20 +52,22 @@ def test_results_are_kept_unless_they_are_gone_on_with(tmp_path: Path, plan: Pla
     claim(out, plan, MACHINE, resume=True)
 
 
-@pytest.mark.parametrize("resume", [False, True])
-def test_a_folder_of_somebody_else_is_refused(tmp_path: Path, plan: Plan, resume: bool) -> None:
-    (tmp_path / "letter.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"in use by something else|holds no run"):
+@pytest.mark.parametrize(
+    ("mine", "resume", "words"),
+    [
+        (["letter.txt"], False, "in use by something else"),
+        (["letter.txt"], True, "in use by something else"),
+        ([], True, "holds no run to go on with"),
+    ],
+)
+def test_a_folder_of_somebody_else_or_without_a_run_is_refused(
+    tmp_path: Path, plan: Plan, mine: list[str], resume: bool, words: str
+) -> None:
+    for name in mine:
+        (tmp_path / name).write_text("mine")
+    with pytest.raises(InputError, match=words):
         claim(tmp_path, plan, MACHINE, resume)
-    assert [file.name for file in tmp_path.iterdir()] == ["letter.txt"]
-
-
-@pytest.mark.parametrize("there", [True, False])
-def test_there_must_be_something_to_go_on_with(tmp_path: Path, plan: Plan, there: bool) -> None:
-    out = tmp_path if there else tmp_path / "nothing"
-    with pytest.raises(InputError, match="holds no run to go on with"):
-        claim(out, plan, MACHINE, resume=True)
-    assert list(tmp_path.iterdir()) == []
+    assert [file.name for file in tmp_path.iterdir()] == mine
 
 
 def test_another_plan_is_not_gone_on_with(tmp_path: Path, plan: Plan) -> None:

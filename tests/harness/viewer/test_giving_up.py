@@ -107,11 +107,3 @@ def test_a_page_that_is_forgotten_is_told(site: Site, slow: Slow, monkeypatch: p
         told = rest_of(line)
     assert b'"kind": "given up"' in told
     assert b'"kind": "end"' not in told
-
-
-def test_the_page_answers_while_something_is_rendered(site: Site, slow: Slow) -> None:
-    with began(site, slow, place={**ORBIT, "azimuth": 3.3}, generation=80):
-        calls = slow.calls
-        for _ in range(20):
-            assert site.ask("GET", "/run.json")[0] == 200
-        assert slow.calls <= calls + 4  # nobody waited for the rendering
