@@ -28,36 +28,42 @@ def spread_table(stored: list[References]) -> str:
     """What rounding makes, what is allowed, and what is found."""
     rows: list[tuple[str, list[str]]] = []
     for precision in early.PRECISIONS:
-        moved = [f"{max(one.reordered[precision].values()):.0e}" for one in stored]
+        moved = [f"{max(references.reordered[precision].values()):.0e}" for references in stored]
         rows.append((f"first steps in {precision} precision: sums in another order move them by", moved))
-        rows.append(("… a gate fails beyond", [f"{early.tolerance(precision, one):.0e}" for one in stored]))
-    limits = [worse.loss_limit("all", "psnr", one) for one in stored]
+        rows.append(
+            ("… a gate fails beyond", [f"{early.tolerance(precision, references):.0e}" for references in stored])
+        )
+    limits = [worse.loss_limit("all", "psnr", references) for references in stored]
     what = f"mean PSNR over {limits[0].measured} cells: standard error by rounding alone, dB"
     rows.append((what, [f"{limit.spread:.4f}" for limit in limits]))
     what = "… a loss that is found in nine of ten draws of the rounding, dB"
     rows.append((what, [f"{limit.detects:.2f}" for limit in limits]))
     apart = f"{between_classes(*stored):.3f}"
     rows.append(("… cells of the two classes differ by, dB RMS", [apart] * len(stored)))
-    slow = [max(gate_speed.limit_of(ratios).detects or 0.0 for ratios in one.speed.values()) for one in stored]
+    slow = [
+        max(gate_speed.limit_of(ratios).detects or 0.0 for ratios in references.speed.values()) for references in stored
+    ]
     what = f"slower by a factor that is found in nine of ten runs (at most {SLOWER_FOUND})"
     rows.append((what, [f"{factor:.2f}" for factor in slow]))
     head = ["| | " + " | ".join(CLASSES) + " |", "|---|" + "---|" * len(CLASSES)]
     return "\n".join([*head, *(f"| {what} | {' | '.join(values)} |" for what, values in rows)])
 
 
-def between_classes(one: References, other: References) -> float:
+def between_classes(first: References, second: References) -> float:
     """By how much the same cells differ, by the order of sums alone."""
     differences = [
-        np.mean(one.cells[key]["psnr"]) - np.mean(other.cells[key]["psnr"]) for key in one.cells if key in other.cells
+        np.mean(first.cells[key]["psnr"]) - np.mean(second.cells[key]["psnr"])
+        for key in first.cells
+        if key in second.cells
     ]
     return float(np.sqrt(np.mean(np.square(differences))))
 
 
 def mutation_table(rows: list[dict[str, Any]]) -> str:
     """Every mutation with the gates that see it."""
-    found = sum(bool(row["found_by"]) for row in rows)
+    seen = sum(bool(row["found_by"]) for row in rows)
     lines = [
-        f"{found} of {len(rows)} are found:",
+        f"{seen} of {len(rows)} are found:",
         "",
         "| part | constant | change | first steps move by | seen by |",
         "|---|---|---|---|---|",
@@ -68,11 +74,11 @@ def mutation_table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def seen_by(found: list[str]) -> str:
+def seen_by(names: list[str]) -> str:
     """How many gates of each kind; a dash where there is none."""
-    counts = {kind: sum(name.startswith(kind) for name in found) for kind in ("changed.double", "changed.single")}
+    counts = {kind: sum(name.startswith(kind) for name in names) for kind in ("changed.double", "changed.single")}
     words = [f"{many} × `{kind}`" for kind, many in counts.items() if many]
-    return ", ".join([*words, *(["`changed.settings`"] if "changed.settings" in found else [])]) or "—"
+    return ", ".join([*words, *(["`changed.settings`"] if "changed.settings" in names else [])]) or "—"
 
 
 def between(name: str) -> re.Pattern[str]:
@@ -82,7 +88,7 @@ def between(name: str) -> re.Pattern[str]:
 def main() -> None:
     text = PAGE.read_text(encoding="utf-8")
     for name, table in tables().items():
-        text = between(name).sub(lambda found, table=table: f"{found[1]}{table}\n{found[2]}", text)  # type: ignore[misc]
+        text = between(name).sub(lambda match, table=table: f"{match[1]}{table}\n{match[2]}", text)  # type: ignore[misc]
     PAGE.write_text(text, encoding="utf-8")
 
 

@@ -52,7 +52,7 @@ def test_every_setting_of_the_profiles_is_the_stored_one(stored: References) -> 
 
 @pytest.mark.parametrize("part", ["base φ", "learning rate", "optical depth", "background"])
 def test_a_hundredth_is_found(part: str, usual: Courses, stored: References) -> None:
-    key = next(one for one in MUTATIONS if one[1] == part)
+    key = next(mutation for mutation in MUTATIONS if mutation[1] == part)
     assert seen(usual, key, stored, ("qnerf",)).found_by
 
 

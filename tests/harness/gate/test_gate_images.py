@@ -70,12 +70,12 @@ def fresh(stream: int) -> Renders:
 def with_fireflies(shown: Renders) -> Renders:
     """White light more in 0.01 % of the pixels of all renders."""
     generator = np.random.default_rng(7)
-    found = {}
+    brighter = {}
     for scene, image in shown.items():
         struck = generator.uniform(size=image.shape[:3]) < 1e-4
         struck.ravel()[generator.integers(struck.size)] = True
-        found[scene] = image + struck[..., None] * np.array([1.0, 1.0, 1.0, 0.0])
-    return found
+        brighter[scene] = image + struck[..., None] * np.array([1.0, 1.0, 1.0, 0.0])
+    return brighter
 
 
 def with_bright_samples(shown: Renders) -> Renders:
@@ -161,9 +161,9 @@ def test_statistics_against_slow_sums(references: dict[str, Reference]) -> None:
 def test_the_mean_square_of_sound_renders_is_that_of_the_pixels_that_vary(references: dict[str, Reference]) -> None:
     for number, scene in enumerate(SCENES):
         varying = float((truth(number)[1] > 0).mean())
-        found = np.mean([mean_square(fresh(stream)[scene], references[scene]) for stream in range(10)])
+        square = np.mean([mean_square(fresh(stream)[scene], references[scene]) for stream in range(10)])
         assert varying < 0.4
-        assert found == pytest.approx(varying, abs=0.03)
+        assert square == pytest.approx(varying, abs=0.03)
 
 
 def test_a_uniform_bias_is_measured_as_what_it_is(references: dict[str, Reference]) -> None:

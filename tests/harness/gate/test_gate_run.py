@@ -50,12 +50,12 @@ def test_a_failure_says_everything(
     measuring[name] = ([20.0] * 16, "darker")
     out = tmp_path / "out"
     assert gate_line(limits, out, "--only", "images.lego") == 4
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     limit = read_stored(limits, LimitsFile).limits[name]
-    line = next(line for line in said.splitlines() if "FAIL" in line)
+    line = next(line for line in printed.splitlines() if "FAIL" in line)
     assert f"20 % (at least {limit.low:.3g}, at most {limit.high:.3g}); darker; detects {limit.detects:.3g} %" in line
     replay = f"replay: python -m harness gate --limits {limits} --only {name}"
-    assert replay in said
+    assert replay in printed
     top = ElementTree.parse(out / "junit.xml").getroot()
     assert top.get("failures") == "1"
     failure = next(top.iter("failure"))
@@ -122,10 +122,12 @@ def test_a_gate_without_a_limit_fails_with_a_remedy(
     write_stored(limits.parent / "classes" / f"{class_here()}.json", stored)
     names = ("speed.score", "images.lego.bias", "worse.all.psnr", "fairness.batches")
     assert gate_line(limits, tmp_path / "out", "--only", *names) == 4
-    said = capsys.readouterr().out
-    assert "nothing is stored for it; renew with `python -m harness gate --renew --only speed`" in said
-    assert "measured with other settings of the gate; renew with `python -m harness gate --renew --only images`" in said
-    assert said.count(": pass: ") == 2
+    printed = capsys.readouterr().out
+    assert "nothing is stored for it; renew with `python -m harness gate --renew --only speed`" in printed
+    assert (
+        "measured with other settings of the gate; renew with `python -m harness gate --renew --only images`" in printed
+    )
+    assert printed.count(": pass: ") == 2
     assert checks_of(tmp_path / "out")["images.lego.bias"].value == pytest.approx(CENTRE)
 
 
@@ -137,14 +139,14 @@ def test_both_questions_are_answered_apart(
     note = "changed, -0.030 ± 0.110 dB: not worse"
     measuring["worse.all.psnr"] = ([CENTRE], note)
     assert gate_line(limits, tmp_path / "out", "--only", "changed", "worse") == 4
-    said = capsys.readouterr().out
+    printed = capsys.readouterr().out
     answers = [answer for study in read_studies(tmp_path / "out" / "gate.json").studies for answer in study.answers]
     assert answers == [f"Has anything changed? yes: {name}", f"Is it worse? {note}"]
-    assert all(answer in said for answer in answers)
+    assert all(answer in printed for answer in answers)
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "words"),
     [
         (lambda file: file.unlink(), "there is no such file; get it back from version control, or make it with"),
         (lambda file: file.write_text("{"), "get it back from version control"),
@@ -160,12 +162,12 @@ def test_both_questions_are_answered_apart(
     ],
 )
 def test_limits_that_cannot_be_read_are_bad_input(
-    spoil: Callable[[Path], object], said: str, limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    spoil: Callable[[Path], object], words: str, limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     spoil(limits)
     out = tmp_path / "out"
     message = refused(capsys, "--limits", limits, "--out", out, "--quiet", command="gate")
-    assert said in message
+    assert words in message
     assert str(limits) in message
     assert not out.exists()
 
@@ -173,13 +175,15 @@ def test_limits_that_cannot_be_read_are_bad_input(
 def test_names_that_are_none_and_folders_in_use(
     limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said = refused(capsys, "--limits", limits, "--only", "speed", "teapot", "--out", tmp_path / "out", command="gate")
-    assert "'teapot'; known: changed worse images fairness speed" in said
+    message = refused(
+        capsys, "--limits", limits, "--only", "speed", "teapot", "--out", tmp_path / "out", command="gate"
+    )
+    assert "'teapot'; known: changed worse images fairness speed" in message
     only = ("--limits", limits, "--only", "speed", "--quiet", "--out")
     assert "in use" in refused(capsys, *only, tmp_path, command="gate")
     lock = lock_folder(tmp_path / "two")
-    said = refused(capsys, *only, tmp_path / "two", command="gate")
-    assert "in use by process" in said
+    message = refused(capsys, *only, tmp_path / "two", command="gate")
+    assert "in use by process" in message
     lock.release(remove=True)
 
 
@@ -194,9 +198,9 @@ def test_names_are_chosen_by_their_beginning() -> None:
 
 def test_the_list_names_every_gate(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["gate", "--list"]) == 0
-    said = capsys.readouterr().out
-    assert all(gate.name in said for gate in gates())
-    assert f"{FAMILY} gates" in said
+    printed = capsys.readouterr().out
+    assert all(gate.name in printed for gate in gates())
+    assert f"{FAMILY} gates" in printed
 
 
 def test_a_renewal_of_images_says_what_changed(
@@ -210,9 +214,9 @@ def test_a_renewal_of_images_says_what_changed(
     old, new = (file.limits["images.lego.largest"].high for file in (before, read_stored(limits, LimitsFile)))
     assert old is not None
     assert new == pytest.approx(1.2 * old, rel=1e-3)
-    said = capsys.readouterr().out
-    assert f"images.lego.largest:  … {old:.5g} →  … {new:.5g}" in said
-    assert f"{len(brighter)} limits changed" in said
+    printed = capsys.readouterr().out
+    assert f"images.lego.largest:  … {old:.5g} →  … {new:.5g}" in printed
+    assert f"{len(brighter)} limits changed" in printed
 
 
 def test_a_gate_that_is_no_more_leaves_the_file_and_a_line_is_a_gate(limits: Path) -> None:

@@ -41,7 +41,7 @@ def test_a_class_without_references_is_held_to_the_usual_one_and_told_so(
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "words"),
     [
         (lambda text: "{", "truncated"),
         (lambda text: text.replace('"schema": 1', '"schema": 7'), "schema 7"),
@@ -52,15 +52,15 @@ def test_a_class_without_references_is_held_to_the_usual_one_and_told_so(
     ],
 )
 def test_references_that_cannot_be_read_are_bad_input(
-    spoil: Callable[[str], str], said: str, limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    spoil: Callable[[str], str], words: str, limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = limits.parent / "classes" / f"{class_here()}.json"
     stored = references(class_here())
     assert read_references(file.parent, class_here()) == stored
     file.write_text(spoil(file.read_text()))
-    told = refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
-    assert said in told
-    assert str(file) in told
+    message = refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
+    assert words in message
+    assert str(file) in message
 
 
 def test_a_renewal_writes_what_it_measured_class_by_class(
@@ -126,8 +126,8 @@ def test_a_run_is_compared_and_published(tmp_path: Path, capsys: pytest.CaptureF
     cells = {f"{scene}/{method}/1000": {"psnr": [value]} for (scene, method), value in OURS.items()}
     write_stored(tmp_path / "classes" / "avx2.json", References("avx2", cells=cells))
     run = summary(tmp_path / "run", scale=1.5)
-    said = publish(run, tmp_path)
-    assert "Spearman 1.00, Kendall 1.00 over 4 pairs" in said
+    words = publish(run, tmp_path)
+    assert "Spearman 1.00, Kendall 1.00 over 4 pairs" in words
     data = json.loads((tmp_path / RANK_FILE).read_text())
     assert data["run"] == {"profile": "reduced", "commit": "abc"}
     assert data["scores"][0] == {"scene": "hotdog", "method": "nerf", "gate": 25.0, "run": 37.5}

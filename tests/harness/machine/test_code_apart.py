@@ -36,30 +36,32 @@ def test_cells_that_were_made_alike_need_no_words() -> None:
 
 
 def test_groups_that_mix_code_are_counted() -> None:
-    (said,) = code_apart([*ALIKE, made("b", "qnerf", sources="11", commit="old")])
-    assert said.startswith("One code and one set of packages for all cells: they differ in sources 22 (3 cells), 11 (1")
-    assert "commit new (3 cells), old (1 cells)" in said
-    assert "In 1 of 2 groups of one scene and seed" in said
+    (sentence,) = code_apart([*ALIKE, made("b", "qnerf", sources="11", commit="old")])
+    assert sentence.startswith(
+        "One code and one set of packages for all cells: they differ in sources 22 (3 cells), 11 (1"
+    )
+    assert "commit new (3 cells), old (1 cells)" in sentence
+    assert "In 1 of 2 groups of one scene and seed" in sentence
 
 
 def test_records_without_the_digest_are_told_apart_by_their_commit() -> None:
-    (said,) = code_apart([*ALIKE, made("b", "qnerf", sources=None, commit="old")])
-    assert "differ in commit new (3 cells), old (1 cells). In 1 of 2" in said
+    (sentence,) = code_apart([*ALIKE, made("b", "qnerf", sources=None, commit="old")])
+    assert "differ in commit new (3 cells), old (1 cells). In 1 of 2" in sentence
 
 
 def test_a_package_of_the_users_own_is_told_apart_of_its_own_method_alone() -> None:
     first, second = (made(scene, "mine", plugins=plugin(digest)) for scene, digest in (("a", "aa"), ("b", "bb")))
-    (said,) = code_apart([*ALIKE, first, second])
-    assert "differ in package of mine pack 1.0 (aa) (1 cells), pack 1.0 (bb) (1 cells)" in said
-    said = made_elsewhere([first, second], {**HERE, "plugins": plugin("bb")}, Path("out")) or ""
-    assert said.startswith("1 of 2 finished cells")
-    assert "a.mine.0: package of mine pack 1.0 (aa) instead of pack 1.0 (bb)" in said
+    (sentence,) = code_apart([*ALIKE, first, second])
+    assert "differ in package of mine pack 1.0 (aa) (1 cells), pack 1.0 (bb) (1 cells)" in sentence
+    sentence = made_elsewhere([first, second], {**HERE, "plugins": plugin("bb")}, Path("out")) or ""
+    assert sentence.startswith("1 of 2 finished cells")
+    assert "a.mine.0: package of mine pack 1.0 (aa) instead of pack 1.0 (bb)" in sentence
 
 
 def test_cells_of_other_code_are_named_with_the_remedy() -> None:
     old = [made(scene, "nerf", commit="old", sources="11") for scene in "cdefgh"]
-    said = made_elsewhere([*ALIKE, *old, made("i", "nerf", packages={"torch": "1"})], HERE, Path("out"))
-    assert said == (
+    sentence = made_elsewhere([*ALIKE, *old, made("i", "nerf", packages={"torch": "1"})], HERE, Path("out"))
+    assert sentence == (
         "7 of 10 finished cells were made by other code or packages (c.nerf.0, d.nerf.0, e.nerf.0, f.nerf.0 and 2 "
         "more: sources 11 instead of 22, commit old instead of new; i.nerf.0: torch 1 instead of 2) and are compared "
         "with the others all the same; to have them anew, remove their records in out/records/cells and go on with "

@@ -93,8 +93,8 @@ def cell(scene: str, method: str, processor: str, own: list[int] | None = None) 
 
 
 def test_cells_that_shared_their_cores_are_counted() -> None:
-    (said,) = clocks_apart([cell("a", "nerf", "X", [0]), cell("a", "qnerf", "X", [])])
-    assert "1 of 2 could not be bound" in said
+    (sentence,) = clocks_apart([cell("a", "nerf", "X", [0]), cell("a", "qnerf", "X", [])])
+    assert "1 of 2 could not be bound" in sentence
 
 
 def test_where_the_system_has_no_binding_nothing_is_said_of_sharing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,8 +102,8 @@ def test_where_the_system_has_no_binding_nothing_is_said_of_sharing(monkeypatch:
     with own_cores(1, NAME) as cores:
         assert cores is None
     unbound = cell("a", "nerf", "X", [0])
-    (said,) = clocks_apart([replace(unbound, provenance={**unbound.provenance, "own_cores": cores})])
-    assert said.endswith("1 of 1 could not be bound to any, so that their training seconds may be long.")
+    (sentence,) = clocks_apart([replace(unbound, provenance={**unbound.provenance, "own_cores": cores})])
+    assert sentence.endswith("1 of 1 could not be bound to any, so that their training seconds may be long.")
 
 
 EIGHT: list[tuple[int, ...]] = [(core, core + 8) for core in range(8)]

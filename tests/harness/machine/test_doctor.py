@@ -46,9 +46,9 @@ def test_a_probe_that_fails_is_a_finding(probes: dict[str, object], capsys: pyte
     probes["torch"] = broken
     code, text = said(capsys, "--json")
     assert code == 2
-    (found,) = json.loads(text)
-    assert found["found"] == "ImportError: libtorch.so: no such file"
-    assert found["needed"] is True
+    (finding,) = json.loads(text)
+    assert finding["found"] == "ImportError: libtorch.so: no such file"
+    assert finding["needed"] is True
 
 
 def test_memory_is_the_least_of_machine_and_container(tmp_path: Path) -> None:
@@ -68,10 +68,10 @@ def test_memory_is_the_least_of_machine_and_container(tmp_path: Path) -> None:
 def test_memory_is_judged_by_workers(monkeypatch: pytest.MonkeyPatch, gigabytes: float | None, verdict: str) -> None:
     monkeypatch.setattr(doctor, "memory_bytes", lambda: None if gigabytes is None else int(gigabytes * 1e9))
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: {0, 1, 2, 3}, raising=False)
-    (found,) = doctor.memory_findings()
-    assert found.verdict == verdict
+    (finding,) = doctor.memory_findings()
+    assert finding.verdict == verdict
     if gigabytes == 3.5:
-        assert "--workers 2" in found.to_do
+        assert "--workers 2" in finding.to_do
 
 
 @pytest.mark.parametrize(("free", "verdict"), [(0.1, "missing"), (1.0, "limited"), (50.0, "ok")])
@@ -85,8 +85,8 @@ def test_disk_is_looked_at_where_a_run_would_write(
         return type("Usage", (), {"free": int(free * 1e9)})()
 
     monkeypatch.setattr("shutil.disk_usage", usage)
-    (found,) = doctor.disk_findings(tmp_path / "not" / "yet")
-    assert (found.verdict, asked) == (verdict, [tmp_path])
+    (finding,) = doctor.disk_findings(tmp_path / "not" / "yet")
+    assert (finding.verdict, asked) == (verdict, [tmp_path])
 
 
 def test_packages_are_held_to_their_pins(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,7 +102,7 @@ def test_packages_are_held_to_their_pins(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(doctor, "_project", lambda: project)
     first, *odd = doctor.package_findings()
     assert first.found == "1 of 3 as pinned", "a build's local version is no other version"
-    assert [(one.what, one.verdict, one.needed) for one in odd] == [
+    assert [(finding.what, finding.verdict, finding.needed) for finding in odd] == [
         ("numpy", "limited", False),
         ("scipy", "missing", True),
     ]
@@ -114,7 +114,7 @@ def test_this_machine() -> None:
         [sys.executable, "-m", "harness", "doctor", "--json"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    found = {one["what"]: one for one in json.loads(done.stdout)}
-    assert found["Mitsuba scalar_rgb"]["found"] == "renders"
-    assert found["torch"]["verdict"] == "ok"
-    assert all(one["to_do"] for one in found.values() if one["verdict"] != "ok")
+    findings = {finding["what"]: finding for finding in json.loads(done.stdout)}
+    assert findings["Mitsuba scalar_rgb"]["found"] == "renders"
+    assert findings["torch"]["verdict"] == "ok"
+    assert all(finding["to_do"] for finding in findings.values() if finding["verdict"] != "ok")

@@ -38,14 +38,14 @@ def same(a: View, b: View) -> bool:
 @pytest.fixture
 def renders(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Grows whenever something is rendered."""
-    found: list[int] = []
+    calls: list[int] = []
 
     def counted(*arguments: object) -> View:
-        found.append(len(found))
+        calls.append(len(calls))
         return render_view(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(cached, "render_view", counted)
-    return found
+    return calls
 
 
 def voxels() -> Any:
@@ -66,19 +66,19 @@ def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(
     learner = learned()
     expected = plain(learner)
     assert np.ptp(expected.colour) > 0.0
-    one = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK, frozen)
-    assert one.lookup(camera()) is None
-    assert same(one.render(camera()), expected)
+    method = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK, frozen)
+    assert method.lookup(camera()) is None
+    assert same(method.render(camera()), expected)
     for level in (1, 0, 0):
-        found = one.lookup(camera())
-        assert found is not None
-        assert same(found[0], expected)
-        assert found[1] == level
+        hit = method.lookup(camera())
+        assert hit is not None
+        assert same(hit[0], expected)
+        assert hit[1] == level
     fresh = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK, frozen)
-    found = fresh.lookup(camera())
-    assert found is not None
-    assert same(found[0], expected)
-    assert found[1] == 2
+    hit = fresh.lookup(camera())
+    assert hit is not None
+    assert same(hit[0], expected)
+    assert hit[1] == 2
     assert same(fresh.render(camera()), expected)
     assert len(renders) == 1
 
@@ -94,48 +94,50 @@ def test_a_frozen_method_that_was_trained_all_the_same_is_found_out() -> None:
 def test_weights_of_a_frozen_method_are_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[object] = []
     monkeypatch.setattr(cached, "method_digest", lambda learner: calls.append(learner) or b"")
-    one = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
+    method = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
     for azimuth in range(5):
-        one.render(camera(camera_to_world=pose(azimuth, 0.4)))
-        one.render(camera(camera_to_world=pose(azimuth, 0.4)))
+        method.render(camera(camera_to_world=pose(azimuth, 0.4)))
+        method.render(camera(camera_to_world=pose(azimuth, 0.4)))
     assert len(calls) == 1
 
 
 def test_a_method_that_is_trained_while_it_renders_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
-    before = one.key(camera())
+    method = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    before = method.key(camera())
 
     def trained_meanwhile(*arguments: object) -> View:
         view = render_view(*arguments)  # type: ignore[arg-type]
-        CHANGES["one more training step"](one.learner)  # type: ignore[arg-type]
+        CHANGES["one more training step"](method.learner)  # type: ignore[arg-type]
         return view
 
     monkeypatch.setattr(cached, "render_view", trained_meanwhile)
-    one.render(camera())
-    assert one.store.get(before) is None
-    assert one.lookup(camera()) is None
+    method.render(camera())
+    assert method.store.get(before) is None
+    assert method.lookup(camera()) is None
 
 
 def test_something_else_under_the_key_is_a_miss() -> None:
-    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
-    one.store.store(one.key(camera()), np.zeros((10, 12, 4), dtype=np.float32))
-    assert one.lookup(camera()) is None
-    assert same(one.render(camera()), plain(one.learner))  # type: ignore[arg-type]
+    method = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    method.store.store(method.key(camera()), np.zeros((10, 12, 4), dtype=np.float32))
+    assert method.lookup(camera()) is None
+    assert same(method.render(camera()), plain(method.learner))  # type: ignore[arg-type]
 
 
 def test_a_method_that_diverged_raises_and_leaves_nothing() -> None:
-    one = CachedMethod(trained(), ViewStore(10**6), CHUNK)
+    method = CachedMethod(trained(), ViewStore(10**6), CHUNK)
     with torch.no_grad():
-        one.learner.coarse.density_head.weight.fill_(torch.nan)  # type: ignore[attr-defined]
+        method.learner.coarse.density_head.weight.fill_(torch.nan)  # type: ignore[attr-defined]
     with pytest.raises(Diverged):
-        one.render(camera())
-    assert one.lookup(camera()) is None
+        method.render(camera())
+    assert method.lookup(camera()) is None
 
 
 FACTS: dict[str, Callable[[Any], None]] = {
-    "bins": lambda one: setattr(one, "settings", replace(one.settings, voxels=replace(one.settings.voxels, bins=25))),
-    "box": lambda one: setattr(one, "box", Box(one.box.lower, one.box.upper + 1e-6)),
-    "a training step": lambda one: one.train_on(*rays_and_colours(seed=9)),
+    "bins": lambda learner: setattr(
+        learner, "settings", replace(learner.settings, voxels=replace(learner.settings.voxels, bins=25))
+    ),
+    "box": lambda learner: setattr(learner, "box", Box(learner.box.lower, learner.box.upper + 1e-6)),
+    "a training step": lambda learner: learner.train_on(*rays_and_colours(seed=9)),
 }
 
 

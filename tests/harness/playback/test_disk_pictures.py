@@ -26,8 +26,8 @@ BOUND = 8 * ON_DISK
 
 def file_of(folder: Path) -> Path:
     """The file of the only picture."""
-    (found,) = (file for file in folder.iterdir() if OURS.fullmatch(file.name))
-    return found
+    (file,) = (file for file in folder.iterdir() if OURS.fullmatch(file.name))
+    return file
 
 
 def held(folder: Path) -> int:
@@ -37,11 +37,11 @@ def held(folder: Path) -> int:
 @pytest.mark.parametrize("shape", [(1, 1, 1), (5, 7, 5), (3, 2, 2), (100, 100, 5), (4, 5, 64)])
 def test_a_picture_comes_back_bit_for_bit_and_cannot_be_written(tmp_path: Path, shape: tuple[int, int, int]) -> None:
     assert DiskPictures(tmp_path, 10**6).put("a", drawn(1, *shape))
-    found = DiskPictures(tmp_path, 10**6).get("a")
-    assert same_bits(found, drawn(1, *shape))
-    assert found is not None
+    picture = DiskPictures(tmp_path, 10**6).get("a")
+    assert same_bits(picture, drawn(1, *shape))
+    assert picture is not None
     with pytest.raises(ValueError, match="WRITEABLE"):
-        found.setflags(write=True)
+        picture.setflags(write=True)
 
 
 def test_a_frozen_picture_is_a_copy_of_what_is_one() -> None:
@@ -235,8 +235,8 @@ def storm(folder: Path, seed: int, seconds: float, began: Event, counts: SimpleQ
             pictures.put(f"{key}", drawn(key))
             puts += 1
         else:
-            found = pictures.get(f"{key}")
-            wrong += found is not None and not same_bits(found, drawn(key))
+            picture = pictures.get(f"{key}")
+            wrong += picture is not None and not same_bits(picture, drawn(key))
             gets += 1
     counts.put((puts, gets, wrong, pictures.counts["damaged"], pictures.counts["failed"]))
 
@@ -245,8 +245,8 @@ def found_in(folder: Path) -> None:
     """The folder as the next user finds it: nothing but complete pictures, and it can be used."""
     pictures = DiskPictures(folder, BOUND)
     for key in range(KEYS):
-        found = pictures.get(f"{key}")
-        assert found is None or same_bits(found, drawn(key))
+        picture = pictures.get(f"{key}")
+        assert picture is None or same_bits(picture, drawn(key))
     assert held(folder) <= 1.2 * BOUND
     assert pictures.put("0", drawn(0))
     assert same_bits(pictures.get("0"), drawn(0))

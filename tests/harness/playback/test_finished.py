@@ -43,7 +43,7 @@ def trained(folder: Path, methods: list[str], **options: Any) -> tuple[Path, Ren
     learners: list[Learner] = []
     out = train_run(folder, methods, on_trained=learners.append, **options)
     views = read_view_set(folder / "ball")
-    return out, {one.method: views_of(one, views, 100) for one in learners}
+    return out, {learner.method: views_of(learner, views, 100) for learner in learners}
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_scenes_and_methods_are_all_or_those_asked_for(finished: FinishedRun) ->
     assert [scene.name for scene in finished.scenes(None)] == ["ball"]
     assert finished.methods(["qnerf", "nerf"]) == ["qnerf", "nerf"]
     assert finished.methods(None) == METHODS
-    for ask, said in (
+    for ask, words in (
         (lambda: finished.scenes(["lego"]), "--scenes: unknown 'lego'; known: ball"),
         (lambda: finished.methods(["merf"]), "--methods: unknown 'merf'"),
         (lambda: finished.methods(["nerf", "nerf"]), "named twice"),
@@ -163,7 +163,7 @@ def test_scenes_and_methods_are_all_or_those_asked_for(finished: FinishedRun) ->
         (lambda: FinishedRun.of(finished.out / "nowhere"), "holds no run"),
         (lambda: finished.trained(finished.run.scenes[0], "nerf", 7, CPU), "nerf, seed 7 was not trained"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=words):
             ask()
     assert finished.is_trained("ball", "nerf", 0)
     assert not finished.is_trained("ball", "nerf", 1)
@@ -202,9 +202,9 @@ SPOILT: dict[str, tuple[Callable[[Path], None], str]] = {
 
 @pytest.mark.parametrize("wrong", SPOILT)
 def test_a_damaged_or_foreign_record_is_refused(wrong: str, copy: FinishedRun) -> None:
-    spoil, said = SPOILT[wrong]
+    spoil, words = SPOILT[wrong]
     spoil(cell_path(copy.out, "ball", "nerf", 0))
-    with pytest.raises((InputError, DamagedRecord), match=said) as caught:
+    with pytest.raises((InputError, DamagedRecord), match=words) as caught:
         copy.trained(copy.run.scenes[0], "nerf", 0, CPU)
     assert "ball.nerf.0" in str(caught.value) or "ball, nerf, seed 0" in str(caught.value)
 
@@ -261,14 +261,14 @@ def test_a_method_that_is_no_more_is_refused(copy: FinishedRun, monkeypatch: pyt
     ],
 )
 def test_settings_go_through_json_and_come_back(settings: Any, tmp_path: Path) -> None:
-    told = json.loads(json.dumps(asdict(settings)))
-    assert from_plain(type(settings), told, tmp_path) == settings
+    data = json.loads(json.dumps(asdict(settings)))
+    assert from_plain(type(settings), data, tmp_path) == settings
 
 
 def test_each_of_several_view_sets_is_a_scene_that_trains_as_it_would_alone(tmp_path: Path) -> None:
     other = write_ball(tmp_path / "other", size=SIZE, train=4, test=2)
     both = FinishedRun.of(train_run(tmp_path, ["nerf"], steps=3, others=[other]))
-    assert [both.view_set(one) for one in both.scenes(["ball", "other"])] == [tmp_path / "ball", other]
+    assert [both.view_set(scene) for scene in both.scenes(["ball", "other"])] == [tmp_path / "ball", other]
     alone = train_run(tmp_path / "alone", ["nerf"], steps=3)
     assert losses(both.out, "ball") == losses(alone, "ball")
     assert losses(both.out, "ball") != losses(both.out, "other")

@@ -59,29 +59,29 @@ def plain(learner: Learner, camera: Camera = CAMERA) -> View:
     return render_view(learner, camera.cameras(CPU), 0, CHUNK)
 
 
-def same_bits(one: View, other: View) -> bool:
+def same_bits(view: View, other: View) -> bool:
     return all(
-        getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in ("colour", "opacity", "depth")
+        getattr(view, name).tobytes() == getattr(other, name).tobytes() for name in ("colour", "opacity", "depth")
     )
 
 
-def largest_difference(one: View, other: View) -> float:
-    colour, opacity = np.abs(one.colour - other.colour).max(), np.abs(one.opacity - other.opacity).max()
-    return float(max(colour, opacity, np.abs(one.depth - other.depth).max() / 6.0))
+def largest_difference(view: View, other: View) -> float:
+    colour, opacity = np.abs(view.colour - other.colour).max(), np.abs(view.opacity - other.opacity).max()
+    return float(max(colour, opacity, np.abs(view.depth - other.depth).max() / 6.0))
 
 
 def test_the_views_looked_at_show_something(nerf: Learner) -> None:
     assert progressive.why_plain(nerf) is None
-    found = plain(nerf)
-    assert found.opacity.max() > 0.05
-    assert found.colour.std() > 1e-3
+    view = plain(nerf)
+    assert view.opacity.max() > 0.05
+    assert view.colour.std() > 1e-3
     assert nerf.rendered_by()["sampling"]["bins"] == BINS
 
 
 @pytest.mark.parametrize("order", get_args(progressive.Order))
 def test_any_order_gives_the_plain_picture(nerf: Learner, order: Any) -> None:
-    found, _ = filled(CAMERA, refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))
-    assert largest_difference(found, plain(nerf)) < ROUNDING
+    view, _ = filled(CAMERA, refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))
+    assert largest_difference(view, plain(nerf)) < ROUNDING
 
 
 @pytest.mark.parametrize("attention", [EQUAL, np.zeros(REGIONS.count)])
@@ -124,9 +124,9 @@ class Watched:
 
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         self.calls.append((len(rays), chunk, bins))
-        found = self.inner.render(rays, chunk, bins)
-        self.evaluations.append(found.network_evaluations)
-        return found
+        rendering = self.inner.render(rays, chunk, bins)
+        self.evaluations.append(rendering.network_evaluations)
+        return rendering
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
@@ -143,12 +143,12 @@ def test_nothing_is_rendered_before_bad_attention_is_refused(nerf: Learner) -> N
     watched = Watched(nerf)
     bad = ATTENTION.copy()
     bad[3] = np.nan
-    for attention, said in (
+    for attention, words in (
         (bad, "region 3: attention nan"),
         (ATTENTION[:-1], r"must be \[20\]"),
         (np.zeros(0), r"\[0\]"),
     ):
-        with pytest.raises(BadAttention, match=said):
+        with pytest.raises(BadAttention, match=words):
             refine(watched, CAMERA, REGIONS, attention, CHUNK)
     with pytest.raises(ValueError, match="the view has 18 × 22"):
         refine(watched, CAMERA, Regions(22, 18, 5), np.ones(20), CHUNK)
@@ -158,7 +158,7 @@ def test_nothing_is_rendered_before_bad_attention_is_refused(nerf: Learner) -> N
 @pytest.mark.parametrize("stride", [1, 2, 3, 4, 7, 50])
 def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learner, stride: int) -> None:
     watched = Watched(nerf)
-    found, rays, evaluations = coarse(watched, CAMERA, stride, CHUNK)
+    view, rays, evaluations = coarse(watched, CAMERA, stride, CHUNK)
     assert sum(watched.evaluations) == evaluations
     whole = plain(nerf)
     rows, columns = range(0, 18, stride), range(0, 22, stride)
@@ -167,7 +167,7 @@ def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learn
         for left in columns:
             row, column = min(top + (stride - 1) // 2, 17), min(left + (stride - 1) // 2, 21)
             for name, tolerance in (("colour", ROUNDING), ("opacity", ROUNDING), ("depth", 6 * ROUNDING)):
-                square = getattr(found, name)[top : top + stride, left : left + stride]
+                square = getattr(view, name)[top : top + stride, left : left + stride]
                 assert np.abs(square - getattr(whole, name)[row, column]).max() < tolerance
 
 
@@ -176,8 +176,8 @@ def slow_allocated(learner: Learner, bins: np.ndarray) -> View:
     canvas, rays = Canvas(18, 22), CAMERA.rays(CPU)
     for region in range(REGIONS.count):
         pixels = REGIONS.pixels(region)
-        one = learner.render(rays.chosen(torch.as_tensor(pixels)), 10_000, int(bins[region]))
-        arrays = (one.colour.numpy(), one.opacity.numpy(), one.depth.numpy())
+        render = learner.render(rays.chosen(torch.as_tensor(pixels)), 10_000, int(bins[region]))
+        arrays = (render.colour.numpy(), render.opacity.numpy(), render.depth.numpy())
         canvas.put(Done(pixels, *arrays, share=0.0, network_evaluations=0))
     return canvas.view
 
@@ -186,9 +186,9 @@ def test_every_region_gets_its_own_bins(nerf: Learner) -> None:
     bins = allocated_bins(ATTENTION, REGIONS.rays, BINS, 4)
     assert len(set(bins.tolist())) > 3
     watched = Watched(nerf)
-    found, evaluations = render_allocated(watched, CAMERA, REGIONS, bins, CHUNK)
-    assert largest_difference(found, slow_allocated(nerf, bins)) < ROUNDING
-    assert largest_difference(found, plain(nerf)) > 100 * ROUNDING
+    view, evaluations = render_allocated(watched, CAMERA, REGIONS, bins, CHUNK)
+    assert largest_difference(view, slow_allocated(nerf, bins)) < ROUNDING
+    assert largest_difference(view, plain(nerf)) > 100 * ROUNDING
     assert evaluations == sum(watched.evaluations)
     assert sum(rays for rays, _, _ in watched.calls) == 18 * 22
 
@@ -201,9 +201,9 @@ def test_equal_bins_are_the_plain_picture_to_the_bit(nerf: Learner, qnerf: Learn
 
 def test_a_method_that_is_not_pointwise_gets_the_mean_number_everywhere(qnerf: Learner) -> None:
     bins = allocated_bins(ATTENTION, REGIONS.rays, 10, 2)
-    found, _ = render_allocated(qnerf, CAMERA, REGIONS, bins, CHUNK)
+    view, _ = render_allocated(qnerf, CAMERA, REGIONS, bins, CHUNK)
     mean = int((bins * REGIONS.rays).sum() // REGIONS.rays.sum())
-    assert same_bits(found, render_allocated(qnerf, CAMERA, REGIONS, np.full(REGIONS.count, mean), CHUNK)[0])
+    assert same_bits(view, render_allocated(qnerf, CAMERA, REGIONS, np.full(REGIONS.count, mean), CHUNK)[0])
 
 
 def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counted(nerf: Learner) -> None:
@@ -212,9 +212,9 @@ def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counte
         coarse(nerf, CAMERA, 3, CHUNK, BINS).view,
         coarse(nerf, CAMERA, 3, CHUNK, BINS // 2),
     )
-    found = estimated_error(watched, CAMERA, fine, 3, CHUNK, BINS)
+    estimate = estimated_error(watched, CAMERA, fine, 3, CHUNK, BINS)
     square = ((fine.colour.astype(float) - rough.colour) ** 2).mean(axis=-1)
-    np.testing.assert_allclose(found.error**2, square, rtol=1e-12)
-    assert found.error.max() > 0.0
+    np.testing.assert_allclose(estimate.error**2, square, rtol=1e-12)
+    assert estimate.error.max() > 0.0
     assert watched.calls == [(48, CHUNK, BINS // 2)]
-    assert (found.rays, found.network_evaluations) == (rays, evaluations) == (48, evaluations)
+    assert (estimate.rays, estimate.network_evaluations) == (rays, evaluations) == (48, evaluations)

@@ -37,10 +37,10 @@ def camera(**changes: Any) -> Camera:
 
 
 def trained(method: str = "nerf", **changes: Any) -> Trainer:
-    one = trainer(method, replace(TRAIN, **changes))
+    learner = trainer(method, replace(TRAIN, **changes))
     for step in range(2):
-        one.train_on(*rays_and_colours(seed=step))
-    return one
+        learner.train_on(*rays_and_colours(seed=step))
+    return learner
 
 
 def key(learner: Learner, view: Camera | None = None, calls: str = CALLS) -> str:
@@ -48,12 +48,15 @@ def key(learner: Learner, view: Camera | None = None, calls: str = CALLS) -> str
 
 
 def test_the_same_view_has_the_same_key_and_it_is_one() -> None:
-    one = trained()
+    learner = trained()
     assert (
-        key(one) == key(one, camera()) == key(trained()) == key(one, camera(camera_to_world=pose(0.3, 0.4).T.copy().T))
+        key(learner)
+        == key(learner, camera())
+        == key(trained())
+        == key(learner, camera(camera_to_world=pose(0.3, 0.4).T.copy().T))
     )
-    assert len(key(one)) == 64
-    assert int(key(one), 16) >= 0
+    assert len(key(learner)) == 64
+    assert int(key(learner), 16) >= 0
 
 
 def ulp_away(entry: int, towards: float) -> dict[str, Any]:
@@ -79,39 +82,39 @@ def test_another_pose_or_lens_is_another_view(changes: dict[str, Any]) -> None:
     assert key(learner, camera(**changes)) != key(learner)
 
 
-def trained_further(one: Trainer) -> None:
-    one.train_on(*rays_and_colours(seed=9))
+def trained_further(learner: Trainer) -> None:
+    learner.train_on(*rays_and_colours(seed=9))
 
 
-def written_in_place(one: Trainer) -> None:
-    weight = next(one.fields.parameters())
+def written_in_place(learner: Trainer) -> None:
+    weight = next(learner.fields.parameters())
     weight.data[0, 0] = torch.nextafter(weight.data[0, 0], torch.tensor(9.0))
 
 
-def grid_changed(one: Trainer) -> None:
-    assert one.grid is not None
-    one.grid.occupied[7] = False
+def grid_changed(learner: Trainer) -> None:
+    assert learner.grid is not None
+    learner.grid.occupied[7] = False
 
 
-def box_moved(one: Trainer) -> None:
-    one.box = Box(one.box.lower, torch.nextafter(one.box.upper, torch.tensor(9.0)))
+def box_moved(learner: Trainer) -> None:
+    learner.box = Box(learner.box.lower, torch.nextafter(learner.box.upper, torch.tensor(9.0)))
 
 
-def background_changed(one: Trainer) -> None:
-    one.background = torch.nextafter(one.background, torch.tensor(0.0))
+def background_changed(learner: Trainer) -> None:
+    learner.background = torch.nextafter(learner.background, torch.tensor(0.0))
 
 
 def settings_changed(**changes: Any) -> Callable[[Trainer], None]:
-    def change(one: Trainer) -> None:
-        one.settings = replace(one.settings, **changes)
+    def change(learner: Trainer) -> None:
+        learner.settings = replace(learner.settings, **changes)
 
     return change
 
 
 def named(**attributes: Any) -> Callable[[Trainer], None]:
-    def change(one: Trainer) -> None:
+    def change(learner: Trainer) -> None:
         for name, value in attributes.items():
-            setattr(one, name, value)
+            setattr(learner, name, value)
 
     return change
 
@@ -133,50 +136,52 @@ CHANGES: dict[str, Callable[[Trainer], None]] = {
     "bfloat16": settings_changed(precision="bfloat16"),
     "float16": settings_changed(precision="float16"),
     **{
-        f"without {one.name}": settings_changed(accelerations=replace(EVERY_ACCELERATION, **{one.name: False}))
-        for one in fields(Accelerations)
+        f"without {switch.name}": settings_changed(accelerations=replace(EVERY_ACCELERATION, **{switch.name: False}))
+        for switch in fields(Accelerations)
     },
 }
 
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_whatever_a_picture_depends_on_is_in_the_key(change: str) -> None:
-    one = trained()
-    before = key(one)
-    assert key(one) == before
-    CHANGES[change](one)
-    assert key(one) != before
+    learner = trained()
+    before = key(learner)
+    assert key(learner) == before
+    CHANGES[change](learner)
+    assert key(learner) != before
 
 
 def test_more_training_moves_the_sampling_even_where_no_weight_moves() -> None:
     """Another number of bins holds before the grid is in use."""
-    one = trained()
-    before = key(one)
-    one.step = TRAIN.grid.first_step + 1
-    assert key(one) != before
+    learner = trained()
+    before = key(learner)
+    learner.step = TRAIN.grid.first_step + 1
+    assert key(learner) != before
 
 
 def test_every_method_seed_and_way_of_calling_has_keys_of_its_own() -> None:
     learners = [trained(), trained("qnerf"), trained("nerf_matched"), trainer(seed=1), trainer(seed=2)]
-    found = [key(one, calls=calls) for one in learners for calls in (CALLS, plain_calls(513), "region after region")]
-    assert len(set(found)) == len(found)
+    keys_of_all = [
+        key(learner, calls=calls) for learner in learners for calls in (CALLS, plain_calls(513), "region after region")
+    ]
+    assert len(set(keys_of_all)) == len(keys_of_all)
 
 
 def test_other_sources_another_torch_or_processor_is_another_picture(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    one = trained()
-    before = key(one)
+    learner = trained()
+    before = key(learner)
     with monkeypatch.context() as patch:
         patch.setattr(torch, "__version__", "9.9")
-        assert key(one) != before
-    assert keys.machine(one)["processor"][1] == provenance(torch.device("cpu"))["processor"]
+        assert key(learner) != before
+    assert keys.machine(learner)["processor"][1] == provenance(torch.device("cpu"))["processor"]
     for name in ("code_digest", "processor"):
         with monkeypatch.context() as patch:
             patch.setattr(keys, name, lambda: "another")
-            assert key(one) != before
+            assert key(learner) != before
     torch.set_num_threads(2)  # put back by a fixture
-    assert key(one) != before
+    assert key(learner) != before
 
 
 def test_the_digest_of_the_code_is_of_every_source_that_renders(
@@ -200,11 +205,11 @@ def test_the_digest_of_the_code_is_of_every_source_that_renders(
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("")
     monkeypatch.setattr(keys, "ROOT", tmp_path)
-    found = {code_digest.__wrapped__()}
+    digests = {code_digest.__wrapped__()}
     for file in sorted(tmp_path.rglob("*.py")):
         file.write_text("# changed")
-        found.add(code_digest.__wrapped__())
-    assert len(found) == 1 + len(RENDERING)
+        digests.add(code_digest.__wrapped__())
+    assert len(digests) == 1 + len(RENDERING)
 
 
 NOT_RENDERING = {
@@ -234,22 +239,22 @@ from harness.training.checkpoints import load_checkpoint
 from tests.harness.tiny import trainer
 from tests.harness.playback.test_view_keys import camera, key
 torch.set_num_threads(1)
-one = trainer()
-load_checkpoint(one, Path(sys.argv[1]), 2)
-print(key(one))
+learner = trainer()
+load_checkpoint(learner, Path(sys.argv[1]), 2)
+print(key(learner))
 """
 
 
 def test_another_process_has_the_same_key(tmp_path: Path) -> None:
-    one = trained()
-    save_checkpoint(one, tmp_path / "a.safetensors")
+    learner = trained()
+    save_checkpoint(learner, tmp_path / "a.safetensors")
     done = subprocess.run(
         [sys.executable, "-c", ELSEWHERE, str(tmp_path / "a.safetensors")],
         cwd=keys.ROOT, capture_output=True, text=True, check=True,
     )  # fmt: skip
     again = trainer()
     load_checkpoint(again, tmp_path / "a.safetensors", 2)
-    assert done.stdout.split() == [key(one)] == [key(again)]
+    assert done.stdout.split() == [key(learner)] == [key(again)]
 
 
 @contextmanager

@@ -30,10 +30,10 @@ def test_a_hit_goes_up_a_level(tmp_path: Path) -> None:
     levels = []
     for _ in range(4):
         levels.append(store.where("a"))
-        found = store.get_with_level("a")
-        assert found is not None
-        assert same_bits(found[0], A)
-        assert found[1] == levels[-1]
+        hit = store.get_with_level("a")
+        assert hit is not None
+        assert same_bits(hit[0], A)
+        assert hit[1] == levels[-1]
     assert levels == [2, 1, 0, 0]
     assert store.hits == {0: 2, 1: 1, 2: 1}
 
@@ -76,8 +76,8 @@ def test_threads_at_once_on_one_store(tmp_path: Path) -> None:
                 key = int(generator.integers(12))
                 if generator.random() < 0.5:
                     store.store(f"{key}", drawn(key), int(generator.integers(3)))
-                found = store.get(f"{key}")
-                if found is not None and not same_bits(found, drawn(key)):
+                picture = store.get(f"{key}")
+                if picture is not None and not same_bits(picture, drawn(key)):
                     errors.append(f"another picture under {key}")
         except Exception as error:
             errors.append(repr(error))
@@ -122,8 +122,8 @@ def test_memory_stays_within_its_bounds_and_has_what_was_put_last(steps: list[tu
     value: dict[str, int] = {}
     for what, key, size in steps:
         if what == "get":
-            found = memory.get(key)
-            assert found is None or found[0].shape == (1, value[key], 1)
+            hit = memory.get(key)
+            assert hit is None or hit[0].shape == (1, value[key], 1)
         else:
             value[key] = size
             assert memory.put(key, one(size), int(what[-1])) == (size <= room) == (memory.where(key) is not None)

@@ -56,15 +56,17 @@ def test_cells_of_other_code_are_named_and_stand_in_the_record(
     write_cell(out, replace(old, provenance={**old.provenance, "sources": "0123456789abcdef", "commit": "0ld"}))
     cell_path(out, "ball", "nerf", 0).unlink()
     assert go_on(out, ball_folder, "--resume") == 0
-    said = capsys.readouterr().out
-    assert "1 of 1 finished cells were made by other code or packages (ball.qnerf.0: sources 0123456789abcdef" in said
-    (sentence,) = [one for one in read_run(out).not_tested if one.startswith("One code")]
+    printed = capsys.readouterr().out
+    assert (
+        "1 of 1 finished cells were made by other code or packages (ball.qnerf.0: sources 0123456789abcdef" in printed
+    )
+    (sentence,) = [line for line in read_run(out).not_tested if line.startswith("One code")]
     assert f"sources {new} (1 cells), 0123456789abcdef (1 cells)" in sentence
     assert cell(out, "qnerf").provenance["commit"] == "0ld", "not trained again"
     cell_path(out, "ball", "qnerf", 0).unlink()  # what the line says to do
     assert go_on(out, ball_folder, "--resume") == 0
     assert "other code" not in capsys.readouterr().out
-    assert not any(one.startswith("One code") for one in read_run(out).not_tested)
+    assert not any(line.startswith("One code") for line in read_run(out).not_tested)
 
 
 def test_a_finished_run_of_one_code_is_looked_at_by_another_in_silence(

@@ -127,10 +127,10 @@ def test_a_folder_in_the_plans_place_is_moved_aside(tmp_path: Path, plan: Plan) 
     file.unlink()
     file.mkdir()
     (file / "letter.txt").write_text("mine")
-    said: list[str] = []
-    with claimed(out, plan, MACHINE, True, said.append):
+    lines: list[str] = []
+    with claimed(out, plan, MACHINE, True, lines.append):
         pass
-    assert said[0].startswith("records/plan.json: ")
+    assert lines[0].startswith("records/plan.json: ")
     assert file.read_text() == sound
     assert (out / "damaged" / "records.plan.json.1" / "letter.txt").read_text() == "mine"
 
@@ -141,10 +141,10 @@ def test_a_flip_in_the_key_of_the_digest_is_damage(tmp_path: Path, plan: Plan, k
     file = out / "records" / "plan.json"
     sound = file.read_text()
     file.write_text(sound.replace('"digest"', key))
-    said: list[str] = []
-    with claimed(out, plan, MACHINE, True, said.append):
+    lines: list[str] = []
+    with claimed(out, plan, MACHINE, True, lines.append):
         pass
-    assert any("plan.json" in line for line in said) == (key != '"digest"')
+    assert any("plan.json" in line for line in lines) == (key != '"digest"')
     assert file.read_text() == sound
 
 
@@ -157,13 +157,13 @@ def test_a_record_that_is_missing_is_made_again_where_it_was_moved_aside_and_now
     (tmp_path / "damaged" / aside).write_text("{")
     part = tmp_path / ".speed.json.1234.part"
     part.write_text("{")
-    said: list[str] = []
+    lines: list[str] = []
     if not ours:
         with pytest.raises(InputError, match=r"holds no speed\.json to go on with"):
-            gone_on_with(tmp_path, "speed.json", True, load_record, said.append)
+            gone_on_with(tmp_path, "speed.json", True, load_record, lines.append)
     else:
-        assert gone_on_with(tmp_path, "speed.json", True, load_record, said.append) is None
-    assert said == (["speed.json: missing: everything in it is measured again"] if ours else [])
+        assert gone_on_with(tmp_path, "speed.json", True, load_record, lines.append) is None
+    assert lines == (["speed.json: missing: everything in it is measured again"] if ours else [])
     assert part.exists() != ours, "what a killed writer left in a folder of ours"
 
 

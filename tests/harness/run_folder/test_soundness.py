@@ -62,7 +62,7 @@ def test_what_is_sound_is_left_as_it_is(out: Path, plan: Plan) -> None:
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.6, 0.97])
 @pytest.mark.parametrize(
-    ("name", "told", "aside"),
+    ("name", "words", "aside"),
     [
         ("records/cells/lego.nerf.0.json", "lego, nerf, seed 0 is trained again", 2),
         ("checkpoints/lego.nerf.0.safetensors", "digest does not match", 2),
@@ -71,14 +71,14 @@ def test_what_is_sound_is_left_as_it_is(out: Path, plan: Plan) -> None:
     ],
 )
 def test_a_damaged_byte_is_named_and_just_that_is_moved_aside(
-    out: Path, plan: Plan, name: str, told: str, aside: int, place: float
+    out: Path, plan: Plan, name: str, words: str, aside: int, place: float
 ) -> None:
     data = bytearray((out / name).read_bytes())
     data[int(place * len(data))] ^= 0x55
     (out / name).write_bytes(data)
     line, *_ = said(out, plan)
     assert line.startswith(f"{name}: ")
-    assert told in line
+    assert words in line
     assert not (out / name).exists()
     assert len(list((out / DAMAGED).iterdir())) == aside
     assert bytes(data) in files(out / DAMAGED).values()

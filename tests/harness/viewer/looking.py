@@ -27,10 +27,10 @@ class Looking:
     def ended(self, generation: int = 0) -> int:
         """Waits for the end of a render after `generation`; the number of that render."""
         self.page.wait_for_selector("body[data-ended]", state="attached", timeout=60_000)
-        while (found := int(self.page.get_attribute("body", "data-ended"))) <= generation:
+        while (ended := int(self.page.get_attribute("body", "data-ended"))) <= generation:
             self.page.wait_for_timeout(30)
         self.page.wait_for_timeout(60)  # what was drawn last is on the canvas
-        return found
+        return ended
 
     def after(self, act: Any) -> None:
         before = int(self.page.get_attribute("body", "data-ended"))

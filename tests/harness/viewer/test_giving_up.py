@@ -91,8 +91,8 @@ def test_no_more_views_are_begun_than_memory_is_for(site: Site, slow: Slow) -> N
     with ExitStack() as open_ones:
         for number in range(MOST_STREAMS):
             open_ones.enter_context(began(site, slow, place=place, client=f"page {number}"))
-        status, said = site.render(client="one more")
-        assert (status, f"{MOST_STREAMS} views are being rendered" in said.decode()) == (503, True)
+        status, answer = site.render(client="one more")
+        assert (status, f"{MOST_STREAMS} views are being rendered" in answer.decode()) == (503, True)
         assert site.ask("GET", "/run.json")[0] == 200
     settled(slow)  # who has left makes room
     for _ in range(MOST_STREAMS + 1):
@@ -104,6 +104,6 @@ def test_a_page_that_is_forgotten_is_told(site: Site, slow: Slow, monkeypatch: p
     monkeypatch.setattr(server, "MOST_CLIENTS", 1)
     with began(site, slow, place={**ORBIT, "azimuth": 3.5}, client="forgotten") as line:
         assert site.render(methods=["qnerf"], client="another")[0] == 200
-        told = rest_of(line)
-    assert b'"kind": "given up"' in told
-    assert b'"kind": "end"' not in told
+        stream = rest_of(line)
+    assert b'"kind": "given up"' in stream
+    assert b'"kind": "end"' not in stream

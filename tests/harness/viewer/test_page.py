@@ -37,8 +37,8 @@ def test_a_trained_scene_is_looked_at(browser: Any, site: Site) -> None:
     assert not page.locator("figure[data-method=nerf] .note").is_visible()
 
     # at a test view there is a score, and it is the engine's
-    told = site.messages(place={"view": 0}, client="beside", generation=1)
-    scores = {header["method"]: header["psnr"] for header, _ in told if header.get("state") == "whole"}
+    messages = site.messages(place={"view": 0}, client="beside", generation=1)
+    scores = {header["method"]: header["psnr"] for header, _ in messages if header.get("state") == "whole"}
     for method, score in scores.items():
         assert float(look.data(method, "psnr") or "nan") == score
         assert look.figure(method, "psnr") == f"{score:.2f} dB"
@@ -79,7 +79,7 @@ def test_a_trained_scene_is_looked_at(browser: Any, site: Site) -> None:
         page.wait_for_timeout(120)
         shown[mode] = look.picture("nerf")
         assert page.locator("#scale").is_visible()
-    assert len({tuple(one) for one in shown.values()}) == 4
+    assert len({tuple(picture) for picture in shown.values()}) == 4
     grey = [shown["opacity"][at : at + 3] for at in range(0, len(shown["opacity"]), 4)]
     assert all(len(set(rgb)) == 1 for rgb in grey)
     page.locator("input[value=colour]").check(force=True)
@@ -131,7 +131,7 @@ def nearest(scene: dict[str, Any], place: dict[str, Any]) -> tuple[int, float]:
     centre = np.array(scene["centre"])
     arm = eye_of(place) - centre
     arms = [eye_of(view) - centre for view in scene["views"]]
-    cosines = [float(arm @ one / np.linalg.norm(arm) / np.linalg.norm(one)) for one in arms]
+    cosines = [float(arm @ other / np.linalg.norm(arm) / np.linalg.norm(other)) for other in arms]
     return int(np.argmax(cosines)) + 1, math.degrees(math.acos(max(cosines)))
 
 

@@ -99,16 +99,16 @@ BAD: list[tuple[dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "said"), BAD)
-def test_a_bad_request_is_refused_with_a_sentence(site: Site, changes: dict[str, Any], said: str) -> None:
+@pytest.mark.parametrize(("changes", "words"), BAD)
+def test_a_bad_request_is_refused_with_a_sentence(site: Site, changes: dict[str, Any], words: str) -> None:
     status, body = site.render(**changes)
     assert status == 400
-    assert said in body.decode()
+    assert words in body.decode()
     assert len(body) < 300
 
 
 @pytest.mark.parametrize(
-    ("body", "said"),
+    ("body", "words"),
     [
         (b"", b"not JSON"),
         (b"[1", b"not JSON"),
@@ -119,10 +119,10 @@ def test_a_bad_request_is_refused_with_a_sentence(site: Site, changes: dict[str,
         (wanted().replace(b"4.0", b"1e999"), b"distance"),
     ],
 )
-def test_what_is_not_a_request_is_refused(site: Site, body: bytes, said: bytes) -> None:
+def test_what_is_not_a_request_is_refused(site: Site, body: bytes, words: bytes) -> None:
     status, _, answer = site.ask("POST", "/render", body, content_type="application/json")
     assert status == 400
-    assert said in answer
+    assert words in answer
 
 
 def test_other_pages_may_not_ask(site: Site) -> None:
@@ -150,32 +150,32 @@ def test_a_request_that_never_comes_is_not_waited_for(site: Site, monkeypatch: p
 def test_a_test_view_is_scored_as_the_run_scored_it(site: Site, trained: Path) -> None:
     recorded = {cell.method: [view.psnr for view in cell.views] for cell in read_cells(trained)}
     for view in range(3):
-        told = site.messages(place={"view": view}, attention={"kind": "none", "row": 0, "column": 0})
-        last = {header["method"]: header for header, _ in told if header.get("state") == "whole"}
+        messages = site.messages(place={"view": view}, attention={"kind": "none", "row": 0, "column": 0})
+        last = {header["method"]: header for header, _ in messages if header.get("state") == "whole"}
         for method in ("nerf", "qnerf"):
             assert last[method]["psnr"] == pytest.approx(recorded[method][view], abs=1e-9)
-        start = next(header for header, _ in told if header["kind"] == "start")
+        start = next(header for header, _ in messages if header["kind"] == "start")
         assert (start["exact"], start["width"], start["height"]) == (view, SIZE, SIZE)
 
 
 def test_a_free_camera_has_no_score(site: Site) -> None:
     views = site.json("/scene.json?scene=ball")["views"]
     place = {name: views[1][name] for name in ORBIT}
-    told = site.messages(place={**place, "azimuth": place["azimuth"] + 0.1})
-    start = next(header for header, _ in told if header["kind"] == "start")
+    messages = site.messages(place={**place, "azimuth": place["azimuth"] + 0.1})
+    start = next(header for header, _ in messages if header["kind"] == "start")
     assert start["exact"] is None
-    frames = [header for header, _ in told if header["kind"] == "frame"]
+    frames = [header for header, _ in messages if header["kind"] == "frame"]
     assert frames
     assert {frame["psnr"] for frame in frames} == {None}
-    assert (told[-1][0]["kind"], told[-1][0]["cache"]["memory_alone"]) == ("end", "")
+    assert (messages[-1][0]["kind"], messages[-1][0]["cache"]["memory_alone"]) == ("end", "")
 
 
 def test_a_stream_holds_every_pixel_and_the_second_time_the_cached_picture(site: Site) -> None:
     place = {**ORBIT, "azimuth": 2.0}
     pictures = []
     for level in (None, 1):
-        told = site.messages(place=place, methods=["nerf"])
-        shown = [(header, body) for header, body in told if header["kind"] == "frame"]
+        messages = site.messages(place=place, methods=["nerf"])
+        shown = [(header, body) for header, body in messages if header["kind"] == "frame"]
         whole, last = np.zeros((SIZE * SIZE, 3), np.uint8), shown[-1][0]
         for header, body in shown:
             count = header["pixels"]
@@ -201,11 +201,11 @@ def test_the_ground_truth_is_the_stored_image(site: Site, trained: Path) -> None
 
 
 def test_a_method_without_a_checkpoint_says_so_and_the_others_are_shown(site: Site) -> None:
-    told = site.messages(methods=["nerf_matched", "nerf"])
-    failed = [header for header, _ in told if header["kind"] == "failed"]
-    assert [one["method"] for one in failed] == ["nerf_matched"]
+    messages = site.messages(methods=["nerf_matched", "nerf"])
+    failed = [header for header, _ in messages if header["kind"] == "failed"]
+    assert [header["method"] for header in failed] == ["nerf_matched"]
     assert "was not trained" in failed[0]["note"]
-    assert any(header.get("state") == "whole" and header["method"] == "nerf" for header, _ in told)
+    assert any(header.get("state") == "whole" and header["method"] == "nerf" for header, _ in messages)
     alone = site.messages(methods=["nerf_matched"])
     assert [header["kind"] for header, _ in alone if header["kind"] != "loading"] == ["failed", "end"]
 
@@ -215,9 +215,9 @@ def test_an_error_of_ours_is_said_and_the_next_request_is_fine(
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setattr(engine, "frames", lambda *_, **__: iter([None]))
-        told = site.messages()
-        assert told[-1][0]["kind"] == "broken"
-        assert "AttributeError" in told[-1][0]["note"]
+        messages = site.messages()
+        assert messages[-1][0]["kind"] == "broken"
+        assert "AttributeError" in messages[-1][0]["note"]
     assert "AttributeError" in capsys.readouterr().err
     assert site.messages()[-1][0]["kind"] == "end"
     assert json.dumps(site.json("/run.json"))

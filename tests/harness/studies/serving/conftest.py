@@ -39,9 +39,9 @@ def asked_of(out: Path, view_sets: Path) -> ServingRequest:
 @pytest.fixture
 def cell(context: ServingContext) -> TrainedCell:
     """nerf."""
-    found = context.trained(context.scenes[0], "nerf")
-    assert found is not None
-    return found
+    nerf = context.trained(context.scenes[0], "nerf")
+    assert nerf is not None
+    return nerf
 
 
 class Ticks:

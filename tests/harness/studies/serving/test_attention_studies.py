@@ -53,8 +53,8 @@ BY_HAND = Refined(flat(0.0), PARTS, np.array([[1.0, 2.0, 4.0]]))
 
 def test_errors_fall_part_by_part() -> None:
     hardest, attended = np.array([[True, False, False, False], [False, False, True, False]])
-    found = list(errors_along(BY_HAND, flat(0.5), hardest, attended))
-    assert found == [[0.5, 0.5, 0.5], [pytest.approx(0.5 * np.sqrt(0.5)), 0.0, 0.5], [0.0, 0.0, 0.0]]
+    errors = list(errors_along(BY_HAND, flat(0.5), hardest, attended))
+    assert errors == [[0.5, 0.5, 0.5], [pytest.approx(0.5 * np.sqrt(0.5)), 0.0, 0.5], [0.0, 0.0, 0.0]]
     with pytest.raises(ValueError, match="not finite"):
         list(errors_along(BY_HAND, flat(float("nan"))))
 
@@ -75,8 +75,8 @@ def curve_of(errors: list[float], *repeats: float) -> Curve:
     ],
 )
 def test_reaching_is_when_the_error_stays_below(errors: list[float], seconds: float | None) -> None:
-    found = reaching(curve_of(errors, 1.0, 3.0, 0.5), "hardest", 0.5)
-    assert found == (None if seconds is None else Reaching(seconds, 0.5 * seconds, 3.0 * seconds))
+    reached = reaching(curve_of(errors, 1.0, 3.0, 0.5), "hardest", 0.5)
+    assert reached == (None if seconds is None else Reaching(seconds, 0.5 * seconds, 3.0 * seconds))
 
 
 def test_all_orders_are_measured_by_the_coarse_frame_s_error_also_one_that_has_none() -> None:
@@ -122,8 +122,8 @@ def cases(kinds: dict[str, list[float]]) -> list[Case]:
 def test_the_claim_holds_on_every_scene_or_fails_on_every_one(
     kinds: dict[str, list[float]], status: str, ahead: int
 ) -> None:
-    found = anytime._earlier_check(cases(kinds), "attended")
-    assert (found.status, found.value, found.owner) == (status, ahead, "paper")
+    check = anytime._earlier_check(cases(kinds), "attended")
+    assert (check.status, check.value, check.owner) == (status, ahead, "paper")
     assert anytime._earlier_check(cases(kinds), "whole").status == "measured"
 
 
@@ -134,12 +134,12 @@ def view(context: ServingContext, cell: TrainedCell) -> Looked:
 
 @pytest.mark.parametrize("order", ["attention", "raster", "spread"])
 def test_every_order_ends_in_the_plain_picture(view: Looked, ticks: Ticks, order: Any) -> None:
-    found = refined(view, order, "foveal" if order == "attention" else None, ticks)
-    assert np.diff(found.seconds).tolist() == [[1.0] * len(found.parts)], "one look at the clock a part"
-    assert len(found.parts) == view.regions.count
+    run = refined(view, order, "foveal" if order == "attention" else None, ticks)
+    assert np.diff(run.seconds).tolist() == [[1.0] * len(run.parts)], "one look at the clock a part"
+    assert len(run.parts) == view.regions.count
     wanted = plain(view.cell.learner, view.camera, view.cell.chunk)
-    np.testing.assert_allclose(filled(view.camera, found.parts)[0].colour, wanted.colour, atol=1e-5)
-    *_, last = errors_along(found, wanted)
+    np.testing.assert_allclose(filled(view.camera, run.parts)[0].colour, wanted.colour, atol=1e-5)
+    *_, last = errors_along(run, wanted)
     assert max(last) < 1e-5
 
 
@@ -151,8 +151,8 @@ def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, mon
         return Refined(flat(0.0), PARTS, scale * np.array([[1.0, 2.0, 3.0]]))
 
     monkeypatch.setattr(anytime, "refined", with_clock)
-    found = anytime.measure(view, [("raster", None)], 3)
-    assert found["raster", None].seconds.tolist() == [[1.0, 2.0, 3.0], [5.0, 10.0, 15.0], [3.0, 6.0, 9.0]]
+    measured = anytime.measure(view, [("raster", None)], 3)
+    assert measured["raster", None].seconds.tolist() == [[1.0, 2.0, 3.0], [5.0, 10.0, 15.0], [3.0, 6.0, 9.0]]
 
     small = replace(view, regions=Regions(2, 2, 1))
     maps = {kind: np.ones(4) for kind in KINDS} | {"point": np.array([1.0, 0.0, 0.0, 0.0])}
@@ -193,9 +193,9 @@ def every_evaluation(view: Looked) -> tuple[Looked, list[int]]:
 
     class Counting:
         def render(self, *given: Any) -> Any:
-            found = view.cell.learner.render(*given)
-            counted.append(found.network_evaluations)
-            return found
+            rendering = view.cell.learner.render(*given)
+            counted.append(rendering.network_evaluations)
+            return rendering
 
         def __getattr__(self, name: str) -> Any:
             return getattr(view.cell.learner, name)
@@ -207,10 +207,10 @@ def every_evaluation(view: Looked) -> tuple[Looked, list[int]]:
 @pytest.mark.parametrize("kind", [None, "point", "gradients", "error"])
 def test_all_evaluations_of_a_picture_are_counted(view: Looked, kind: str | None) -> None:
     watched, counted = every_evaluation(view)
-    found = allocations.rendered(watched, kind, 16)
-    assert found.evaluations == sum(counted)
-    assert (found.own == 0) == (kind in (None, "point"))
-    assert 0.95 * 16.0 < found.bins <= 16.0
+    picture = allocations.rendered(watched, kind, 16)
+    assert picture.evaluations == sum(counted)
+    assert (picture.own == 0) == (kind in (None, "point"))
+    assert 0.95 * 16.0 < picture.bins <= 16.0
 
 
 def test_pictures_by_attention_are_compared_with_the_even_one(context: ServingContext, ticks: Ticks) -> None:
@@ -225,16 +225,20 @@ def test_pictures_by_attention_are_compared_with_the_even_one(context: ServingCo
 
 
 def test_the_studies_are_complete(context: ServingContext) -> None:
-    found = list(anytime.anytime(context))
-    checks = {one.id: one for one in found if isinstance(one, Check)}
+    findings = list(anytime.anytime(context))
+    checks = {finding.id: finding for finding in findings if isinstance(finding, Check)}
     assert {f"whole.{order}" for order in ORDERS} <= set(checks), "the last part leaves no error"
     assert checks["earlier.attended"].repeats == len(KINDS)
-    pictures = [one for one in found if isinstance(one, Picture)]
-    assert {one.title for one in pictures} >= {"ground truth", "finished", "coarse frame"}
-    assert all((context.run.out / one.path).is_file() for one in pictures)
-    lines = [one for one in found if isinstance(one, Series)]
-    assert {one.panel for one in lines} == {f"ball, {words}, point" for words in MEASURES.values()}
-    (phi,) = [one for one in attention_views.priorities(context) if isinstance(one, Check) and one.id == "phi.sum"]
+    pictures = [finding for finding in findings if isinstance(finding, Picture)]
+    assert {finding.title for finding in pictures} >= {"ground truth", "finished", "coarse frame"}
+    assert all((context.run.out / finding.path).is_file() for finding in pictures)
+    lines = [finding for finding in findings if isinstance(finding, Series)]
+    assert {finding.panel for finding in lines} == {f"ball, {words}, point" for words in MEASURES.values()}
+    (phi,) = [
+        finding
+        for finding in attention_views.priorities(context)
+        if isinstance(finding, Check) and finding.id == "phi.sum"
+    ]
     assert phi.value == pytest.approx(PHI)
 
 

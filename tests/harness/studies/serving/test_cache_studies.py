@@ -40,10 +40,10 @@ def test_a_target_is_met_or_missed_by_quartiles_against_opposite_ones(
     cell: TrainedCell, name: str, slower: float, status: str
 ) -> None:
     rendering = [40.0, 10.0, 20.0, 30.0, 50.0]
-    found = hit_check(cell, name, [slower * 1e-3 * x for x in (0.1, 0.2, 0.3, 0.4, 0.5)], rendering)
-    assert found.value == pytest.approx(1e5 / slower)
-    assert found.spread == (pytest.approx(20.0 / 0.4e-3 / slower), pytest.approx(40.0 / 0.2e-3 / slower))
-    assert (found.status, found.repeats, found.is_broken) == (status, 5, False)
+    check = hit_check(cell, name, [slower * 1e-3 * x for x in (0.1, 0.2, 0.3, 0.4, 0.5)], rendering)
+    assert check.value == pytest.approx(1e5 / slower)
+    assert check.spread == (pytest.approx(20.0 / 0.4e-3 / slower), pytest.approx(40.0 / 0.2e-3 / slower))
+    assert (check.status, check.repeats, check.is_broken) == (status, 5, False)
 
 
 @pytest.mark.parametrize(
@@ -93,34 +93,36 @@ def test_what_is_late_is_left_out_and_named(context: ServingContext, cell: Train
 def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
     context: ServingContext, cell: TrainedCell
 ) -> None:
-    found = confused(context, cell, variants(context, cell))
-    *others, last = found
-    assert [one.changed.split(" ")[-1] for one in others] == [
+    rows = confused(context, cell, variants(context, cell))
+    *others, last = rows
+    assert [row.changed.split(" ")[-1] for row in others] == [
         "training", "16", "midpoint", "float32", "white", "nerf", "long", "width", "together",
     ]  # fmt: skip
-    for one in others:
-        assert (one.stale, one.missed) == (one.views, one.views)
-        assert 0.0 < one.rmse < 1.0
+    for row in others:
+        assert (row.stale, row.missed) == (row.views, row.views)
+        assert 0.0 < row.rmse < 1.0
     assert last.changed == "a pose one unit in the last place away"
     assert (last.stale, last.missed, last.rmse) == (0, last.views, 0.0), "any key of all bits tells them apart"
 
 
 def test_the_error_is_that_of_the_picture_that_would_have_come(context: ServingContext, cell: TrainedCell) -> None:
     wider = Variant("focal", cell.learner, cell.chunk, lambda camera: replace(camera, focal=2.0 * camera.focal))
-    found = confused(context, cell, [wider])[0]
+    row = confused(context, cell, [wider])[0]
     squares = []
-    for pose in context.orbit(cell.scene, found.views):
+    for pose in context.orbit(cell.scene, row.views):
         camera = context.camera(cell, pose)
         asked = plain(cell.learner, replace(camera, focal=2.0 * camera.focal), cell.chunk)
         squares.append(mse(plain(cell.learner, camera, cell.chunk).colour, asked.colour))
-    assert found.rmse == pytest.approx(np.sqrt(np.mean(squares)))
+    assert row.rmse == pytest.approx(np.sqrt(np.mean(squares)))
 
 
 def test_the_same_method_again_is_neither_stale_nor_missed(context: ServingContext, cell: TrainedCell) -> None:
     assert isinstance(cell.learner, Trainer)
-    found = confused(context, cell, [Variant("nothing", copied(cell.learner), cell.chunk)])[0]
-    assert (found.stale, found.missed, found.rmse) == (0, 0, 0.0)
-    assert not any(one.is_broken for one in compared([found]) if isinstance(one, Check)), "an equal picture is no fault"
+    row = confused(context, cell, [Variant("nothing", copied(cell.learner), cell.chunk)])[0]
+    assert (row.stale, row.missed, row.rmse) == (0, 0, 0.0)
+    assert not any(check.is_broken for check in compared([row]) if isinstance(check, Check)), (
+        "an equal picture is no fault"
+    )
 
 
 def test_a_planted_key_that_forgets_something_is_found(
@@ -130,13 +132,13 @@ def test_a_planted_key_that_forgets_something_is_found(
         return pose_hash(camera.camera_to_world)
 
     monkeypatch.setattr(CachedMethod, "key", of_the_pose_alone)
-    found = confused(context, cell, variants(context, cell))
-    resized = [one.changed == "half the width" for one in found[:-1]]
-    wanted = [one.views if other_size else 0 for one, other_size in zip(found, resized, strict=False)]
-    assert [one.missed for one in found[:-1]] == wanted, "a picture of another size is refused whatever the key"
+    rows = confused(context, cell, variants(context, cell))
+    resized = [row.changed == "half the width" for row in rows[:-1]]
+    wanted = [row.views if other_size else 0 for row, other_size in zip(rows, resized, strict=False)]
+    assert [row.missed for row in rows[:-1]] == wanted, "a picture of another size is refused whatever the key"
     assert sum(resized) == 1
-    assert found[-1].missed == found[-1].views
-    assert [one.id for one in compared(found) if isinstance(one, Check) and one.is_broken] == ["key.ours"]
+    assert rows[-1].missed == rows[-1].views
+    assert [row.id for row in compared(rows) if isinstance(row, Check) and row.is_broken] == ["key.ours"]
 
 
 @pytest.fixture(autouse=True)

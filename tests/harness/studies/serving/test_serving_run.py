@@ -78,15 +78,15 @@ def failing(error: BaseException) -> Measure:
 
 def test_the_record_is_complete(served: Path) -> None:
     record = record_of(served)
-    assert [one.info.id for one in record.studies] == list(STUDIES)
+    assert [each.info.id for each in record.studies] == list(STUDIES)
     assert record.finished
     assert not record.broken
-    assert not any(one.cut_short for one in record.studies)
-    assert all(one.answers for one in record.studies)
-    ids = [one.id for _, one in record.checks() if one.id != "left_out"]
+    assert not any(each.cut_short for each in record.studies)
+    assert all(each.answers for each in record.studies)
+    ids = [each.id for _, each in record.checks() if each.id != "left_out"]
     assert len(set(ids)) == len(ids)
-    assert {one.subject for _, one in record.checks() if one.id.startswith("hit.")} == {"nerf", "qnerf"}
-    assert all((served / one.path).is_file() for study in record.studies for one in study.pictures)
+    assert {each.subject for _, each in record.checks() if each.id.startswith("hit.")} == {"nerf", "qnerf"}
+    assert all((served / each.path).is_file() for study in record.studies for each in study.pictures)
     settings = record.settings
     assert (settings["scenes"], settings["methods"], settings["width"]) == (["ball"], ["nerf", "qnerf"], SIZE)
     assert not list(served.glob(".scratch-*")), "scratch files are gone"
@@ -112,7 +112,7 @@ def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.Mon
     else:
         path.write_text("{" if change == "damaged" else '{"schema": 2, "cache": null}', encoding="utf-8")
     after_run(copy, "cpu", copy, Quiet())
-    assert [one.answers for one in record_of(copy).studies] == [["It was measured again."]] * len(STUDIES)
+    assert [each.answers for each in record_of(copy).studies] == [["It was measured again."]] * len(STUDIES)
     assert len(list((copy / "damaged").glob("*"))) == (change in ("damaged", "former"))
 
 
@@ -123,8 +123,8 @@ def test_a_failing_study_costs_itself_alone_and_is_tried_again(
     with_studies(monkeypatch, anytime=failing(error))
     after_run(out, "cpu", out, Quiet())
     record = record_of(out)
-    assert [one.info.id for one in record.studies] == list(STUDIES)
-    assert [(found.info.id, one.why) for found, one in record.broken] == [("anytime", reason_of(error))]
+    assert [each.info.id for each in record.studies] == list(STUDIES)
+    assert [(study_record.info.id, each.why) for study_record, each in record.broken] == [("anytime", reason_of(error))]
     with_studies(monkeypatch, latency=failing(error))
     after_run(out, "cpu", out, Quiet())
     assert record_of(out).broken == [], "the others were not measured again"
@@ -134,7 +134,7 @@ def test_an_error_of_ours_is_not_hidden_by_the_command(out: Path, monkeypatch: p
     with_studies(monkeypatch, confusions=failing(ZeroDivisionError("ours")))
     with pytest.raises(ZeroDivisionError):
         run(asked_of(out, out), list(STUDIES), False, Quiet())
-    assert [one.info.id for one in record_of(out).studies] == ["latency"], "what was finished is kept"
+    assert [each.info.id for each in record_of(out).studies] == ["latency"], "what was finished is kept"
     with_studies(monkeypatch, confusions=failing(Diverged(3, "colour")))
     assert run(asked_of(out, out), list(STUDIES), True, Quiet()) == 3
 
@@ -148,11 +148,11 @@ def test_once_the_time_is_over_nothing_is_begun_and_the_rest_is_measured_later(
 
     with_studies(monkeypatch, latency=takes_all)
     after_run(out, "cpu", out, Quiet())
-    late = [one for one in record_of(out).studies if one.cut_short]
-    assert [one.info.id for one in late] == list(STUDIES)[1:]
-    assert {one.checks[0].why for one in late} == {"the time for it was over"}
+    late = [each for each in record_of(out).studies if each.cut_short]
+    assert [each.info.id for each in late] == list(STUDIES)[1:]
+    assert {each.checks[0].why for each in late} == {"the time for it was over"}
     after_run(out, "cpu", out, Quiet())
-    assert not any(one.cut_short for one in record_of(out).studies)
+    assert not any(each.cut_short for each in record_of(out).studies)
 
 
 def test_whatever_fails_outside_of_a_study_is_said(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,7 +170,7 @@ def test_ctrl_c_keeps_what_was_finished(out: Path, monkeypatch: pytest.MonkeyPat
     with_studies(monkeypatch, anytime=failing(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt, match="are kept"):
         after_run(out, "cpu", out, Quiet())
-    assert [one.info.id for one in record_of(out).studies] == list(STUDIES)[:2]
+    assert [each.info.id for each in record_of(out).studies] == list(STUDIES)[:2]
     assert not list(out.glob(".scratch-*"))
 
 
@@ -182,9 +182,9 @@ def test_a_cell_that_diverged_is_named(out: Path) -> None:
     asked = replace(asked_of(out, out), run=FinishedRun.of(out))
     assert run(asked, ["latency", "anytime"], False, Quiet()) == 0
     latency, anytime = record_of(out).studies
-    assert {one.subject for one in latency.checks if one.id.startswith("hit.")} == {"qnerf"}
-    gaps = [one for one in latency.checks if one.status == "not_available"]
-    assert any(one.what == "ball, nerf, seed 0" and "diverged" in one.why for one in gaps)
+    assert {each.subject for each in latency.checks if each.id.startswith("hit.")} == {"qnerf"}
+    gaps = [each for each in latency.checks if each.status == "not_available"]
+    assert any(each.what == "ball, nerf, seed 0" and "diverged" in each.why for each in gaps)
     assert anytime.answers == ["No method of the run can be rendered by regions here."]
 
 
@@ -192,7 +192,7 @@ def test_the_command_measures_what_is_asked(out: Path, capsys: pytest.CaptureFix
     typed = ["serving", str(out), "--quick", "--methods", "qnerf", "--width", "12", "--studies", "latency"]
     assert main(typed) == 0
     (latency,) = record_of(out).studies
-    assert {one.subject for one in latency.checks if one.id.startswith("hit.")} == {"qnerf"}
+    assert {each.subject for each in latency.checks if each.id.startswith("hit.")} == {"qnerf"}
     assert latency.answers[0].startswith("Rendering a view 12 px wide takes")
     printed = capsys.readouterr().out
     assert "about" in printed.splitlines()[0], "an estimate comes first"
@@ -200,7 +200,7 @@ def test_the_command_measures_what_is_asked(out: Path, capsys: pytest.CaptureFix
     for file in (out / "checkpoints").iterdir():
         file.unlink()
     assert main([*typed[:3], "--quiet"]) == 0
-    assert {one.status for _, one in record_of(out).checks()} == {"not_available"}
+    assert {each.status for _, each in record_of(out).checks()} == {"not_available"}
 
 
 @pytest.mark.parametrize(

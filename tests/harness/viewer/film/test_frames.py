@@ -24,14 +24,14 @@ def view(seed: int = 0, height: int = 5, width: int = 7) -> View:
 
 
 def test_an_exr_over_white_is_the_picture() -> None:
-    one = view()
-    channels = exr_channels(one)
+    shown = view()
+    channels = exr_channels(shown)
     assert list(channels) == ["R", "G", "B", "A", "Z"]
     assert {values.dtype for values in channels.values()} == {np.dtype(np.float32)}
     rgba = np.stack([channels[name] for name in "RGBA"], axis=-1)
-    np.testing.assert_allclose(over_white(display_from_linear(rgba)), one.colour, atol=2e-6)
-    np.testing.assert_array_equal(channels["A"], one.opacity)
-    np.testing.assert_array_equal(channels["Z"], one.depth)
+    np.testing.assert_allclose(over_white(display_from_linear(rgba)), shown.colour, atol=2e-6)
+    np.testing.assert_array_equal(channels["A"], shown.opacity)
+    np.testing.assert_array_equal(channels["Z"], shown.depth)
 
 
 def test_linear_light_is_premultiplied() -> None:

@@ -16,12 +16,12 @@ def test_every_pixel_is_where_it_belongs() -> None:
     assert (width, height) == (3 * 240 + 4 * MARGIN, HEADER + 18 + MARGIN)
     assert sheet.shape == (height, width, 3)
     assert sheet.dtype == np.uint8
-    for number, one in enumerate(pictures.values()):
+    for number, expected in enumerate(pictures.values()):
         left = MARGIN + number * (240 + MARGIN)
         panel = sheet[HEADER : HEADER + 18, left : left + 240]
         for row in (0, 1):
             for column in (0, 1):
-                np.testing.assert_array_equal(panel[row::2, column::2], one)
+                np.testing.assert_array_equal(panel[row::2, column::2], expected)
         header = sheet[:HEADER, left : left + 240]
         assert header.min() < 60, "letters"
         assert (header == GREY).mean() > 0.8

@@ -48,7 +48,7 @@ def plainly(out: Path, method: str, poses: np.ndarray, width: int = SIZE) -> lis
 
 
 def test_an_orbit_of_three_frames(out: Path, render: Said) -> None:
-    said = render(out, "--frames", "3", "--fps", "10")
+    printed = render(out, "--frames", "3", "--fps", "10")
     folder = out / "films" / "orbit-3-frames"
     frames = {f"000{number}.{kind}" for number in range(3) for kind in ("png", "exr")} | {"frames.json"}
     for method in ("nerf", "qnerf"):
@@ -62,8 +62,8 @@ def test_an_orbit_of_three_frames(out: Path, render: Said) -> None:
             stored = read_channels(stem.with_suffix(".exr"))
             for name, values in exr_channels(view).items():
                 np.testing.assert_array_equal(stored[name], values)
-    assert {one.name for one in folder.iterdir()} == {"film.json", "ball"}
-    assert {one.name for one in (folder / "ball").iterdir()} == {"nerf", "qnerf", "side_by_side", "orbit.webp"}
+    assert {file.name for file in folder.iterdir()} == {"film.json", "ball"}
+    assert {file.name for file in (folder / "ball").iterdir()} == {"nerf", "qnerf", "side_by_side", "orbit.webp"}
     sheets = [read_image(folder / "ball" / "side_by_side" / f"000{number}.png") for number in range(3)]
     width, height = size_of(2, SIZE, SIZE)
     assert {sheet.shape for sheet in sheets} == {(height, width, 3)}
@@ -80,7 +80,7 @@ def test_an_orbit_of_three_frames(out: Path, render: Said) -> None:
         "estimated cost",
         "hit rate 0%",
     ):
-        assert part in said
+        assert part in printed
 
 
 def test_panels_are_the_methods_and_on_the_test_path_the_truth(out: Path, render: Said) -> None:
@@ -103,38 +103,38 @@ def test_a_second_run_is_from_the_cache_and_bit_for_bit_the_same(out: Path, rend
     first, second, third = (out / name for name in ("first", "second", "third"))
     render(out, "--frames", "3", "--to", first)
     assert counted == ["nerf"] * 3 + ["qnerf"] * 3
-    said = render(out, "--frames", "3", "--to", second)
+    printed = render(out, "--frames", "3", "--to", second)
     assert len(counted) == 6, "nothing was rendered"
-    assert "6: 0 there, 6 in the view cache, 0 to render" in said
-    assert said.count("3 from the view cache") == said.count("hit rate 100%") == 2
+    assert "6: 0 there, 6 in the view cache, 0 to render" in printed
+    assert printed.count("3 from the view cache") == printed.count("hit rate 100%") == 2
     assert contents(first) == contents(second)
-    said = render(out, "--frames", "3", "--to", third, "--no-cache")
+    printed = render(out, "--frames", "3", "--to", third, "--no-cache")
     assert len(counted) == 12
-    assert "from the view cache" not in said
-    assert "hit rate" not in said
+    assert "from the view cache" not in printed
+    assert "hit rate" not in printed
     assert contents(first) == contents(third)
 
 
 def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(
     out: Path, render: Said, counted: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[tuple[int, int]] = []
-    monkeypatch.setattr(progress.Lines, "part", lambda _, what, done, total: told.append((done, total)))
+    progressed: list[tuple[int, int]] = []
+    monkeypatch.setattr(progress.Lines, "part", lambda _, what, done, total: progressed.append((done, total)))
     ask = (out, "--frames", "3", "--no-cache", "--path", "spiral")
     render(*ask)
     folder = out / "films" / "spiral-3-frames"
     before, times = contents(folder), {file: file.stat().st_mtime_ns for file in folder.rglob("000*.exr")}
     counted.clear()
-    told.clear()
+    progressed.clear()
     assert "6: 6 there" in render(*ask)
     assert counted == []
-    assert told == []
+    assert progressed == []
     (folder / "ball" / "nerf" / "0001.exr").unlink()
     damaged = folder / "ball" / "qnerf" / "0002.png"
     damaged.write_bytes(damaged.read_bytes()[:-20])
     assert "6: 4 there" in render(*ask)
     assert counted == ["nerf", "qnerf"]
-    assert told == [(1, 2), (2, 2)], "what is there is no progress"
+    assert progressed == [(1, 2), (2, 2)], "what is there is no progress"
     assert contents(folder) == before
     changed = {file.name for file, time in times.items() if file.stat().st_mtime_ns != time}
     assert changed == {"0001.exr", "0002.exr"}
@@ -151,9 +151,9 @@ def test_a_film_whose_record_is_lost_goes_on_with_its_frames(
     before = record.read_bytes()
     record.unlink() if damage is None else record.write_text(damage)
     counted.clear()
-    said = render(out, *ask)
-    assert f"{record}: " in said
-    assert "written again" in said
+    printed = render(out, *ask)
+    assert f"{record}: " in printed
+    assert "written again" in printed
     assert counted == [], "frames know what they show"
     assert record.read_bytes() == before
 
@@ -195,7 +195,7 @@ def test_an_interrupted_film_keeps_its_frames_and_goes_on(
 
 def test_a_dry_run_says_what_it_would_do_and_does_nothing(out: Path, render: Said) -> None:
     before = contents(out)
-    said = render(out, "--dry-run", "--frames", "4")
-    assert "8: 0 there, 0 in the view cache, 8 to render" in said
+    printed = render(out, "--dry-run", "--frames", "4")
+    assert "8: 0 there, 0 in the view cache, 8 to render" in printed
     assert contents(out) == before
     assert not (out / "films").exists()

@@ -12,7 +12,7 @@ from tests.harness.viewer.film.typed import Said, contents
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ("--scenes lego", "--scenes: unknown 'lego'; known: ball"),
         ("--methods nerf merf", "--methods: unknown 'merf'; known: nerf nerf_matched qnerf"),
@@ -30,10 +30,10 @@ from tests.harness.viewer.film.typed import Said, contents
     ],
 )
 def test_bad_options_are_said_in_one_line(
-    options: str, said: str, trained: Path, capsys: pytest.CaptureFixture[str]
+    options: str, message: str, trained: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = contents(trained)
-    assert said in refused(capsys, trained, *options.split(), "--no-cache", command="render")
+    assert message in refused(capsys, trained, *options.split(), "--no-cache", command="render")
     assert contents(trained) == before
 
 
@@ -63,11 +63,11 @@ def test_a_folder_of_something_else_or_of_another_film_is_refused(
     assert "cannot be written" in refused(capsys, *ask, file / "film", command="render")
     assert "cannot be written" in refused(capsys, *ask, Path("/proc/film"), command="render")
     render(*ask, tmp_path / "film")
-    said = refused(capsys, out, "--frames", "3", "--methods", "nerf", "--to", tmp_path / "film", command="render")
-    assert "holds another film (frames was 2, is 3)" in said
+    message = refused(capsys, out, "--frames", "3", "--methods", "nerf", "--to", tmp_path / "film", command="render")
+    assert "holds another film (frames was 2, is 3)" in message
     lock = lock_folder(tmp_path / "film")
-    said = refused(capsys, *ask, tmp_path / "film", command="render")
-    assert said.startswith(f"error: --to {tmp_path / 'film'}: in use by process ")
+    message = refused(capsys, *ask, tmp_path / "film", command="render")
+    assert message.startswith(f"error: --to {tmp_path / 'film'}: in use by process ")
     lock.release(remove=True)
     assert contents(mine) == {"letter.txt": b"mine"}
 
@@ -79,7 +79,7 @@ def test_a_film_that_was_killed_in_its_first_moments_is_gone_on_with(out: Path, 
     (film / ".film.json.1234.part").write_text("{")
     ask = (out, "--frames", "2", "--methods", "nerf", "--no-cache", "--to", film)
     assert "2 rendered" in render(*ask)
-    assert {one.name for one in film.iterdir()} == {"damaged", "film.json", "ball"}
+    assert {file.name for file in film.iterdir()} == {"damaged", "film.json", "ball"}
     (film / "ball" / "nerf" / ".0001.exr.1234.part.exr").write_text("half")
     assert "2: 2 there" in render(*ask)
     assert not list(film.rglob(".*.part*"))
@@ -98,7 +98,7 @@ def test_a_full_disk_is_said_and_what_is_finished_is_kept(
     ask = (out, "--frames", "2", "--methods", "nerf", "--no-cache")
     with monkeypatch.context() as patch:
         patch.setattr(frames, "write_channels", full)
-        said = refused(capsys, *ask, "--quiet", "--threads", "1", command="render")
-    assert "No space left on device; mend that and give the same command again" in said
+        message = refused(capsys, *ask, "--quiet", "--threads", "1", command="render")
+    assert "No space left on device; mend that and give the same command again" in message
     assert not list((out / "films").rglob("*.part*"))
     assert "2: 1 there" in render(*ask)

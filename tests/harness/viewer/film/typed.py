@@ -12,14 +12,16 @@ Said = Callable[..., str]
 
 def contents(folder: Path) -> dict[str, object]:
     """Every file to the last bit, but of an EXR, which holds the time of day, its pixels."""
-    found: dict[str, object] = {}
+    files: dict[str, object] = {}
     for file in folder.rglob("*"):
         if file.suffix == ".exr":
             channels = read_channels(file)
-            found[str(file.relative_to(folder))] = {name: values.tobytes() for name, values in channels.items()}
+            files[str(file.relative_to(folder))] = {name: values.tobytes() for name, values in channels.items()}
         elif file.name == "frames.json":
-            told = json.loads(file.read_text(encoding="utf-8"))
-            found[str(file.relative_to(folder))] = {name: (one["key"], one[".png"]) for name, one in told.items()}
+            frames = json.loads(file.read_text(encoding="utf-8"))
+            files[str(file.relative_to(folder))] = {
+                name: (frame["key"], frame[".png"]) for name, frame in frames.items()
+            }
         elif file.is_file():
-            found[str(file.relative_to(folder))] = file.read_bytes()
-    return found
+            files[str(file.relative_to(folder))] = file.read_bytes()
+    return files
