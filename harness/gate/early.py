@@ -46,7 +46,6 @@ class Precision:
 
     dtype: torch.dtype
     steps: int
-    """The number of steps that are compared."""
     rendered_after: tuple[int, ...]
 
 
@@ -115,7 +114,6 @@ def renew(context: GateContext) -> References:
 
 
 def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reordering()) -> Courses:
-    """Return all that is recorded, in this process."""
     views = disc_views(32, 12, 1, seed=1)  # without a renderer, so that no renderer's rounding is in it
     block_bytes, dtype = fused_network.BLOCK_BYTES, torch.get_default_dtype()
     torch.set_num_threads(order.threads)
@@ -151,7 +149,6 @@ def _settings(start: Start, fused: bool) -> TrainSettings:
 
 
 def _first_steps(start: Start, views: ViewSet, kind: Precision, fused: bool) -> Course:
-    """Return the first steps of one training."""
     settings, cpu = _settings(start, fused), torch.device("cpu")
     train, test = (
         replace(cameras, camera_to_world=cameras.camera_to_world.to(kind.dtype))

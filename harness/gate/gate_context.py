@@ -18,7 +18,6 @@ class GateContext:
     """One run of the gates, or one renewal."""
 
     gates: tuple[Gate, ...]
-    """The gates that are asked for."""
     limits: LimitsFile
     references: References
     """The references of the class of processor that is measured, or of another class."""

@@ -63,7 +63,6 @@ def renew(context: GateContext) -> References:
 
 
 def centre_of(ratios: list[float]) -> float:
-    """Return their geometric mean."""
     return math.exp(statistics.fmean(map(math.log, ratios)))
 
 

@@ -38,14 +38,12 @@ ENLARGED = 6
 
 @dataclass(frozen=True)
 class Reference:
-    """The stored appearance of a scene."""
+    """The stored appearance of a scene: mean and variance of `batches` renders, float64 [height, width, 4]."""
 
     mean: np.ndarray
-    """The mean, float64 [height, width, 4]."""
     variance: np.ndarray
-    """The variance of one render of `spp` samples, float64 [height, width, 4]."""
+    """The variance of one render of `spp` samples."""
     batches: int
-    """The renders that both were made of."""
     spp: int
 
     def __post_init__(self) -> None:
@@ -114,7 +112,6 @@ Renders = dict[str, np.ndarray]
 
 
 def scenes_of(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the scenes whose renders the gates of these names need."""
     named = {name.split(".")[1] for name in names}
     return tuple(scene for scene in IMAGE_SCENES if scene in named or "all" in named)
 

@@ -39,7 +39,6 @@ class Limit(Record, frozen=True):
     spread: float | None = None
     """The standard deviation of one measurement, in the gate's unit; of the logarithm for `largest`."""
     measured: int = 0
-    """The number of measurements that it is made of."""
     detects: float | None = None
     """The change of the figure that is found in 80 % of repetitions of renewal and gate, if the true spread is
     `spread`; for `largest` the deviation itself."""
@@ -99,7 +98,6 @@ def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
 
 @cache
 def _quantile(share: float, freedom: int) -> float:
-    """Return Student's quantile."""
     return float(student.ppf(share, freedom))
 
 
@@ -110,7 +108,6 @@ class KindFacts(Record, frozen=True):
     provenance: dict[str, Any]
     seconds: float
     files: dict[str, str] = field(default_factory=dict)
-    """File that belongs to them → SHA-256."""
 
 
 def unfit(kind: Kind, kinds: Mapping[Kind, KindFacts]) -> str:

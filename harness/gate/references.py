@@ -124,7 +124,6 @@ def publish(run: Path, folder: Path) -> str:
 
 
 def rank_line(record: dict[str, Any]) -> str:
-    """Return what `rank.json` says as a sentence."""
     run = record["run"]
     return (
         f"Against the {run['profile']} run of commit {run['commit']}: Spearman {record['spearman']:.2f}, Kendall "

@@ -61,7 +61,6 @@ TRAIN = replace(
 
 
 def _answer(checks: dict[str, Check]) -> str:
-    """Take the answer from the mean PSNR over all cells, if that was asked for."""
     mean = checks.get("worse.all.psnr")
     return f"Is it worse? {mean.why}" if mean else ""
 
@@ -109,7 +108,6 @@ def _rounded(value: float | None) -> float:
 
 
 def methods_of(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the methods that have to be trained for the gates of these names."""
     needed: set[str] = set()
     for name in names:
         _, method, which = name.split(".")
@@ -178,7 +176,6 @@ def scores_of(cells: Iterable[CellRecord]) -> Scores:
 
 
 def _draws(method: str, score: str, stored: References) -> dict[str, list[float]]:
-    """Return the stored draws of the cells of a method, or of all."""
     return {key: draws[score] for key, draws in stored.cells.items() if method in ("all", key.split("/")[1])}
 
 

@@ -143,7 +143,6 @@ def optional_findings() -> Iterator[Finding]:
 
 
 def _pinned(requirements: list[str]) -> dict[str, str]:
-    """Map name → version of lines `name==version`."""
     matches = (re.match(r"\s*([A-Za-z0-9._-]+)(?:\[[^\]]*\])?==([^\s;]+)", line) for line in requirements)
     return {match.group(1): match.group(2) for match in matches if match}
 
@@ -162,7 +161,6 @@ def _project() -> dict[str, Any]:
 
 
 def tool_findings() -> Iterator[Finding]:
-    """Yield programs that are called by name."""
     for names, purpose, to_do in TOOLS:
         path = next(filter(None, map(shutil.which, names)), None)
         found = "not found" if path is None else Path(path).name

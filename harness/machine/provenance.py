@@ -99,7 +99,6 @@ def source_lines(text: str) -> int:
 
 
 def core_module_lines() -> dict[str, int]:
-    """Map part → source lines of its files."""
     return {
         part: sum(source_lines((BASELINES / name).read_text(encoding="utf-8")) for name in names)
         for part, names in PARTS.items()

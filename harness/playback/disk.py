@@ -62,7 +62,6 @@ class DiskPictures:
         self.counts: Counter[str] = Counter()
         """Events since it was opened: files `evicted` for room, files `damaged` and dropped, `failed` writes."""
         self.failure: str | None = None
-        """The reason of the last write that failed."""
         self._held = self._unseen = 0
         try:
             write_atomically(folder / ".probe", b"", fsync=False)

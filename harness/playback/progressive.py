@@ -32,16 +32,14 @@ NOT_BY_REGIONS = (
 
 @dataclass(frozen=True)
 class Done:
-    """A batch of pixels that are final."""
+    """A batch of pixels that are final: flat indices [pixels], row by row, display colour float32 [pixels, 3], opacity,
+    and depth in scene units, float32 [pixels].
+    """
 
     pixels: np.ndarray
-    """The flat indices [pixels], row by row."""
     colour: np.ndarray
-    """The display colour, float32 [pixels, 3]."""
     opacity: np.ndarray
-    """The opacity, float32 [pixels]."""
     depth: np.ndarray
-    """The depth in scene units, float32 [pixels]."""
     share: float
     """The share of the picture's rays that are done, including these."""
     network_evaluations: int
@@ -233,6 +231,5 @@ def _by_bins(
 
 
 def _arrays(render: Rendering) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return colour, opacity and depth."""
     colour, opacity, depth = (values.cpu().numpy() for values in (render.colour, render.opacity, render.depth))
     return colour, opacity, depth

@@ -59,7 +59,6 @@ class TrainedCell:
         return int(self.cell.settings["score"]["chunk"])
 
     def camera(self, camera_to_world: np.ndarray) -> Camera:
-        """Return the lens of the scene's views at a pose."""
         scene, focal = self.scene, float(self.cell.settings["view_set"]["focal"])
         return Camera(camera_to_world, scene.width, scene.height, focal, scene.near, scene.far)
 
@@ -100,7 +99,6 @@ class FinishedRun:
         return list(known_names("--methods", asked or self.run.main_methods, list(self.run.methods)))
 
     def is_trained(self, scene: str, method: str, seed: int) -> bool:
-        """Return whether its weights are there."""
         return checkpoint_path(self.out, scene, method, seed).is_file()
 
     def trained(self, scene: SceneRecord, method: str, seed: int, device: torch.device) -> TrainedCell:

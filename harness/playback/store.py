@@ -57,7 +57,6 @@ class SegmentedMemory:
         return picture, level
 
     def where(self, key: str) -> int | None:
-        """Return the level, without using the picture."""
         return next((level for level in (0, 1) if key in self.levels[level]), None)
 
     def drop(self, key: str) -> None:
@@ -109,7 +108,6 @@ class ViewStore:
         return (self.get_with_level(key) or (None,))[0]
 
     def get_with_level(self, key: str) -> tuple[np.ndarray, int] | None:
-        """Return the picture, and the level at which it was found."""
         with self._lock:
             hit = self._memory.get(key)
             if hit is None and self._disk is not None and (picture := self._disk.get(key)) is not None:

@@ -32,7 +32,6 @@ class Attention(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     kind: Literal["foveal", "point", "gradients", "error", "none"] = "foveal"
-    """The kind, a key of `ATTENTIONS`."""
     row: Share = 0.5
     """The place from 0 at the top to 1 at the bottom."""
     column: Share = 0.5

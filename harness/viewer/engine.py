@@ -47,7 +47,6 @@ class MethodView:
     learner: Learner
     cached: CachedMethod
     chunk: int
-    """The rays per chunk."""
     rays_per_second: float = 20_000.0
     """The pace, learnt from past rendering."""
 
@@ -97,13 +96,11 @@ class FreshPixels:
     evaluations: int = 0
     """The network evaluations so far, without those of the coarse frame, with those of an estimate of its error."""
     stride: int | None = None
-    """The stride of a coarse frame."""
     level: int | None = None
     """The level of the view cache that a complete picture came from; None if it was rendered."""
     psnr: float | None = None
     """The dB against the ground truth, if there is one for exactly this view; not while refining."""
     note: str = ""
-    """A note for the reader, in one sentence."""
 
 
 def frames(

@@ -66,7 +66,6 @@ class Desk:
     newest: OrderedDict[str, int] = field(default_factory=OrderedDict)
     """Map page → the generation of its newest request."""
     streams: int = 0
-    """The number of open streams."""
 
     async def done(self, work: Callable[..., Made], *arguments: Any) -> Made:
         return await asyncio.get_running_loop().run_in_executor(self.worker, work, *arguments)

@@ -98,7 +98,6 @@ class ShownRun:
         return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width)
 
     def listing(self) -> dict[str, Any]:
-        """List what can be chosen."""
         return {
             "run": self.run.out.resolve().name,
             "profile": self.run.run.profile,

@@ -23,7 +23,6 @@ HIT = 0.5
 
 
 def message(kind: str, **header: Any) -> bytes:
-    """Return a message without pixels."""
     return _packed({"kind": kind, **header, "pixels": 0}, b"")
 
 

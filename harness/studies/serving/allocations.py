@@ -49,7 +49,6 @@ class AllocatedRender(NamedTuple):
     bins: float
     evaluations: int
     own: int
-    """The evaluations spent on the map itself."""
     seconds: float
 
 
@@ -141,6 +140,5 @@ def allocations(seen: AttendedView, reference_bins: int, repeats: int, clock: Cl
 
 
 def _errors(colour: np.ndarray, wanted: np.ndarray, attended: np.ndarray) -> tuple[float, float]:
-    """Return the errors in the whole picture and in the attended pixels."""
     flat, right = colour.reshape(-1, 3), wanted.reshape(-1, 3)
     return rmse(flat, right), rmse(flat[attended], right[attended])

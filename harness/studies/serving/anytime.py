@@ -88,7 +88,6 @@ class Curve(NamedTuple):
     """Errors over time of one scene, map and order: means over the views, point by point."""
 
     seconds: np.ndarray
-    """Seconds [repeats, points]."""
     errors: dict[str, list[float]]
     """Measure → root mean square error."""
 
@@ -136,7 +135,6 @@ def anytime(context: ServingContext) -> Iterator[Found]:
 
 
 def compared(cases: Sequence[Case]) -> Iterator[Found]:
-    """Yield everything that follows from the curves."""
     wholes = [case.times("whole") for case in cases]
     checks = []
     for order, words in ORDERS.items():

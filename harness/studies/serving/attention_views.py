@@ -57,7 +57,6 @@ class AttendedView:
 
     view: Looked
     number: int
-    """Its number among the views of its scene."""
     coarse: View
     maps: dict[str, np.ndarray]
     truth: np.ndarray | None

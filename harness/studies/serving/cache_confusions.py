@@ -80,7 +80,6 @@ def confusions(context: ServingContext) -> Iterator[Found]:
 
 
 def compared(rows: Sequence[Confusion]) -> Iterator[Found]:
-    """Yield everything that follows from the confusions."""
     stale, views = [row for row in rows if row.stale], sum(row.views for row in rows)
     worst = max(stale, key=lambda row: row.rmse, default=None)
     hidden = [row.changed for row in stale if row.rmse <= LEAST_VISIBLE]
@@ -212,7 +211,6 @@ def one_ulp_away(camera: Camera) -> Camera:
 
 
 def _further(context: ServingContext, learner: Trainer, views: ViewSet) -> Trainer:
-    """Return a copy that has trained a few steps more."""
     settings = learner.settings
     # a refresh would count as empty what it has not measured: a checkpoint has the grid's mask and no densities
     further = copied(learner, replace(settings, grid=replace(settings.grid, every=1 << 60)))

@@ -5,7 +5,6 @@ from harness.studies.framework import Shelf, Study, catalogue
 
 
 def _study(name: str, title: str, question: str, method: str, measure: str, seconds: float) -> Study:
-    """Describe a study that takes so long with methods of the profile `reduced`, on one thread."""
     return Study(StudyInfo(name, title, question, method), f"serving.{measure}", seconds)
 
 

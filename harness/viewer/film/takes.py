@@ -28,9 +28,7 @@ class FilmSpec:
     """The path, one of `harness.playback.camera_paths.PATHS`, or test."""
     frames: int | None
     resolution: int | None
-    """The width in pixels."""
     elevation: float | None
-    """The elevation of an orbit in degrees."""
     seed: int
 
     @property
@@ -52,9 +50,7 @@ class Take:
     scene: SceneRecord
     cameras: tuple[Camera, ...]
     truth: ViewSet | None = None
-    """The view set, if the views are test views."""
     shown: tuple[int, ...] = ()
-    """The indices of those shown."""
 
     def truth_levels(self, number: int) -> dict[str, np.ndarray]:
         """Return the ground truth of one frame by its name, uint8 [h, w, 3]; nothing if there is none."""
