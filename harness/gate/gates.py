@@ -56,9 +56,7 @@ class Start:
     method: str
     fine_bins: int = 0
     stirred: bool = False
-    """Whether the amplifier is moved away from the values at which it does nothing, and raw densities are of several
-    units.
-    """
+    """True to move the amplifier from the values at which it does nothing, and raw densities to several units."""
 
 
 STARTS = {
@@ -89,7 +87,7 @@ class Gate:
 
     @property
     def is_largest(self) -> bool:
-        """Whether its figure is the largest of the measurements; otherwise it is their mean."""
+        """Tell whether its figure is the largest of the measurements; otherwise it is their mean."""
         return self.name.endswith(".largest")
 
 

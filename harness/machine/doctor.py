@@ -54,7 +54,7 @@ class Finding:
     to_do: str = ""
     """The remedy if the verdict is not ok."""
     needed: bool = False
-    """Whether nothing works without it: `missing` then ends with exit code 2."""
+    """True if nothing works without it: `missing` then ends with exit code 2."""
 
 
 def judge(what: str, found: str, *faults: tuple[bool, Verdict, str]) -> Finding:

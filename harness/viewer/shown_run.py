@@ -181,8 +181,7 @@ class ShownRun:
     def checked(self, asked: ViewRequest) -> None:
         """Check a request; raises `BadRequest` for names and views that are not there."""
         scene = self.scene(asked.scene)
-        unknown = [name for name in asked.methods if name not in self.run.run.methods]
-        if unknown:
+        if not set(asked.methods) <= self.run.run.methods.keys():
             raise BadRequest("methods: the run has no such method")
         if isinstance(asked.place, int):
             self._test_views(scene, asked.place)

@@ -65,7 +65,7 @@ def test_the_last_one_stored_is_the_value_here_and_for_the_next_process(
 
 
 def test_threads_at_once_on_one_store(tmp_path: Path) -> None:
-    """Of little memory, so that pictures move between all levels."""
+    """Memory is small, so that pictures move between all levels."""
     store = ViewStore(4 * A.nbytes, tmp_path, 6000)
     errors: list[str] = []
 
@@ -97,7 +97,7 @@ def one(floats: int = 1) -> np.ndarray:
 
 
 def test_what_is_used_again_outlives_what_is_new() -> None:
-    """Of eight pictures six fit into level 0; the least recently used goes down, and from level 1 out."""
+    """Six of eight pictures fit into level 0; the least recently used goes down, and from level 1 out."""
     memory = SegmentedMemory(8 * one().nbytes)
     for key in "abcdefg":
         memory.put(key, one(), 0)
