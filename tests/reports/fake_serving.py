@@ -11,22 +11,9 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 
-from harness.records.study import (
-    SHELVES,
-    Answer,
-    Check,
-    Finding,
-    Picture,
-    Series,
-    Studies,
-    StudyInfo,
-    StudyRecord,
-    Table,
-    check,
-    write_studies,
-)
+from harness.records.study import Answer, Check, Finding, Picture, Studies, StudyInfo, StudyRecord, Table, check
+from tests.reports.fake_shelf import lines, shelf, write_shelf
 
-PROVENANCE: dict[str, Any] = {"commit": "0123456789ab", "python": "3.11.2", "cores": 2, "packages": {"torch": "2.15.0"}}
 SETTINGS: dict[str, Any] = {"scenes": ["chair"], "methods": ["nerf", "qnerf"], "seed": 0, "width": 40, "quick": False}
 PICTURE = "records/images/serving/chair.nerf.raster.png"
 
@@ -50,11 +37,8 @@ def stale(kinds: int, ours: float = 100.0) -> list[Check]:
 
 
 def earlier(measure: str, cases: int, status: Any = "measured") -> Check:
-    why = "of 6 cases, later in 1"
-    what = f"cases in which attention is earlier, {measure}"
-    return Check(
-        what, float(cases), why=why, owner="paper", status=status, repeats=6, id=f"earlier.{measure}"
-    )  # fmt: skip
+    what, why = f"cases in which attention is earlier, {measure}", "of 6 cases, later in 1"
+    return Check(what, float(cases), why=why, owner="paper", status=status, repeats=6, id=f"earlier.{measure}")
 
 
 def phi(changed: int) -> Check:
@@ -65,10 +49,7 @@ def phi(changed: int) -> Check:
 def fake_findings() -> dict[str, list[Finding]]:
     """Return study → its findings."""
     ratios = {"memory.0": 3000.0, "memory.1": 1050.0, "disk.warm": 70.0, "disk.cold": 30.0}
-    x = [0.0, 0.1, 0.1, 0.4]
-    lines = [Series("chair, the whole picture, point", 0, name, "seconds since the view was asked for", "RMSE, display",
-                    x, [0.1 * slow, 0.1, 0.05, 0.0001], log_x=False)
-             for name, slow in (("attention", 1.0), ("plain rendering", 3.0))]  # fmt: skip
+    axes, at = ("seconds since the view was asked for", "RMSE, display"), [0.0, 0.1, 0.2, 0.4]
     return {
         "latency": [
             Answer("Rendering takes 3000 times as long as a hit in memory."),
@@ -89,7 +70,8 @@ def fake_findings() -> dict[str, list[Finding]]:
             earlier("attended", 6, "pass"),
             Check("raster order against attention", 1.5, unit="×", owner="machine", spread=(1.2, 1.9), repeats=6,
                   id="sooner.attended"),
-            *lines,
+            *lines("chair, the whole picture, point", 0, axes, at, lambda x, slow: 0.0001 + 0.1 * slow * (x < 0.4),
+                   {"attention": (1.0,), "plain rendering": (3.0,)}, log="y"),
             Picture(0, "raster order, after 40 % of the time", "24.1 dB against the finished picture", PICTURE),
         ],
         "priorities": [Answer("The priorities sum to 1.618, not to 1."), phi(0)],
@@ -98,19 +80,18 @@ def fake_findings() -> dict[str, list[Finding]]:
 
 def fake_serving(settings: dict[str, Any] | None = None, **changes: list[Finding] | None) -> Studies:
     """Return the record with other findings of some studies, or without them; with other settings beside its own."""
-    findings = {name: found for name, found in {**fake_findings(), **changes}.items() if found is not None}
+    findings = {name: listed for name, listed in {**fake_findings(), **changes}.items() if listed is not None}
     studies = [
-        StudyRecord(StudyInfo(name, name.capitalize(), f"Does {name} hold?", "Timed in turn."), "", found, 12.0)
-        for name, found in findings.items()
+        StudyRecord(StudyInfo(name, name.capitalize(), f"Does {name} hold?", "Timed in turn."), "", listed, 12.0)
+        for name, listed in findings.items()
     ]
-    return Studies("serving", PROVENANCE, {**SETTINGS, **(settings or {})}, studies, True)
+    return shelf("serving", studies, {**SETTINGS, **(settings or {})}, {})
 
 
 def write_fake_serving(out: Path, record: Studies | None = None) -> Path:
     (out / PICTURE).parent.mkdir(parents=True, exist_ok=True)
     matplotlib.image.imsave(out / PICTURE, np.linspace(0.0, 1.0, 40 * 40 * 3).reshape(40, 40, 3))
-    write_studies(out / SHELVES["serving"], record or fake_serving())
-    return out
+    return write_shelf(out, record or fake_serving())
 
 
 if __name__ == "__main__":

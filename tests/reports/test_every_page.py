@@ -14,10 +14,9 @@ from tests.reports.browsing import opened, unfold, weakest_contrast
 from tests.reports.fake_evidence import fake_evidence
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_serving import fake_serving, write_fake_serving
+from tests.reports.fake_shelf import hostile
 from tests.reports.fake_speed import fake_speed
-from tests.reports.fake_speed import hostile as hostile_speed
 from tests.reports.fake_stability import fake_stability, write_fake_stability
-from tests.reports.fake_stability import hostile as hostile_stability
 from tests.reports.menus import saveable
 from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
 
@@ -32,11 +31,9 @@ PAGES: dict[str, Callable[[Path], str]] = {
     "evidence": lambda out: study_page(fake_evidence(), out),
     "speed": lambda out: study_page(fake_speed(), out),
     "serving": lambda out: study_page(fake_serving(), write_fake_serving(out)),
-    "hostile speed": lambda out: study_page(hostile_speed(fake_speed(), HOSTILE), out),
+    "hostile speed": lambda out: study_page(hostile(fake_speed(), HOSTILE), out),
     "stability": lambda out: study_page(fake_stability(), write_fake_stability(out)),
-    "hostile stability": lambda out: study_page(
-        hostile_stability(fake_stability(), HOSTILE), write_fake_stability(out)
-    ),
+    "hostile stability": lambda out: study_page(hostile(fake_stability(), HOSTILE), write_fake_stability(out)),
 }
 
 

@@ -14,8 +14,8 @@ from reports.data.studies_load import find_studies
 from reports.run.run_page import page
 from reports.studies.study_page import headline, of_interest, sentences, shelf_shown, study_page
 from tests.reports.fake_evidence import INTEREST, fake_evidence, study
+from tests.reports.fake_shelf import hostile
 from tests.reports.fake_speed import fake_speed, write_fake_speed
-from tests.reports.fake_speed import hostile as hostile_speed
 from tests.reports.fake_stability import case, fake_stability, write_fake_stability
 from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
 
@@ -146,7 +146,7 @@ def test_hostile_words_stay_words(tmp_path):
         [Series(HOSTILE, 0, HOSTILE, HOSTILE, HOSTILE, [1.0, 2.0], [1.0, 2.0])],
         [Table(HOSTILE, 0, HOSTILE, [HOSTILE], [[HOSTILE]])],
     )
-    for record in (replace(EMPTY["evidence"], studies=[hostile_study]), hostile_speed(fake_speed(), HOSTILE)):
+    for record in (replace(EMPTY["evidence"], studies=[hostile_study]), hostile(fake_speed(), HOSTILE)):
         text = study_page(record, tmp_path)
         assert foreign_scripts(text) == []
         assert {"img", "iframe", "object"} & set(Outline(text).tags) == set()
