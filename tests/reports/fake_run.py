@@ -6,6 +6,7 @@ python -m tests.reports.fake_run OUT    writes eight scenes × three methods × 
 import math
 import sys
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -71,17 +72,12 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
         )
     amplified = method == "qnerf"
     scores = {
-        "psnr": final,
-        "ssim": round(0.6 + final / 100, 4),
-        "flip": round(0.4 - final / 100, 4),
-        "delta_e": round(12 - final / 4, 3),
-        "rmse_linear": round(1.3 * 10 ** (-final / 20), 5),
-        "depth_rmse": round(0.31 + 0.01 * place, 4),
-        "opacity_iou": round(0.97 - 0.004 * place, 4),
-        "psnr_train": round(final + 1.1, 3),
-        "psnr_ceiling": 38.0 + 0.5 * place,
-        "psnr_floor": 15.0 + 0.4 * place,
-    }
+        "psnr": final, "ssim": round(0.6 + final / 100, 4), "flip": round(0.4 - final / 100, 4),
+        "delta_e": round(12 - final / 4, 3), "rmse_linear": round(1.3 * 10 ** (-final / 20), 5),
+        "depth_rmse": round(0.31 + 0.01 * place, 4), "opacity_iou": round(0.97 - 0.004 * place, 4),
+        "psnr_train": round(final + 1.1, 3), "psnr_ceiling": 38.0 + 0.5 * place, "psnr_floor": 15.0 + 0.4 * place,
+    }  # fmt: skip
+    of_view = {"ssim": 0.85, "flip": 0.12, "delta_e": 5.0, "rmse_linear": 0.06, "depth_rmse": 0.3, "opacity_iou": 0.96}
     return CellRecord(
         scene=scene,
         method=method,
@@ -92,19 +88,7 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
         train_seconds=curve[-1].seconds,
         scores=scores,
         curve=curve,
-        views=[
-            ViewScore(
-                "r_12",
-                scores["psnr_ceiling"],
-                psnr=final,
-                ssim=0.85,
-                flip=0.12,
-                delta_e=5.0,
-                rmse_linear=0.06,
-                depth_rmse=0.3,
-                opacity_iou=0.96,
-            )
-        ],
+        views=[ViewScore("r_12", scores["psnr_ceiling"], psnr=final, **of_view)],
         trace={
             "step": [float(step) for step in STEPS],
             "loss": [10 ** (-(point.psnr or 0) / 10) for point in curve],
@@ -141,52 +125,45 @@ def _density(step: int) -> dict[str, list[float]]:
     """A tenth of the points is inside, where density is higher; the whole is the mean of both."""
     edges = [0.0, *(round(10 ** (-2 + 0.1 * k), 6) for k in range(41))]
     points = {"inside": 3_277, "outside": 29_491}
-    found: dict[str, np.ndarray] = {}
+    shares: dict[str, np.ndarray] = {}
     for where, middle in (("inside", 30), ("outside", 16)):
         before = np.exp(-0.5 * ((np.arange(41) - middle) / (6 + step / 400)) ** 2)
         after = np.where(np.arange(41) < 21, before, 0.0)
         after[20] += before[21:].sum()
-        found |= {f"before_{where}": before / before.sum(), f"after_{where}": after / after.sum()}
+        shares |= {f"before_{where}": before / before.sum(), f"after_{where}": after / after.sum()}
     for side in ("before", "after"):
-        found[side] = sum(points[w] * found[f"{side}_{w}"] for w in points) / sum(points.values())
-    return {"edges": edges, "points": list(points.values()), **{name: one.tolist() for name, one in found.items()}}
+        shares[side] = sum(points[w] * shares[f"{side}_{w}"] for w in points) / sum(points.values())
+    return {"edges": edges, "points": list(points.values()), **{name: each.tolist() for name, each in shares.items()}}
 
 
 def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Comparison]:
     """Differences of means with made-up intervals: the reports must show these, and compute none of their own."""
-    found = []
-    for budget, loss in (("steps", 0.0), ("seconds", 0.12)):
-        for method, against in (("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("nerf_matched", "nerf")):
-            for scene in [*scenes, "all"]:
-                pairs = [
-                    (a.scores.get("psnr"), b.scores.get("psnr"))
-                    for a in cells
-                    for b in cells
-                    if (a.method, b.method) == (method, against)
-                    and (a.scene, a.seed) == (b.scene, b.seed)
-                    and scene in (a.scene, "all")
-                ]
-                both = [a - b for a, b in pairs if a is not None and b is not None]
-                if not both:
-                    continue
-                mean = round(sum(both) / len(both) - (loss if method == "qnerf" else 0), 3)
-                half = 0.12 if scene == "all" else 0.3
-                low, high = round(mean - half, 3), round(mean + half, 3)
-                verdict = "better" if low > 0 else "worse" if high < 0 else "inconclusive"
-                if verdict == "inconclusive" and max(-low, high) < 0.25:
-                    verdict = "equivalent"
-                aside = len(pairs) - len(both)
-                there = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
-                near = (round(mean - 0.05, 3), round(mean + 0.05, 3))
-                several = scene == "all" and len(scenes) > 1
-                found.append(
-                    Comparison(
-                        scene, method, against, "psnr", budget, mean, (low, high), verdict, 0.4, len(both), aside,
-                        (low, high), 1, Estimate(near, near, 1, "better", 0.1, 4 * mean) if several else there,
-                        there if several else None,
-                    )
-                )  # fmt: skip
-    return found
+    by_key = {(cell.method, cell.scene, cell.seed): cell.scores.get("psnr") for cell in cells}
+    duels = (("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("nerf_matched", "nerf"))
+    rows = []
+    for (budget, loss), duel, scene in product((("steps", 0.0), ("seconds", 0.12)), duels, [*scenes, "all"]):
+        keys = [key[1:] for key in by_key if key[0] == duel[0] and scene in (key[1], "all")]
+        pairs = [tuple(by_key[method, *key] for method in duel) for key in keys if (duel[1], *key) in by_key]
+        both = [a - b for a, b in pairs if a is not None and b is not None]
+        if not both:
+            continue
+        mean = round(sum(both) / len(both) - (loss if duel[0] == "qnerf" else 0), 3)
+        half = 0.12 if scene == "all" else 0.3
+        low, high = round(mean - half, 3), round(mean + half, 3)
+        verdict = "better" if low > 0 else "worse" if high < 0 else "inconclusive"
+        if verdict == "inconclusive" and max(-low, high) < 0.25:
+            verdict = "equivalent"
+        there = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
+        near = (round(mean - 0.05, 3), round(mean + 0.05, 3))
+        several = scene == "all" and len(scenes) > 1
+        rows.append(
+            Comparison(
+                scene, *duel, "psnr", budget, mean, (low, high), verdict, 0.4, len(both), len(pairs) - len(both),
+                (low, high), 1, Estimate(near, near, 1, "better", 0.1, 4 * mean) if several else there,
+                there if several else None,
+            )
+        )  # fmt: skip
+    return rows
 
 
 def _ball(number: int, place: int, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -257,14 +234,8 @@ def run_record(scenes: list[str], methods: dict[str, str], seeds: int, size: int
         settings={
             "profile": "reduced",
             "budget": {"steps": STEPS[-1], "seconds": None},
-            "train": {
-                "network": {"depth": 6, "width": 64},
-                "rays": 2048,
-                "bins": 96,
-                "fine_bins": 0,
-                "learning_rate": 0.005,
-                "grid": {"cells": 32},
-            },
+            "train": {"network": {"depth": 6, "width": 64}, "rays": 2048, "bins": 96, "fine_bins": 0}
+            | {"learning_rate": 0.005, "grid": {"cells": 32}},
             "views": {"resolution": size},
         },
         provenance={"commit": "abc1234", "python": "3.11.7", "versions": {"torch": "2.15.0", "mitsuba": "3.9.1"}},
@@ -298,7 +269,7 @@ def write_fake_run(
         lost = max(i for i, cell in enumerate(cells) if (cell.scene, cell.method) == (scenes[-1], "qnerf"))
         cells[lost] = diverged(cells[lost])
     if pictures:
-        cells = [write_pictures(out, one, scenes.index(one.scene), size, one.scene in hdr) for one in cells]
+        cells = [write_pictures(out, cell, scenes.index(cell.scene), size, cell.scene in hdr) for cell in cells]
     cells = [change_cell(cell) for cell in cells]
     for cell in cells:
         write_cell(out, cell)
