@@ -28,40 +28,46 @@ Table = dict[str, np.ndarray]
 REPETITIONS = 4000
 
 
-def simulated(units: int, mean: float = 0.0, spread: float = 1.0, seed: int = 0) -> list[PairedDifference]:
-    draws = np.random.default_rng(seed).normal(mean, spread, (REPETITIONS, units))
-    return [paired_difference(row) for row in draws]
-
-
 def chance(share: float, repetitions: int = REPETITIONS) -> float:
     """Four standard errors of a share."""
     return 4 * math.sqrt(share * (1 - share) / repetitions)
 
 
-@pytest.mark.parametrize("units", [3, 8])
-def test_95_percent_of_intervals_hold_the_truth(units: int) -> None:
-    results = simulated(units, mean=0.3, spread=0.7)
-    held = [one.interval is not None and one.interval[0] <= 0.3 <= one.interval[1] for one in results]
-    assert np.mean(held) == pytest.approx(0.95, abs=chance(0.05))
+def held(results: list[PairedDifference], truth: float = 0.0) -> float:
+    pairs = [result.interval for result in results]
+    return float(np.mean([pair is not None and pair[0] <= truth <= pair[1] for pair in pairs]))
 
 
 @pytest.mark.parametrize("units", [3, 8])
-def test_a_method_against_itself_is_told_apart_in_5_percent_at_most(units: int) -> None:
-    verdicts = [verdict(one, 1e-9, True) for one in simulated(units, seed=1)]
-    false = np.mean([said in ("better", "worse") for said in verdicts])
+def test_95_percent_of_intervals_hold_the_truth_and_5_percent_tell_nothing_from_nothing(units: int) -> None:
+    draws = np.random.default_rng(1).normal(0.0, 1.0, (REPETITIONS, units))
+    results = [paired_difference(row) for row in draws]
+    assert held(results) == pytest.approx(0.95, abs=chance(0.05))
+    verdicts = [verdict(result, 1e-9, True) for result in results]
+    false = np.mean([called in ("better", "worse") for called in verdicts])
     assert 0.03 < false < 0.05 + chance(0.05)
     assert verdicts.count("better") == pytest.approx(verdicts.count("worse"), abs=60)
 
 
-@pytest.mark.parametrize("family", [1, 8, 48])
-@pytest.mark.parametrize("units", [2, 3, 8, 24])
-def test_the_difference_that_is_printed_for_the_true_spread_is_found_in_80_percent(units: int, family: int) -> None:
-    """One size for all repetitions: that each finds what it prints itself would say nothing of a true effect."""
-    planted = paired_difference(of_spread_1(units), family).smallest_detectable
+@pytest.mark.parametrize(
+    ("units", "family", "of_interest"),
+    [
+        *((units, family, None) for units in (2, 3, 8, 24) for family in (1, 8, 48)),
+        *((units, 1, of_interest) for units in (3, 8) for of_interest in (1e-9, 1.0, 2.0, 5.0, 50.0)),
+    ],
+)
+def test_the_difference_that_is_printed_for_the_true_spread_is_found_in_80_percent(
+    units: int, family: int, of_interest: float | None
+) -> None:
+    """One size for all repetitions: that each finds what it prints itself would say nothing of a true effect. With a
+    smallest effect of interest it is called better and not equivalent: spread 1, eight units, an interval of ± 0.8 lies
+    within ± 5 unless the effect is far beyond what 0 would need."""
+    result = paired_difference(of_spread_1(units), family)
+    planted = result.smallest_detectable if of_interest is None else detectable(result, of_interest)
     assert planted is not None
     draws = np.random.default_rng(2).normal(planted, 1, (REPETITIONS, units))
-    found = [verdict(paired_difference(row, family), 1e-9, True) == "better" for row in draws]
-    assert np.mean(found) == pytest.approx(0.80, abs=chance(0.2))
+    better = [verdict(paired_difference(row, family), of_interest or 1e-9, True) == "better" for row in draws]
+    assert np.mean(better) == pytest.approx(0.80, abs=chance(0.2))
 
 
 @pytest.mark.parametrize("family", [1, 8, 48, 1000])
@@ -79,49 +85,38 @@ def of_spread_1(units: int) -> np.ndarray:
     return values / values.std(ddof=1)
 
 
-def test_the_smallest_detectable_difference_scales_with_the_measured_spread() -> None:
-    result = paired_difference(np.array([1.0, 2.0, 3.0]))
-    # t of 2 degrees of freedom is 4.302653 at 97.5 %; noncentral by 5.653489 it is beyond in 80 %
-    assert result.smallest_detectable == pytest.approx(5.653489 / math.sqrt(3), rel=1e-5)
-    wider = paired_difference(np.array([10.0, 20.0, 30.0]))
-    assert wider.smallest_detectable == pytest.approx(10 * (result.smallest_detectable or 0))
-
-
-def test_many_units_detect_what_the_normal_distribution_says() -> None:
-    values = np.random.default_rng(3).normal(0, 1, 100_000)
-    expected = (1.959964 + 0.841621) * values.std(ddof=1) / math.sqrt(100_000)
-    assert paired_difference(values).smallest_detectable == pytest.approx(expected, rel=1e-3)
-
-
 def test_the_interval_is_students() -> None:
-    result = paired_difference(np.array([1.0, 2.0, 3.0]))
-    half = 4.302653 / math.sqrt(3)  # t of 2 degrees of freedom at 97.5 %
-    assert result.mean == 2.0
-    assert result.interval == pytest.approx((2 - half, 2 + half), rel=1e-6)
-    assert result.simultaneous == result.interval
-    assert result.units == 3
-
-
-def test_a_family_widens_the_interval_of_the_verdict_alone() -> None:
     values = np.array([1.0, 2.0, 3.0])
-    one, of_eight = paired_difference(values), paired_difference(values, 8)
-    assert of_eight.interval == one.interval
-    assert of_eight.simultaneous is not None
-    half = 12.590 / math.sqrt(3)  # t of 2 degrees of freedom at 1 − 0.025 / 8
+    result, of_eight = paired_difference(values), paired_difference(values, 8)
+    half = 4.302653 / math.sqrt(3)  # t of 2 degrees of freedom at 97.5 %
+    assert (result.mean, result.units) == (2.0, 3)
+    assert result.interval == result.simultaneous == of_eight.interval == pytest.approx((2 - half, 2 + half), rel=1e-6)
+    half = 12.590 / math.sqrt(3)  # at 1 − 0.025 / 8
     assert of_eight.simultaneous == pytest.approx((2 - half, 2 + half), rel=1e-3)
     assert critical(2, 1) < critical(2, 2) < critical(2, 8)
+    # noncentral by 5.653489, t is beyond 4.302653 in 80 %
+    assert result.smallest_detectable == pytest.approx(5.653489 / math.sqrt(3), rel=1e-5)
+    wider = paired_difference(10 * values)
+    assert wider.smallest_detectable == pytest.approx(10 * (result.smallest_detectable or 0))
+    many = np.random.default_rng(3).normal(0, 1, 100_000)
+    of_normal = (1.959964 + 0.841621) * many.std(ddof=1) / math.sqrt(100_000)
+    assert paired_difference(many).smallest_detectable == pytest.approx(of_normal, rel=1e-3)
+    alike = paired_difference(np.array([1.0, 1.0, 1.0]))
+    assert (alike.smallest_detectable, detectable(alike, 0.2)) == (0.0, 0.2), "without any spread"
 
 
 def test_a_whole_family_holds_the_truth_in_95_percent() -> None:
     """Eight scenes of three seeds each, one interval a scene: independent, so Bonferroni wastes next to nothing."""
+
+    def misses(pair: tuple[float, float] | None) -> bool:
+        return pair is None or pair[0] > 0 or pair[1] < 0
+
     draws = np.random.default_rng(4).normal(0, 1, (1000, 8, 3))
-    missed = alone = 0
-    for table in draws:
-        results = [paired_difference(row, 8) for row in table]
-        missed += any(one.simultaneous is None or one.simultaneous[0] > 0 or one.simultaneous[1] < 0 for one in results)
-        alone += any(one.interval is None or one.interval[0] > 0 or one.interval[1] < 0 for one in results)
-    assert missed / 1000 == pytest.approx(1 - (1 - 0.05 / 8) ** 8, abs=chance(0.05, 1000))
-    assert alone / 1000 > 0.25  # what would come of eight uncorrected looks
+    tables = [[paired_difference(row, 8) for row in table] for table in draws]
+    missed = np.mean([any(misses(result.simultaneous) for result in table) for table in tables])
+    assert missed == pytest.approx(1 - (1 - 0.05 / 8) ** 8, abs=chance(0.05, 1000))
+    # what would come of eight uncorrected looks
+    assert np.mean([any(misses(result.interval) for result in table) for table in tables]) > 0.25
 
 
 def test_one_unit_has_no_interval_and_no_verdict() -> None:
@@ -161,22 +156,6 @@ def test_what_an_interval_allows_to_say(interval: tuple[float, float] | None, hi
     assert verdict(result, 0.2, higher_is_better=False) == lower
 
 
-@pytest.mark.parametrize("of_interest", [1e-9, 1.0, 2.0, 5.0, 50.0])
-@pytest.mark.parametrize("units", [3, 8])
-def test_a_detectable_effect_is_called_better_and_not_equivalent(units: int, of_interest: float) -> None:
-    """Spread 1, eight units: an interval of ± 0.8 lies within ± 5 unless the effect is far beyond what 0 would need."""
-    planted = detectable(paired_difference(of_spread_1(units)), of_interest)
-    assert planted is not None
-    draws = np.random.default_rng(5).normal(planted, 1, (REPETITIONS, units))
-    found = [verdict(paired_difference(row), of_interest, True) == "better" for row in draws]
-    assert np.mean(found) == pytest.approx(0.80, abs=chance(0.2))
-
-
-def test_without_any_spread_an_effect_of_interest_is_detectable() -> None:
-    result = paired_difference(np.array([1.0, 1.0, 1.0]))
-    assert (result.smallest_detectable, detectable(result, 0.2)) == (0.0, 0.2)
-
-
 def drawn(scenes: int, seeds: int, spread_of_scenes: float, spread: float = 1.0, many: int = 1) -> list[Table]:
     draw = np.random.default_rng(scenes + 100 * seeds).normal
     values = draw(0, spread_of_scenes, (many, scenes, 1)) + draw(0, spread, (many, scenes, seeds))
@@ -196,6 +175,10 @@ def test_scenes_like_these_are_students_t_over_their_means() -> None:
     table = {"a": np.array([1.0, 3.0]), "b": np.array([4.0, math.nan]), "c": np.array([9.0, 9.0])}
     assert scenes_like_these(table, 3) == paired_difference(np.array([2.0, 4.0, 9.0]), 3)
     assert scenes_like_these({"a": np.array([1.0, 2.0])}).interval is None
+    few, many = ({"a": np.full(seeds, 1.0), "b": np.full(seeds, 4.0)} for seeds in (1, 50))
+    assert scenes_like_these(many) == scenes_like_these(few), "more seeds do not count as more scenes"
+    # one seed each knows nothing of seeds
+    assert (on_these_scenes(few).interval, on_one_scene(few, "a").interval) == (None, None)
 
 
 def test_one_scene_alone_is_students_t() -> None:
@@ -251,16 +234,6 @@ def test_a_scene_with_one_difference_borrows_and_one_without_any_is_no_part() ->
             wrong()
 
 
-def test_one_seed_each_knows_nothing_of_seeds_and_something_of_scenes() -> None:
-    table = {"a": np.array([2.0]), "b": np.array([4.0]), "c": np.array([9.0])}
-    assert (on_these_scenes(table).interval, on_one_scene(table, "a").interval) == (None, None)
-    assert scenes_like_these(table).interval is not None
-
-
-def held(results: list[PairedDifference], truth: float = 0.0) -> float:
-    return float(np.mean([one.interval is not None and one.interval[0] <= truth <= one.interval[1] for one in results]))
-
-
 @pytest.mark.parametrize("spread_of_scenes", [0.0, 2.0])
 def test_intervals_hold_what_they_are_about(spread_of_scenes: float) -> None:
     tables = drawn(8, 3, spread_of_scenes, many=1000)
@@ -272,12 +245,6 @@ def test_intervals_hold_what_they_are_about(spread_of_scenes: float) -> None:
         assert held([on_these_scenes(table) for table in tables]) < 0.6
 
 
-def test_more_seeds_of_the_same_scenes_do_not_count_as_more_scenes() -> None:
-    few = scenes_like_these({"a": np.array([1.0]), "b": np.array([4.0])})
-    many = scenes_like_these({"a": np.full(50, 1.0), "b": np.full(50, 4.0)})
-    assert many == few
-
-
 @pytest.mark.parametrize("estimate", [on_these_scenes, scenes_like_these])
 def test_eight_scenes_find_an_effect_of_the_size_that_they_print(estimate: Callable[[Table], PairedDifference]) -> None:
     """One size for all: the root mean square of what they print, as their errors vary about the true one."""
@@ -285,8 +252,8 @@ def test_eight_scenes_find_an_effect_of_the_size_that_they_print(estimate: Calla
     sizes = [estimate(table).smallest_detectable or 0.0 for table in tables]
     planted = float(np.sqrt(np.mean(np.square(sizes))))
     shifted = [{scene: row + planted for scene, row in table.items()} for table in tables]
-    found = [verdict(estimate(table), 1e-9, True) == "better" for table in shifted]
-    assert np.mean(found) == pytest.approx(0.80, abs=chance(0.2, 500))
+    better = [verdict(estimate(table), 1e-9, True) == "better" for table in shifted]
+    assert np.mean(better) == pytest.approx(0.80, abs=chance(0.2, 500))
 
 
 @pytest.mark.parametrize(("freedom", "family"), [(1.0, 200), (2.5, 9), (1e6, 1), (math.inf, 3)])
@@ -304,5 +271,5 @@ def test_one_difference_a_scene_moderated_by_others_has_an_interval_or_none() ->
         scales = 10.0 ** generator.uniform(-4, 4, 3)
         table = {str(place): scale * generator.normal(size=3) for place, scale in enumerate(scales)}
         table["0"][1:] = np.nan
-        found = on_one_scene(table, "0")
-        assert found.interval is None or found.freedom >= 1.0
+        result = on_one_scene(table, "0")
+        assert result.interval is None or result.freedom >= 1.0

@@ -1,6 +1,8 @@
 """Times to a target: hand-written curves, a slow Kaplan–Meier, and simulated runs whose truth is known."""
 
 import math
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,14 +70,9 @@ def test_the_target_is_what_half_of_the_baseline_reaches(best: list[float | None
         reached = sum(b is not None and b >= target for b in best)
         assert f"{reached} of {len(best)}" in why
         assert 2 * reached >= len(best)
-
-
-def test_the_target_knows_nothing_of_the_other_methods() -> None:
-    baseline = [run("nerf", seed, [20.0, 24.5, 25.5]) for seed in range(3)]
-    with_others = targets(
-        [*baseline, *(run("qnerf", seed, [10.0, 31.0, 35.0]) for seed in range(3))], ["nerf", "qnerf"]
-    )
-    assert (with_others.target, with_others.printed, with_others.baseline) == (25.0, False, "nerf")
+        others = [run("qnerf", seed, [10.0, 31.0, 35.0]) for seed in range(3)]
+        record = targets([*runs, *others], ["nerf", "qnerf"])
+        assert (record.target, record.printed, record.baseline) == (target, target == 30.0, "nerf"), "of nerf alone"
 
 
 def slow_kaplan_meier(reaches: list[Reach]) -> dict[float, float]:
@@ -117,18 +114,19 @@ def test_kaplan_meier_agrees_with_a_slow_one_and_keeps_lost_runs_at_risk() -> No
         found = dict(zip(times, share, strict=True))
         assert {time: found[time] for time in slow} == pytest.approx(slow)
     half = [Reach("a", "m", k, "steps", 5.0, "reached") for k in range(5)]
-    half += [Reach("a", "m", k, "steps", 1.0, "never", "diverged") for k in range(5)]
-    assert kaplan_meier(half)[1][-1] == pytest.approx(0.5)  # and not 1, as if the diverged had never been
+    # not as if the diverged had never been; those that failed were at risk until they did
+    for why, expected in (("diverged", ([0.5], [10])), ("failed", ([1.0], [5]))):
+        lost = [Reach("a", "m", k, "steps", 1.0, "never", why) for k in range(5)]
+        assert kaplan_meier([*half, *lost])[1:] == expected
 
 
 def test_a_saving_is_the_mean_ratio_of_times() -> None:
     """10 → 100 steps for 20 → 24 dB: 24 after 100 steps; a gain of 2 dB at each checkpoint brings it to √1000."""
-    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(3)]
-    cells += [run("qnerf", seed, [22, 26, 30]) for seed in range(3)]
-    one = of(cells)
-    assert one.saving == pytest.approx(100 * (1 - 10**-0.5))
-    assert one.difference == pytest.approx(10**1.5 - 100)
-    assert (one.verdict, one.pairs, one.never, one.earlier, one.horizon) == ("better", 3, (0, 0), (0, 0), 1000.0)
+    cells = [same("nerf", seed) for seed in range(3)] + [sooner("qnerf", seed) for seed in range(3)]
+    row = of(cells)
+    assert row.saving == pytest.approx(100 * (1 - 10**-0.5))
+    assert row.difference == pytest.approx(10**1.5 - 100)
+    assert (row.verdict, row.pairs, row.never, row.earlier, row.horizon) == ("better", 3, (0, 0), (0, 0), 1000.0)
     slower = compared(cells, "nerf", "qnerf", "steps", 24.0, "lego")
     assert (slower.saving, slower.verdict) == (pytest.approx(100 * (1 - 10**0.5)), "worse")
 
@@ -145,33 +143,46 @@ def test_seconds_are_cut_where_the_quicker_method_ended() -> None:
     assert (at_limit.never, at_limit.saving) == ((3, 0), pytest.approx(-100 * (100 / 84 - 1)))
 
 
-def test_a_run_that_never_gets_there_counts_as_long_as_it_was_watched() -> None:
-    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(4)]
-    cells += [run("qnerf", seed, [20, 24, 28]) for seed in range(3)]
-    for lost in (run("qnerf", 3, [10, 11, 12]), replace(diverged("lego", "qnerf", 3))):
-        one = of([*cells, lost])
-        assert one.difference == pytest.approx((1000 - 100) / 4)
-        assert one.saving == pytest.approx(100 * (1 - 10**0.25))
-        assert (one.pairs, one.never, one.unpaired) == (4, (1, 0), 0)
-        assert one.verdict == "inconclusive"
-    assert (of(cells).verdict, of(cells).unpaired) == ("equivalent", 1)  # the fourth run of qnerf does not exist
-
-
 def failed(method: str, seed: int) -> CellRecord:
     return replace(diverged("lego", method, seed), status="error", reason="no space left on device")
 
 
-def test_a_run_that_failed_is_not_judged_and_one_that_diverged_never_gets_there() -> None:
-    """A full disk refutes nobody: all of qnerf's runs lost to one must not read as if it never got there."""
-    base = [run("nerf", seed, [20, 24, 28]) for seed in range(3)]
-    one = of([*base, *(failed("qnerf", seed) for seed in range(3))])
-    assert (one.pairs, one.never, one.unpaired) == (0, (0, 0), 3)
-    assert (one.saving, one.verdict) == (None, "inconclusive")
-    other = of([*base, *(diverged("lego", "qnerf", seed) for seed in range(3))])
-    assert (other.pairs, other.never, other.unpaired) == (3, (3, 0), 0)
-    some = of([*base, failed("qnerf", 0), *(run("qnerf", seed, [22, 26, 30]) for seed in (1, 2))])
-    assert (some.pairs, some.unpaired, some.verdict) == (2, 1, "better")
-    assert some.saving == pytest.approx(100 * (1 - 10**-0.5))
+def fallen(method: str, seed: int) -> CellRecord:
+    return diverged("lego", method, seed)
+
+
+def same(method: str, seed: int) -> CellRecord:
+    return run(method, seed, [20, 24, 28])
+
+
+def sooner(method: str, seed: int) -> CellRecord:
+    return run(method, seed, [22, 26, 30])
+
+
+def late(method: str, seed: int) -> CellRecord:
+    return run(method, seed, [10, 11, 12])
+
+
+@pytest.mark.parametrize(
+    ("theirs", "pairs", "never", "unpaired", "saving", "verdict"),
+    [
+        # as long as it was watched: 1000 steps in place of 100, in one of four pairs
+        ([same, same, same, late], 4, (1, 0), 0, 100 * (1 - 10**0.25), "inconclusive"),
+        ([same, same, same, fallen], 4, (1, 0), 0, 100 * (1 - 10**0.25), "inconclusive"),
+        ([same, same, same], 3, (0, 0), 1, 0.0, "equivalent"),
+        # a full disk refutes nobody: runs lost to one must not read as if they never got there
+        ([failed] * 4, 0, (0, 0), 4, None, "inconclusive"),
+        ([fallen] * 4, 4, (4, 0), 0, -900.0, "inconclusive"),
+        ([failed, sooner, sooner], 2, (0, 0), 2, 100 * (1 - 10**-0.5), "better"),
+    ],
+)
+def test_a_run_that_failed_is_not_judged_and_one_that_diverged_or_ended_low_never_gets_there(
+    theirs: list[Callable], pairs: int, never: tuple[int, int], unpaired: int, saving: float | None, verdict: str
+) -> None:
+    cells = [same("nerf", seed) for seed in range(4)] + [made("qnerf", seed) for seed, made in enumerate(theirs)]
+    row = of(cells)
+    assert (row.pairs, row.never, row.unpaired, row.verdict) == (pairs, never, unpaired, verdict)
+    assert row.saving == (pytest.approx(saving) if saving is not None else None)
 
 
 def test_late_against_never_is_not_equivalent() -> None:
@@ -182,12 +193,6 @@ def test_late_against_never_is_not_equivalent() -> None:
     assert one.simultaneous is not None
     assert -5.0 < one.simultaneous[0] < one.simultaneous[1] < 5.0
     assert one.verdict != "equivalent"
-
-
-def test_a_run_that_failed_is_at_risk_until_it_did() -> None:
-    half = [Reach("a", "m", k, "steps", 5.0, "reached") for k in range(5)]
-    half += [Reach("a", "m", k, "steps", 1.0, "never", "failed") for k in range(5)]
-    assert kaplan_meier(half)[1:] == ([1.0], [5])
 
 
 def test_where_nobody_gets_there_or_all_were_there_before_nothing_is_equivalent() -> None:
@@ -219,22 +224,23 @@ def test_times_that_are_bounds_have_no_interval_without_width_and_a_verdict_by_c
         assert (one.verdict, one.difference_interval) == (verdict, None)
 
 
-def test_the_saving_to_the_target_is_a_bound_on_the_side_that_was_not_seen() -> None:
-    def reached(method: str, *finals: float) -> list[CellRecord]:
-        return [run(method, seed, [20, 24, final]) for seed, final in enumerate(finals)]
-
-    sooner = reached("qnerf", 29.0, 30.0, 31.0)
-    whole = of([*reached("nerf", 27.0, 27.5, 28.0), *sooner], target=26.0)
-    assert whole.interval is not None
-    assert (whole.at_least, whole.at_most) == whole.interval
-    theirs = of([*reached("nerf", 25.0, 27.5, 28.0), *sooner], target=26.0)
-    assert theirs.interval is not None
-    assert (theirs.at_least, theirs.at_most) == (theirs.interval[0], None)
-    ours = of([*reached("nerf", 27.0, 27.5, 28.0), *reached("qnerf", 25.0, 30.0, 31.0)], target=26.0)
-    assert ours.interval is not None
-    assert (ours.at_least, ours.at_most) == (None, ours.interval[1])
-    both = of([*reached("nerf", 25.0, 27.5, 28.0), *reached("qnerf", 29.0, 25.0, 31.0)], target=26.0)
-    assert (both.at_least, both.at_most) == (None, None)
+@pytest.mark.parametrize(
+    ("theirs", "ours", "ends"),
+    [
+        ((27.0, 27.5, 28.0), (29.0, 30.0, 31.0), (0, 1)),
+        ((25.0, 27.5, 28.0), (29.0, 30.0, 31.0), (0, None)),
+        ((27.0, 27.5, 28.0), (25.0, 30.0, 31.0), (None, 1)),
+        ((25.0, 27.5, 28.0), (29.0, 25.0, 31.0), (None, None)),
+    ],
+)
+def test_the_saving_to_the_target_is_a_bound_on_the_side_that_was_not_seen(
+    theirs: tuple[float, ...], ours: tuple[float, ...], ends: tuple[int | None, int | None]
+) -> None:
+    cells = [run("nerf", seed, [20, 24, final]) for seed, final in enumerate(theirs)]
+    cells += [run("qnerf", seed, [20, 24, final]) for seed, final in enumerate(ours)]
+    row = of(cells, target=26.0)
+    assert row.interval is not None
+    assert (row.at_least, row.at_most) == tuple(None if end is None else row.interval[end] for end in ends)
 
 
 TRUE_SAVING, HORIZON, NOISE = 18.0, 1000.0, 0.2
@@ -289,7 +295,7 @@ def test_a_saving_under_censoring_holds_what_it_claims_in_95_percent(target_time
     assert saving[0] == pytest.approx(one.saving)
 
 
-def test_the_record_of_a_run_is_whole_and_can_be_written(tmp_path: object) -> None:
+def test_the_record_of_a_run_is_whole_and_can_be_written(tmp_path: Path) -> None:
     cells = cells_with(drawn_times(300.0, 1, scenes=4)[:, 0], 23.0)
     cells[0] = diverged(cells[0].scene, "nerf", 0)
     cells[15] = replace(diverged(cells[15].scene, "qnerf", cells[15].seed), status="not_available")
@@ -305,7 +311,7 @@ def test_the_record_of_a_run_is_whole_and_can_be_written(tmp_path: object) -> No
         assert curve.time == sorted(curve.time)
         assert curve.share == sorted(curve.share)
         assert 0 <= curve.share[-1] <= 1
-    write_targets(tmp_path, record)  # type: ignore[arg-type]
-    assert read_targets(tmp_path) == record  # type: ignore[arg-type]
+    write_targets(tmp_path, record)
+    assert read_targets(tmp_path) == record
     nothing = targets([diverged("lego", "nerf", 0)], ["nerf", "qnerf"])
     assert (nothing.target, nothing.reaches, nothing.comparisons) == (None, [], [])
