@@ -1,6 +1,7 @@
 """The pictures that a run saved, as a report reads them: a missing or damaged one is a reason, never an error."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -29,44 +30,39 @@ class Kept:
 def kept(records: Records, scene: str, seeds: tuple[int, ...] | None = None) -> Kept:
     """Read the files of the scene's cells, of the named seeds or of all."""
     cells = [cell for cell in records.cells if cell.scene == scene and (seeds is None or cell.seed in seeds)]
-    found = Kept(_truth(records.folder, scene) if any(cell.pictures for cell in cells) else {})
+    pictures = Kept({})
+    path = inside(records.folder, truth_pictures(scene))
+    if path is not None and any(cell.pictures for cell in cells):
+        with suppress(DamagedRecord):
+            pictures.truth.update({truth.view: truth for truth in read_truth(path)})
     for cell in cells:
-        key = (cell.method, cell.seed)
         renders = _renders(records.folder, cell)
         if isinstance(renders, str):
-            found.missing[key] = renders
+            pictures.missing[cell.method, cell.seed] = renders
         else:
-            found.renders[key] = renders
-    return found
+            pictures.renders[cell.method, cell.seed] = renders
+    return pictures
 
 
 def damaged(records: Records) -> list[str]:
     """Return a line for every file of pictures that cannot be shown, with the reason."""
-    found: list[str] = []
+    lines: list[str] = []
     for scene in records.scenes:
         paths = [cell.pictures for cell in records.cells if cell.scene == scene and cell.pictures]
         files: list[tuple[str, Callable[[Path], Any]]] = [(truth_pictures(scene), read_truth)] if paths else []
         for relative, read in [*files, *((path, read_renders) for path in paths)]:
             path = inside(records.folder, relative)
             if path is None:
-                found.append(f"{relative}: leads out of the records")
+                lines.append(f"{relative}: leads out of the records")
             else:
-                if_sound(partial(read, path), None, found)
-    return found
+                if_sound(partial(read, path), None, lines)
+    return lines
 
 
 def inside(folder: Path, relative: str) -> Path | None:
     """Return the file, or None if its path leads out of the folder."""
     path = (folder / relative).resolve()
     return path if path.is_relative_to(folder.resolve()) else None
-
-
-def _truth(folder: Path, scene: str) -> dict[str, Truth]:
-    path = inside(folder, truth_pictures(scene))
-    try:
-        return {one.view: one for one in read_truth(path)} if path else {}
-    except DamagedRecord:
-        return {}
 
 
 def _renders(folder: Path, cell: CellRecord) -> list[Render] | str:

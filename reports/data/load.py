@@ -22,7 +22,6 @@ from harness.records.cells import (
     records_folder,
 )
 from harness.records.json_record import REMEDY, DamagedRecord, shown
-from harness.records.study import Series, Table
 from harness.records.targets import TARGETS_FILE, TargetsRecord, read_targets
 from harness.verdicts.comparisons import compare
 
@@ -86,12 +85,12 @@ class Records:
     @property
     def not_available(self) -> dict[str, dict[str, int]]:
         """Map method → reason → number of its cells that could not be trained here; that is no failure."""
-        found: dict[str, dict[str, int]] = {}
+        reasons: dict[str, dict[str, int]] = {}
         for cell in self.cells:
             if cell.status == "not_available":
-                reasons, reason = found.setdefault(cell.method, {}), cell.reason or "no reason recorded"
-                reasons[reason] = reasons.get(reason, 0) + 1
-        return found
+                of_method, reason = reasons.setdefault(cell.method, {}), cell.reason or "no reason recorded"
+                of_method[reason] = of_method.get(reason, 0) + 1
+        return reasons
 
     def scene(self, name: str) -> SceneRecord | None:
         return next((scene for scene in self.run.scenes if scene.name == name), None)
@@ -104,9 +103,9 @@ class Records:
         self, scene: str, method: str, against: str, metric: str = "psnr", budget: str = "steps"
     ) -> Comparison | None:
         wanted = (scene, method, against, metric, budget)
-        for one in (*self.comparisons, *self.extra_comparisons):
-            if (one.scene, one.method, one.against, one.metric, one.budget) == wanted:
-                return one
+        for row in (*self.comparisons, *self.extra_comparisons):
+            if (row.scene, row.method, row.against, row.metric, row.budget) == wanted:
+                return row
         return None
 
 
@@ -114,21 +113,20 @@ def read_records(out: Path, partly: bool = False) -> Records:
     """Read everything under `out`; raises `NoRecords` or `DamagedRecord` with a message for the reader. With `partly` a
     damaged file is excluded and noted, unless nothing can be shown without it.
     """
-    folder = records_folder(out)
-    if not out.is_dir():
-        raise NoRecords(f"{out}: no such folder; give the output folder of a run, for instance out/latest")
+    folder, finish = records_folder(out), "finish the run (python -m harness run --resume)"
     if not folder.is_dir():
-        raise NoRecords(f"{out}: no records/ in it; give the output folder of a run, for instance out/latest")
+        lacks = "no records/ in it" if out.is_dir() else "no such folder"
+        raise NoRecords(f"{out}: {lacks}; give the output folder of a run, for instance out/latest")
     paths = cell_files(out)
     if not paths:
-        raise NoRecords(f"{folder}: no finished cell yet; finish the run (python -m harness run --resume)")
+        raise NoRecords(f"{folder}: no finished cell yet; {finish}")
     if not (folder / "run.json").is_file():
-        raise NoRecords(f"{folder / 'run.json'}: missing; finish the run (python -m harness run --resume)")
+        raise NoRecords(f"{folder / 'run.json'}: missing; {finish}")
     run = read_run(out)
     left_out: list[str] | None = [] if partly else None
     cells = [cell for path in paths if (cell := if_sound(partial(read_cell, path), None, left_out)) is not None]
     if not cells:
-        raise NoRecords(f"{folder}: no finished cell is sound; finish the run (python -m harness run --resume)")
+        raise NoRecords(f"{folder}: no finished cell is sound; {finish}")
     comparisons: list[Comparison] = if_sound(partial(read_comparisons, out), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
     known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
@@ -142,25 +140,12 @@ def read_records(out: Path, partly: bool = False) -> Records:
         out,
         run,
         [cell for cell in cells if cell.method not in extra],
-        [one for one in comparisons if one.method not in extra],
+        [row for row in comparisons if row.method not in extra],
         targets,
         left_out or [],
         [cell for cell in cells if cell.method in extra],
-        [one for one in comparisons if one.method in extra],
+        [row for row in comparisons if row.method in extra],
     )
-
-
-def find_record(path: Path, read: Callable[[Path], One], wrong: Callable[[One], str | None], remedy: str) -> One | None:
-    """Return a record that lies beside a run, None if there is none; raises `DamagedRecord`.
-
-    `wrong` finds the first thing that no run writes, though every type is right.
-    """
-    if not path.is_file():
-        return None
-    record = read(path)
-    if (problem := wrong(record)) is not None:
-        raise DamagedRecord(f"{path}: {problem}; {remedy}")
-    return record
 
 
 def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRecord]:
@@ -170,31 +155,17 @@ def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRec
 
 
 def _targets(out: Path, methods: list[str]) -> TargetsRecord | None:
-    """Raises `DamagedRecord` also where a curve is of none of the methods."""
-    found = read_targets(out)
-    stray = next((one.method for one in found.curves if one.method not in methods), None) if found else None
-    if stray is not None:
-        path = records_folder(out) / TARGETS_FILE
-        raise DamagedRecord(f"{path}: a curve is of {shown(stray)}, which is no method of the run; {REMEDY}")
-    return found
+    """Read the record; raises `DamagedRecord` also where a curve is of none of the methods."""
+    record = read_targets(out)
+    for curve in record.curves if record else []:
+        if curve.method not in methods:
+            why = f"a curve is of {shown(curve.method)}, which is no method of the run; {REMEDY}"
+            raise DamagedRecord(f"{records_folder(out) / TARGETS_FILE}: {why}")
+    return record
 
 
 def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
     return list(dict.fromkeys([*first, *sorted(set(then) - set(first))]))
-
-
-def uneven(series: Iterable[Series], tables: Iterable[Table]) -> str | None:
-    """Return the first list of a line or a table that is longer or shorter than its partner."""
-    for one in series:
-        for name in ("y", "low", "high"):
-            values = getattr(one, name)
-            if values is not None and len(values) != len(one.x):
-                return f"series {one.name!r} has {len(one.x)} x but {len(values)} {name}"
-    for table in tables:
-        for row in table.rows:
-            if len(row) != len(table.columns):
-                return f"table {table.id!r} has {len(table.columns)} columns but a row of {len(row)}"
-    return None
 
 
 def if_sound(read: Callable[[], One], without: One, left_out: list[str] | None) -> One:

@@ -10,11 +10,11 @@ import hashlib
 import json
 import zlib
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 DARKEST = 1e-4
 """The offset of linear light, which is coded as ln(value + DARKEST)."""
@@ -41,25 +41,21 @@ class Packed:
 
 def display(values: np.ndarray) -> Packed:
     """Pack 0 … 1 in 8 bits, [h, w] or [h, w, 3]; values outside are clipped."""
-    return _packed(np.round(np.clip(_float(values), 0.0, 1.0) * 255).astype(np.uint8), 0.0, 1.0)
+    return _packed(np.round(np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0) * 255).astype(np.uint8), 0.0, 1.0)
 
 
 def depth(values: np.ndarray, far: float) -> Packed:
     """Pack 0 … `far` in 16 bits, [h, w]; `far` is above 0, and values outside are clipped."""
-    steps = np.round(np.clip(_float(values) / far, 0.0, 1.0) * DEPTH_STEPS)
+    steps = np.round(np.clip(np.asarray(values, dtype=np.float64) / far, 0.0, 1.0) * DEPTH_STEPS)
     return _packed(*_spread(steps, DEPTH_STEPS, 0.0, far))
 
 
 def light(values: np.ndarray) -> Packed:
     """Pack linear light of 0 or more in 16 bits, [h, w, 3], as logarithms between its own least and largest."""
-    logarithms = np.log(np.maximum(_float(values), 0.0) + DARKEST)
+    logarithms = np.log(np.maximum(np.asarray(values, dtype=np.float64), 0.0) + DARKEST)
     low, high = float(logarithms.min()), float(logarithms.max())
     steps = np.round((logarithms - low) / max(high - low, 1e-9) * LIGHT_STEPS)
     return _packed(*_spread(steps, LIGHT_STEPS, low, high), log=True)
-
-
-def _float(values: np.ndarray) -> NDArray[np.float64]:
-    return np.asarray(values, dtype=np.float64)
 
 
 def _spread(steps: np.ndarray, most: int, low: float, high: float) -> tuple[np.ndarray, float, float]:
@@ -72,27 +68,22 @@ def _packed(levels: np.ndarray, low: float, high: float, log: bool = False) -> P
     levels = levels if levels.ndim == 3 else levels[..., None]
     data = zlib.compress(planes(levels), 9)
     bits = 8 * levels.dtype.itemsize
-    ref = {"channels": levels.shape[2], "bits": bits, "low": low, "high": high, "id": f"px{_name(data)}"}
+    name = hashlib.blake2b(data, digest_size=6).hexdigest()  # equal pictures have one name, and are in the page once
+    ref = {"channels": levels.shape[2], "bits": bits, "low": low, "high": high, "id": f"px{name}"}
     return Packed({**ref, **({"log": True} if log else {})}, base64.b64encode(data).decode("ascii"))
-
-
-def _name(data: bytes) -> str:
-    """Name a picture by its content: equal ones have one name, and are in the page once."""
-    return hashlib.blake2b(data, digest_size=6).hexdigest()
 
 
 def planes(levels: np.ndarray) -> bytes:
     """Return the delta-coded planes of uint8 or uint16 [h, w, channels]."""
     shifts = (8, 0) if levels.dtype == np.uint16 else (0,)
-    found = []
-    for channel in range(levels.shape[2]):
-        for shift in shifts:
-            plane = ((levels[..., channel] >> shift) & 255).astype(np.uint8)
-            coded = plane.copy()
-            coded[:, 1:] -= plane[:, :-1]
-            coded[1:, 0] -= plane[:-1, 0]
-            found.append(coded.tobytes())
-    return b"".join(found)
+    coded = b""
+    for channel, shift in product(range(levels.shape[2]), shifts):
+        plane = ((levels[..., channel] >> shift) & 255).astype(np.uint8)
+        differences = plane.copy()
+        differences[:, 1:] -= plane[:, :-1]
+        differences[1:, 0] -= plane[:-1, 0]
+        coded += differences.tobytes()
+    return coded
 
 
 def as_data(value: Any) -> Markup:

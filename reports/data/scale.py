@@ -1,5 +1,6 @@
 """The scale of a run: the facts without which no number of it means anything."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 from typing import Any
@@ -7,7 +8,6 @@ from typing import Any
 from reports.data.load import Records
 from reports.data.wording import count, counted, duration, listed
 
-PAPER_RESOLUTION = 800
 PAPER_STEPS = 200_000
 PAPER_TRAINING = {"rays": 1024, "learning_rate": 5e-4}
 PAPER_NETWORK = {"depth": 8, "width": 256}
@@ -19,15 +19,15 @@ PAPER_VIEWS = {"train": 100, "test": 200}
 class Fact:
     label: str
     value: str
-    paper: str = ""
-    """The paper's setting, if it states one."""
+    paper: str
+    """The paper's setting."""
 
 
 def facts(records: Records) -> list[Fact]:
     """Return resolution, steps, time, seeds, network: the top of the page, beside the paper's setting."""
     settings = records.run.settings
     seconds = [cell.train_seconds for cell in records.cells if cell.status == "done"]
-    found = [
+    every = [
         Fact("profile", records.run.profile, "full"),
         Fact("scenes", count(len(records.scenes)), "8"),
         Fact("picture", _resolutions(records), "800 × 800 px"),
@@ -40,19 +40,15 @@ def facts(records: Records) -> list[Fact]:
         Fact("samples a ray", _samples(settings), "not stated"),
         Fact("learning rate", setting(settings, "train", "learning_rate"), "0.0005"),
     ]
-    return [fact for fact in found if fact.value]
+    return [fact for fact in every if fact.value]
 
 
 def in_a_line(records: Records) -> str:
     """Return the scale in a dozen words, as it stands beside every claim."""
-    parts = [
-        f"profile {records.run.profile}",
-        _resolutions(records),
-        f"{_steps(records)} steps",
-        counted(len(records.run.seeds), "seed"),
-    ]
-    parts.append(f"{_layers(records)} network" if _layers(records) else "")
-    return ", ".join(part for part in parts if part)
+    steps, seeds = f"{_steps(records)} steps", counted(len(records.run.seeds), "seed")
+    network = f"{_layers(records)} network" if _layers(records) else ""
+    parts = [f"profile {records.run.profile}", _resolutions(records), steps, seeds, network]
+    return ", ".join(filter(None, parts))
 
 
 def has_paper_settings(records: Records) -> bool:
@@ -61,7 +57,7 @@ def has_paper_settings(records: Records) -> bool:
     settings = records.run.settings
     same = all(number_at(settings, "train", name) == value for name, value in PAPER_TRAINING.items())
     same &= all(number_at(settings, "train", "network", name) == value for name, value in PAPER_NETWORK.items())
-    large = all((one.width, one.height) == (PAPER_RESOLUTION, PAPER_RESOLUTION) for one in records.run.scenes)
+    large = all((scene.width, scene.height) == (800, 800) for scene in records.run.scenes)
     return same and large and bool(finished) and all(cell.steps == PAPER_STEPS for cell in finished)
 
 
@@ -87,8 +83,8 @@ def is_paper_scale(records: Records, scene: str = "all") -> bool:
     """
     there = papers_scenes(records)
     if scene == "all":
-        every = len(there) > 0 and set(records.scenes) == set(there) == _of_table2(records)
-        return every and has_paper_settings(records)
+        every = set(records.scenes) == set(there) == _of_table2(records)
+        return bool(there) and every and has_paper_settings(records)
     return has_paper_settings(records) and scene in there
 
 
@@ -116,30 +112,25 @@ def _resolutions(records: Records) -> str:
     return f"{listed([f'{width} × {height}' for width, height in sizes])} px" if sizes else ""
 
 
+def _between(values: Iterable[int]) -> str:
+    """Return the value, or the range of several; nothing without any."""
+    ends = sorted(values)
+    return "–".join(dict.fromkeys(map(count, [*ends[:1], *ends[-1:]])))
+
+
 def _views(records: Records) -> str:
     """Return the number of views by split, if all scenes agree; otherwise the range."""
-    words = []
-    for split in ("train", "test"):
-        many = sorted({scene.views.get(split, 0) for scene in records.run.scenes})
-        if many and many[-1]:
-            words.append(f"{many[0]}–{many[-1]} {split}" if many[0] != many[-1] else f"{many[0]} {split}")
-    return ", ".join(words)
+    many = {split: [scene.views.get(split, 0) for scene in records.run.scenes] for split in ("train", "test")}
+    return ", ".join(f"{_between(values)} {split}" for split, values in many.items() if any(values))
 
 
 def _steps(records: Records) -> str:
-    steps = [cell.steps for cell in records.cells if cell.status == "done"]
-    if not steps:
-        return ""
-    return count(steps[0]) if min(steps) == max(steps) else f"{count(min(steps))}–{count(max(steps))}"
+    return _between(cell.steps for cell in records.cells if cell.status == "done")
 
 
 def _network(records: Records) -> str:
-    size = _layers(records)
-    weights = sorted({cell.parameters["total"] for cell in records.cells if "total" in cell.parameters})
-    if not weights:
-        return size
-    between = count(weights[0]) if weights[0] == weights[-1] else f"{count(weights[0])}–{count(weights[-1])}"
-    return f"{size}, {between} weights" if size else f"{between} weights"
+    weights = _between({cell.parameters["total"] for cell in records.cells if "total" in cell.parameters})
+    return ", ".join(filter(None, [_layers(records), f"{weights} weights" if weights else ""]))
 
 
 def _layers(records: Records) -> str:

@@ -1,45 +1,59 @@
 """Records of the studies → records with every figure checked against its type."""
 
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
-from harness.records.json_record import as_promised
+from harness.records.json_record import DamagedRecord, as_promised
 from harness.records.study import SHELVES, Studies, StudyRecord, again, read_studies
-from reports.data.load import find_record, uneven
 
 
 def find_studies(out: Path, shelf: str) -> Studies | None:
-    """Return the studies of a shelf under `out`, or `None` if there are none; raises `DamagedRecord`."""
+    """Return the studies of a shelf under `out`, or `None` if there are none; raises `DamagedRecord`, also for what no
+    run writes though every type is right.
+    """
     path = out / SHELVES[shelf]
-    return find_record(path, read_studies, lambda record: _contradiction(record, shelf), again(shelf, out))
+    if not path.is_file():
+        return None
+    record = read_studies(path)
+    for contradiction in _contradictions(record, shelf):
+        raise DamagedRecord(f"{path}: {contradiction}; {again(shelf, out)}")
+    return record
 
 
-def _contradiction(record: Studies, shelf: str) -> str | None:
-    """Return the first thing that no run writes, though every type is right."""
+def _contradictions(record: Studies, shelf: str) -> Iterator[str]:
     if record.shelf != shelf:
-        return f"holds studies of {record.shelf!r}"
+        yield f"holds studies of {record.shelf!r}"
     try:
         as_promised(record.settings.get("smallest_of_interest"), dict[str, float] | None)
     except ValueError as error:
-        return f"smallest_of_interest: {error}"
-    twice = [name for name, many in Counter(study.info.id for study in record.studies).items() if many > 1]
-    if twice:
-        return f"{twice[0]!r} is there twice"
+        yield f"smallest_of_interest: {error}"
+    for name, many in Counter(study.info.id for study in record.studies).items():
+        if many > 1:
+            yield f"{name!r} is there twice"
     for study in record.studies:
-        wrong = uneven(study.series, study.tables) or _stray(study, shelf)
-        if wrong is not None:
-            return f"{study.info.id!r}: {wrong}"
-    return None
+        for words in _in_study(study, shelf):
+            yield f"{study.info.id!r}: {words}"
 
 
-def _stray(study: StudyRecord, shelf: str) -> str | None:
-    """Return a line or table of another chapter, which would be shown nowhere, or an interval that runs backwards."""
-    items = {one.name: one.item for one in study.series} | {one.title: one.item for one in study.tables}
+def _in_study(study: StudyRecord, shelf: str) -> Iterator[str]:
+    """Yield lists that are longer or shorter than their partners, lines and tables of a chapter that is shown nowhere,
+    and intervals that run backwards.
+    """
+    for line in study.series:
+        for name in ("y", "low", "high"):
+            values = getattr(line, name)
+            if values is not None and len(values) != len(line.x):
+                yield f"series {line.name!r} has {len(line.x)} x but {len(values)} {name}"
+    for table in study.tables:
+        for row in table.rows:
+            if len(row) != len(table.columns):
+                yield f"table {table.id!r} has {len(table.columns)} columns but a row of {len(row)}"
+    items = {line.name: line.item for line in study.series} | {table.title: table.item for table in study.tables}
     for name, item in items.items():
         if shelf == "evidence" and item != 0:
-            return f"{name!r} belongs to item {item}, not 0"
-    for one in study.effects:
-        for name, pair in (("interval", one.interval), ("simultaneous", one.simultaneous)):
+            yield f"{name!r} belongs to item {item}, not 0"
+    for effect in study.effects:
+        for name, pair in (("interval", effect.interval), ("simultaneous", effect.simultaneous)):
             if pair is not None and pair[0] > pair[1]:
-                return f"effect {one.name!r} on {one.scene!r} has {name} {list(pair)}, which runs backwards"
-    return None
+                yield f"effect {effect.name!r} on {effect.scene!r} has {name} {list(pair)}, which runs backwards"

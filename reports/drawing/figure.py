@@ -8,8 +8,8 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import matplotlib
 from markupsafe import Markup, escape
@@ -44,8 +44,8 @@ def inlined(text: str, name: str, alt: str) -> str:
     return f'<svg class="plot" viewBox="{view}" role="img" aria-label="{escape(alt)}">{inner}</svg>'
 
 
-MANY_DECADES = 6.0
-"""The decades beyond which a logarithmic axis is labelled in powers of ten."""
+FINEST = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""The labelled multiples of a power of ten on a short logarithmic axis."""
 DRAWABLE = 1e150
 """The end of the axes, and the reciprocal of the beginning of logarithmic ones: much beyond, ends and ticks are not
 finite.
@@ -161,18 +161,13 @@ def _axis(axes: Axes, panel: Panel, name: str) -> None:
     elif scale == "log":
         low, high = getattr(axes, f"get_{name}lim")()
         decades = math.log10(high) - math.log10(low)
-        axis.set_major_locator(LogLocator(subs=subdivisions(decades), numticks=8))
-        write = power if decades > MANY_DECADES else tick
+        # the multiples of a power of ten that are labelled
+        subdivisions = (1.0,) if decades > 1.7 else (1.0, 2.0, 5.0) if decades > 0.6 else FINEST
+        axis.set_major_locator(LogLocator(subs=subdivisions, numticks=8))
+        write = power if decades > 6.0 else tick
     axis.set_minor_formatter(NullFormatter())
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda at, _: write(at)))
-
-
-def subdivisions(decades: float) -> tuple[float, ...]:
-    """Return which multiples of a power of ten are labelled on a log axis that spans so many decades."""
-    if decades > 1.7:
-        return (1.0,)
-    return (1.0, 2.0, 5.0) if decades > 0.6 else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 
 
 def tick(value: float) -> str:
@@ -226,7 +221,7 @@ def _area(axes: Axes, trace: Trace) -> None:
     ends = [place for place, x in enumerate(trace.x) if math.isnan(x)]
     parts = zip([0, *(end + 1 for end in ends)], [*ends, len(trace.x)], strict=True)
     corners = [[*zip(trace.x[a:b], trace.y[a:b], strict=True), (trace.x[a], trace.y[a])] for a, b in parts]
-    outline = Path.make_compound_path(*(Path(one, closed=True) for one in corners))
+    outline = Path.make_compound_path(*(Path(polygon, closed=True) for polygon in corners))
     axes.add_patch(PathPatch(outline, facecolor=trace.colour, alpha=0.16, linewidth=0))
 
 
@@ -261,8 +256,7 @@ def svg(panel: Panel, name: str) -> Markup:
     return Markup(inlined(buffer.getvalue(), name, panel.alt)) + as_element(panel, drawn.axes[0])
 
 
-@dataclass(frozen=True)
-class Plot:
+class Plot(NamedTuple):
     title: str
     svg: Markup
 

@@ -10,6 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from reports.data.kept_pictures import inside
+
 Picture = NDArray[np.float64]
 """A picture `[height, width, 3]`, display colour, 0 … 1."""
 
@@ -31,9 +33,6 @@ def smaller(picture: Picture, side: int) -> Picture:
     return blocks.mean(axis=(1, 3))
 
 
-DOTS_PER_INCH = 130
-
-
 BYTES_A_PIXEL = 2.6
 """The approximate bytes per pixel of a PNG in base64."""
 SIZES = (400, 320, 256, 200, 160, 128, 100, 64)
@@ -49,8 +48,8 @@ def side_for(pictures: int, budget: int) -> int:
 
 def read(folder: Path, relative: str) -> Picture | None:
     """Read a PNG file as display colour; None if it is missing, unreadable or outside of the folder."""
-    path = (folder / relative).resolve()
-    if not path.is_relative_to(folder.resolve()) or not path.is_file():
+    path = inside(folder, relative)
+    if path is None or not path.is_file():
         return None
     try:
         with path.open("rb") as file:
@@ -77,4 +76,4 @@ def save(figure: Figure, path: Path) -> None:
     """Save a figure as a PNG on white, cropped to its content."""
     FigureCanvasAgg(figure)
     figure.patch.set_visible(True)
-    figure.savefig(path, dpi=DOTS_PER_INCH, facecolor="white", bbox_inches="tight", pad_inches=0.12)
+    figure.savefig(path, dpi=130, facecolor="white", bbox_inches="tight", pad_inches=0.12)

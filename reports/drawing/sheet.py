@@ -73,7 +73,8 @@ def sheet(drawings: Sequence[Drawing], across: int, size: tuple[float, float] | 
     across = min(across, len(panels))
     down = math.ceil(len(panels) / across)
     wide, high = size or (max(panel.size[0] for panel in panels), max(panel.size[1] for panel in panels))
-    x_label, y_label = (_common([getattr(panel, name) for panel in panels]) for name in ("x_label", "y_label"))
+    labels = [{getattr(panel, name) for panel in panels} for name in ("x_label", "y_label")]
+    x_label, y_label = (words.pop() if len(panels) > 1 and len(words) == 1 else "" for words in labels)
     one_key = all(key == keys[0] for key in keys)
     figure = Figure(figsize=(wide * across, (high + (0.3 if one_key else 0.8)) * down + 0.3), layout="constrained")
     grid = figure.subplots(down, across, squeeze=False)
@@ -95,8 +96,3 @@ def sheet(drawings: Sequence[Drawing], across: int, size: tuple[float, float] | 
         ncols = min(len(handles), max(2, round(1.3 * across)))
         figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.99), ncols=ncols, frameon=False)
     return figure
-
-
-def _common(labels: list[str]) -> str:
-    """Return the label that all of several axes have, if there is one."""
-    return labels[0] if len(labels) > 1 and len(set(labels)) == 1 else ""

@@ -78,11 +78,6 @@ class Panel:
     """The place of zeros on a logarithmic y axis; its tick says 0."""
 
 
-POINTS_AN_INCH = 72.0
-OUTLINES = ("area",)
-"""The kinds that are drawn around points of other traces, and hold no numbers of their own."""
-
-
 def as_element(panel: Panel, axes: Axes) -> Markup:
     """Return the element for the place behind the drawing; nothing in it can run or end the element."""
     return Markup('<script type="application/json" class="drawn">{}</script>').format(as_data(data_of(panel, axes)))
@@ -90,19 +85,19 @@ def as_element(panel: Panel, axes: Axes) -> Markup:
 
 def data_of(panel: Panel, axes: Axes) -> dict[str, Any]:
     """Return the data of the page's script on a drawing whose axes have been painted."""
-    width, height = (POINTS_AN_INCH * inches for inches in panel.size)
+    width, height = (72.0 * inches for inches in panel.size)  # in points
     left, bottom, wide, high = axes.get_position().bounds
-    runs = list(dict.fromkeys(one for trace in panel.traces for one in trace.runs))
-    traces = [trace for trace in panel.traces if trace.kind not in OUTLINES]
+    runs = list(dict.fromkeys(selection for trace in panel.traces for selection in trace.runs))
+    traces = [trace for trace in panel.traces if trace.kind != "area"]  # drawn around points of others
     y = _axis(panel.y_label, panel.y_scale, axes.get_ylim(), panel.linear_below)
-    found: dict[str, Any] = {
+    data: dict[str, Any] = {
         "title": panel.title,
         "box": rounded((left * width, (1 - bottom - high) * height, wide * width, high * height)),
         "x": _axis(panel.x_label, panel.x_scale, axes.get_xlim(), panel.linear_below),
         "y": y | ({"rows": list(panel.rows)} if panel.rows else {}),
         "traces": [_trace(trace, traces[:place], runs) for place, trace in enumerate(traces)],
     }
-    return found | ({"runs": [one.data() for one in runs]} if runs else {})
+    return data | ({"runs": [selection.data() for selection in runs]} if runs else {})
 
 
 def _axis(label: str, scale: str, limits: tuple[float, float], linear_below: float) -> dict[str, Any]:
@@ -112,35 +107,25 @@ def _axis(label: str, scale: str, limits: tuple[float, float], linear_below: flo
 
 
 def _trace(trace: Trace, earlier: list[Trace], runs: list[Selection]) -> dict[str, Any]:
-    same = next((place for place, one in enumerate(earlier) if one.x == trace.x), None)
-    found: dict[str, Any] = {
+    same = next((place for place, before in enumerate(earlier) if before.x == trace.x), None)
+    data: dict[str, Any] = {
         "label": trace.label,
         "kind": trace.kind,
-        "colour": _variable(trace.colour),
+        "colour": next((colour.variable for colour in palette.EVERY if colour.light == trace.colour), "--ink"),
         "x": rounded(trace.x) if same is None else same,
         "y": rounded(trace.y),
     }
     for name in ("x_high", "y_high"):
         if getattr(trace, name):
-            found[name] = rounded(getattr(trace, name))
+            data[name] = rounded(getattr(trace, name))
     if trace.runs:
-        found["runs"] = [runs.index(one) for one in trace.runs]
+        data["runs"] = [runs.index(selection) for selection in trace.runs]
     if trace.steps:
-        found["steps"] = list(trace.steps)
-    return found
-
-
-def _variable(colour: str) -> str:
-    return next((one.variable for one in palette.EVERY if one.light == colour), "--ink")
+        data["steps"] = list(trace.steps)
+    return data
 
 
 def rounded(values: Iterable[float]) -> list[float | int | None]:
     """Round to six significant digits; None for a non-finite number."""
-    return [_rounded(float(value)) for value in values]
-
-
-def _rounded(value: float) -> float | int | None:
-    if not math.isfinite(value):
-        return None
-    short = float(f"{value:.6g}")
-    return int(short) if short.is_integer() and abs(short) < 1e15 else short
+    short = [float(f"{value:.6g}") if math.isfinite(value) else None for value in values]
+    return [int(each) if each is not None and each.is_integer() and abs(each) < 1e15 else each for each in short]

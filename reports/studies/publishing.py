@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 
 from harness.records.study import SHELVES, Picture, Series, Studies, write_studies
-from reports.drawing.series_charts import panel, panels_of, pens_in, with_points
+from reports.drawing.series_charts import panels_of
 from reports.drawing.sheet import Drawing, key_of, key_of_pens, save_sheet
 from reports.studies.forest import forests
 from reports.studies.matrix import miniature
@@ -40,12 +40,7 @@ def without(record: Studies, kind: type) -> Studies:
 
 
 def charts_of(series: list[Series]) -> list[Drawing]:
-    drawn = with_points(series)
-    pens = pens_in(drawn)
-    return [
-        (panel(title, lines, pens), key_of_pens({one.name: pens[one.name] for one in lines}))
-        for title, lines in panels_of(drawn)
-    ]
+    return [(panel, key_of_pens(pens)) for panel, pens in panels_of(series)]
 
 
 def charts_of_study(record: Studies, name: str) -> list[Drawing]:

@@ -7,7 +7,7 @@ import pytest
 from harness.records.study import Series
 from reports.drawing.figure import draw, svg
 from reports.drawing.palette import COLOURS, pens_of
-from reports.drawing.series_charts import charts, panel, pens_in, points
+from reports.drawing.series_charts import charts, panels_of, points
 from reports.drawing.traces import Panel
 
 
@@ -16,7 +16,7 @@ def line(y, x=None, name="a", **more) -> Series:
 
 
 def drawn(*lines: Series) -> Panel:
-    return panel("p", list(lines), pens_in(list(lines)))
+    return panels_of(list(lines))[0][0]
 
 
 def of_kind(made: Panel, kind: str) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
