@@ -18,7 +18,7 @@ from baselines.plain import PlainField, plain_step
 from harness.machine.device import keep_freed_memory, return_freed_memory
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings
-from harness.records.study import Check, Table
+from harness.records.study import Check
 from harness.studies.speed.speed_context import (
     DENSE,
     STREAM,
@@ -120,7 +120,7 @@ def _best_rate(rates: dict[int, list[float]]) -> tuple[int, list[float], float]:
     return chunk, rates[chunk], statistics.median_high(rates[chunk])
 
 
-def share_of_matrix_rate(context: SpeedContext) -> Iterator[Check | Table]:
+def share_of_matrix_rate(context: SpeedContext) -> Iterator[Check]:
     """Yield the rate of matrix multiplications alone, before and after the steps: a clock that changes meanwhile shows
     as spread.
     """
@@ -132,13 +132,11 @@ def share_of_matrix_rate(context: SpeedContext) -> Iterator[Check | Table]:
         grid=GridSettings(cells=0),
         accelerations=DENSE,
     )
-    rows: list[list[str | float | None]] = []
     for name, settings in (("paper", paper_settings(context)), ("reduced", reduced)):
-        yield from _share(context, name, settings, rows)
+        yield from _share(context, name, settings)
     width = 32 if context.quick else 1024
     for precision, dtype in DTYPES.items():
-        chunk, rates, best = _best_rate(_product_rates(context, width, dtype))
-        rows.append([f"{width} × {width}", precision, float(chunk), best / 1e9])
+        chunk, rates, _ = _best_rate(_product_rates(context, width, dtype))
         yield measured(
             f"machine.{precision}.rate",
             f"The machine's own rate, {precision}",
@@ -146,13 +144,9 @@ def share_of_matrix_rate(context: SpeedContext) -> Iterator[Check | Table]:
             "TFLOP/s",
             f"torch.mm of [{chunk}, {width}] × [{width}, {width}], {context.threads} threads",
         )
-    columns = ["product", "precision", "rows of the fastest chunk", "GFLOP/s"]
-    yield Table("machine.products", 0, "Matrix products alone", columns, rows)
 
 
-def _share(
-    context: SpeedContext, name: str, settings: TrainSettings, rows: list[list[str | float | None]]
-) -> Iterator[Check]:
+def _share(context: SpeedContext, name: str, settings: TrainSettings) -> Iterator[Check]:
     size, dtype, points = settings.network, DTYPES[settings.precision], settings.rays * settings.bins
     step = dense_side(context, settings, synthetic_batch(context, settings.rays))
     for _ in range(context.repeats(3)):
@@ -162,7 +156,6 @@ def _share(
     after = _product_rates(context, size.width, dtype)
     chunk, _, best = _best_rate({key: before[key] + after[key] for key in before})
     flops = step_flops(size, points, settings.rays)
-    rows.append([f"{size.width} × {size.width}", settings.precision, float(chunk), best / 1e9])
     shape = f"{size.depth} × {size.width}, colour {size.colour_layers} × {size.colour_width}, {settings.precision}"
     yield measured(
         f"matrix.{name}.share",

@@ -8,6 +8,7 @@ import pytest
 from harness.records.study import Effect
 from harness.studies.evidence.contrasts import (
     Design,
+    chosen,
     common_steps,
     contrast,
     contrast_effects,
@@ -19,7 +20,7 @@ from harness.studies.evidence.contrasts import (
 )
 from harness.verdicts.comparisons import differences, keyed
 from tests.harness.cells import cell, checkpoint, diverged
-from tests.harness.studies.evidence.planted import STEPS, planted
+from tests.harness.studies.evidence.planted import STEPS, planted, with_diverged
 from tests.replacing import replace
 
 FACTORS = ("a", "b", "c")
@@ -64,8 +65,9 @@ def test_one_factor_is_the_difference_that_a_run_compares() -> None:
         assert all(np.allclose(ours[scene], theirs[scene]) for scene in scenes)
 
 
-def found_by_name(effects: list[Effect], scene: str, budget: str = "steps", metric: str = "psnr") -> dict[str, Effect]:
-    return {one.name: one for one in effects if (one.scene, one.budget, one.metric) == (scene, budget, metric)}
+def named(effects: list[Effect], scene: str, budget: str = "steps") -> dict[str, Effect]:
+    """Effects on PSNR by name."""
+    return {effect.name: effect for effect in chosen(effects, scene=scene, budget=budget)}
 
 
 def test_effects_are_those_planted_on_every_scene_and_over_all() -> None:
@@ -73,9 +75,9 @@ def test_effects_are_those_planted_on_every_scene_and_over_all() -> None:
     assert len(effects) == 7 * 2 * 2 * 4
     for scene in ("all", "lego", "ficus", "hotdog"):
         for term in DESIGN.terms():
-            one = found_by_name(effects, scene)[f"{' × '.join(term)} (here)"]
-            assert one.difference == pytest.approx(PLANTED.get(term, 0.0), abs=1e-9)
-            assert (one.against, one.unpaired, one.pairs) == ("", 0, 9 if scene == "all" else 3)
+            effect = named(effects, scene)[f"{' × '.join(term)} (here)"]
+            assert effect.difference == pytest.approx(PLANTED.get(term, 0.0), abs=1e-9)
+            assert (effect.against, effect.unpaired, effect.pairs) == ("", 0, 9 if scene == "all" else 3)
 
 
 def test_families_are_one_for_a_part_and_all_four_interactions_together() -> None:
@@ -107,14 +109,12 @@ def test_intervals_hold_what_was_planted_as_often_as_they_say() -> None:
 
 
 def test_a_diverged_cell_is_counted_in_every_contrast_and_the_others_are_judged() -> None:
-    cells = planted(DESIGN, PLANTED, noise=0.01)
-    place = next(i for i, one in enumerate(cells) if (one.scene, one.method, one.seed) == ("ficus", "mbc", 1))
-    cells[place] = diverged("ficus", "mbc", 1)
+    cells = with_diverged(planted(DESIGN, PLANTED, noise=0.01), ("ficus", "mbc", 1))
     effects = contrast_effects(DESIGN, cells, "")
-    for scene, aside, pairs in (("all", 1, 8), ("ficus", 1, 2), ("lego", 0, 3)):
-        for one in found_by_name(effects, scene).values():
-            assert (one.unpaired, one.pairs) == (aside, pairs)
-        assert found_by_name(effects, scene)["b"].verdict == "worse"
+    for scene, unpaired, pairs in (("all", 1, 8), ("ficus", 1, 2), ("lego", 0, 3)):
+        counts = {(effect.unpaired, effect.pairs) for effect in named(effects, scene).values()}
+        assert counts == {(unpaired, pairs)}
+        assert named(effects, scene)["b"].verdict == "worse"
 
 
 def test_at_equal_time_all_corners_are_read_when_the_quickest_ended() -> None:
@@ -122,12 +122,11 @@ def test_at_equal_time_all_corners_are_read_when_the_quickest_ended() -> None:
         return 10.0 * 10 ** method.count("a")
 
     cells = planted(DESIGN, ZERO, scenes=("lego",), seeds=2, seconds=cost)
-    one = found_by_name(contrast_effects(DESIGN, cells, ""), "lego", "seconds")
+    effects = contrast_effects(DESIGN, cells, "")
     # ten times as slow: at the time of the quickest a tenth of the steps are done, 1 dB less than at the end
     assert STEPS[-1] / 10 > STEPS[0]
-    assert one["a"].difference == pytest.approx(-1.0)
-    assert one["b"].difference == pytest.approx(0.0, abs=1e-9)
-    assert found_by_name(contrast_effects(DESIGN, cells, ""), "lego")["a"].difference == pytest.approx(0.0, abs=1e-9)
+    for budget, term, size in (("seconds", "a", -1.0), ("seconds", "b", 0.0), ("steps", "a", 0.0)):
+        assert named(effects, "lego", budget)[term].difference == pytest.approx(size, abs=1e-9)
 
 
 def test_scores_together_of_what_is_missing_failed_or_unscored() -> None:
@@ -161,9 +160,11 @@ def test_along_training_the_effect_is_that_of_each_checkpoint() -> None:
 
 
 def test_checkpoints_that_not_all_have_are_not_common() -> None:
-    one = cell("lego", "x", 0, [checkpoint(10, 1.0, 20.0), checkpoint(50, 5.0, 22.0)])
-    other = cell("lego", "y", 0, [checkpoint(20, 1.0, 20.0), checkpoint(50, 5.0, 22.0)])
-    assert common_steps([one, other, diverged("lego", "z", 0)]) == [50]
+    cells = [
+        cell("lego", method, 0, [checkpoint(first, 1.0, 20.0), checkpoint(50, 5.0, 22.0)])
+        for method, first in (("x", 10), ("y", 20))
+    ]
+    assert common_steps([*cells, diverged("lego", "z", 0)]) == [50]
     assert common_steps([diverged("lego", "z", 0)]) == []
 
 
