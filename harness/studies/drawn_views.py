@@ -16,9 +16,7 @@ GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 
 def poses(count: int, turn: float) -> np.ndarray:
-    """Return camera-to-world matrices [count, 4, 4], OpenGL axes, spread over the upper half sphere, looking at the
-    origin.
-    """
+    """Return camera-to-world matrices [count, 4, 4], OpenGL axes, spread over the upper half sphere, looking inward."""
     matrices = np.tile(np.eye(4), (count, 1, 1))
     for index, elevation in enumerate(np.linspace(0.2, 1.1, count)):
         azimuth = GOLDEN_ANGLE * index + turn

@@ -38,9 +38,7 @@ class Study:
 
     info: StudyInfo
     measure: str
-    """The generator of findings of a context, as `module:function` in the shelf's package; imported when it is
-    measured.
-    """
+    """The generator of findings, as `module:function` in the shelf's package; imported when it is measured."""
     seconds: float
     """The estimated duration on two cores."""
     trainings: tuple[str, ...] = ()
@@ -161,9 +159,7 @@ def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
 
 
 def line_of(check: Check) -> str:
-    """Return a line such as `midpoint: pass: largest relative error 2.1e-07 (at most 1e-06)`, with spread and reason if
-    any.
-    """
+    """Return a line such as `midpoint: pass: largest relative error 2.1e-07 (at most 1e-06)`."""
     status = check.status.replace("_", " ")
     if check.status == "fail":
         status = "FAIL" if check.must_hold else "missed" if check.owner == "machine" else "fails, a property of it"

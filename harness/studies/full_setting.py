@@ -31,9 +31,7 @@ GPUS = {
     "AMD MI250X, one of its two dies": {"float32": 23.9, "bfloat16": 191.5},
     "AMD MI300X": {"float32": 163.4, "bfloat16": 1307.0},
 }
-"""TFLOP/s that data sheets state, dense; nothing here was measured. float32 matrix multiplications are float32 here: no
-TF32.
-"""
+"""TFLOP/s that data sheets state, dense, without TF32; nothing here was measured."""
 ASSUMED_SHARES = {"float32": (0.2, 0.6), "bfloat16": (0.05, 0.25)}
 """The share of the data sheet's rate that a step is assumed to reach, worst and best. The paper's layers are 256 wide:
 in bfloat16 memory, not arithmetic, sets the pace.
@@ -96,23 +94,17 @@ def work_of(plan: Plan) -> Work:
 
 
 def wall_hours(work: Work, cell_hours: float, gpus: int) -> float:
-    """Return the hours until the last group ends on `gpus`, each of which trains one group at a time; all are equally
-    long, so that the GPU with most of them takes longest.
-    """
+    """Return the hours until the GPU with most groups, which are equally long and trained one at a time, has ended."""
     return ceil(work.groups / gpus) * cell_hours * work.cells / work.groups
 
 
 def measured_rate(speed: Studies) -> float:
-    """Return the FLOP/s of the paper's network in training on the machine of `speed`. Raises `InputError` without
-    it.
-    """
+    """Return the FLOP/s of the paper's network in training on the machine of `speed`. Raises `InputError`."""
     return value_of(speed, "matrix.paper.rate") * 1e12
 
 
 def render_seconds(speed: Studies) -> tuple[float, float]:
-    """Return seconds per megasample: least and most over the scenes measured, of the fastest variant that works
-    there.
-    """
+    """Return seconds per megasample of the fastest variant that works: least and most over the scenes."""
     fastest: dict[str, float] = {}
     for name, seconds in _values(speed).items():
         if rendered := re.fullmatch(r"render\.(\w+)\.\w+\.seconds", name):

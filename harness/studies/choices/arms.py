@@ -119,9 +119,7 @@ def views_of(folder: Path, plan: Plan, scratch: Path, scored_on: Literal["val", 
 
 
 def weigh(pairs: Iterable[tuple[float | None, float | None]]) -> PairedDifference | None:
-    """Return the first score less the second over the pairs that have both, as every comparison of settings weighs
-    it; None without a pair.
-    """
+    """Return the first score less the second over the pairs that have both; None without a pair."""
     differences = [first - second for first, second in pairs if first is not None and second is not None]
     return paired_difference(np.array(differences)) if differences else None
 

@@ -43,9 +43,7 @@ def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
 def pairs(
     plan: Plan, changes: list[Change], folders: dict[str, Path], scratch: Path, workers: int
 ) -> Iterator[ScorePair]:
-    """Yield all cells of the plan with each change, on `workers` processes of one thread; decoded images go to
-    `scratch`.
-    """
+    """Yield all cells of the plan with each change, on `workers` processes; decoded images go to `scratch`."""
     arms = arms_of(plan, changes)
     tasks = [CellTask(scene, method, seed, folders[scene], scratch, plan, arms) for scene, method, seed in plan.cells()]
     for cell in trained_cells(tasks, workers):

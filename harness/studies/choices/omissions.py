@@ -59,9 +59,7 @@ class Omission:
     largest change and, for the integrators, the root mean square over blocks of pixels.
     """
     interval: tuple[float, float] | None
-    """The 95 % interval, paired over seeds (over views for `participating_media`); None for the largest value over all
-    seeds.
-    """
+    """The 95 % interval over seeds (views for `participating_media`); None for the largest value over seeds."""
     pairs: int
     diverged: int
     verdict: Verdict
@@ -82,9 +80,7 @@ class Omission:
 
     @property
     def line(self) -> str:
-        """Return a line such as `lego: samples outside the box: +1.2 dB [+0.4, +2.0], 3.1 s saved (training and
-        rendering the test views): within its bound (0.2 dB)`.
-        """
+        """Return a line such as `lego: samples outside the box: +1.2 dB [+0.4, +2.0]: within its bound (0.2 dB)`."""
         between = "" if self.interval is None else f" [{self.interval[0]:+.4g}, {self.interval[1]:+.4g}]"
         change = "nothing measured" if self.difference is None else f"{self.difference:+.4g}{between} {self.unit}"
         saved = "" if self.seconds_saved is None else f", {self.seconds_saved:.2f} s saved ({self.clock})"

@@ -106,9 +106,7 @@ def read_search(path: Path = PUBLISHED) -> Search:
 
 
 def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:
-    """Return the profile `reduced` on the scenes and seeds of the search, at equal time; `quick` trains next to
-    nothing.
-    """
+    """Return the profile `reduced` on the search's scenes and seeds, at equal time; `quick` trains next to nothing."""
     plan = PROFILES["reduced"]
     whole = replace(
         plan,
@@ -187,9 +185,7 @@ def as_json(rows: list[RepairRow], plan: Plan, device: torch.device) -> dict[str
 
 
 def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.device) -> Iterator[RepairRow]:
-    """Train in turn on the same batches, each until its own time is spent, so that what slows the machine slows them
-    all.
-    """
+    """Train in turn on the same batches, each until its own time is spent: what slows the machine slows them all."""
     settings, stream = for_scene(plan.train, views), stream_of(scene, seed)
     cameras = evaluate.cameras_of(views, views.train, device)
     batch_at = Batches(cameras, views.train.rgba).stream(stream, settings.rays)

@@ -81,9 +81,7 @@ def some_points(
 
 
 def roughened(field: Any, alpha: float | None = None) -> Any:
-    """Return the field as after training: a contrasted density, biases that are not zero, an amplifier that has
-    moved.
-    """
+    """Return the field as after training: density contrasted, biases not zero, and the amplifier moved."""
     generator = torch.Generator().manual_seed(61)
     with torch.no_grad():
         for name, weight in field.named_parameters():

@@ -49,9 +49,7 @@ OTHERS = tuple(method for method in LADDERS if method != "nerf")
 
 
 def bandwidth(context: EvidenceContext) -> Iterator[Found]:
-    """Yield reach and base as two factors, at each resolution and along training, with the decisive pairs beside
-    them.
-    """
+    """Yield reach and base as two factors, at each resolution and along training, beside the decisive pairs."""
     runs = [context.trained(name) for name in TRAININGS]
     trained = {run.scenes[0].width: run for run in runs}
     cells = {px: run.cells for px, run in trained.items()}

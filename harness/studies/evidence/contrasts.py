@@ -250,9 +250,7 @@ def in_words(effect: Effect, gain: bool = True) -> str:
 
 
 def in_brief(effect: Effect) -> str:
-    """Return the effect as `+0.81 [+0.52, +1.10]`, for a cell of a table: no unit, no verdict; the interval is the
-    verdict's.
-    """
+    """Return the effect as `+0.81 [+0.52, +1.10]` for a cell of a table; the interval is the verdict's."""
     if effect.difference is None:
         return "no figure"
     ends = [number(end, effect.metric) for end in effect.simultaneous or ()]

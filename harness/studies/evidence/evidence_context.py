@@ -25,9 +25,7 @@ from harness.studies.evidence.evidence_studies import SHELF, STUDIES, TRAININGS_
 from scenes.catalog.entries import CLASSICS
 
 SEARCHED = ("chair", "ship")
-"""The scenes on which the repaired Q-NeRF was chosen, by their validation views; its verdict is taken from the
-others.
-"""
+"""The scenes on whose validation views the repaired Q-NeRF was chosen; its verdict is taken from the others."""
 HELD_OUT = tuple(name for name in CLASSICS if name not in SEARCHED)
 FACTORIAL_SCENES = ("lego", "ficus", "hotdog")
 """Scenes of blocks with fine studs, of thin leaves, and of smooth and soft shapes."""

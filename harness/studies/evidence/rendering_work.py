@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise, product
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
-from baselines.contract import Box, RadianceField, Rays
+from baselines.contract import Box, Densities, Points, RadianceField, RayOf, Rays, Views
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
@@ -40,21 +40,17 @@ class EmptyOutside:
         self.lower, self.upper = box.lower - margin, box.upper + margin
         self.inner, self.pointwise = inner, inner.pointwise
 
-    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays features"]:
+    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views:
         return self.inner.encode_directions(d)
 
-    def density(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
+    def density(self, x: Points) -> Densities:
         return self._inside(x, self.inner.density(x))
 
-    def density_before_and_after(
-        self, x: Float[Tensor, "points 3"]
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
+    def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:
         before, after = self.inner.density_before_and_after(x)
         return self._inside(x, before), self._inside(x, after)
 
-    def density_and_colour(
-        self, x: Float[Tensor, "points 3"], view: Float[Tensor, "rays features"], ray: Int[Tensor, " points"]
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"]]:
+    def density_and_colour(self, x: Points, view: Views, ray: RayOf) -> tuple[Densities, Float[Tensor, "points 3"]]:
         sigma, colour = self.inner.density_and_colour(x, view, ray)
         return self._inside(x, sigma), colour
 

@@ -1,6 +1,4 @@
-"""Questions 4 to 7: rendered views, encodings, quadrature and Mitsuba's variants, each against the usual
-implementation.
-"""
+"""Questions 4 to 7: rendered views, encodings, quadrature and Mitsuba's variants, against the usual ones."""
 
 import shutil
 import time
@@ -170,9 +168,7 @@ REFERENCE = "scalar_rgb"
 
 
 def ground_truth(context: SpeedContext) -> Iterator[Check]:
-    """Yield seconds per megasample in the steady state: without the first view of each process, which loads and
-    compiles.
-    """
+    """Yield seconds per megasample without the first view of each process, which loads and compiles."""
     resolution, count, spp = (16, 3, 4) if context.quick else (100, 7, 64)
     views = ViewSettings(resolution, train=count, val=0, test=0, spp_train=spp, spp_test=spp)
     usable: list[Variant] = []

@@ -134,9 +134,7 @@ def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Se
 
 
 def _whole_run(context: SpeedContext, steps: int) -> Iterator[Check]:
-    """Yield the peak of `python -m harness run` as a user starts it: all its processes together, shared pages counted
-    once.
-    """
+    """Yield the peak of `python -m harness run` as a user starts it: all its processes, shared pages counted once."""
     id, title = "memory.run.peak", "Peak memory of a whole run at the reduced profile, all processes together"
     if not Path("/proc/self/smaps_rollup").exists():
         yield not_measured(id, title, "GB", "this system does not tell which pages processes share")

@@ -54,9 +54,7 @@ def measure(context: SpeedContext) -> Iterator[Check]:
 
 
 def rates_by_sharing(here: SpeedContext, cores: int, window: float) -> dict[str, list[float]]:
-    """Return mode → steps per second of all its processes together, one entry per repetition, the modes taken in
-    turn.
-    """
+    """Return mode → steps per second of all its processes, one per repetition, the modes taken in turn."""
     spawn = multiprocessing.get_context("spawn")
     connections: list[Connection] = []
     processes = []

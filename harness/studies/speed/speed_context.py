@@ -108,9 +108,7 @@ def batches_of(views: ViewSet, device: torch.device) -> Batches:
 
 @cache
 def views_of(context: SpeedContext, scene: str) -> ViewSet:
-    """Return the view set that the reduced profile trains on, rendered if it is not in the cache; a drawn one with
-    `quick`.
-    """
+    """Return the view set of the reduced profile, rendered if it is not in the cache; a drawn one with `quick`."""
     plan = reduced_plan(context, scene)
     if context.quick:
         folder = context.scratch / f"{scene}-drawn"

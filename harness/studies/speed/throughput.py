@@ -1,6 +1,4 @@
-"""Questions 1 and 2: ray samples per second of training steps of the paper's network, and their share of the machine's
-own rate of matrix multiplications.
-"""
+"""Questions 1 and 2: ray samples per second of the paper's network, and its share of the machine's matrix rate."""
 
 import statistics
 from collections.abc import Callable, Iterator
@@ -64,9 +62,7 @@ def measure(context: SpeedContext) -> Iterator[Check]:
 
 
 def dense_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> Callable[[], object]:
-    """Return a step of the harness, which raises `RuntimeError` if it leaves a sample out and so would not be
-    comparable.
-    """
+    """Return a step of the harness; raises `RuntimeError` if it leaves a sample out and is not comparable."""
     trainer = new_trainer(context, settings, unit_box(context.device))
     trainer.warm_up(*batch)
 
@@ -121,9 +117,7 @@ def _best_rate(rates: dict[int, list[float]]) -> tuple[int, list[float], float]:
 
 
 def share_of_matrix_rate(context: SpeedContext) -> Iterator[Check]:
-    """Yield the rate of matrix multiplications alone, before and after the steps: a clock that changes meanwhile shows
-    as spread.
-    """
+    """Yield the rate of matrix multiplications before and after the steps: a clock that changes shows as spread."""
     reduced = reduced_plan(context).train
     reduced = replace(
         reduced,

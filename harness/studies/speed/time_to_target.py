@@ -173,9 +173,7 @@ def follow(
 
 
 def same_network(context: SpeedContext, plan: Plan) -> TrainSettings:
-    """Return the paper's network, learning rate and batch with every acceleration; the grid is updated as often as
-    `reduced`'s.
-    """
+    """Return the paper's network, learning rate and batch with every acceleration; the grid is that of `reduced`."""
     settings = paper_settings(context)
     return replace(
         settings,

@@ -4,13 +4,11 @@ import re
 from pathlib import Path
 
 import pytest
-from msgspec import structs
 
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS as BASES
 from baselines.composition import encoding_bands
 from harness.records.cells import CellRecord
-from harness.records.study import Effect
 from harness.studies.evidence.bandwidth import BASE, DECISIVE, LADDER_DESIGN, REACH, answer, bandwidth
 from harness.studies.evidence.contrasts import Term, contrast_effects
 from harness.studies.evidence.evidence_context import LADDERS, TRAININGS
@@ -144,12 +142,3 @@ def test_the_answer_counts_and_gives_the_range(found: list[Found]) -> None:
     ways = r"raises PSNR in 4 of 6 cases \(\+0\.\d+ dB to \+0\.\d+ dB\) and lowers PSNR in 2 of 6 cases \(−0\.3\d dB"
     assert re.match(rf"It is bandwidth: a shorter reach {ways}", first)
     assert first.endswith("the 6 cases of a factor are looked at together.")
-
-
-def test_one_case_of_many_is_said_to_be_one_with_its_size(found: list[Found]) -> None:
-    effects = [one for one in found if isinstance(one, Effect) and (one.metric, one.budget) == ("psnr", "steps")]
-    here = [one for one in effects if "from step" not in one.name]
-    case = next(one for one in here if one.name.startswith(f"{REACH} at") and one.scene != "all")
-    nothing = [structs.replace(one, verdict="inconclusive") for one in here if one is not case]
-    said = answer([structs.replace(case, verdict="better", difference=0.8), *nothing])
-    assert "a shorter reach raises PSNR in 1 of 6 cases (+0.80 dB); at the same reach no difference" in said

@@ -33,10 +33,6 @@ PLANTED = {("a",): 0.9, ("b",): -3.0, ("c",): 0.05, ("a", "b"): 0.4, ("b", "c"):
 ZERO = dict.fromkeys(DESIGN.terms(), 0.0)
 
 
-def test_terms_are_main_effects_then_interactions() -> None:
-    assert DESIGN.terms() == [("a",), ("b",), ("c",), ("a", "b"), ("a", "c"), ("b", "c"), ("a", "b", "c")]
-
-
 def test_the_design_matrix_is_orthogonal_and_balanced() -> None:
     matrix = np.array([np.ones(8), *(signs(DESIGN, term) for term in DESIGN.terms())])
     assert np.array_equal(matrix @ matrix.T, 8 * np.eye(8))
@@ -145,18 +141,6 @@ def test_scores_together_of_what_is_missing_failed_or_unscored() -> None:
         assert np.isnan(scores_together([good, fallen], "psnr", budget, step)[1])
     shorter = replace(good, steps=10, scores={"psnr": 20.0})
     assert scores_together([good, shorter], "psnr", "steps").tolist() == [20.0, 20.0]
-
-
-def test_along_training_the_effect_is_that_of_each_checkpoint() -> None:
-    share = {10: 0.0, 100: 0.5, 500: 1.0}
-    cells = planted(DESIGN, PLANTED, ripeness=share.__getitem__)
-    assert common_steps(cells) == list(STEPS)
-    tables = {float(at): contrast_tables(DESIGN, ("b",), cells, "psnr", "steps", at) for at in STEPS}
-    drawn = line(tables, panel="p", name="b", x_label="step")
-    assert drawn.x == [10.0, 100.0, 500.0]
-    assert drawn.y == pytest.approx([0.0, -1.5, -3.0])
-    assert drawn.low == pytest.approx(drawn.y)
-    assert drawn.high == pytest.approx(drawn.y)
 
 
 def test_checkpoints_that_not_all_have_are_not_common() -> None:
