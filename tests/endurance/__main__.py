@@ -6,10 +6,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from tests.endurance.kills import Found
+from typing import Any
 
 FULL_AT = (0, 1, 2, 4, 5, 6, 7, 9, 12)
 """Writes from which on the disk is full: of plan, pictures, run, weights, records; 0: while rendering."""
@@ -31,39 +28,48 @@ def main() -> int:
 
     from tests.endurance.damage import damages
     from tests.endurance.forked import prepare
-    from tests.endurance.kills import completed, on_a_full_disk, storm, undisturbed
-    from tests.endurance.typed import typed_storm
+    from tests.endurance.kills import completed, forked, forked_runs, on_a_full_disk, storm
+    from tests.endurance.typed import typed, typed_runs
 
     scratch = given.scratch or Path(tempfile.mkdtemp(prefix="endurance-"))
     wrong: list[str] = []
+
+    def killed(count: int, name: str, complete: Any, runs_of: Any) -> Path:
+        """Run once undisturbed, and kill others `count` times; return what was undisturbed."""
+        reference = scratch / f"undisturbed-{name}"
+        reference.mkdir(parents=True)
+        first = complete(reference, False, False)
+        assert first.code == 0, first.printed
+        say(f"{name}, undisturbed: {first.seconds:.1f} s; scratch {scratch}")
+        began, runs = time.monotonic(), runs_of(first.seconds)
+        met = storm(count, seed, scratch / name, reference, runs, say)
+        seconds = time.monotonic() - began
+        say(f"{met.kills} {runs.name} of {met.folders} runs in {seconds:.0f} s, {met.too_late} came too late")
+        for phase, number in met.phases.most_common():
+            say(f"  {number:4} {phase}")
+        say(f"  {met.resumed} cells were resumed in the middle of their training")
+        wrong.extend(met.wrong)
+        return reference
+
     if given.typed_kills:
-        began = time.monotonic()
-        typed = typed_storm(given.typed_kills, seed, scratch / "typed", say)
-        tell("kills of the typed command", typed, time.monotonic() - began)
-        wrong += typed.wrong
+        killed(given.typed_kills, "typed", typed, typed_runs)
     prepare()
-    reference = scratch / "undisturbed"
-    first = undisturbed(reference)
-    print(f"undisturbed: {first.seconds:.1f} s; scratch {scratch}", flush=True)
+    reference = killed(given.kills, "forked", forked, forked_runs)
     if not given.no_damage:
         began = time.monotonic()
         for row in damages(reference, scratch / "damaged", each=1 if given.brief else None):
-            print(row.line, flush=True)
+            say(row.line)
             wrong += [f"{row.line}: {line}" for line in row.wrong]
-        print(f"damages took {time.monotonic() - began:.0f} s", flush=True)
+        say(f"damages took {time.monotonic() - began:.0f} s")
     for write in FULL_AT[::4] if given.brief else FULL_AT:
         here = scratch / "full" / str(write)
         here.mkdir(parents=True)
-        ended = on_a_full_disk(here, rendering=write == 0, write=write)
-        said = ended.said.strip().replace(f"{here}/", "")
-        print(f"disk full at write {write or 'of a view'}, exit code {ended.code}: {said[-200:]}", flush=True)
+        ended = on_a_full_disk(here, write)
+        printed = ended.printed.strip().replace(f"{here}/", "")
+        say(f"disk full at write {write or 'of a view'}, exit code {ended.code}: {printed[-200:]}")
         wrong += [f"full at {write}: {line}" for line in completed(here, reference)]
-        if ended.code != 2 or str(here) not in ended.said or "Traceback" in ended.said:
-            wrong.append(f"full at {write}: {ended.code}, {ended.said[-400:]}")
-    began = time.monotonic()
-    found = storm(given.kills, seed, scratch / "killed", reference, first.seconds, say)
-    tell("kills", found, time.monotonic() - began)
-    wrong += found.wrong
+        if ended.code != 2 or str(here) not in ended.printed or "Traceback" in ended.printed:
+            wrong.append(f"full at {write}: {ended.code}, {ended.printed[-400:]}")
     for line in wrong:
         print(f"wrong: {line}")
     print(f"{len(wrong)} wrong")
@@ -74,13 +80,6 @@ def main() -> int:
 
 def say(text: str) -> None:
     print(text, flush=True)
-
-
-def tell(what: str, found: "Found", seconds: float) -> None:
-    say(f"{found.kills} {what} of {found.folders} runs in {seconds:.0f} s, {found.too_late} came too late")
-    for phase, count in found.phases.most_common():
-        say(f"  {count:4} {phase}")
-    say(f"  {found.gone_on} cells went on in the middle of their training")
 
 
 if __name__ == "__main__":

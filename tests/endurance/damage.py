@@ -2,12 +2,12 @@
 
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from tests.endurance.forked import run
 from tests.endurance.kills import arguments_for
-from tests.endurance.same_results import left_behind, same_results, same_view_sets
+from tests.endurance.same_results import differences
 
 KINDS = (
     "out/records/plan.json",
@@ -29,18 +29,11 @@ BOMB = b"cposix\nsystem\n(S'touch UNPICKLED'\ntR."
 """A pickle that makes a file where it is read; nothing of ours reads one."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """One damage."""
+class Row(NamedTuple):
+    """One damage, and what came of it."""
 
-    kind: str
-    how: str
-    said: str
+    line: str
     wrong: list[str]
-
-    @property
-    def line(self) -> str:
-        return f"{self.kind}, {self.how}: {self.said or 'nothing to say'}{' WRONG' if self.wrong else ''}"
 
 
 def _flip(place: float) -> Callable[[Path], None]:
@@ -71,8 +64,9 @@ WAYS: dict[str, Callable[[Path], None]] = {
 
 
 def damages(reference: Path, scratch: Path, each: int | None = None) -> Iterator[Row]:
-    """Every kind in every way, each on a copy of an undisturbed run; or `each` in so many ways, the next kind in the
-    next ones."""
+    """Damage every kind in every way, each on a copy of an undisturbed run; or `each` in so many ways, the next kind in
+    the next ones.
+    """
     ways = [*WAYS]
     for place, kind in enumerate(KINDS):
         for turn in range(len(ways) if each is None else each):
@@ -80,19 +74,14 @@ def damages(reference: Path, scratch: Path, each: int | None = None) -> Iterator
 
 
 def damaged(reference: Path, scratch: Path, kind: str, how: str) -> Row:
-    """One of them, gone on with."""
+    """Damage one file in one way, and resume the run."""
     shutil.rmtree(scratch, ignore_errors=True)
     shutil.copytree(reference, scratch)
     path = next(scratch.glob(kind))
     WAYS[how](path)
-    arguments = [one for one in arguments_for(scratch, resume=True) if one != "--quiet"]
-    ended = run(arguments, scratch)
-    wrong = [f"unpickled: {one}" for one in (*scratch.rglob("UNPICKLED"), *Path.cwd().glob("UNPICKLED"))]
-    lines = [line for line in ended.said.splitlines() if path.name in line or ": missing" in line]
-    said = " / ".join(lines).replace(f"{scratch}/", "")[:300]
-    if ended.code != 0:
-        return Row(kind, how, said or ended.said[-300:], [f"exit code {ended.code}: {ended.said[-300:]}"])
-    wrong += [f"left behind: {name}" for name in left_behind(scratch)]
-    wrong += same_results(reference / "out", scratch / "out")
-    wrong += same_view_sets(reference / "view_sets", scratch / "view_sets")
-    return Row(kind, how, said, wrong)
+    ended = run([argument for argument in arguments_for(scratch, resume=True) if argument != "--quiet"], scratch)
+    wrong = [f"unpickled: {file}" for file in (*scratch.rglob("UNPICKLED"), *Path.cwd().glob("UNPICKLED"))]
+    wrong += differences(scratch, reference) if ended.code == 0 else [f"exit code {ended.code}: {ended.printed[-300:]}"]
+    lines = [line for line in ended.printed.splitlines() if path.name in line or ": missing" in line]
+    printed = " / ".join(lines).replace(f"{scratch}/", "")[:300]
+    return Row(f"{kind}, {how}: {printed or 'nothing to say'}{' WRONG' if wrong else ''}", wrong)

@@ -15,6 +15,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,7 @@ class Ended:
     code: int
     """Of the exit, or minus the signal."""
     seconds: float
-    said: str
+    printed: str
     phase: str = ""
     """Where it was killed."""
 
@@ -78,11 +79,12 @@ def prepare() -> None:
 
 def run(
     arguments: list[str], scratch: Path, after: float | None = None, point: tuple[str, int] | None = None,
-    alone: bool = False, phase_of: Callable[[], str] | None = None, signals: tuple[int, ...] = (signal.SIGKILL,),
+    alone: bool = False, phase_of: Callable[[], str] = lambda: "",
 ) -> Ended:  # fmt: skip
-    """`python -m harness …`; signalled `after` so many seconds, with its whole group or `alone`, or killed at the n-th
-    time that it comes to a `point`. Without either it runs to its end."""
-    log = scratch / "said.txt"
+    """Run `python -m harness …`; killed `after` so many seconds, with its whole group or `alone`, or at the n-th time
+    that it comes to a `point`. Without either it runs to its end.
+    """
+    log = scratch / "printed.txt"
     began = time.monotonic()
     child = os.fork()
     if child == 0:
@@ -91,24 +93,17 @@ def run(
     if after is not None:
         while time.monotonic() < began + after and not _has_ended(child):
             time.sleep(0.002)
-        for number in signals:
-            phase = phase_of() if phase_of is not None else ""
-            try:
-                (os.kill if alone else os.killpg)(child, number)
-            except ProcessLookupError:
-                phase = ""
+        phase = phase_of()
+        with suppress(ProcessLookupError):
+            (os.kill if alone else os.killpg)(child, signal.SIGKILL)
     _, status = os.waitpid(child, 0)
     seconds = time.monotonic() - began
-    try:  # whatever of it is left
-        if not alone:
+    if not alone:
+        with suppress(ProcessLookupError):  # whatever of it is left
             os.killpg(child, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
-    said = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
+    printed = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
     code = os.waitstatus_to_exitcode(status)
-    if point is not None and code == -signal.SIGKILL:
-        phase = f"at a write: {point[0]}"
-    return Ended(code, seconds, said, phase)
+    return Ended(code, seconds, printed, phase if point is None else f"at a write: {point[0]}")
 
 
 def _has_ended(child: int) -> bool:

@@ -1,39 +1,48 @@
-"""Runs that are killed again and again, gone on with, and then compared with one that nobody disturbed."""
+"""Runs that are killed again and again, resumed, and then compared with one that nobody disturbed."""
 
-import random
+import resource
 import shutil
-import signal
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from random import Random
+from typing import NamedTuple
 
 from tests.endurance.forked import FULL, POINTS, Ended, run
-from tests.endurance.same_results import cells_gone_on, left_behind, same_results, same_view_sets
+from tests.endurance.same_results import cells_resumed, differences
 
-SCENES = ["hotdog", "lego"]
-OPTIONS = ["run", "--profile", "smoke", "--scenes", *SCENES, "--methods", "nerf", "qnerf", "--seeds", "1",
-           "--budget-steps", "6", "--workers", "1", "--quiet", "--device", "cpu", "--keep-every", "0"]  # fmt: skip
-CELLS = 4
+SCENES = ("hotdog", "lego")
+OPTIONS = ["run", "--profile", "smoke", "--methods", "nerf", "qnerf", "--seeds", "1", "--budget-steps", "6",
+           "--workers", "1", "--quiet", "--device", "cpu", "--keep-every", "0"]  # fmt: skip
 ROOM_BYTES = 4500
-"""Of a file, where the disk is full while rendering."""
+"""The size of a file at which the disk is full while rendering."""
 NO_RUN_YET = "holds no run to go on with"
 MANY_IN_TRAINING = 10
-"""Kills: after so many in training, some cell must have gone on in the middle."""
-MOST_KILLS = 6
-"""Of one folder, before it is let go on to its end."""
+"""Kills: after so many in training, some cell must have been resumed in the middle."""
+MOST_KILLS = 5
+"""Of one folder, before it is resumed to its end."""
+
+
+class Runs(NamedTuple):
+    """How the runs of a storm are started; each gets the folder, and whether it resumes and measures serving."""
+
+    name: str
+    complete: Callable[[Path, bool, bool], Ended]
+    killed: Callable[[Path, bool, bool, Random], Ended]
 
 
 @dataclass
-class Found:
+class Storm:
     """What a storm met."""
 
+    wrong: list[str] = field(default_factory=list)
     phases: Counter[str] = field(default_factory=Counter)
     """Where runs were when they were killed."""
-    wrong: list[str] = field(default_factory=list)
     folders: int = 0
-    gone_on: int = 0
-    """Cells that went on in the middle of their training."""
+    resumed: int = 0
+    """Cells that were resumed in the middle of their training."""
     too_late: int = 0
     """Runs that ended before they could be killed."""
 
@@ -42,113 +51,101 @@ class Found:
         return sum(self.phases.values())
 
 
-def undisturbed(scratch: Path) -> Ended:
-    """Into `scratch/out`, with view sets in `scratch/view_sets`; raises `AssertionError` where it fails."""
-    scratch.mkdir(parents=True)
-    ended = run(arguments_for(scratch), scratch)
-    assert ended.code == 0, ended.said
-    return ended
-
-
-def arguments_for(scratch: Path, resume: bool = False, serving: bool = False) -> list[str]:
-    folders = ["--out", str(scratch / "out"), "--view-sets", str(scratch / "view_sets")]
+def arguments_for(
+    here: Path, resume: bool = False, serving: bool = False, scenes: tuple[str, ...] = SCENES
+) -> list[str]:
+    folders = ["--scenes", *scenes, "--out", str(here / "out"), "--view-sets", str(here / "view_sets")]
     return [*OPTIONS, *folders, *(["--resume"] if resume else []), *([] if serving else ["--no-serving"])]
 
 
-def storm(count: int, seed: int, scratch: Path, reference: Path, seconds: float, say: Callable[[str], None]) -> Found:
-    """`count` kills of runs that take `seconds` each undisturbed; what was undisturbed is in `reference`."""
-    found, draws = Found(), random.Random(seed)
-    while found.kills < count:
-        found.folders += 1
-        here = scratch / f"{found.folders}"
+def forked(here: Path, resume: bool, serving: bool) -> Ended:
+    return run(arguments_for(here, resume, serving), here)
+
+
+def forked_runs(seconds: float) -> Runs:
+    """Return runs of forked processes that take `seconds` undisturbed."""
+
+    def killed(here: Path, resume: bool, serving: bool, draws: Random) -> Ended:
+        """Kill three of ten at a write, the others at any time; one of five of those without its group."""
+        start = partial(run, arguments_for(here, resume, serving), here)
+        if draws.random() < 0.3:
+            return start(point=(draws.choice(POINTS), draws.randint(1, 30)))
+        after = draws.uniform(0.0, seconds * (2.0 if serving else 1.0))
+        return start(after=after, alone=draws.random() < 0.2, phase_of=lambda: phase_of(here))
+
+    return Runs("kills", forked, killed)
+
+
+def storm(count: int, seed: int, scratch: Path, reference: Path, runs: Runs, say: Callable[[str], None]) -> Storm:
+    """Kill runs `count` times, at any moment; a folder is killed up to `MOST_KILLS` times, resumed and compared with
+    what was undisturbed in `reference`. Half of the folders find their view sets rendered, so that more is trained.
+    """
+    met, draws = Storm(), Random(f"{runs.name} {seed}")
+    while met.kills < count and met.too_late <= 10 + count:
+        met.folders += 1
+        here, serving = scratch / str(met.folders), draws.random() < 0.15
         here.mkdir(parents=True)
-        serving = draws.random() < 0.1
-        planned = min(draws.randint(1, MOST_KILLS), count - found.kills)
-        began = False
-        for _ in range(planned):
-            ended = _killed(here, began, serving, draws, seconds)
-            began = _says_on(ended, began)
+        if draws.random() < 0.5:
+            shutil.copytree(reference / "view_sets", here / "view_sets")
+        wrong = []
+        for _ in range(min(draws.randint(1, MOST_KILLS), count - met.kills)):
+            ended = runs.killed(here, has_begun(here), serving, draws)
             if ended.was_killed:
-                found.phases[ended.phase] += 1
+                met.phases[ended.phase] += 1
             else:
-                found.too_late += 1
-                if ended.code != 0 and NO_RUN_YET not in ended.said:
-                    found.wrong.append(f"folder {found.folders}: ended with {ended.code}: {ended.said[-400:]}")
-        found.wrong += [f"folder {found.folders}: {line}" for line in completed(here, reference, serving)]
-        found.gone_on += cells_gone_on(here / "out")
-        phases = ", ".join(f"{many} {name}" for name, many in found.phases.most_common())
-        say(f"{found.kills} kills ({phases}), {found.folders} folders, {len(found.wrong)} wrong")
-        if not any(line.startswith(f"folder {found.folders}:") for line in found.wrong):
+                met.too_late += 1
+                if ended.code != 0 and NO_RUN_YET not in ended.printed:
+                    wrong.append(f"ended with {ended.code}: {ended.printed[-400:]}")
+        wrong += completed(here, reference, runs.complete, serving)
+        met.resumed += cells_resumed(here / "out")
+        met.wrong += [f"{runs.name}, folder {met.folders}: {line}" for line in wrong]
+        phases = ", ".join(f"{many} {name}" for name, many in met.phases.most_common())
+        say(f"{met.kills} {runs.name} ({phases}), {met.folders} folders, {len(met.wrong)} wrong")
+        if not wrong:
             shutil.rmtree(here)
-    if found.phases["training"] >= MANY_IN_TRAINING and not found.gone_on:
-        found.wrong.append("no cell went on in the middle of its training")
-    return found
+    if met.phases["training"] >= MANY_IN_TRAINING and not met.resumed:
+        met.wrong.append(f"{runs.name}: no cell was resumed in the middle of its training")
+    return met
 
 
-def completed(here: Path, reference: Path, serving: bool = False) -> list[str]:
-    """Goes on with what was killed, to its end, and what is then not as in `reference`."""
-    ended = run(arguments_for(here, resume=True, serving=serving), here)
-    if ended.code == 2 and NO_RUN_YET in ended.said:  # killed before there was anything
-        ended = run(arguments_for(here, serving=serving), here)
+def completed(
+    here: Path, reference: Path, complete: Callable[[Path, bool, bool], Ended] = forked, serving: bool = False
+) -> list[str]:
+    """Resume what was killed, to its end; return what is then not as in `reference`."""
+    ended = complete(here, has_begun(here), serving)
+    if ended.code == 2 and NO_RUN_YET in ended.printed:  # killed before there was anything
+        ended = complete(here, False, serving)
     if ended.code != 0:
-        return [f"--resume ended with {ended.code}: {ended.said[-600:]}"]
+        return [f"--resume ended with {ended.code}: {ended.printed[-600:]}"]
     return differences(here, reference)
 
 
-def differences(here: Path, reference: Path) -> list[str]:
-    """Between a run that was killed and gone on with and one that nobody disturbed, and what the first left behind."""
-    left = [f"left behind: {name}" for name in left_behind(here)]
-    return (
-        left
-        + same_results(reference / "out", here / "out")
-        + same_view_sets(reference / "view_sets", here / "view_sets")
-    )
+def has_begun(here: Path) -> bool:
+    return (here / "out" / "records").exists()
 
 
-def _killed(here: Path, began: bool, serving: bool, draws: random.Random, seconds: float) -> Ended:
-    """Three of ten at a write, the others at any time; one of five of those without its group."""
-    arguments = arguments_for(here, resume=began, serving=serving)
-    if draws.random() < 0.3:
-        return run(arguments, here, point=(draws.choice(POINTS), draws.randint(1, 30)))
-    after = draws.uniform(0.0, seconds * (2.0 if serving else 1.0))
-    return run(arguments, here, after=after, alone=draws.random() < 0.2, phase_of=lambda: phase_of(here))
-
-
-def _says_on(ended: Ended, began: bool) -> bool:
-    """Whether the next run goes on; before a run has made its folder there is nothing to go on with."""
-    return NO_RUN_YET not in ended.said and (began or ended.phase != "starting")
-
-
-def phase_of(here: Path, scenes: list[str] = SCENES, every_cell: int = CELLS) -> str:
-    """Where a run of these scenes and so many cells is, by what lies there."""
+def phase_of(here: Path, scenes: tuple[str, ...] = SCENES) -> str:
+    """Return where a run of these scenes and two methods is, by what lies there."""
     out, sets = here / "out", here / "view_sets"
     if list(out.rglob(".*.part")):
         return "writing"
     if not (out / "records" / "plan.json").exists():
         return "starting"
     if not (out / "records" / "run.json").exists():
-        whole = [one for one in sets.glob("*") if not one.name.startswith(".")] if sets.exists() else []
-        return "rendering" if len(whole) < len(scenes) else "reading view sets"
-    cells = len(list((out / "records" / "cells").glob("*.json")))
-    if cells < every_cell:
+        complete = [folder for folder in sets.glob("*") if not folder.name.startswith(".")]
+        return "rendering" if len(complete) < len(scenes) else "reading view sets"
+    if len(list((out / "records" / "cells").glob("*.json"))) < 2 * len(scenes):
         return "training"
     return "serving" if list(out.glob(".scratch-*")) else "after training"
 
 
-def on_a_full_disk(here: Path, rendering: bool, write: int) -> Ended:
-    """A run whose disk is full while it is `rendering`, or from its n-th `write` on."""
-    import resource
-
-    if not rendering:
+def on_a_full_disk(here: Path, write: int) -> Ended:
+    """Run with a disk that is full from the n-th `write` on, or while rendering if that is 0."""
+    if write:
         return run(arguments_for(here), here, point=(FULL, write))
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM_BYTES, before[1]))
     try:
-        return run(arguments_for(here), here)
+        return forked(here, False, False)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def stopped(here: Path, after: float, number: int = signal.SIGINT) -> Ended:
-    """A run that is asked to stop."""
-    return run(arguments_for(here), here, after=after, signals=(number,), phase_of=lambda: phase_of(here))

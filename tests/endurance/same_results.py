@@ -4,74 +4,52 @@ import json
 from pathlib import Path
 from typing import Any
 
-BYTES = ("checkpoints/*.safetensors", "records/pictures/*.safetensors")
-"""Files that are the same byte for byte."""
+SAME_BYTES = (
+    "out/checkpoints/*.safetensors", "out/records/pictures/*.safetensors",
+    "view_sets/*/*/*.png", "view_sets/*/*/*.exr", "view_sets/*/transforms*.json",
+)  # fmt: skip
+SAME_JSON = (
+    "out/records/cells/*.json", "out/records/plan.json", "out/records/run.json", "out/records/comparisons.json",
+    "out/records/targets.json", "view_sets/*/view_set.json",
+)  # fmt: skip
+"""Everything else: the journal of what was rendered is in the order of rendering."""
 CLOCKS = ("train_seconds", "seconds", "provenance", "files", "digest", "phases", "command", "checksum")
 """Keys left out wherever they stand: clocks, how and where a run was made, and digests of files with clocks in them."""
 BY_TIME = "seconds"
 """Comparisons at this budget, or on this axis, depend on the clock."""
-
 ABOUT_CLOCKS = ("Cores of their own for all timed cells", "Clocks in one piece")
 """How sentences of a run begin that say how busy the machine was, and what was interrupted."""
 
 
-def same_results(one: Path, other: Path) -> list[str]:
-    """What differs between two finished runs of one plan, a line each; none where the results are the same."""
-    found = []
-    for pattern in BYTES:
-        found += _unlike_bytes(one, other, pattern)
-    records = [{file.name: _read(file) for file in (out / "records/cells").glob("*.json")} for out in (one, other)]
-    found += _unlike("records/cells", *records)
-    for name in ("plan.json", "run.json", "comparisons.json", "targets.json"):
-        here, there = (_read(out / "records" / name) for out in (one, other))
-        if here != there:
-            found.append(f"records/{name}: not the same")
-    return found
+def differences(here: Path, reference: Path) -> list[str]:
+    """Return what differs between a run with its view sets and one that nobody disturbed, and what writers left."""
+    names = (file.name for file in here.rglob(".*"))
+    unlike = [f"left behind: {name}" for name in names
+              if name.endswith((".part", ".partial")) or name.startswith(".scratch-")]  # fmt: skip
+    for patterns, read in ((SAME_BYTES, Path.read_bytes), (SAME_JSON, _timeless_json)):
+        for pattern in patterns:
+            first, second = ({file.relative_to(root): read(file) for file in root.glob(pattern)}
+                          for root in (reference, here))  # fmt: skip
+            unlike += [] if first else [f"{pattern}: nothing to compare"]
+            unlike += [f"{name}: not the same" for name in {*first, *second} if first.get(name) != second.get(name)]
+    return unlike
 
 
-def same_view_sets(one: Path, other: Path) -> list[str]:
-    """As `same_results`, of two caches of view sets; the journal of what was rendered is in the order of rendering."""
-    found = []
-    for pattern in ("*/*/*.png", "*/*/*.exr", "*/transforms*.json"):
-        found += _unlike_bytes(one, other, pattern)
-    manifests = [{file.parent.name: _read(file) for file in out.glob("*/view_set.json")} for out in (one, other)]
-    return found + _unlike("view_set.json", *manifests)
-
-
-def cells_gone_on(out: Path) -> int:
-    """How many cells of a run went on in the middle of their training."""
+def cells_resumed(out: Path) -> int:
+    """Count the cells of a run that were resumed in the middle of their training."""
     cells = (json.loads(file.read_text(encoding="utf-8")) for file in (out / "records/cells").glob("*.json"))
     return sum("resumed_at" in cell["provenance"] for cell in cells)
 
 
-def left_behind(folder: Path) -> list[str]:
-    """Temporary files and folders of writers."""
-    names = (file.name for file in folder.rglob(".*"))
-    return [name for name in names if name.endswith((".part", ".partial")) or name.startswith(".scratch-")]
-
-
-def _unlike_bytes(one: Path, other: Path, pattern: str) -> list[str]:
-    return _unlike(
-        pattern,
-        *({str(file.relative_to(out)): file.read_bytes() for file in out.glob(pattern)} for out in (one, other)),
-    )
-
-
-def _unlike(what: str, one: dict[str, Any], other: dict[str, Any]) -> list[str]:
-    if not one:
-        return [f"{what}: nothing to compare"]
-    return [f"{what}: {name}" for name in sorted({*one, *other}) if one.get(name) != other.get(name)]
-
-
-def _read(file: Path) -> Any:
+def _timeless_json(file: Path) -> Any:
     return _timeless(json.loads(file.read_text(encoding="utf-8")))
 
 
 def _timeless(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _timeless(one) for key, one in value.items() if key not in CLOCKS}
+        return {key: _timeless(inner) for key, inner in value.items() if key not in CLOCKS}
     if isinstance(value, list):
-        return [_timeless(one) for one in value if not _is_by_time(one)]
+        return [_timeless(inner) for inner in value if not _is_by_time(inner)]
     return value
 
 

@@ -151,9 +151,13 @@ def gates(folder: Path) -> None:
 def started(folder: Path) -> None:
     """A run, a film and a search of which nothing is done yet."""
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=False)
-    claim_film(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
+    claimed_film(folder)
 
     (folder / "search.json").write_bytes(PUBLISHED.read_bytes())
+
+
+def claimed_film(folder: Path) -> None:
+    claim_film(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
 
 
 def view_cache(folder: Path) -> None:

@@ -24,22 +24,16 @@ from harness.gate.limits import LimitsFile, changes, read_stored, unfit
 from harness.gate.references import references_for
 from harness.plan import plugins
 from harness.plan.needed import for_scene
-from harness.plan.profiles import PROFILES, Machine, planned
+from harness.plan.profiles import PROFILES
 from harness.playback.camera_paths import PATHS
 from harness.playback.disk import DiskPictures, frozen
 from harness.playback.run_loader import FinishedRun
 from harness.records.cells import read_cells, read_comparisons, read_run
 from harness.records.judgements import read_judgement, write_judgement
 from harness.records.pictures import last_of, read_renders, read_truth
-from harness.run_folder.output_folder import claim
-from harness.studies.choices.repair_search import read_search
 from harness.verdicts.judgement import judge
 from harness.verdicts.result_table import read_table
-from harness.viewer.asked import ViewRequest, parsed
-from harness.viewer.film.film_folder import claim as claim_film
-from harness.viewer.film.takes import FilmSpec
 from reports.data.load import read_records
-from reports.data.studies_load import find_studies
 from reports.drawing.images import read
 from scenes.catalog.mitsuba_xml import loaded, notes
 from scenes.catalog.scene_file import mistakes_in, scene_from_file
@@ -49,7 +43,6 @@ from scenes.rendering.occupancy import _read
 from scenes.rendering.store import _folder, checked_order, is_complete
 from scenes.view_sets.images import read_channels, read_image
 from scenes.view_sets.manifest import read_manifest, salvaged
-from scenes.view_sets.transforms import read_transforms
 from scenes.view_sets.view_set import read_view_set
 from tests.fuzz.watch import Fault
 
@@ -66,10 +59,6 @@ def needed_view_set(folder: Path) -> None:
     is_complete(folder)
     views = with_needs(read_view_set(folder, scratch=folder), ("view_direction",), ("empty_space",))
     for_scene(PROFILES["smoke"].train, views)
-
-
-def transforms(folder: Path) -> None:
-    read_transforms(folder, "train")
 
 
 def image(folder: Path) -> None:
@@ -91,25 +80,6 @@ def _first(folder: Path) -> list[Path]:
 def records(folder: Path) -> None:
     read_records(folder)
     read_run(folder), list(read_cells(folder)), read_comparisons(folder)
-
-
-def beside(find: str) -> Callable[[Path], None]:
-    def read(folder: Path) -> None:
-        find_studies(folder, find)
-
-    return read
-
-
-def plan(folder: Path) -> None:
-    claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=True)
-
-
-def film(folder: Path) -> None:
-    claim_film(folder / "film", FilmSpec("orbit", 3, 8, None, 0), folder / "run", lambda line: None)
-
-
-def search(folder: Path) -> None:
-    read_search(folder / "search.json")
 
 
 def finished(folder: Path) -> None:
@@ -212,10 +182,6 @@ def order(folder: Path) -> None:
     checked_order(given["scene"], given["resolution"], given["counts"], given["spp"])
 
 
-def asked(folder: Path) -> None:
-    assert isinstance(parsed((folder / "request.json").read_bytes()), ViewRequest)
-
-
 def judged(name: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
         record = judge(read_table([folder / name]), None, None, {})
@@ -230,21 +196,13 @@ def judged(name: str) -> Callable[[Path], None]:
 COUNTS, SPP = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 2}
 
 
-def nerfstudio(folder: Path) -> None:
-    read_view_set(folder, scratch=folder)
-
-
 def tiny_nerf(folder: Path) -> None:
     views = read_view_set(folder / "tiny.npz", scratch=folder)
     assert np.isfinite(views.bounds).all()
     assert all(np.isfinite(image).all() for image in (views.train.rgba[0], views.test.rgba[0]))
 
 
-def own_scene(name: str) -> Callable[[Path], None]:
-    return lambda folder: _own_scene(folder / name)
-
-
-def _own_scene(file: Path) -> None:
+def own_scene(file: Path) -> None:
     """Up to where Mitsuba is asked, as `python -m scenes render` and `scenes.rendering.store` do."""
     known = set(sys.modules)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):

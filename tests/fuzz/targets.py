@@ -3,15 +3,22 @@
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
 from baselines.numerics.attention.priorities import BadAttention
+from harness.plan.profiles import Machine, planned
 from harness.records.json_record import DamagedRecord
-from harness.viewer.asked import BadRequest
+from harness.run_folder.output_folder import claim
+from harness.studies.choices.repair_search import read_search
+from harness.viewer.asked import BadRequest, parsed
 from reports.data.load import NoRecords
+from reports.data.studies_load import find_studies
 from scenes.files.errors import InputError
+from scenes.view_sets.transforms import read_transforms
+from scenes.view_sets.view_set import read_view_set
 from tests.fuzz import commands, material, mutations, pages, readers, seals
 from tests.fuzz import file_mutations as spoilt
 from tests.fuzz.readers import NotTried
@@ -83,7 +90,7 @@ def _of_page(file: str, make: Callable[[Path], None] = material.small_run, *opti
 
 _STUDIES = ("speed", "stability", "evidence", "serving")
 TARGETS: dict[str, Target] = {
-    "transforms": Target(material.ball, "transforms_train.json", readers.transforms),
+    "transforms": Target(material.ball, "transforms_train.json", lambda folder: read_transforms(folder, "train")),
     "view_set": Target(material.ball, "transforms_test.json", readers.view_set, "ball"),
     "own_view_set": Target(material.own, "transforms_train.json", readers.view_set, "own", place=seals.place_listed),
     "own_exr": Target(material.own, "t*/r_0.exr", readers.view_set, "own", mutations.of_bytes,
@@ -101,12 +108,15 @@ TARGETS: dict[str, Target] = {
     "targets": _of_records("targets.json"),
     "records_folder": _of_folder(material.small_run, readers.records, "records"),
     **{
-        study: Target(material.report, f"{study}.json", readers.beside(study), seal=seals.record_sealed)
+        study: Target(material.report, f"{study}.json", partial(find_studies, shelf=study), seal=seals.record_sealed)
         for study in _STUDIES
     },
-    "plan": Target(material.started, "run/records/plan.json", readers.plan, "run", seal=seals.record_sealed),
-    "film": Target(material.started, "film/film.json", readers.film, "film", seal=seals.record_sealed, renewed=True),
-    "repair_search": Target(material.started, "search.json", readers.search),
+    "plan": Target(material.started, "run/records/plan.json",
+                   lambda folder: claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=True), "run",
+                   seal=seals.record_sealed),
+    "film": Target(material.started, "film/film.json", material.claimed_film, "film",
+                   seal=seals.record_sealed, renewed=True),
+    "repair_search": Target(material.started, "search.json", lambda folder: read_search(folder / "search.json")),
     "finished_run": Target(material.trained, "run/records/run.json", readers.finished, "run", seal=seals.record_sealed),
     "finished_cell": Target(material.trained, "run/records/cells/ball.nerf.0.json", readers.finished, "ball.nerf.0",
                             seal=seals.record_sealed),
@@ -121,18 +131,21 @@ TARGETS: dict[str, Target] = {
     "camera_path": _of_numbers("path.json", readers.camera_path, "frames", "radius", "target", "keep", "elevation"),
     "attention": _of_numbers("attention.json", readers.attention, "region", "point", "fovea", "attention", "image",
                              "picture"),
-    "viewer_request": Target(material.numbers, "request.json", readers.asked, " "),
+    "viewer_request": Target(material.numbers, "request.json",
+                             lambda folder: parsed((folder / "request.json").read_bytes()), " "),
     "scene_order": _of_numbers("order.json", readers.order, "resolution", "train", "val", "test", "scene", "view"),
     "harness_options": _of_options("harness"),
     "scenes_options": _of_options("scenes"),
     "reports_options": _of_options("reports"),
-    "nerfstudio": Target(material.captured, "transforms.json", readers.nerfstudio, "captured"),
+    "nerfstudio": Target(material.captured, "transforms.json",
+                         lambda folder: read_view_set(folder, scratch=folder), "captured"),
     "judged_csv": Target(material.tables, "table.csv", readers.judged("table.csv"), mutate=mutations.of_bytes),
     "judged_json": Target(material.tables, "table.json", readers.judged("table.json")),
     "tiny_nerf": Target(material.tiny, "tiny.npz", readers.tiny_nerf, mutate=spoilt.of_npz),
-    "xml_scene": Target(material.scene_files, "mine.xml", readers.own_scene("mine.xml"), "scene_files", spoilt.of_xml),
-    "python_scene": Target(material.scene_files, "mine.py", readers.own_scene("mine.py"), "scene_files",
-                           spoilt.of_python),
+    "xml_scene": Target(material.scene_files, "mine.xml", lambda folder: readers.own_scene(folder / "mine.xml"),
+                        "scene_files", spoilt.of_xml),
+    "python_scene": Target(material.scene_files, "mine.py", lambda folder: readers.own_scene(folder / "mine.py"),
+                           "scene_files", spoilt.of_python),
     "placement": Target(material.boxes, "boxes.json", readers.placed, mutate=mutations.of_json),
     "pictures_truth": _of_listed(material.kept_pictures, "truth.safetensors", readers.truth),
     "pictures_renders": _of_listed(material.kept_pictures, "renders.safetensors", readers.renders),

@@ -30,8 +30,7 @@ CASES: dict[str, Study] = catalogue(
           "≤ 1.1 · h/2 · max|c′|; linear in τ ≤ 1e-4 from 64 bins on, measured 2.8e-5"),
     _case("Q5", "A shell thinner than a bin", "rays.quadrature_orders:shell", 4, "width δ/3 at a random offset",
           "missed altogether: error 0.9", "clipped integral", "share of rays missed is 1 − width/δ; with importance "
-          "samples ≤ 1e-2, measured 7.3e-3. Trapezoid misses that by construction and is held to 0.06; left ends, the "
-          "field's usual choice, miss it altogether (measured 0.92) and are shown so"),
+          "samples ≤ 1e-2; trapezoid, which misses that by construction, ≤ 0.06; left ends are shown"),
     _case("Q6", "Almost nothing", "rays.quadrature_edges:almost_nothing", 1, "σ = 1e-8 everywhere",
           "an interval of 1e10 makes it opaque, with a gradient of 1e9", "opacity 4e-8", "relative error ≤ 1e-6"),
     _case("Q7", "Nothing at all", "rays.quadrature_edges:nothing", 1, "near = far, no samples, an empty ray",
@@ -47,8 +46,8 @@ CASES: dict[str, Study] = catalogue(
           "all weights zero, one spike, NaN; u = 0, 1 − ulp, 1", "0/0, an index out of range",
           "uniform, or inside the spike's bin", "sorted, inside [near, far]; NaN refused"),
     _case("E1", "Top frequency of an encoding", "rays.encoding_cases:top_frequency", 3, "x in [−1, 1], k = 9 and 13",
-          "the product f_k π x is rounded", "mpmath", "≤ 1.2e-4 for 2^k at L = 10, 1.9e-3 and 1.6e-4 for 2^k and φ^k "
-          "at L = 14; φ^k at L = 10 ≤ 1.2e-5 as printed, and 2.5e-5 for ours, which gives up exactness there for time"),
+          "the product f_k π x is rounded", "mpmath", "L = 10: ≤ 1.2e-4 for 2^k, 2.5e-5 for φ^k, 1.2e-5 as printed; "
+          "L = 14: 1.9e-3 and 1.6e-4"),
     _case("E2", "Positions that are none", "rays.encoding_cases:positions", 1,
           "x = 0, denormal, 1e-4, 1e2, 1e4, 1e38, ∞, NaN", "an error of 0.58 at 1e4; NaN", "mpmath",
           "outside ±1.0001 refused by the check; inside ≤ 1.2e-4; unchecked ones are judged where they are finite"),
@@ -84,17 +83,16 @@ CASES: dict[str, Study] = catalogue(
           "its float64 twin", "digits recorded; colours change by half an 8-bit step at most (measured 5e-4)"),
     _case("S1", "Nothing to see", "whole_scenes.scene_cases:nothing_to_see", 170,
           "an empty scene, a black one, a constant white one", "no signal; PSNR ∞, SSIM 0/0", "analytic", "finite "
-          "metrics; MSE ≤ 1e-5 where nothing is to be seen; black ball: MSE ≤ 6e-3, opacity outside ≤ 0.02; white: "
-          "opacity inside the silhouette less that outside ≥ 0.5; a method that shows nothing learnt nothing: "
-          "recorded, not judged"),
+          "metrics; MSE ≤ 1e-5 (empty), 6e-3 (black), opacity outside ≤ 0.02; white: opacity inside the silhouette "
+          "less that outside ≥ 0.5; a method that learnt nothing is recorded, not judged"),
     _case("S2", "Too close", "whole_scenes.scene_cases:too_close", 20, "an opaque wall that fills the view; a camera "
           "inside the object; none on its surface, where a view is one point",
           "the near plane saturates: training views 22 dB, test views 8 dB", "analytic depth", "rendered depth ≤ 1e-3; "
-          "methods above a copy of the nearest training view (measured by 1.7 to 11 dB); a planted billboard is named; "
-          "a method's depth is recorded and not judged: none of ours knows it better than the best constant"),
+          "methods above a copy of the nearest training view; a planted billboard is named; a method's depth is "
+          "recorded, not judged"),
     _case("S3", "Fog", "whole_scenes.scene_cases:fog", 6, "dense (τ = 50) and thin (τ = 1e-3)", "stiff; cancels",
           "closed form, and Mitsuba", "quadrature: opacity ≤ 1e-4, a colour that varies ≤ 2e-3; |z| < 4; opacity of "
-          "methods: dense ≤ 0.03 (measured 0.006 to 0.015); thin, below what 8 bits show: nothing added, half a step"),
+          "methods: dense ≤ 0.03, thin: half a step of 8 bits"),
     _case("S4", "Wires thinner than a pixel", "whole_scenes.scene_cases:wires_thinner_than_a_pixel", 20,
           "a quarter of a pixel for methods; 1e-2 and 1e-4 of a pixel rendered",
           "rays through pixel centres miss; noisy truth", "covered area",
@@ -102,14 +100,14 @@ CASES: dict[str, Study] = catalogue(
     _case("S5", "Mirror and glass", "whole_scenes.scene_cases:mirror_and_glass", 8,
           "a mirror; glass of index 1.5 and 1.0", "virtual depth; looks depend on the side",
           "rendered; index 1 must vanish", "index 1 within noise of nothing; of the variance within the silhouette "
-          "methods explain: mirror ≥ 0.3 (measured 0.53 to 0.84), glass ≥ 0.5 (0.92), glass of index 1 ≥ 0.3 (0.60)"),
+          "methods explain: mirror ≥ 0.3, glass ≥ 0.5, glass of index 1 ≥ 0.3"),
     _case("S6", "Extreme light", "whole_scenes.scene_cases:extreme_light", 8,
           "an emitter of 1e6 : 1, a checker at the Nyquist limit, light at 89.9°, a furnace",
           "one pixel owns the loss; aliasing; long chords",
           "linear truth, box-filtered checker, analytic chord, E / (1 − ρ)", "rendered median ≤ 10 %, a method's "
-          "≤ 25 % (measured 16 %); the lamp owns at most half of the squared error of display colour; checker equals "
-          "its box mean, and a method's error on it ≤ 0.4 of that of showing nothing (0.03 to 0.23; none of ours "
-          "explains the fields); grazing light: half of the variance; chord ≤ 1e-4; furnace |z| < 4, MSE ≤ 1e-3"),
+          "≤ 25 %; the lamp owns at most half of the squared error of display colour; checker equals its box mean, a "
+          "method's error on it ≤ 0.4 of that of showing nothing; grazing light: half of the variance; chord ≤ 1e-4; "
+          "furnace |z| < 4, MSE ≤ 1e-3"),
     _case("S7", "Far too small, large or far away", "whole_scenes.scene_cases:scaled", 10,
           "scale 1e-4 and 1e4, offset 1e3 to 1e5", "Mitsuba's ray epsilon brightens by 9 %", "the scene at unit scale",
           "normalised: within noise, methods within 1.5 dB of each other; as it is: refused"),
@@ -134,7 +132,7 @@ CASES: dict[str, Study] = catalogue(
           "scenes that get harder rung by rung: frequency, thinness, density, dynamic range, scale",
           "every method breaks somewhere", "rendered truth", "a method breaks on the first rung of which it explains "
           "less than half of the variance; of five, ours climb at least 1 of frequency and of dynamic range, 2 of "
-          "thinness, 5 of density and 5 of scale, the control (measured: 1, 5, 5, 5, 5)"),
+          "thinness, 5 of density and 5 of scale, the control"),
     _case("N1", "What a scene does not need", "whole_scenes.ladder_cases:omissions", 120,
           "cells trained with and without each omission", "an omission that costs more than it saves",
           "the same cell with nothing left out", "change in error within its bound by its whole 95 % interval; one "

@@ -1,6 +1,6 @@
 """The context of every stiff or extreme case, the owner of a subject's formula, and the run of the cases."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -64,6 +64,11 @@ def error_of(kind: type[_Error], attempt: Callable[..., object], *arguments: obj
 
 def not_judged(subject: str, why: str, status: Status = "not_applicable", owner: Owner = "ours") -> Check:
     return Check("", None, why=why, subject=subject, owner=owner, status=status)
+
+
+def none_of(what: str, offenders: Sequence[str], subject: str, owner: Owner = "ours") -> Check:
+    """Check that there are none: the figure is their number, and the reason names them."""
+    return check(what, len(offenders), high=0, why="; ".join(offenders), subject=subject, owner=owner)
 
 
 def ours_and_usual(

@@ -21,7 +21,15 @@ from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import at_an_end, new_trainer, setup, trained, with_parts
-from harness.studies.stability.stability_context import PRINTED, Rows, StabilityContext, error_of, not_judged, whose
+from harness.studies.stability.stability_context import (
+    PRINTED,
+    Rows,
+    StabilityContext,
+    error_of,
+    none_of,
+    not_judged,
+    whose,
+)
 from harness.training.metrics import psnr_from_mse
 from harness.training.trainer import Diverged, Trainer
 
@@ -207,8 +215,7 @@ def extremes(context: StabilityContext) -> Iterator[Found]:
             bad += [f"{name} at α = {alpha:g}" for name, (finite, _, _) in outcomes.items() if not finite]
             _, dead, inverted = outcomes["spread"]
             rows.append([reading, f"{alpha:g}" if has_alpha else None, dead, "inverted" if inverted else "kept"])
-        what, why = "inputs whose output or gradient is not finite", ", ".join(bad)
-        yield check(what, len(bad), high=0, why=why, subject=reading, owner=owner)
+        yield none_of("inputs whose output or gradient is not finite", bad, reading, owner)
     title = "Raw densities of standard deviation 4: share without a gradient, order of densities"
     yield Table("amplifier-extremes", 6, title, ["amplifier", "α", "dead share", "order"], rows)
     what, jump = "jump of density over the threshold of β = 2, within 2e-7 of raw density", jump_at_threshold(2.0)

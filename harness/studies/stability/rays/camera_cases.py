@@ -15,7 +15,7 @@ from baselines.contract import Rays
 from baselines.numerics.bounds import ray_box
 from harness.records.study import Check, check
 from harness.studies.framework import Found
-from harness.studies.stability.stability_context import StabilityContext, error_of, ours_and_usual
+from harness.studies.stability.stability_context import StabilityContext, error_of, none_of, ours_and_usual
 from harness.training.batches import Cameras
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Scene
@@ -60,9 +60,8 @@ def _damaged() -> dict[str, np.ndarray]:
 
 
 def _accepted(what: str, attempts: dict[str, Callable[[], object]], error: type[Exception]) -> Check:
-    """Count those that do not raise `error`."""
-    through = [name for name, attempt in attempts.items() if error_of(error, attempt) is None]
-    return check(what, len(through), high=0, why="; ".join(through), subject="harness")
+    """Check that all raise `error`."""
+    return none_of(what, [name for name, attempt in attempts.items() if error_of(error, attempt) is None], "harness")
 
 
 def cameras(context: StabilityContext) -> Iterator[Found]:
@@ -139,7 +138,7 @@ def _rendered_by_mitsuba_alone() -> Check:
         if np.isfinite(image).all() and not image.any():
             silent.append(what)
     what = f"cameras of {len(tries)} that are none and give a clean background, without a word"
-    return check(what, len(silent), high=0, why="; ".join(silent), subject="Mitsuba alone", owner="usual")
+    return none_of(what, silent, "Mitsuba alone", "usual")
 
 
 def _axis_parallel() -> tuple[Tensor, Tensor]:

@@ -16,8 +16,8 @@ from baselines.rendering import Sampling, render_rays
 from harness.records.study import check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import OURS, FunctionField, owner_of
-from harness.studies.stability.rays.quadrature_rounding import running_product
-from harness.studies.stability.stability_context import StabilityContext, error_of
+from harness.studies.stability.rays.quadrature_rounding import badness, running_product
+from harness.studies.stability.stability_context import StabilityContext, error_of, none_of
 
 NEAR, FAR, BINS = 2.0, 6.0, 64
 BACKGROUND = torch.tensor([0.25, 0.5, 1.0])
@@ -79,10 +79,6 @@ def _steepest(rule: Rule, sigma: float) -> float:
     return float(gradient.abs().max())
 
 
-def _badness(figure: float) -> float:
-    return figure if math.isfinite(figure) else math.inf
-
-
 def nothing(context: StabilityContext) -> Iterator[Found]:
     """Q7: rays with nothing."""
     solid = everywhere(50.0)
@@ -95,14 +91,14 @@ def nothing(context: StabilityContext) -> Iterator[Found]:
         figures = {}
         for what, (seen, far) in renderings.items():
             gaps = [seen.opacity.abs().max(), (seen.colour - BACKGROUND).abs().max(), (seen.depth - far).abs().max()]
-            figures[what] = max(map(float, gaps), key=_badness)
+            figures[what] = max(map(float, gaps), key=badness)
         t, t_edges = rule.place(posts(3)[:, :1], None)
         w, T_end = rule.weights(torch.full_like(t, 50.0), rule.lengths(t, t_edges))
         figures["no bins"] = float((w.sum(dim=-1).abs() + (T_end - 1.0).abs()).max())
         wrong = [f"{what}: {figure:.3g}" for what, figure in figures.items() if figure != 0.0]
         why = "; ".join(wrong) or f"exact in {len(figures)} situations"
         what = "largest distance from opacity 0, colour = background, depth = far"
-        worst = max(figures.values(), key=_badness)
+        worst = max(figures.values(), key=badness)
         yield check(what, worst, high=0.0, why=why, subject=name, owner=owner_of(name))
     w = torch.zeros(BINS)
     depth = (w * torch.linspace(NEAR, FAR, BINS)).sum() / w.sum()
@@ -119,8 +115,7 @@ def no_interval(context: StabilityContext) -> Iterator[Found]:
             what for what, (near, far) in backwards.items()
             if error_of(BadInterval, rendered, everywhere(0.0), name, near, far) is None
         ]  # fmt: skip
-        what, why = "intervals that the renderer does not refuse", ", ".join(accepted)
-        yield check(what, float(len(accepted)), high=0.0, why=why, subject=name)
+        yield none_of("intervals that the renderer does not refuse", accepted, name)
         t, t_edges = rule.place(posts(8), None)
         mixed = t_edges.clone()
         mixed[5] = mixed[5].flip(-1)
@@ -162,8 +157,7 @@ def bad_sample(context: StabilityContext) -> Iterator[Found]:
             after = _pixels(rule, sigma, t, t_edges)
             others = torch.arange(rays) != ray
             changed += int((after[others] != before[others]).any(dim=-1).sum())
-        what, why = "bad samples accepted or misnamed", "; ".join(unnamed)
-        yield check(what, float(len(unnamed)), high=0.0, why=why, subject=name)
+        yield none_of("bad samples accepted or misnamed", unnamed, name)
         yield check("other rays with a changed bit, where nobody asks (audit)", float(changed), high=0.0, subject=name)
     # nan_to_num behind weights: the picture is finite, wrong, and nothing is reported
     lengths = torch.diff(posts(2), dim=-1)
@@ -248,8 +242,7 @@ def inverse_cdf_extremes(context: StabilityContext) -> Iterator[Found]:
         error = error_of(kind, inverse_cdf, posts(3, SAMPLED_BINS), w, U.expand(3, -1))
         if error is None or "bin 4 on ray 1" not in str(error):
             accepted.append(f"{bad}: {error or 'accepted'}")
-    what, why = "bad weights accepted or misnamed", "; ".join(accepted)
-    yield check(what, float(len(accepted)), high=0.0, why=why, subject="inverse_cdf")
+    yield none_of("bad weights accepted or misnamed", accepted, "inverse_cdf")
     count = 0
     for w, _, _ in _weights().values():  # distances are differentiable by the fenceposts alone
         t_edges = posts(bins=SAMPLED_BINS).requires_grad_()

@@ -186,9 +186,9 @@ def gradients(context: StabilityContext) -> Iterator[Found]:
         for dtype, bar in (("float32", GRADIENT_BAR), ("float64", DOUBLE_BAR)):
             errors = {tau: _gradient_error(weights, name, tau, bins, DTYPES[dtype]) for tau in depths}
             on_ramp = [_gradient_error(weights, name, tau, bins, DTYPES[dtype], RAMP) for tau in depths]
-            worst, worst_on_ramp = max(errors.values(), key=_badness), max(on_ramp, key=_badness)
+            worst, worst_on_ramp = max(errors.values(), key=badness), max(on_ramp, key=badness)
             why = f"one density {worst:.2g}, ramp {worst_on_ramp:.2g}"
-            either = max(worst, worst_on_ramp, key=_badness)
+            either = max(worst, worst_on_ramp, key=badness)
             yield check(f"{what}, {dtype}", either, high=bar, why=why, subject=name)
             if name in ("midpoint", "linear"):
                 yield from _line("Gradients", 3, f"ours ({name}), {dtype}", *axes, errors)
@@ -199,12 +199,12 @@ def gradients(context: StabilityContext) -> Iterator[Found]:
         wrong = [f"{tau:g}" for tau, error in errors.items() if not error <= 1.0]
         whys = [] if math.isfinite(empty) else [f"{empty} where one density is 0"]
         whys += [f"no digit right at τ of a bin = {', '.join(wrong)}"] if wrong else []
-        worst = max([*errors.values(), empty], key=_badness)
+        worst = max([*errors.values(), empty], key=badness)
         yield check(f"{what}, float32", worst, high=GRADIENT_BAR, why="; ".join(whys), subject=name, owner=owner)
         yield from _line("Gradients", 3, f"{name}, float32", *axes, errors)
 
 
-def _badness(error: float) -> float:
+def badness(error: float) -> float:
     return error if math.isfinite(error) else math.inf
 
 
