@@ -41,7 +41,7 @@ rows = [row for row in compare(records.cells, records.methods) if row.metric == 
 assert {row.budget for row in rows} == {"steps", "seconds"}
 assert {row.verdict for row in rows} == {"equivalent"}
 assert "mae" in LOWER and MARGINS["mae"] == 0.002
-assert "mae" in {one.measure.name for one in diagrams(records)}
+assert "mae" in {panel.measure.name for panel in diagrams(records)}
 text = page(records)
 assert "MAE ↓" in text and "0.1250" in text and "mean absolute difference of display colour" in text
 """

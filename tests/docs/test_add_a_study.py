@@ -32,7 +32,7 @@ def test_the_example_runs_by_its_line_and_has_a_page(tmp_path: Path, monkeypatch
     assert main(["evidence", "--quiet", "--studies", study.info.id, "--out", str(out)]) == 0
     (record,) = read_studies(out / "evidence.json").studies
     assert (record.info.question, len(record.answers), len(record.series)) == (study.info.question, 1, 2)
-    assert [(one.status, one.value is not None) for one in record.checks] == [("pass", True)]
+    assert [(check.status, check.value is not None) for check in record.checks] == [("pass", True)]
     assert report([str(out), "--quiet"]) == 0
     page = (out / "evidence.html").read_text(encoding="utf-8")
     assert study.info.question in page

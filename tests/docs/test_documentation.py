@@ -28,8 +28,8 @@ def commands(page: Path) -> list[str]:
     """Lines of blocks of code that are commands of ours, without comments and line breaks."""
     text = page.read_text(encoding="utf-8").replace("\\\n", " ")
     lines = [line.removeprefix("    ").removeprefix("- run: ") for line in text.splitlines()]
-    found = (re.search(r"(?:^|&& |^\s*- run: )((?:python -m harness|nox -s) .*)$", line) for line in lines)
-    return [one.group(1).partition(" # ")[0].strip() for one in found if one]
+    matches = (re.search(r"(?:^|&& |^\s*- run: )((?:python -m harness|nox -s) .*)$", line) for line in lines)
+    return [match.group(1).partition(" # ")[0].strip() for match in matches if match]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -123,12 +123,12 @@ def test_the_python_of_the_records_page_gives_a_row_a_cell(run: Path, monkeypatc
     cells = list(read_cells(run))
     exec(blocks[0].replace("out/latest", str(run)), names)
     assert len(names["cells"]) == len(cells)
-    assert set(names["cells"].psnr.dropna()) == {one.scores["psnr"] for one in cells if one.scores.get("psnr")}
+    assert set(names["cells"].psnr.dropna()) == {cell.scores["psnr"] for cell in cells if cell.scores.get("psnr")}
     exec(blocks[1].replace("out/latest", str(run)), names)
     assert set(names["cells"]["scores.psnr"].dropna()) == {
-        one.scores["psnr"] for one in cells if one.scores.get("psnr")
+        cell.scores["psnr"] for cell in cells if cell.scores.get("psnr")
     }
-    assert len(names["curves"]) == sum(len(one.curve) for one in cells)
+    assert len(names["curves"]) == sum(len(cell.curve) for cell in cells)
     exec(blocks[2].replace("out/latest", str(run)), names)
     assert {"method", "against", "difference", "verdict"} <= set(names["comparisons"].columns)
 
@@ -140,10 +140,10 @@ def test_the_example_makes_its_table_and_its_figure(
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.setattr(sys, "argv", ["analyse.py", str(run), str(tmp_path)])
     runpy.run_path(str(ROOT / "docs" / "examples" / "analyse.py"), run_name="__main__")
-    said = capsys.readouterr().out
-    cells = [one for one in read_cells(run) if one.scene == "chair" and one.method == "nerf"]
-    scores = [one.scores["psnr"] for one in cells if one.scores.get("psnr") is not None]
-    assert f"{sum(scores) / len(scores):.2f}" in next(line for line in said.splitlines() if line.startswith("chair"))
+    printed = capsys.readouterr().out
+    cells = [cell for cell in read_cells(run) if cell.scene == "chair" and cell.method == "nerf"]
+    scores = [cell.scores["psnr"] for cell in cells if cell.scores.get("psnr") is not None]
+    assert f"{sum(scores) / len(scores):.2f}" in next(line for line in printed.splitlines() if line.startswith("chair"))
     assert (tmp_path / "curves.png").stat().st_size > 5000
 
 

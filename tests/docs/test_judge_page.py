@@ -44,41 +44,41 @@ def test_the_differences_with_seeds_are_those_of_the_table() -> None:
     rows = ["| method | dB | on scenes like these | on these scenes |", "|---|---|---|---|"]
     for pair in judged(SEEDED, "nerf").given.pairs:
         assert pair.difference is not None
-        told = []
+        estimates = []
         for estimate in (pair.scenes_like_these, pair.on_these_scenes):
             assert estimate
             assert estimate.simultaneous
             low, high = (f"{end:+.2f}".replace("-", "−") for end in estimate.simultaneous)
-            told.append(f"[{low}, {high}] {estimate.verdict}")
-        rows.append(f"| `{pair.method}` | {pair.difference:+.2f} | {' | '.join(told)} |".replace("| -", "| −"))
+            estimates.append(f"[{low}, {high}] {estimate.verdict}")
+        rows.append(f"| `{pair.method}` | {pair.difference:+.2f} | {' | '.join(estimates)} |".replace("| -", "| −"))
     assert after(f"differences of examples/{SEEDED} against nerf") == "\n".join(rows), REMEDY + "\n".join(rows)
 
 
 def sentences() -> list[str]:
     """What the page says of the leaderboard, made from the leaderboard."""
-    found = judged(PUBLIC)
-    places = [one.method for one in found.given.places]
+    judgement = judged(PUBLIC)
+    places = [row.method for row in judgement.given.places]
     assert places[-1] == "colmap"
-    trained = [pair for pair in found.given.neighbours if pair.against != "colmap"]
+    trained = [pair for pair in judgement.given.neighbours if pair.against != "colmap"]
     assert not any(pair.told_apart for pair in trained)
     for pair in trained:
         assert pair.scenes_like_these
         assert pair.scenes_like_these.interval
         assert pair.scenes_like_these.interval[0] < 0 < pair.scenes_like_these.interval[1]
     best = places[0]
-    from_best = [f"`{pair.against}`" for pair in found.given.pairs if pair.method == best and pair.told_apart]
+    from_best = [f"`{pair.against}`" for pair in judgement.given.pairs if pair.method == best and pair.told_apart]
     least = [pair.scenes_like_these.smallest_detectable or 0.0 for pair in trained if pair.scenes_like_these]
-    (suspect,) = found.suspects
-    assert found.without_suspects
-    rankings = found.given.places, found.without_suspects.places
+    (suspect,) = judgement.suspects
+    assert judgement.without_suspects
+    rankings = judgement.given.places, judgement.without_suspects.places
     (before, mean), (now, adjusted) = (
-        next((at, one.mean) for at, one in enumerate(of, 1) if one.method == suspect.method) for of in rankings
+        next((at, row.mean) for at, row in enumerate(of, 1) if row.method == suspect.method) for of in rankings
     )
-    changes = len(changed_pairs(found))
+    changes = len(changed_pairs(judgement))
     printed = read_table([EXAMPLES / PUBLIC], "psnr_printed_by_its_paper")
     paper = printed.values[printed.methods.index(suspect.method), printed.scenes.index(suspect.scene), 0]
     return [
-        f"Test PSNR of {len(places)} methods on the {len(found.scenes)} scenes",
+        f"Test PSNR of {len(places)} methods on the {len(judgement.scenes)} scenes",
         f"{len(places) - 1} of the methods were trained (`colmap` was not), and none of their {len(trained)} "
         "neighbouring pairs is told apart: not with intervals for all pairs together, and not where each pair is "
         "looked at alone.",
@@ -109,12 +109,16 @@ def test_every_number_of_the_examples_is_read_from_the_tables() -> None:
 
 def test_the_table_with_seeds_is_that_of_the_published_run() -> None:
     run = json.loads((ROOT / "docs" / "reduced" / "summary.json").read_text(encoding="utf-8"))
-    cells = [one for one in run["cells"] if one["method"] in run["settings"]["methods"]]
+    cells = [cell for cell in run["cells"] if cell["method"] in run["settings"]["methods"]]
     table = read_table([EXAMPLES / SEEDED])
     assert len(cells) == len((EXAMPLES / SEEDED).read_text(encoding="utf-8").splitlines()) - 1
-    for one in cells:
-        at = (table.methods.index(one["method"]), table.scenes.index(one["scene"]), table.seeds.index(str(one["seed"])))
-        assert table.values[at] == pytest.approx(one["psnr"], abs=6e-5)
+    for cell in cells:
+        at = (
+            table.methods.index(cell["method"]),
+            table.scenes.index(cell["scene"]),
+            table.seeds.index(str(cell["seed"])),
+        )
+        assert table.values[at] == pytest.approx(cell["psnr"], abs=6e-5)
 
 
 def test_the_page_names_the_metrics_that_are_known(tmp_path: Path) -> None:

@@ -52,14 +52,14 @@ def test_no_measured_number_stands_outside_of_a_block(page: Path) -> None:
     for known in NOT_MEASURED.get(page.name, ()):
         assert known in text, f"{known}: no longer on the page; take it from the list"
         text = text.replace(known, "")
-    assert not (found := MEASURED.findall(text)), f"{found}: put them into a block of reports/run/published.py"
+    assert not (numbers := MEASURED.findall(text)), f"{numbers}: put them into a block of reports/run/published.py"
 
 
 @pytest.mark.parametrize(
-    "said", ["1.6 times", "25 to 50 ×", "0 of 60", "7.3 dB", "88 %", "14 minutes", "0.95 GB", "+0.51", "210 of the 211"]
+    "text", ["1.6 times", "25 to 50 ×", "0 of 60", "7.3 dB", "88 %", "14 minutes", "0.95 GB", "+0.51", "210 of the 211"]
 )
-def test_a_measured_number_is_known_by_its_look(said: str) -> None:
-    assert MEASURED.search(said)
+def test_a_measured_number_is_known_by_its_look(text: str) -> None:
+    assert MEASURED.search(text)
     assert not MEASURED.search("8 × 256, 100 × 100 px, 200 000 steps, exit code 3, §8, eight scenes")
 
 
@@ -92,12 +92,12 @@ def test_of_another_unit_of_density_nothing_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize("verdict", SAYS)
 def test_the_words_follow_the_verdict(tmp_path: Path, verdict: str) -> None:
     def judged(data: dict[str, Any]) -> None:
-        for one in data["comparisons"]:
-            one["verdict"] = verdict
+        for row in data["comparisons"]:
+            row["verdict"] = verdict
 
-    said = block("why", changed(tmp_path, judged))
-    assert f"`qnerf_printed` {SAYS[verdict]} `nerf`" in said
-    assert not any(words in said for other, words in SAYS.items() if other != verdict)
+    text = block("why", changed(tmp_path, judged))
+    assert f"`qnerf_printed` {SAYS[verdict]} `nerf`" in text
+    assert not any(words in text for other, words in SAYS.items() if other != verdict)
 
 
 def test_the_command_rewrites_what_is_out_of_date(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -129,11 +129,11 @@ def written(tmp_path: Path, name: str, source: str, **more: Any) -> Path:
 def test_stability_serving_and_what_is_left_out_are_counted(tmp_path: Path) -> None:
     for name in ("stability.json", "reduced/serving.json", "left_out.json"):
         published = written(tmp_path, name, name)
-    ours = [one.status for _, one in read_studies(tmp_path / "stability.json").checks() if one.must_hold]
+    ours = [row.status for _, row in read_studies(tmp_path / "stability.json").checks() if row.must_hold]
     passed, failed = ours.count("pass"), ours.count("fail")
     assert f" cases {passed} of {passed + failed} checks of our code pass" in block("stability", published)
     serving = read_studies(tmp_path / "reduced/serving.json")
-    (table,) = next(one.tables for one in serving.studies if one.info.id == "confusions")
+    (table,) = next(study.tables for study in serving.studies if study.info.id == "confusions")
     stale = sum(bool(row[2]) for row in table.rows)
     assert f"another picture in {stale} of {len(table.rows)} kinds" in block("serving", published)
     first = json.loads((published / "left_out.json").read_text(encoding="utf-8"))["omissions"][0]
@@ -149,23 +149,23 @@ def test_the_evidence_names_what_does_not_hold(tmp_path: Path) -> None:
     (tmp_path / "reduced").mkdir()
     path = tmp_path / "reduced" / "evidence.json"
     write_studies(path, Studies("evidence", {"instruction_set": "AVX2"}, {}, [study], True))
-    said = block("evidence", tmp_path)
-    assert said.startswith("* **Is it so?** It is, by 0.31 dB.\n\n1 of 2 checks hold; not: share of y (Is it so?).\n")
+    text = block("evidence", tmp_path)
+    assert text.startswith("* **Is it so?** It is, by 0.31 dB.\n\n1 of 2 checks hold; not: share of y (Is it so?).\n")
     write_studies(path, Studies("evidence", {}, {}, [study], True))
     assert block("evidence", tmp_path) == ""
 
 
 def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
-    found = {
+    processors = {
         "all": {"rms": 0.296, "largest": -1.272},
         "changed": [{"sense": "scenes_like_these", "compared": 324, "verdicts": 38, "signs": 0}],
     }
-    published = written(tmp_path, "reduced/processors.json", "environment.json", **found)
-    said = block("processors", published)
-    assert "0.30 dB (RMS; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in said
+    published = written(tmp_path, "reduced/processors.json", "environment.json", **processors)
+    text = block("processors", published)
+    assert "0.30 dB (RMS; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in text
 
     def lost(data: dict[str, Any]) -> None:
         data["failures"]["rates"][-1] |= {"diverged": 2, "collapsed": 1, "rate": 0.125, "interval": [0.027, 0.324]}
 
-    said = block("failures", changed(tmp_path / "lost", lost))
-    assert "in 3 of 24 runs (95 % interval 3 to 32 %)" in said
+    text = block("failures", changed(tmp_path / "lost", lost))
+    assert "in 3 of 24 runs (95 % interval 3 to 32 %)" in text

@@ -29,6 +29,8 @@ class Runs(NamedTuple):
     """How the runs of a storm are started; each gets the folder, and whether it resumes and measures serving."""
 
     name: str
+    rendered: float
+    """The share of folders that find their view sets rendered, so that more is trained."""
     complete: Callable[[Path, bool, bool], Ended]
     killed: Callable[[Path, bool, bool, Random], Ended]
 
@@ -73,19 +75,19 @@ def forked_runs(seconds: float) -> Runs:
         after = draws.uniform(0.0, seconds * (2.0 if serving else 1.0))
         return start(after=after, alone=draws.random() < 0.2, phase_of=lambda: phase_of(here))
 
-    return Runs("kills", forked, killed)
+    return Runs("kills", 0.0, forked, killed)
 
 
 def storm(count: int, seed: int, scratch: Path, reference: Path, runs: Runs, say: Callable[[str], None]) -> Storm:
     """Kill runs `count` times, at any moment; a folder is killed up to `MOST_KILLS` times, resumed and compared with
-    what was undisturbed in `reference`. Half of the folders find their view sets rendered, so that more is trained.
+    what was undisturbed in `reference`.
     """
     met, draws = Storm(), Random(f"{runs.name} {seed}")
-    while met.kills < count and met.too_late <= 10 + count:
+    while met.kills < count and met.too_late <= 10 + 3 * count:
         met.folders += 1
         here, serving = scratch / str(met.folders), draws.random() < 0.15
         here.mkdir(parents=True)
-        if draws.random() < 0.5:
+        if draws.random() < runs.rendered:
             shutil.copytree(reference / "view_sets", here / "view_sets")
         wrong = []
         for _ in range(min(draws.randint(1, MOST_KILLS), count - met.kills)):

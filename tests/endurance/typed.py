@@ -54,7 +54,7 @@ def typed_runs(seconds: float) -> Runs:
     def killed(here: Path, resume: bool, serving: bool, draws: Random) -> Ended:
         return typed(here, resume, serving, _moment(here, serving, draws, seconds))
 
-    return Runs("kills of the typed command", typed, killed)
+    return Runs("kills of the typed command", 0.5, typed, killed)
 
 
 def _moment(here: Path, serving: bool, draws: Random, seconds: float) -> Callable[[], str]:

@@ -34,10 +34,10 @@ from scenes.rendering.variant import Variant
 
 @pytest.fixture(scope="module")
 def llvm() -> Variant:
-    found, missing = differentiating_variant()
-    if found is None:
+    variant, missing = differentiating_variant()
+    if variant is None:
         pytest.skip(missing)
-    return found
+    return variant
 
 
 def ours(tau: float, denser: float = 1.0, lighter: float = 1.0) -> np.ndarray:
@@ -125,11 +125,11 @@ def test_closed_form_of_layers_against_ordinary_integration() -> None:
 def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_cases, "llvm_libraries", list)
     context = StabilityContext(tmp_path, tmp_path, tmp_path, True, Quiet(), ("nerf",), 1)
-    outcomes = [one for one in reference_cases.independent(context) if isinstance(one, Check)]
-    missing = [one for one in outcomes if one.status == "not_available"]
-    assert {one.why for one in missing} == {"no shared library of LLVM 16 or newer was found"}
-    assert {one.subject for one in missing} == {"midpoint, llvm_ad_rgb", "midpoint, gridvolume"}
-    closed = {one.subject: one for one in outcomes if "closed form" in one.subject}
+    outcomes = [check for check in reference_cases.independent(context) if isinstance(check, Check)]
+    missing = [check for check in outcomes if check.status == "not_available"]
+    assert {check.why for check in missing} == {"no shared library of LLVM 16 or newer was found"}
+    assert {check.subject for check in missing} == {"midpoint, llvm_ad_rgb", "midpoint, gridvolume"}
+    closed = {check.subject: check for check in outcomes if "closed form" in check.subject}
     assert set(closed) == {f"{rule}, closed form" for rule in reference_cases.QUADRATURES}, "none is left out"
     assert closed["midpoint, closed form"].status == "pass"
     assert closed["left, closed form"].limit == reference_cases.FIRST_ORDER_BAR

@@ -127,8 +127,8 @@ def bundle(count: int = 16, bins: int = BINS) -> Bundle:
     origins = 0.5 + 1.5 * torch.nn.functional.normalize(around, dim=-1)
     aims = 0.5 + 0.3 * (torch.rand(count, 3, generator=generator, dtype=torch.float64) - 0.5)
     directions = torch.nn.functional.normalize(aims - origins, dim=-1)
-    zero, one = torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64)
-    entry, leave, _ = ray_box(origins, directions, zero, one, 0.0, 10.0)
+    lower, upper = torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64)
+    entry, leave, _ = ray_box(origins, directions, lower, upper, 0.0, 10.0)
     edges = uniform_edges(entry, leave, bins)
     t = points_in_bins(edges, None)
     points = origins[:, None] + t[..., None] * directions[:, None]

@@ -40,7 +40,7 @@ refused = partial(shell.refused, command="stability")
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ("--cases Q1 Q99", "--studies: unknown 'Q99'; known: Q1 Q2"),
         ("--cases Q1 Q1", "--studies: Q1 named twice"),
@@ -48,10 +48,10 @@ refused = partial(shell.refused, command="stability")
     ],
 )
 def test_bad_options_are_said_in_one_line(
-    options: str, said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    options: str, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert said in refused(capsys, "--quiet", *options.split())
+    assert message in refused(capsys, "--quiet", *options.split())
     assert list(tmp_path.iterdir()) == []
 
 

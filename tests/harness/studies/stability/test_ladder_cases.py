@@ -125,7 +125,7 @@ WITHIN = omission("within its bound", 0.01)
 
 
 @pytest.mark.parametrize(
-    ("omitted", "status", "value", "said"),
+    ("omitted", "status", "value", "words"),
     [
         ([WITHIN, omission("within its bound", -0.02, scene="materials")], "pass", 0.02, "2.0 s saved"),
         (
@@ -142,11 +142,11 @@ WITHIN = omission("within its bound", 0.01)
     ],
 )  # fmt: skip
 def test_the_worst_scene_of_an_omission_decides(
-    omitted: list[Omission], status: str, value: float | None, said: str
+    omitted: list[Omission], status: str, value: float | None, words: str
 ) -> None:
     outcome = _worst(omitted)
     assert (outcome.status, outcome.value, outcome.limit) == (status, value, WITHIN.bound)
-    assert said in outcome.why
+    assert words in outcome.why
 
 
 def test_a_control_must_cost_and_be_measured() -> None:

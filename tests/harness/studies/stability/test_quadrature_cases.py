@@ -41,15 +41,15 @@ def broken(case: str, context: StabilityContext) -> list[Check]:
 @pytest.mark.parametrize("name", [f"Q{number}" for number in range(1, 11)])
 def test_ours_pass_and_the_danger_is_seen(name: str, context: StabilityContext) -> None:
     made = findings(name, context)
-    ours = [one for one in made if isinstance(one, Check) and one.owner == "ours"]
-    others = [one for one in made if isinstance(one, Check) and one.owner != "ours"]
+    ours = [check for check in made if isinstance(check, Check) and check.owner == "ours"]
+    others = [check for check in made if isinstance(check, Check) and check.owner != "ours"]
     assert ours
-    assert [one for one in ours if one.status == "fail"] == []
+    assert [check for check in ours if check.status == "fail"] == []
     assert others
     if name in ("Q1", "Q3", "Q6", "Q7", "Q8", "Q9"):
-        assert any(one.status == "fail" for one in others)
-    assert all(one.what or one.why for one in [*ours, *others])
-    assert all(one.item in CHAPTERS for one in made if isinstance(one, Series | Table))
+        assert any(check.status == "fail" for check in others)
+    assert all(check.what or check.why for check in [*ours, *others])
+    assert all(check.item in CHAPTERS for check in made if isinstance(check, Series | Table))
 
 
 def weigh_midpoint_by(
@@ -61,22 +61,22 @@ def weigh_midpoint_by(
 def test_a_running_product_in_our_place_fails_q1(context: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
     weigh_midpoint_by(monkeypatch, running_product)
     failed = broken("Q1", context)
-    assert [one.subject for one in failed] == ["midpoint"] * 2, "rounding, and half precision that is not refused"
+    assert [check.subject for check in failed] == ["midpoint"] * 2, "rounding, and half precision that is not refused"
 
 
 def test_a_stock_expm1_in_our_place_fails_q3(context: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
     weigh_midpoint_by(monkeypatch, stock_expm1)
     monkeypatch.setattr(quadrature_rounding, "BIN_DEPTHS", [15.6])
     failed = broken("Q3", context)
-    assert {one.subject for one in failed} == {"midpoint"}
-    assert max(one.value or 0.0 for one in failed) > 0.05
+    assert {check.subject for check in failed} == {"midpoint"}
+    assert max(check.value or 0.0 for check in failed) > 0.05
 
 
 def test_another_order_than_declared_fails_q2(context: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
     misdeclared = dataclasses.replace(QUADRATURES["left"], orders=QUADRATURES["midpoint"].orders)
     monkeypatch.setitem(QUADRATURES, "trapezoid", misdeclared)
     quadrature_orders._errors.cache_clear()
-    failed = [one.subject for one in broken("Q2", context)]
+    failed = [check.subject for check in broken("Q2", context)]
     quadrature_orders._errors.cache_clear()
     assert failed == ["trapezoid"]
 
@@ -85,8 +85,8 @@ def test_what_is_not_refused_fails_q8_and_q9(context: StabilityContext, monkeypa
     for module in ("baselines.numerics.quadrature", "baselines.rendering"):
         monkeypatch.setattr(f"{module}.require_density", lambda sigma: None)
     monkeypatch.setattr("baselines.rendering.require_interval", lambda near, far: None)
-    assert [one.subject for one in broken("Q9", context)] == OURS
-    assert set(OURS) <= {one.subject for one in broken("Q8", context)}
+    assert [check.subject for check in broken("Q9", context)] == OURS
+    assert set(OURS) <= {check.subject for check in broken("Q8", context)}
 
 
 def test_a_bad_sample_that_spreads_fails_q9(context: StabilityContext, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,7 +137,7 @@ def test_the_slope_is_the_order_and_rounding_has_none() -> None:
 
 
 def test_left_ends_that_miss_the_shell_are_judged_and_not_left_out(context: StabilityContext) -> None:
-    by_name = {one.subject: one for one in checks("Q5", context) if "importance" in one.what}
+    by_name = {check.subject: check for check in checks("Q5", context) if "importance" in check.what}
     assert set(by_name) == set(QUADRATURES)
     assert (by_name["left"].status, by_name["left"].owner) == ("fail", "usual")
     assert (by_name["left"].value or 0.0) > 0.5
@@ -148,11 +148,11 @@ def test_left_ends_that_miss_the_shell_are_judged_and_not_left_out(context: Stab
 def test_log_space_is_said_to_be_nan_only_where_it_is(
     context: StabilityContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whys = {one.subject: one.why for one in checks("Q3", context)}
+    whys = {check.subject: check.why for check in checks("Q3", context)}
     assert "nan where one density is 0" in whys["log space"]
     assert "where one density is 0" not in whys["running product"]
     monkeypatch.setitem(quadrature_rounding.OTHER_GRADIENTS, "log space", ("usual", running_product))
-    assert "where one density is 0" not in {one.subject: one.why for one in checks("Q3", context)}["log space"]
+    assert "where one density is 0" not in {check.subject: check.why for check in checks("Q3", context)}["log space"]
 
 
 def test_a_gradient_that_is_wrong_on_a_ramp_alone_fails_q3(
@@ -163,4 +163,4 @@ def test_a_gradient_that_is_wrong_on_a_ramp_alone_fails_q3(
 
     weigh_midpoint_by(monkeypatch, flattened)
     monkeypatch.setattr(quadrature_rounding, "BIN_DEPTHS", [0.1])
-    assert any("ramp" in one.why for one in broken("Q3", context))
+    assert any("ramp" in check.why for check in broken("Q3", context))

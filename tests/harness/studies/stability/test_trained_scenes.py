@@ -42,10 +42,10 @@ def context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StabilityContext
 
 def test_what_is_there_is_not_run_again(context: StabilityContext) -> None:
     for _ in range(3):
-        found = trained(context, "smoke", ["lego"], context.out)
+        run = trained(context, "smoke", ["lego"], context.out)
     assert planned == [("lego",)]
-    assert [one.method for one in found.of("lego")] == ["nerf", "nerf", "qnerf", "qnerf"]
-    assert found.folder("lego") == context.view_sets / "lego-folder"
+    assert [cell.method for cell in run.of("lego")] == ["nerf", "nerf", "qnerf", "qnerf"]
+    assert run.folder("lego") == context.view_sets / "lego-folder"
 
 
 def test_a_later_case_never_narrows_the_record(context: StabilityContext) -> None:

@@ -70,8 +70,8 @@ def test_the_kernel_has_its_lobes_where_lucas_numbers_put_them() -> None:
     def at(base: float, bands: int, d: float) -> float:
         return float(encoding_cases.kernel(base, bands, torch.tensor([d]))[0])
 
-    first, second, one = encoding_cases.DISTANCES
-    assert (first, second, one) == (pytest.approx(1.4472, abs=1e-4), pytest.approx(0.8944, abs=1e-4), 1.0)
+    first, second, third = encoding_cases.DISTANCES
+    assert (first, second, third) == (pytest.approx(1.4472, abs=1e-4), pytest.approx(0.8944, abs=1e-4), 1.0)
     assert [at(PHI, 10, first), at(PHI, 14, first)] == pytest.approx([0.80, 0.86], abs=0.006)
     assert [at(PHI, 10, second), at(PHI, 14, second)] == pytest.approx([0.60, 0.72], abs=0.006)
     assert [at(2.0, 10, 1.0), at(2.0, 10, 0.5), at(2.0, 10, 2.0)] == pytest.approx([0.8, 0.7, 1.0], abs=1e-9)
