@@ -1,11 +1,13 @@
-"""Question 11: what each acceleration gains at the reduced profile."""
+"""Question 11: what each acceleration gains at the reduced profile, and where the time that remains goes."""
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 
 from baselines.contract import NO_ACCELERATION, Accelerations
 from harness.machine.stopwatch import Stopwatch
-from harness.records.study import Check
+from harness.records.study import Check, Table
 from harness.studies.speed.speed_context import (
     STREAM,
     Seconds,
@@ -18,11 +20,15 @@ from harness.studies.speed.speed_context import (
     variant_of,
     views_of,
 )
+from harness.training.batches import Batch
 from harness.training.evaluate import cameras_of, render_view
 from harness.training.learner import at_step, train
+from harness.training.trainer import Trainer
+
+OPERATORS = 15
 
 
-def measure(context: SpeedContext) -> Iterator[Check]:
+def measure(context: SpeedContext) -> Iterator[Check | Table]:
     """Yield all accelerations, all but each one, and none, resumed from the same weights with the same batches, in
     blocks that hold one update of the grid.
     """
@@ -54,3 +60,42 @@ def measure(context: SpeedContext) -> Iterator[Check]:
             yield ratio(f"accelerations.{name}.{what}", title, taken[name], taken["all"], detail)
         milliseconds = [1e3 * seconds for seconds in taken["all"]]
         yield measured(f"accelerations.all.{what}", f"{words} with all", milliseconds, "ms", detail)
+    yield _remaining_time(context, trainers["all"], batch_at)
+
+
+def _remaining_time(context: SpeedContext, trainer: Trainer, batch_at: Callable[[int], Batch]) -> Table:
+    """Return the operators of training steps by their own time, without those that they call."""
+    from torch.profiler import ProfilerActivity, profile
+
+    steps, on_cuda = 5 if context.quick else 50, context.device.type == "cuda"
+    activities = [ProfilerActivity.CPU] + [ProfilerActivity.CUDA] * on_cuda
+    with _profiler_unheard(), profile(activities=activities, acc_events=True) as watched:
+        train(trainer, batch_at, at_step(trainer.step + steps))
+    own = "self_device_time_total" if on_cuda else "self_cpu_time_total"
+    taken = [(float(getattr(event, own)), event.key, event.count) for event in watched.key_averages()]
+    total = sum(microseconds for microseconds, _, _ in taken)
+    largest = sorted(taken, key=lambda row: -row[0])[:OPERATORS]
+    rows: list[list[str | float | None]] = [
+        [name, 100.0 * microseconds / total, microseconds / steps / 1e3, count / steps]
+        for microseconds, name, count in largest
+    ]
+    rest = total - sum(microseconds for microseconds, _, _ in largest)
+    rows.append(["everything else", 100.0 * rest / total, rest / steps / 1e3, None])
+    columns = ["operator", "share (%)", "ms a step", "calls a step"]
+    return Table("accelerations.profile", 0, "Where the time of a reduced training step goes", columns, rows)
+
+
+@contextmanager
+def _profiler_unheard() -> Iterator[None]:
+    """Silence the profiler's library, which writes errors to the terminal by itself, some about GPUs that nobody asked
+    for.
+    """
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(nowhere)
+        os.close(kept)

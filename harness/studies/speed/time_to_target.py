@@ -48,6 +48,10 @@ EVALUATIONS = 12
 """The number of evaluations of the plain training."""
 GROWTH = 1.06
 """The factor between the seconds of two evaluations of the others, within which a crossing is found."""
+SHARES = (1.0, 0.5, 0.25)
+"""The shares of the plain training's budget: the first is the headline, the others show how a ratio depends on the
+target.
+"""
 SEEDS = 3
 """The seeds of the reduced settings, which are cheap to repeat."""
 WORDS = {"same": "Same network", "reduced": "Settings of the reduced profile"}
@@ -66,6 +70,26 @@ class PsnrCurve:
     """The PSNR of the first weights in dB: a target below it says nothing about training."""
     ended: str = ""
     """The reason for its end, if that was not its budget."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """The best that the plain training had reached at a share of its budget, and when it first did."""
+
+    share: float
+    psnr: float
+    seconds: float
+
+
+def targets_of(plain: PsnrCurve, shares: tuple[float, ...]) -> list[Target]:
+    """Return one target per share, from evaluations that are evenly spread over the budget. A share before the first
+    evaluation takes that one.
+    """
+    targets = []
+    for share in shares:
+        best = max(range(max(1, round(share * len(plain.psnr)))), key=lambda index: plain.psnr[index])
+        targets.append(Target(share, plain.psnr[best], plain.seconds[best]))
+    return targets
 
 
 def reached(curve: PsnrCurve, target: float) -> float | None:
@@ -173,7 +197,9 @@ def follow(
 
 
 def same_network(context: SpeedContext, plan: Plan) -> TrainSettings:
-    """Return the paper's network, learning rate and batch with every acceleration; the grid is that of `reduced`."""
+    """Return the paper's network, learning rate and batch with every acceleration; the grid is updated as often as
+    `reduced`'s.
+    """
     settings = paper_settings(context)
     return replace(
         settings,
@@ -217,9 +243,9 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
             ratios[name][scene] = None
             yield not_measured(f"target.{name}.{scene}", f"{title}, {scene}", "×", f"plain: {plain.ended}")
         return
-    highest = max(plain.psnr)
-    taken = plain.seconds[plain.psnr.index(highest)]
-    context.show.line(f"  {scene}: plain reached {highest:.2f} dB after {taken:.0f} s")
+    targets = targets_of(plain, SHARES)
+    highest = max(target.psnr for target in targets)
+    context.show.line(f"  {scene}: plain reached {highest:.2f} dB after {targets[0].seconds:.0f} s")
 
     def done(curve: PsnrCurve) -> bool:
         return reached(curve, highest) is not None
@@ -252,39 +278,36 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
         curves["reduced"] += [contest("reduced", f"speed/{seed}") for seed in range(1, SEEDS)]
     floor = floor_psnr(views)
     for name in WORDS:
-        figure = ratio_to(context, scene, name, highest, taken, curves[name], floor)
-        ratios[name][scene] = figure.value
-        yield figure
+        for target in targets:
+            figure = ratio_to(context, scene, name, target, curves[name], floor)
+            if target.share == 1.0:
+                ratios[name][scene] = figure.value
+            yield figure
     for name, curve in {"plain float32": plain, **{WORDS[name].lower(): curves[name][0] for name in WORDS}}.items():
         panel, y_label = f"PSNR against training seconds, {scene}", "PSNR of test pixels (dB)"
         yield Series(panel, 0, name, "training seconds", y_label, curve.seconds, curve.psnr, log_y=False)
 
 
 def ratio_to(
-    context: SpeedContext,
-    scene: str,
-    name: str,
-    target: float,
-    plain_seconds: float,
-    curves: list[PsnrCurve],
-    floor: float | None,
+    context: SpeedContext, scene: str, name: str, target: Target, curves: list[PsnrCurve], floor: float | None
 ) -> Check:
-    """Return the seconds of the plain training to `target` (dB) over those of the other; without a value as soon as one
-    seed is late.
-    """
-    id, title = f"target.{name}.{scene}", f"{WORDS[name]}, {scene}, at plain's best"
-    goal, many = context.target(*GOALS[name]), len(curves)
-    words = f"{target:.2f} dB, plain after {plain_seconds:.1f} s"
-    if floor is not None and target < floor:
+    """Return the seconds of the plain training over those of the other; without a value as soon as one seed is late."""
+    headline = target.share == 1.0
+    id = f"target.{name}.{scene}" + ("" if headline else f".at{round(100 * target.share)}")
+    title = f"{WORDS[name]}, {scene}, at plain's best after {target.share:.0%} of its time"
+    goal = context.target(*GOALS[name]) if headline else None
+    words = f"{target.psnr:.2f} dB, plain after {target.seconds:.1f} s"
+    if floor is not None and target.psnr < floor:
         words += f"; copying the nearest training view gives {floor:.2f} dB, so this target means little"
-    if any(curve.before >= target for curve in curves):
+    if any(curve.before >= target.psnr for curve in curves):
         why = f"{words}; the first weights show as much without any training, so there is nothing to compare"
-        return not_measured(id, title, "×", why, low=goal, repeats=many)
-    if late := [curve for curve in curves if reached(curve, target) is None]:
-        best = max(max(curve.psnr, default=0.0) for curve in late)
+        return not_measured(id, title, "×", why, low=goal, repeats=len(curves))
+    late = [curve for curve in curves if reached(curve, target.psnr) is None]
+    if late:
+        best = max((max(curve.psnr, default=0.0) for curve in late), default=0.0)
         ended = next((f" ({curve.ended})" for curve in late if curve.ended), "")
-        why = f"{words}; {len(late)} of {many} did not reach it in time, best {best:.2f} dB{ended}"
-        return not_measured(id, title, "×", why, low=goal, repeats=many)
-    seconds = [reached(curve, target) or math.inf for curve in curves]
+        why = f"{words}; {len(late)} of {len(curves)} did not reach it in time, best {best:.2f} dB{ended}"
+        return not_measured(id, title, "×", why, low=goal, repeats=len(curves))
+    seconds = [reached(curve, target.psnr) or math.inf for curve in curves]
     detail = f"{words}, this after {statistics.median(seconds):.2f} s; {context.threads} threads each"
-    return measured(id, title, [plain_seconds / each for each in seconds], "×", detail, low=goal)
+    return measured(id, title, [target.seconds / taken for taken in seconds], "×", detail, low=goal)

@@ -65,6 +65,9 @@ def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
     assert {one.panel for study in record.studies for one in study.series} == {
         f"PSNR against training seconds, {scene}" for scene in ("lego", "hotdog", "drums")
     }
+    (profile,) = (table for study in record.studies for table in study.tables)
+    shares = [row[1] for row in profile.rows]
+    assert sum(share for share in shares if isinstance(share, float)) == pytest.approx(100.0)
 
 
 @pytest.mark.thorough

@@ -16,10 +16,12 @@ from harness.studies.speed.time_to_target import (
     PixelSubset,
     Plain,
     PsnrCurve,
+    Target,
     follow,
     pixels_of,
     ratio_to,
     reached,
+    targets_of,
 )
 from harness.training.learner import at_step, train
 from harness.training.trainer import Diverged
@@ -90,9 +92,16 @@ def test_a_target_is_reached_once_it_is_held(points: list[tuple[float, float]], 
     assert reached(curve, 15.0) == (None if seconds is None else pytest.approx(seconds))
 
 
-def ratio(*curves: PsnrCurve) -> Check:
+def test_targets_are_the_best_so_far_and_when_it_was_first_reached() -> None:
+    plain = PsnrCurve([10.0, 20.0, 30.0, 40.0], [12.0, 17.0, 16.0, 17.0])
+    best, first = (17.0, 20.0), (12.0, 10.0)
+    expected = {1.0: best, 0.5: best, 0.25: first, 0.01: first}
+    assert targets_of(plain, tuple(expected)) == [Target(share, *one) for share, one in expected.items()]
+
+
+def ratio(*curves: PsnrCurve, share: float = 1.0) -> Check:
     here = SpeedContext(Path(), Path(), Path(), True, Quiet(), CPU, 1, 10.0)
-    return ratio_to(here, "lego", "same", 20.0, 60.0, list(curves), None)
+    return ratio_to(here, "lego", "same", Target(share, 20.0, 60.0), list(curves), None)
 
 
 def test_the_ratio_is_plain_seconds_over_seconds() -> None:
@@ -104,8 +113,8 @@ def test_the_ratio_is_plain_seconds_over_seconds() -> None:
 def test_one_that_is_late_has_no_ratio_and_says_its_best() -> None:
     good = PsnrCurve([1.0, 2.0], [20.0, 21.0])
     late = PsnrCurve([1.0, 2.0], [17.0, 19.5], ended="not finite at step 3: loss")
-    check = ratio(good, late)
-    assert (check.id, check.value) == ("target.same.lego", None)
+    check = ratio(good, late, share=0.5)
+    assert (check.id, check.value, check.limit) == ("target.same.lego.at50", None, None)
     for words in ("1 of 2", "19.50 dB", "not finite at step 3"):
         assert words in check.why
     assert ratio(PsnrCurve()).value is None
