@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -117,28 +118,23 @@ class IncompatibleSnapshot(Exception):
     """A snapshot of a cell that this cell cannot resume from, though it was written for it; the message says why."""
 
 
+@dataclass(eq=False)
 class CellTraining:
     """One method of a group, from its first step to its record."""
 
-    def __init__(
-        self,
-        trainer: Learner,
-        batch_at: Callable[[int], Batch],
-        views: ViewSet,
-        task: GroupTask,
-        provenance: dict[str, Any],
-        floor: float | None,
-    ) -> None:
-        self.trainer = trainer
-        self.batch_at = batch_at
-        self.views = views
-        self.task = task
-        self.provenance = provenance
-        self.floor = floor
-        self.test = evaluate.cameras_of(views, views.test, trainer.device)
-        self.due = checkpoint_fractions(task.score.checkpoints, task.score.earliest)
+    trainer: Learner
+    batch_at: Callable[[int], Batch]
+    views: ViewSet
+    task: GroupTask
+    provenance: dict[str, Any]
+    floor: float | None
+
+    def __post_init__(self) -> None:
+        views, score = self.views, self.task.score
+        self.test = evaluate.cameras_of(views, views.test, self.trainer.device)
+        self.due = checkpoint_fractions(score.checkpoints, score.earliest)
         self.curve: list[Checkpoint] = []
-        self.kept = KeptRenders.of(views.test, task.score.stored_views, task.seed, task.score.checkpoints)
+        self.kept = KeptRenders.of(views.test, score.stored_views, self.task.seed, score.checkpoints)
         self.occupied = read_occupancy(views)
         self.ended = False
         self.resumed_at: list[int] = []
@@ -153,10 +149,8 @@ class CellTraining:
         """Run everything before the clock starts; returns the record if the cell ends with it."""
         try:
             self.trainer.warm_up(*self.batch_at(0))
-        except Diverged as stop:
-            return self._stopped("diverged", str(stop))
         except Exception as error:
-            return self._stopped("error", f"{type(error).__name__} before the first step: {error}")
+            return self._failed(error, "before the first step")
         return None
 
     @property
@@ -211,25 +205,22 @@ class CellTraining:
         if unlike := [key for key, value in now.items() if before.get(key) != value]:
             return f"{self.name}: trained from the start, as {unlike[0]} changed since it was kept"
         try:
-            self._restore(kept)
+            restore_training(self.trainer, kept)
+            listing, arrays = kept.listing, kept.under("render")
+            if not 0 < listing["due"] <= len(self.due):
+                raise ValueError(f"{listing['due']} checkpoints to come of {len(self.due)}")
+            self.due = self.due[len(self.due) - listing["due"] :]
+            self.curve = as_promised(listing["curve"], list[Checkpoint])
+            self.kept.renders = [
+                Render(view, step, **{part: arrays[f"{place}.{part}"] for part in RENDER})
+                for place, (view, step) in enumerate(listing["renders"])
+            ]
+            self.resumed_at = [*listing["resumed_at"], self.trainer.step]
         except Exception as error:
             raise IncompatibleSnapshot(
                 f"{self.name}: trained from the start, as what was kept of it does not fit ({_in_words(error)})"
             ) from error
         return f"{self.name}: goes on at step {self.trainer.step}"
-
-    def _restore(self, kept: Unfinished) -> None:
-        restore_training(self.trainer, kept)
-        listing, arrays = kept.listing, kept.under("render")
-        if not 0 < listing["due"] <= len(self.due):
-            raise ValueError(f"{listing['due']} checkpoints to come of {len(self.due)}")
-        self.due = self.due[len(self.due) - listing["due"] :]
-        self.curve = as_promised(listing["curve"], list[Checkpoint])
-        self.kept.renders = [
-            Render(view, step, **{part: arrays[f"{place}.{part}"] for part in RENDER})
-            for place, (view, step) in enumerate(listing["renders"])
-        ]
-        self.resumed_at = [*listing["resumed_at"], self.trainer.step]
 
     def _made_with(self) -> dict[str, Any]:
         """Return all that its next steps depend on, except what training changed, as it comes back from JSON."""
@@ -269,16 +260,16 @@ class CellTraining:
 
             self.curve.append(self._checkpoint(map(scored, images)))
             return self._finished(rows, float(np.mean(opacities)))
-        except Diverged as stop:
-            return self._stopped("diverged", str(stop))
         except OSError:
             raise
         except Exception as error:
             # an error of ours costs its own cell, not the others of the group
-            return self._stopped("error", f"{type(error).__name__} at step {self.trainer.step}: {error}")
+            return self._failed(error, f"at step {self.trainer.step}")
 
-    def _stopped(self, status: Status, reason: str) -> CellRecord:
-        return self._record(status, reason, {}, [], {})
+    def _failed(self, error: Exception, when: str) -> CellRecord:
+        if isinstance(error, Diverged):
+            return self._record("diverged", str(error), {}, [], {})
+        return self._record("error", f"{type(error).__name__} {when}: {error}", {}, [], {})
 
     def _checkpoint(self, images: Iterable[evaluate.View]) -> Checkpoint:
         trainer = self.trainer
