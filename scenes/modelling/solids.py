@@ -234,13 +234,13 @@ def creased(solid: Solid, degrees: float = 50.0) -> Solid:
     _, start, size = np.unique(at[order], return_index=True, return_counts=True)
     # every corner meets every corner at the same place
     pairs = np.repeat(size, size)
-    one = np.repeat(np.arange(len(order)), pairs)
-    within = np.arange(len(one)) - np.repeat(np.cumsum(pairs) - pairs, pairs)
+    near = np.repeat(np.arange(len(order)), pairs)
+    within = np.arange(len(near)) - np.repeat(np.cumsum(pairs) - pairs, pairs)
     other = within + np.repeat(np.repeat(start, size), pairs)
-    one, other = order[one], order[other]
-    close = (unit[one // 3] * unit[other // 3]).sum(-1) > np.cos(np.radians(degrees))
-    one, other = one[close], other[close] // 3
-    total = np.stack([np.bincount(one, area_normal[other, axis], len(order)) for axis in range(3)], axis=-1)
+    near, other = order[near], order[other]
+    close = (unit[near // 3] * unit[other // 3]).sum(-1) > np.cos(np.radians(degrees))
+    near, other = near[close], other[close] // 3
+    total = np.stack([np.bincount(near, area_normal[other, axis], len(order)) for axis in range(3)], axis=-1)
     normals = total / np.linalg.norm(total, axis=1, keepdims=True)
     grid = np.round((normals + 1.0) * 500.0).astype(np.int64)
     key = ((faces.reshape(-1) * 1001 + grid[:, 0]) * 1001 + grid[:, 1]) * 1001 + grid[:, 2]

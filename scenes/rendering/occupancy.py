@@ -94,8 +94,8 @@ def _off(axis: np.ndarray, which: int) -> float:
     return OFF_THE_GRID[which] * float(axis[-1] - axis[0] + 1e-30)
 
 
-def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _columns_met(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
