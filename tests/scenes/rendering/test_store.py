@@ -42,20 +42,10 @@ def test_a_whole_set_is_used_again(render_tiny: Render, tmp_path: Path, monkeypa
     assert sorted(path.name for path in tmp_path.iterdir()) == [first.name]
 
 
-def test_rendering_is_deterministic(render_tiny: Render, tmp_path: Path) -> None:
-    one, two = render_tiny(tmp_path / "a"), render_tiny(tmp_path / "b")
-    assert one.name == two.name
-    a, b = (json.loads((path / "view_set.json").read_text()) for path in (one, two))
-    assert {k: v["noise_mse"] for k, v in a["views"].items()} == {k: v["noise_mse"] for k, v in b["views"].items()}
-    for split in ("train", "val", "test"):
-        views = [np.stack(list(getattr(read_view_set(path), split).rgba)) for path in (one, two)]
-        assert np.array_equal(*views)
-
-
 @pytest.mark.parametrize("damage", ["flip", "cut", "remove", "manifest", "no manifest"])
 def test_damage_is_rendered_again(render_tiny: Render, tmp_path: Path, damage: str) -> None:
     path = render_tiny(tmp_path)
-    before = read_view_set(path).test.rgba[0]
+    before = read_view_set(path).test
     victim = path / ("view_set.json" if "manifest" in damage else "test/r_1.exr")
     data = bytearray(victim.read_bytes())
     if damage in ("remove", "no manifest"):
@@ -68,7 +58,9 @@ def test_damage_is_rendered_again(render_tiny: Render, tmp_path: Path, damage: s
     assert not is_complete(path)
     assert render_tiny(tmp_path) == path
     assert is_complete(path)
-    assert np.array_equal(read_view_set(path).test.rgba[0], before)
+    again = read_view_set(path).test
+    assert all(np.array_equal(*pair) for pair in zip(again.rgba, before.rgba, strict=True))
+    assert np.array_equal(again.noise_mse, before.noise_mse)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
 
 

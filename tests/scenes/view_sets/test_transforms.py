@@ -185,8 +185,3 @@ def test_a_huge_file_is_not_read(folder: Path) -> None:
         handle.truncate(LARGEST_FILE + 1)
     with pytest.raises(InputError, match="bytes"):
         read_transforms(folder, "train")
-
-
-def test_a_missing_file_is_named(folder: Path) -> None:
-    with pytest.raises(InputError, match=r"transforms_val\.json: missing"):
-        read_transforms(folder, "val")

@@ -1,7 +1,7 @@
 """Reading view sets: our own after writing, and those of others at any size."""
 
 import json
-import shutil
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -136,9 +136,6 @@ def test_at_any_size(foreign: Path, size: int) -> None:
 def test_bounds_can_be_given(foreign: Path) -> None:
     box = np.array([[-1.0, -2, -3], [1, 2, 3]])
     assert np.array_equal(read_view_set(foreign, bounds=box).bounds, box)
-    for bad in (box[::-1], np.full((2, 3), np.nan), np.zeros((2, 2))):
-        with pytest.raises(InputError, match="bounds"):
-            read_view_set(foreign, bounds=bad)
 
 
 def test_ours_without_manifest_is_anyones(view_set: Path) -> None:
@@ -166,10 +163,6 @@ def replaced(folder: Path, old: str, new: str) -> None:
             lambda folder: [write_png(file, np.zeros((20, 20, 4))) for file in folder.glob("test/r_?.png")],
             "test/r_0.png: 20 × 20 pixels",
         ),
-        (
-            lambda folder: (folder / "train/r_3.png").write_bytes((folder / "train/r_3.png").read_bytes()[:999]),
-            "r_3.png: .*truncated",
-        ),
         (lambda folder: (folder / "train/r_3.png").write_text("hello"), "r_3.png: not an image"),
         (lambda folder: (folder / "train/r_3.png").unlink(), "no image .*r_3"),
         (lambda folder: (folder / "transforms_test.json").unlink(), "transforms_test.json: missing"),
@@ -185,19 +178,26 @@ def test_bad_folders_are_refused(foreign: Path, damage: Callable[[Path], object]
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("resolution", [0, -5, 41])
-def test_sizes_that_cannot_be_had(foreign: Path, resolution: int) -> None:
-    with pytest.raises(InputError, match="resolution"):
-        read_view_set(foreign, resolution=resolution)
+@pytest.mark.parametrize(
+    ("wanted", "said"),
+    [
+        *(({"resolution": size}, "resolution") for size in (0, -5, 41)),
+        *(
+            ({"bounds": box}, "bounds")
+            for box in (np.array([[1.0] * 3, [-1.0] * 3]), np.full((2, 3), np.nan), np.eye(2))
+        ),
+        ({"splits": ("train",), "train_count": 0}, "no view"),
+        ({"train_count": -1}, "0 or more"),
+    ],
+)
+def test_what_cannot_be_had_is_refused(foreign: Path, wanted: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read_view_set(foreign, **wanted)
 
 
-def test_nothing_left_to_read(foreign: Path) -> None:
-    with pytest.raises(InputError, match="no view"):
-        read_view_set(foreign, splits=("train",), train_count=0)
-    with pytest.raises(InputError, match="0 or more"):
-        read_view_set(foreign, train_count=-1)
+def test_a_folder_that_is_missing_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such folder"):
-        read_view_set(foreign / "nothing")
+        read_view_set(tmp_path / "nothing")
 
 
 def test_more_than_the_disk_has_room_for_is_refused(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,24 +215,18 @@ def test_a_scratch_folder_that_cannot_be_written_is_named(foreign: Path) -> None
 # --- our own, damaged
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"format": "something else"}'])
-def test_a_manifest_that_is_none_is_refused(view_set: Path, content: str) -> None:
-    (view_set / "view_set.json").write_text(content)
-    with pytest.raises(InputError, match=r"view_set\.json"):
-        read_view_set(view_set)
-
-
 @pytest.mark.parametrize(
-    ("old", "new", "error", "said"),
+    ("change", "said"),
     [
-        ('"schema": 1', '"schema": 99', InputError, "schema 99.*render the view set again"),
-        ('"near": 2.0', '"near": 1.0', DamagedViewSet, "checksum"),
+        *((lambda text, new=new: new, r"view_set\.json") for new in ("", "[]", "{}", '{"format": "something else"}')),
+        (lambda text: text.replace('"schema": 1', '"schema": 99'), "schema 99.*render the view set again"),
+        (lambda text: text.replace('"near": 2.0', '"near": 1.0'), "checksum"),
     ],
 )
-def test_a_changed_manifest_is_noticed(view_set: Path, old: str, new: str, error: type[Exception], said: str) -> None:
+def test_another_manifest_is_refused(view_set: Path, change: Callable[[str], str], said: str) -> None:
     file = view_set / "view_set.json"
-    file.write_text(file.read_text().replace(old, new))
-    with pytest.raises(error, match=said):
+    file.write_text(change(file.read_text()))
+    with pytest.raises(InputError, match=said):
         read_view_set(view_set)
 
 
@@ -252,12 +246,6 @@ def test_a_damaged_file_is_noticed(view_set: Path, name: str, how: str) -> None:
         read_view_set(view_set)
 
 
-def test_a_swapped_file_is_noticed(view_set: Path) -> None:
-    shutil.copy(view_set / "train/r_1.exr", view_set / "train/r_0.exr")
-    with pytest.raises(DamagedViewSet, match=r"train/r_0\.exr"):
-        read_view_set(view_set)
-
-
 def test_views_that_are_there_twice_are_reported(foreign: Path) -> None:
     assert read_view_set(foreign).repeated_views == ()
     train, test = (json.loads((foreign / f"transforms_{split}.json").read_text()) for split in ("train", "test"))
@@ -265,12 +253,8 @@ def test_views_that_are_there_twice_are_reported(foreign: Path) -> None:
     test["frames"][0]["transform_matrix"] = train["frames"][-1]["transform_matrix"]
     for split, data in (("train", train), ("test", test)):
         (foreign / f"transforms_{split}.json").write_text(json.dumps(data))
-    said = read_view_set(foreign).repeated_views
-    assert len(said) == 2
-    assert said[0].startswith("train: ")
-    assert " has the camera of train: " in said[0]
-    assert said[1].startswith("test: ")
-    assert " has the camera of train: " in said[1]
+    repeated = [re.sub(r" \S+( has|$)", r"\1", said) for said in read_view_set(foreign).repeated_views]
+    assert repeated == ["train: has the camera of train:", "test: has the camera of train:"]
     assert read_view_set(foreign, splits=("test",)).repeated_views == ()
 
 
