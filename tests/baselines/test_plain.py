@@ -61,34 +61,34 @@ def in_double(rays: Rays) -> Rays:
 
 
 def trainer(settings: TrainSettings = SETTINGS, view_dependent: bool = True) -> Trainer:
-    one = Trainer("nerf", BOX, settings, Budget(10, None), SEED, torch.device("cpu"), view_dependent)
+    learner = Trainer("nerf", BOX, settings, Budget(10, None), SEED, torch.device("cpu"), view_dependent)
     generator = torch.Generator().manual_seed(9)
     with torch.no_grad():  # as after training: contrast, and biases that are not zero
-        one.field.density_head.weight *= 8.0
-        for name, weight in one.field.named_parameters():
+        learner.field.density_head.weight *= 8.0
+        for name, weight in learner.field.named_parameters():
             if name.endswith("bias"):
                 weight.copy_(0.1 * torch.randn(weight.shape, generator=generator))
-    return one
+    return learner
 
 
-def oracle(one: Trainer, view_dependent: bool = True) -> PlainField:
+def oracle(learner: Trainer, view_dependent: bool = True) -> PlainField:
     """In float64, box included."""
     box = Box(BOX.lower.double(), BOX.upper.double())
     field = PlainField(SIZE, box, "another seed", view_dependent)
-    field.load_state_dict(one.field.state_dict())
+    field.load_state_dict(learner.field.state_dict())
     return field.double()
 
 
-def step_of(one: Trainer, batch: Batch) -> tuple[float, dict[str, Tensor]]:
+def step_of(learner: Trainer, batch: Batch) -> tuple[float, dict[str, Tensor]]:
     """Loss and gradients of one training step, caught before the optimiser gets them."""
     caught: dict[str, Tensor] = {}
 
     def catch(*_: object, **__: object) -> None:
-        caught.update({name: weight.grad.clone() for name, weight in one.field.named_parameters()})
+        caught.update({name: weight.grad.clone() for name, weight in learner.field.named_parameters()})
 
-    one.optimiser.step = catch  # type: ignore[method-assign]
-    one.train_on(*batch)
-    loss = one.trace["loss"][0]
+    learner.optimiser.step = catch  # type: ignore[method-assign]
+    learner.train_on(*batch)
+    loss = learner.trace["loss"][0]
     assert loss is not None
     return loss, caught
 
@@ -100,9 +100,9 @@ def expected_step(field: PlainField, batch: Batch) -> tuple[float, dict[str, Ten
     return loss.item(), {name: weight.grad for name, weight in field.named_parameters() if weight.grad is not None}
 
 
-def step_gap(one: Trainer, field: PlainField, batch: Batch) -> tuple[float, float]:
+def step_gap(learner: Trainer, field: PlainField, batch: Batch) -> tuple[float, float]:
     """Relative difference of the losses, and the largest of the gradients relative to their largest entries."""
-    (loss, gradients), (expected, truth) = step_of(one, batch), expected_step(field, batch)
+    (loss, gradients), (expected, truth) = step_of(learner, batch), expected_step(field, batch)
     assert set(gradients) == set(truth)
     gaps = [float((gradients[name] - truth[name]).abs().max() / truth[name].abs().max()) for name in truth]
     return abs(loss - expected) / expected, max(gaps)
@@ -120,26 +120,26 @@ def loss_gap(
     """
     gaps = []
     for seed in range(batches):
-        one = trainer(settings, view_dependent)
-        field = oracle(one, view_dependent)
+        learner = trainer(settings, view_dependent)
+        field = oracle(learner, view_dependent)
         spoil(field)
-        gaps.append(step_gap(one, field, rays(seed)))
+        gaps.append(step_gap(learner, field, rays(seed)))
     return min(loss for loss, _ in gaps), min(gradient for _, gradient in gaps)
 
 
-def colour_gap(one: Trainer, field: PlainField, batch: Batch | None = None) -> float:
+def colour_gap(learner: Trainer, field: PlainField, batch: Batch | None = None) -> float:
     rays, _ = batch or rays_inside()
     with torch.no_grad():
         expected = plain_render(field, in_double(rays), SAMPLES, torch.ones(3, dtype=torch.float64), None)
-    return float((one.render(rays, RAYS).colour - expected).abs().max())
+    return float((learner.render(rays, RAYS).colour - expected).abs().max())
 
 
 @pytest.mark.parametrize("fused", [True, False])
 @pytest.mark.parametrize("view_dependent", [True, False])
 def test_trainer_agrees_with_the_plain_step(view_dependent: bool, fused: bool) -> None:
     settings = replace(SETTINGS, accelerations=replace(DENSE, fused=fused))
-    one = trainer(settings, view_dependent)
-    assert colour_gap(one, oracle(one, view_dependent)) < COLOUR_BOUND
+    learner = trainer(settings, view_dependent)
+    assert colour_gap(learner, oracle(learner, view_dependent)) < COLOUR_BOUND
     loss, gradient = loss_gap(view_dependent, settings)
     assert loss < LOSS_BOUND
     assert gradient < GRADIENT_BOUND
@@ -147,16 +147,16 @@ def test_trainer_agrees_with_the_plain_step(view_dependent: bool, fused: bool) -
 
 def test_trainer_agrees_with_the_plain_step_outside_of_the_box() -> None:
     """Positions up to five times as large as the encoding is made for, and so are their rounding errors."""
-    one = trainer()
-    assert colour_gap(one, oracle(one), rays_through()) < 5 * COLOUR_BOUND
+    learner = trainer()
+    assert colour_gap(learner, oracle(learner), rays_through()) < 5 * COLOUR_BOUND
     loss, gradient = loss_gap(rays=rays_through)
     assert loss < 5 * LOSS_BOUND
     assert gradient < 5 * GRADIENT_BOUND
 
 
 def test_rays_cut_to_the_box_are_another_rendering() -> None:
-    one = trainer(replace(SETTINGS, accelerations=replace(DENSE, clipping=True)))
-    assert colour_gap(one, oracle(one), rays_through()) > 25 * COLOUR_BOUND
+    learner = trainer(replace(SETTINGS, accelerations=replace(DENSE, clipping=True)))
+    assert colour_gap(learner, oracle(learner), rays_through()) > 25 * COLOUR_BOUND
 
 
 def _fewer_bands(field: PlainField) -> None:
@@ -186,10 +186,10 @@ def _a_bias(field: PlainField) -> None:
 
 @pytest.mark.parametrize("spoil", [_fewer_bands, _another_box, _no_skip, _no_view, _a_bias])
 def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> None:
-    one = trainer()
-    field = oracle(one)
+    learner = trainer()
+    field = oracle(learner)
     spoil(field)
-    assert colour_gap(one, field) > 5 * COLOUR_BOUND
+    assert colour_gap(learner, field) > 5 * COLOUR_BOUND
     loss, gradient = loss_gap(spoil=spoil, batches=1)
     assert loss > 5 * LOSS_BOUND
     assert gradient > 5 * GRADIENT_BOUND
@@ -197,21 +197,21 @@ def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> No
 
 @pytest.mark.parametrize(("name", "factor"), [("DENSITY_BIAS", 1.001), ("DENSITY_SCALE", 1.001)])
 def test_a_density_that_differs_is_seen(name: str, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    one = trainer()
-    field = oracle(one)
+    learner = trainer()
+    field = oracle(learner)
     monkeypatch.setattr(plain, name, factor * getattr(plain, name))
-    assert colour_gap(one, field) > 5 * COLOUR_BOUND
+    assert colour_gap(learner, field) > 5 * COLOUR_BOUND
     assert loss_gap(batches=1)[1] > 5 * GRADIENT_BOUND
 
 
 def test_fewer_samples_are_seen() -> None:
-    one = trainer(replace(SETTINGS, bins=SAMPLES - 1, first_bins=SAMPLES - 1))
-    assert colour_gap(one, oracle(one)) > 5 * COLOUR_BOUND
+    learner = trainer(replace(SETTINGS, bins=SAMPLES - 1, first_bins=SAMPLES - 1))
+    assert colour_gap(learner, oracle(learner)) > 5 * COLOUR_BOUND
 
 
 def test_weights_start_as_those_of_the_field() -> None:
-    one = Trainer("nerf", BOX, SETTINGS, Budget(10, None), SEED, torch.device("cpu"))
-    ours, theirs = PlainField(SIZE, BOX, f"{SEED}/coarse").state_dict(), one.field.state_dict()
+    learner = Trainer("nerf", BOX, SETTINGS, Budget(10, None), SEED, torch.device("cpu"))
+    ours, theirs = PlainField(SIZE, BOX, f"{SEED}/coarse").state_dict(), learner.field.state_dict()
     assert list(ours) == list(theirs)
     assert all(torch.equal(ours[name], theirs[name]) for name in ours)
 

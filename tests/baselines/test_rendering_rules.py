@@ -103,13 +103,13 @@ def test_a_nerf_with_the_rule_renders_and_learns(rule: str, monkeypatch: pytest.
     monkeypatch.setitem(CATALOG, "tried", Method(replace(NERF, quadrature=rule), "NeRF with another rule"))
     settings = TrainSettings(network=SMALL, bins=12, first_bins=12, fine_bins=4, learning_rate=2e-2)
     settings = replace(settings, grid=GridSettings(cells=0))
-    one = Trainer("tried", BOX, settings, Budget(40, None), 0, torch.device("cpu"))
+    learner = Trainer("tried", BOX, settings, Budget(40, None), 0, torch.device("cpu"))
     rays = rays_at(0.4, 16, dtype=torch.float32)
     colours = torch.tensor([0.1, 0.2, 0.8]).expand(16, 3)
-    before = float((one.render(rays, 20).colour - colours).square().mean())
+    before = float((learner.render(rays, 20).colour - colours).square().mean())
     for _ in range(6):
-        one.train_on(rays, colours)
-    assert float((one.render(rays, 20).colour - colours).square().mean()) < 0.7 * before
+        learner.train_on(rays, colours)
+    assert float((learner.render(rays, 20).colour - colours).square().mean()) < 0.7 * before
 
 
 def test_a_thin_wall_does_not_hide_what_it_lets_through() -> None:

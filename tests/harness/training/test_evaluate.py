@@ -73,11 +73,11 @@ def test_a_histogram_is_of_the_density_over_the_whole_box() -> None:
 
 
 def test_a_density_that_is_not_finite_is_a_divergence() -> None:
-    one = trainer()
+    learner = trainer()
     with torch.no_grad():
-        one.coarse.density_head.bias[:] = math.nan
+        learner.coarse.density_head.bias[:] = math.nan
     with pytest.raises(Diverged, match="density after the amplifier"):
-        evaluate.density_histogram(one, points=4)
+        evaluate.density_histogram(learner, points=4)
 
 
 def test_chunks_change_the_listed_method_and_no_other(ball: ViewSet) -> None:
@@ -97,8 +97,8 @@ def test_chunks_change_the_listed_method_and_no_other(ball: ViewSet) -> None:
 
 def test_pixels_rendered_in_mixed_order_come_back_to_their_places(ball: ViewSet) -> None:
     cameras = evaluate.cameras_of(ball, ball.test, CPU)
-    one = trainer()
-    view = evaluate.render_view(one, cameras, 1, 100)
-    straight = one.render(cameras.all_rays(1), 10_000)
+    learner = trainer()
+    view = evaluate.render_view(learner, cameras, 1, 100)
+    straight = learner.render(cameras.all_rays(1), 10_000)
     for name, shape in (("colour", (24, 24, 3)), ("opacity", (24, 24)), ("depth", (24, 24))):
         np.testing.assert_allclose(getattr(view, name), getattr(straight, name).reshape(shape), atol=2e-5)

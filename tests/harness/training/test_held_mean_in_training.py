@@ -14,25 +14,25 @@ from tests.harness.tiny import TRAIN, rays_and_colours, same, train, trainer, we
 every_candidate = pytest.mark.parametrize("method", CANDIDATES)
 
 
-def mean_of(one: Trainer) -> HeldMeanAmplifier:
-    assert isinstance(one.coarse.amplifier, HeldMeanAmplifier)
-    return one.coarse.amplifier
+def mean_of(learner: Trainer) -> HeldMeanAmplifier:
+    assert isinstance(learner.coarse.amplifier, HeldMeanAmplifier)
+    return learner.coarse.amplifier
 
 
 @every_candidate
 def test_every_step_moves_it_and_nothing_else_does(method: str) -> None:
-    one = trainer(method)
-    one.warm_up(*rays_and_colours(seed=9))
-    assert float(mean_of(one).mean.steps) == 0.0
-    train(one, TRAIN.grid.first_step + 2)  # past the first refresh of the grid, which asks for densities as well
-    assert float(mean_of(one).mean.steps) == one.step
-    before = mean_of(one).mean.value.clone()
+    learner = trainer(method)
+    learner.warm_up(*rays_and_colours(seed=9))
+    assert float(mean_of(learner).mean.steps) == 0.0
+    train(learner, TRAIN.grid.first_step + 2)  # past the first refresh of the grid, which asks for densities as well
+    assert float(mean_of(learner).mean.steps) == learner.step
+    before = mean_of(learner).mean.value.clone()
     assert float(before) != 0.0
-    one.render(rays_and_colours(seed=3)[0], 16)
-    one.warm_up(*rays_and_colours(seed=3))
-    assert one.grid is not None
-    one.grid.refresh(one.coarse, 1.0, torch.Generator().manual_seed(1))
-    assert torch.equal(mean_of(one).mean.value, before)
+    learner.render(rays_and_colours(seed=3)[0], 16)
+    learner.warm_up(*rays_and_colours(seed=3))
+    assert learner.grid is not None
+    learner.grid.refresh(learner.coarse, 1.0, torch.Generator().manual_seed(1))
+    assert torch.equal(mean_of(learner).mean.value, before)
 
 
 @every_candidate
@@ -45,14 +45,14 @@ def test_the_same_seed_gives_the_same_bits_and_the_warm_up_leaves_no_trace(metho
 
 @every_candidate
 def test_a_step_that_diverges_leaves_it_where_it_was(method: str) -> None:
-    one = train(trainer(method), 3)
-    before = mean_of(one).mean.value.clone()
+    learner = train(trainer(method), 3)
+    before = mean_of(learner).mean.value.clone()
     rays, colours = rays_and_colours(seed=3)
     colours[0] = math.nan
     with pytest.raises(Diverged):
-        one.train_on(rays, colours)
-    assert torch.equal(mean_of(one).mean.value, before)
-    assert float(mean_of(one).mean.steps) == 3.0
+        learner.train_on(rays, colours)
+    assert torch.equal(mean_of(learner).mean.value, before)
+    assert float(mean_of(learner).mean.steps) == 3.0
 
 
 @every_candidate
@@ -63,9 +63,9 @@ def test_alpha_is_reported_as_it_is_used(method: str) -> None:
 
 
 def test_the_coarse_and_the_fine_field_have_a_mean_each() -> None:
-    one = train(trainer("qnerf_running_mean", settings=replace(TRAIN, fine_bins=8)), 2)
-    assert one.fine is not None
-    fine = one.fine.amplifier
+    learner = train(trainer("qnerf_running_mean", settings=replace(TRAIN, fine_bins=8)), 2)
+    assert learner.fine is not None
+    fine = learner.fine.amplifier
     assert isinstance(fine, HeldMeanAmplifier)
-    assert float(fine.mean.steps) == float(mean_of(one).mean.steps) == 2.0
-    assert not torch.equal(fine.mean.value, mean_of(one).mean.value)
+    assert float(fine.mean.steps) == float(mean_of(learner).mean.steps) == 2.0
+    assert not torch.equal(fine.mean.value, mean_of(learner).mean.value)

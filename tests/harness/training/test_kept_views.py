@@ -46,10 +46,10 @@ def test_a_cell_that_kept_nothing_writes_nothing(ball: ViewSet, tmp_path: Path) 
 
 def test_the_truth_of_posed_pngs_is_display_colour_alone(ball: ViewSet, tmp_path: Path) -> None:
     keep_truth(tmp_path, "ball", ball, 1)
-    (one,) = read_truth(tmp_path / "records/pictures/ball.safetensors")
-    assert (one.view, one.linear, one.depth) == ("test/r_1", None, None)
-    assert one.display == pytest.approx(over_white(ball.test.rgba[1]), abs=1e-3)
-    assert one.opacity == pytest.approx(ball.test.rgba[1][..., 3], abs=1e-3)
+    (truth,) = read_truth(tmp_path / "records/pictures/ball.safetensors")
+    assert (truth.view, truth.linear, truth.depth) == ("test/r_1", None, None)
+    assert truth.display == pytest.approx(over_white(ball.test.rgba[1]), abs=1e-3)
+    assert truth.opacity == pytest.approx(ball.test.rgba[1][..., 3], abs=1e-3)
 
 
 def rendered(ball: ViewSet, folder: Path, rgba: np.ndarray) -> ViewSet:
@@ -98,22 +98,22 @@ def test_a_perfect_picture_has_no_error_in_linear_light_but_where_it_is_brighter
     assert np.abs(error).max() < 1e-6
 
 
-def learner(box: Box, density: Callable[[torch.Tensor], torch.Tensor], gain: float) -> Trainer:
+def learner_of(box: Box, density: Callable[[torch.Tensor], torch.Tensor], gain: float) -> Trainer:
     """A bounded method whose share of the largest density is known over positions [n, 3], and multiplied by `gain`."""
-    one = Trainer("qnerf", box, TRAIN, BUDGET, 0, CPU)
-    limit = one.field.density_limit
-    one.field.density_before_and_after = lambda p: (limit * density(p), gain * limit * density(p))  # type: ignore
-    return one
+    learner = Trainer("qnerf", box, TRAIN, BUDGET, 0, CPU)
+    limit = learner.field.density_limit
+    learner.field.density_before_and_after = lambda p: (limit * density(p), gain * limit * density(p))  # type: ignore
+    return learner
 
 
 def test_a_histogram_by_true_occupancy_is_the_closed_form() -> None:
     box = Box(-torch.ones(3), torch.ones(3))
-    one = learner(box, lambda p: torch.where(p.norm(dim=-1) < 0.7, 0.55, 0.05)[:, None], 1.5)
+    trained = learner_of(box, lambda p: torch.where(p.norm(dim=-1) < 0.7, 0.55, 0.05)[:, None], 1.5)
     axis = (np.arange(32) + 0.5) / 16 - 1
     radius = np.linalg.norm(np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1), axis=-1)
     occupied = radius < 0.7
     share = occupied.mean()
-    found = evaluate.density_histogram(one, occupied)
+    found = evaluate.density_histogram(trained, occupied)
     assert found["points"] == [occupied.sum(), 32**3 - occupied.sum()]
     assert share == pytest.approx(4 / 3 * np.pi * 0.7**3 / 8, rel=0.02)
 
@@ -124,18 +124,18 @@ def test_a_histogram_by_true_occupancy_is_the_closed_form() -> None:
     assert (found["before_inside"], found["after_inside"]) == (only(22), only(33))
     assert (found["before_outside"], found["after_outside"]) == (only(2), only(3))
     assert found["before"][22] == pytest.approx(share)
-    half = evaluate.density_histogram(one, occupied & (np.indices(occupied.shape)[0] < 16))
+    half = evaluate.density_histogram(trained, occupied & (np.indices(occupied.shape)[0] < 16))
     assert half["before_outside"][22] == pytest.approx(0.5 * share / (1 - 0.5 * share))
-    assert evaluate.density_histogram(one).keys() == {"edges", "before", "after"}
-    nowhere = evaluate.density_histogram(one, np.zeros((32, 32, 32), dtype=bool))
+    assert evaluate.density_histogram(trained).keys() == {"edges", "before", "after"}
+    nowhere = evaluate.density_histogram(trained, np.zeros((32, 32, 32), dtype=bool))
     assert (nowhere["points"][0], sum(nowhere["before_inside"])) == (0.0, 0.0)
 
 
 def test_a_box_that_is_longer_one_way_keeps_its_axes_apart() -> None:
     """Matter where x is large alone: a grid with its axes exchanged would find it elsewhere."""
     box = Box(torch.tensor([-1.0, -2.0, -3.0]), torch.tensor([1.0, 2.0, 3.0]))
-    one = learner(box, lambda p: torch.where(p[:, :1] > 0.5, 0.55, 0.05), 1.0)
+    trained = learner_of(box, lambda p: torch.where(p[:, :1] > 0.5, 0.55, 0.05), 1.0)
     occupied = np.zeros((32, 32, 32), dtype=bool)
     occupied[24:] = True
-    found = evaluate.density_histogram(one, occupied)
+    found = evaluate.density_histogram(trained, occupied)
     assert (found["before_inside"][22], found["before_outside"][2]) == (1.0, 1.0)

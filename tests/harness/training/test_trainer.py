@@ -19,15 +19,15 @@ METHODS = ["nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"]
 every_kind = pytest.mark.parametrize("method", ["nerf", "voxels_drjit"])
 
 
-def learner(method: str, budget: Budget = BUDGET) -> Any:
+def learner_of(method: str, budget: Budget = BUDGET) -> Any:
     return voxels(budget=budget) if method == "voxels_drjit" else trainer(method, budget=budget)
 
 
 @pytest.mark.parametrize("method", [*METHODS, "voxels_drjit"])
 def test_the_same_seed_gives_the_same_bits(method: str) -> None:
-    first = train(learner(method), 22)
+    first = train(learner_of(method), 22)
     torch.manual_seed(1234)
-    second = train(learner(method), 22)
+    second = train(learner_of(method), 22)
     assert same(weights(first), weights(second))
     assert first.trace == second.trace
     assert first.network_evaluations == second.network_evaluations
@@ -37,7 +37,7 @@ def test_the_same_seed_gives_the_same_bits(method: str) -> None:
 
 @every_kind
 def test_rendering_between_steps_and_in_chunks_changes_nothing(method: str) -> None:
-    alone, looked_at = train(learner(method), 12), learner(method)
+    alone, looked_at = train(learner_of(method), 12), learner_of(method)
     for step in range(12):
         looked_at.render(rays_and_colours(seed=step)[0], 16)
         looked_at.train_on(*rays_and_colours(seed=step))
@@ -54,7 +54,7 @@ def test_rendering_between_steps_and_in_chunks_changes_nothing(method: str) -> N
 @every_kind
 def test_the_warm_up_changes_nothing_and_is_not_on_the_clock(method: str) -> None:
     """Nine steps: over both refinements of the voxels."""
-    plain, warmed = learner(method), learner(method)
+    plain, warmed = learner_of(method), learner_of(method)
     warmed.warm_up(*rays_and_colours(seed=3))
     assert (warmed.clock.seconds, warmed.step, warmed.network_evaluations) == (0.0, 0, 0)
     assert same(weights(plain), weights(warmed))
@@ -63,34 +63,34 @@ def test_the_warm_up_changes_nothing_and_is_not_on_the_clock(method: str) -> Non
 
 @every_kind
 def test_training_lowers_the_loss(method: str) -> None:
-    one = learner(method, Budget(60, None))
+    learner = learner_of(method, Budget(60, None))
     batch = rays_and_colours()
     losses = []
     for _ in range(60):
-        one.train_on(*batch)
-        losses.append(one.last_loss)
+        learner.train_on(*batch)
+        losses.append(learner.last_loss)
     assert losses[-1] < 0.9 * losses[0]
 
 
 @every_kind
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_a_colour_that_is_not_finite_shows_in_the_loss_and_leaves_the_weights_alone(method: str, bad: float) -> None:
-    one = train(learner(method), 2)
-    before = weights(one)
+    trained = train(learner_of(method), 2)
+    before = weights(trained)
     rays, colours = rays_and_colours()
     colours[5, 1] = bad
     with pytest.raises(Diverged, match="at step 2: loss"):
-        one.train_on(rays, colours)
-    assert same(weights(one), before)
-    assert one.step == 2
+        trained.train_on(rays, colours)
+    assert same(weights(trained), before)
+    assert trained.step == 2
 
 
 def test_a_budget_of_seconds_runs_on_the_methods_own_clock() -> None:
-    one = trainer(budget=Budget(None, 10.0))
+    learner = trainer(budget=Budget(None, 10.0))
     ticks = iter(range(1000))
-    one.clock = Stopwatch(CPU, lambda: float(next(ticks)))
-    train(one, 4)
-    assert (one.clock.seconds, one.progress) == (4.0, 0.4)
+    learner.clock = Stopwatch(CPU, lambda: float(next(ticks)))
+    train(learner, 4)
+    assert (learner.clock.seconds, learner.progress) == (4.0, 0.4)
 
 
 def test_another_seed_gives_other_weights_and_other_samples() -> None:
@@ -104,66 +104,66 @@ def test_another_seed_gives_other_weights_and_other_samples() -> None:
 
 
 def test_a_weight_that_is_nan_is_named_with_its_step() -> None:
-    one = train(trainer(), 3)
+    learner = train(trainer(), 3)
     with torch.no_grad():
-        one.coarse.density_net[2].weight[0, 0] = math.nan
+        learner.coarse.density_net[2].weight[0, 0] = math.nan
     with pytest.raises(Diverged) as caught:
-        one.train_on(*rays_and_colours())
+        learner.train_on(*rays_and_colours())
     assert (caught.value.step, caught.value.tensor) == (3, "weight of coarse.density_net.2.weight")
     assert str(caught.value) == "not finite at step 3: weight of coarse.density_net.2.weight"
 
 
 def test_a_gradient_that_is_nan_is_named_and_leaves_the_weights_alone() -> None:
-    one = train(trainer(), 1)
-    before = weights(one)
-    one.coarse.density_head.weight.register_hook(lambda gradient: gradient * math.nan)
+    learner = train(trainer(), 1)
+    before = weights(learner)
+    learner.coarse.density_head.weight.register_hook(lambda gradient: gradient * math.nan)
     with pytest.raises(Diverged, match=r"at step 1: gradient of coarse\.density_head\.weight"):
-        one.train_on(*rays_and_colours())
-    assert same(weights(one), before)
+        learner.train_on(*rays_and_colours())
+    assert same(weights(learner), before)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_pixel_that_is_not_finite_is_never_rendered(method: str) -> None:
-    one = train(trainer(method), 1)
+    learner = train(trainer(method), 1)
     with torch.no_grad():
-        one.coarse.colour_net[0].bias[0] = math.nan
+        learner.coarse.colour_net[0].bias[0] = math.nan
     with pytest.raises(Diverged, match="at step 1: rendered colour of ray 0"):
-        one.render(rays_and_colours()[0], 16)
+        learner.render(rays_and_colours()[0], 16)
 
 
 def test_a_depth_that_is_not_finite_is_never_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = trainer()
-    whole = one._rendered
+    learner = trainer()
+    whole = learner._rendered
 
     def spoilt(*arguments: Any) -> Any:
         rendering = whole(*arguments)
         return replace(rendering, depth=rendering.depth / 0.0)
 
-    monkeypatch.setattr(one, "_rendered", spoilt)
+    monkeypatch.setattr(learner, "_rendered", spoilt)
     with pytest.raises(Diverged, match="rendered depth"):
-        one.render(rays_and_colours()[0], 16)
+        learner.render(rays_and_colours()[0], 16)
 
 
 def test_a_density_that_is_nan_in_the_grid_is_a_divergence(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = train(trainer(), 10)
-    whole = one.coarse.density
+    learner = train(trainer(), 10)
+    whole = learner.coarse.density
 
     def spoilt(x: torch.Tensor) -> torch.Tensor:
         sigma = whole(x)
         sigma[3] = math.nan
         return sigma
 
-    monkeypatch.setattr(one.coarse, "density", spoilt)
+    monkeypatch.setattr(learner.coarse, "density", spoilt)
     with pytest.raises(Diverged, match="at step 10: density in the occupancy grid"):
-        train(one, 1)
+        train(learner, 1)
 
 
 def test_a_coarse_pass_that_is_nan_is_a_divergence() -> None:
-    one = train(trainer(settings=replace(TRAIN, fine_bins=8, grid=GridSettings(cells=0))), 1)
+    learner = train(trainer(settings=replace(TRAIN, fine_bins=8, grid=GridSettings(cells=0))), 1)
     with torch.no_grad():
-        one.coarse.density_head.bias[:] = math.nan
+        learner.coarse.density_head.bias[:] = math.nan
     with pytest.raises(Diverged, match=r"at step 1: weight of coarse\.density_head\.bias"):
-        one.train_on(*rays_and_colours())
+        learner.train_on(*rays_and_colours())
 
 
 # rendering
@@ -179,43 +179,43 @@ def test_no_rays_are_no_pixels(method: str) -> None:
 
 
 def test_gradients_are_clipped_to_the_norm_for_all_weights_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = trainer(settings=replace(TRAIN, clip_norm=1e-4))
+    learner = trainer(settings=replace(TRAIN, clip_norm=1e-4))
     norms: list[float] = []
 
     def measured(_: Any) -> None:
-        gradients = [weight.grad for weight in one.fields.parameters() if weight.grad is not None]
+        gradients = [weight.grad for weight in learner.fields.parameters() if weight.grad is not None]
         norms.append(float(torch.cat([gradient.flatten() for gradient in gradients]).norm()))
 
-    one.optimiser.register_step_pre_hook(lambda *arguments: measured(arguments))
-    train(one, 3)
+    learner.optimiser.register_step_pre_hook(lambda *arguments: measured(arguments))
+    train(learner, 3)
     assert norms == pytest.approx([1e-4] * 3, rel=1e-2)
-    noted = one.trace["gradient_norm"][0]
+    noted = learner.trace["gradient_norm"][0]
     assert noted is not None
     assert noted > 1e-3, "the trace keeps the norm before clipping"
 
 
 def test_the_learning_rate_follows_the_schedule() -> None:
-    one = trainer()
+    learner = trainer()
     rates = []
     for step in range(24):
-        one.train_on(*rays_and_colours(seed=step))
-        rates.append(one.optimiser.param_groups[0]["lr"])
+        learner.train_on(*rays_and_colours(seed=step))
+        rates.append(learner.optimiser.param_groups[0]["lr"])
     assert rates == [learning_rate(step / 24, step, 1e-2, 1e-3, 5) for step in range(24)]
-    assert one.progress == 1.0
+    assert learner.progress == 1.0
 
 
-def refreshes(one: Trainer, monkeypatch: pytest.MonkeyPatch, steps: int) -> list[tuple[int, float]]:
+def refreshes(learner: Trainer, monkeypatch: pytest.MonkeyPatch, steps: int) -> list[tuple[int, float]]:
     """(step, share) of every refresh of the grid."""
     seen: list[tuple[int, float]] = []
-    assert one.grid is not None
-    original: Callable[..., int] = one.grid.refresh
+    assert learner.grid is not None
+    original: Callable[..., int] = learner.grid.refresh
 
     def spy(field: Any, share: float, generator: torch.Generator) -> int:
-        seen.append((one.step, share))
+        seen.append((learner.step, share))
         return original(field, share, generator)
 
-    monkeypatch.setattr(one.grid, "refresh", spy)
-    train(one, steps)
+    monkeypatch.setattr(learner.grid, "refresh", spy)
+    train(learner, steps)
     return seen
 
 
@@ -224,28 +224,28 @@ def test_the_grid_is_measured_whole_once_and_then_in_parts(monkeypatch: pytest.M
 
 
 def test_refreshing_the_grid_is_on_the_clock_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = train(trainer(), 10)
+    learner = train(trainer(), 10)
     ticks = iter(range(1000))
-    one.clock = Stopwatch(CPU, lambda: float(next(ticks)))
-    assert one.grid is not None
-    original = one.grid.refresh
+    learner.clock = Stopwatch(CPU, lambda: float(next(ticks)))
+    assert learner.grid is not None
+    original = learner.grid.refresh
 
     def slow(*arguments: Any) -> int:
         for _ in range(100):
             next(ticks)
         return original(*arguments)
 
-    monkeypatch.setattr(one.grid, "refresh", slow)
-    before = one.network_evaluations
-    train(one, 1)
-    assert one.clock.seconds == 101
-    assert one.network_evaluations - before > 8**3
+    monkeypatch.setattr(learner.grid, "refresh", slow)
+    before = learner.network_evaluations
+    train(learner, 1)
+    assert learner.clock.seconds == 101
+    assert learner.network_evaluations - before > 8**3
 
 
 def test_every_ray_is_sampled_fully_before_the_grid_is_in_use() -> None:
-    one = train(trainer(), 1)
-    assert one.network_evaluations == 64 * TRAIN.first_bins
-    assert one.trace["samples_per_ray"] == [TRAIN.first_bins]
+    learner = train(trainer(), 1)
+    assert learner.network_evaluations == 64 * TRAIN.first_bins
+    assert learner.trace["samples_per_ray"] == [TRAIN.first_bins]
 
 
 def test_the_grid_can_be_switched_off_and_listing_4_has_none() -> None:
@@ -256,25 +256,25 @@ def test_the_grid_can_be_switched_off_and_listing_4_has_none() -> None:
 
 
 def test_a_fine_pass_trains_both_fields_and_shows_the_fine_one() -> None:
-    one = trainer(settings=replace(TRAIN, fine_bins=8, grid=GridSettings(cells=0)))
-    assert one.fine is not None
-    assert one.field is one.fine
-    before = weights(one)
-    train(one, 2)
-    changed = {name for name, value in weights(one).items() if not torch.equal(value, before[name])}
+    learner = trainer(settings=replace(TRAIN, fine_bins=8, grid=GridSettings(cells=0)))
+    assert learner.fine is not None
+    assert learner.field is learner.fine
+    before = weights(learner)
+    train(learner, 2)
+    changed = {name for name, value in weights(learner).items() if not torch.equal(value, before[name])}
     assert {name.partition(".")[0] for name in changed} == {"coarse", "fine"}
-    assert one.network_evaluations == 2 * 64 * (TRAIN.bins + TRAIN.bins + 8)
+    assert learner.network_evaluations == 2 * 64 * (TRAIN.bins + TRAIN.bins + 8)
 
 
 # budget and trace
 
 
 def test_the_trace_has_series_of_one_length() -> None:
-    one = train(trainer("qnerf", budget=Budget(45, None)), 45)
-    assert set(one.trace) == set(TRACED)
-    assert one.trace["step"] == [1.0, 20.0, 40.0]
-    assert {len(series) for series in one.trace.values()} == {3}
-    assert one.trace["alpha"][0] == pytest.approx(0.618, abs=0.02)
+    learner = train(trainer("qnerf", budget=Budget(45, None)), 45)
+    assert set(learner.trace) == set(TRACED)
+    assert learner.trace["step"] == [1.0, 20.0, 40.0]
+    assert {len(series) for series in learner.trace.values()} == {3}
+    assert learner.trace["alpha"][0] == pytest.approx(0.618, abs=0.02)
     assert train(trainer("nerf"), 1).trace["alpha"] == [None]
     assert trainer("nerf").amplifier_scalars() == {"alpha": None, "beta": None}
 

@@ -45,11 +45,11 @@ def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
 
         return call
 
-    one = trainer(method, replace(TRAIN, precision=precision))
+    learner = trainer(method, replace(TRAIN, precision=precision))
     monkeypatch.setattr(field, "encode", watched("encoding", field.encode))
     rules = {name: replace(rule, weights=watched("quadrature", rule.weights)) for name, rule in QUADRATURES.items()}
     monkeypatch.setattr(rendering, "QUADRATURES", rules)
-    amplifier = one.coarse.amplifier
+    amplifier = learner.coarse.amplifier
     for name in ("before_and_after", "rendered"):
         monkeypatch.setattr(amplifier, name, watched("amplifier", getattr(amplifier, name)))
     products = field.fused_network._prepared
@@ -58,26 +58,26 @@ def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
         "_prepared",
         lambda *a: seen["products"].add((net := products(*a)).density[0].hidden.dtype) or net,
     )
-    train(one, 3)
-    one.render(rays_and_colours()[0], 16)
+    train(learner, 3)
+    learner.render(rays_and_colours()[0], 16)
     assert seen == {
         "encoding": {torch.float32},
         "quadrature": {torch.float32},
         "amplifier": {torch.float32},
         "products": {field.DTYPES[precision]},
     }
-    state = [value for group in one.optimiser.state.values() for value in group.values()]
-    assert {weight.dtype for weight in one.fields.parameters()} == dtypes_of(tuple(state)) == {torch.float32}
+    state = [value for group in learner.optimiser.state.values() for value in group.values()]
+    assert {weight.dtype for weight in learner.fields.parameters()} == dtypes_of(tuple(state)) == {torch.float32}
 
 
 @every_reduced
 def test_weights_move_by_less_than_reduced_precision_resolves(precision: Precision) -> None:
     """A step of 1e-5 at a weight of 1 is lost below float32."""
-    one = trainer(settings=replace(TRAIN, precision=precision, learning_rate=1e-5, last_learning_rate=1e-5))
-    bias = one.coarse.colour_net[0].bias
+    learner = trainer(settings=replace(TRAIN, precision=precision, learning_rate=1e-5, last_learning_rate=1e-5))
+    bias = learner.coarse.colour_net[0].bias
     with torch.no_grad():
         bias.fill_(1.0)
-    train(one, 10)
+    train(learner, 10)
     moved = (bias.detach() - 1.0).abs()
     assert float(moved.max()) > 2e-5
     assert bool((bias.detach().to(field.DTYPES[precision]) == 1.0).all()), "the test would see nothing"
@@ -88,27 +88,27 @@ def test_reduced_precision_trains_as_float32_does(precision: Precision) -> None:
     batch = rays_and_colours()
     losses = {}
     for kind in ("float32", precision):
-        one = trainer("nerf", replace(TRAIN, precision=kind, grid=GridSettings(cells=0)))
+        learner = trainer("nerf", replace(TRAIN, precision=kind, grid=GridSettings(cells=0)))
         for _ in range(24):
-            one.train_on(*batch)
-        losses[kind] = one.last_loss
+            learner.train_on(*batch)
+        losses[kind] = learner.last_loss
     assert losses["float32"] is not None
     assert losses[precision] == pytest.approx(losses["float32"], rel=0.05)
 
 
 def gradient_of(precision: Precision, faint: float) -> Tensor:
     """Of all weights, as the optimiser gets it, where every colour is off by a hair."""
-    one = trainer("nerf", replace(TRAIN, precision=precision))
+    learner = trainer("nerf", replace(TRAIN, precision=precision))
     rays, _ = rays_and_colours(256)
     found: list[Tensor] = []
 
     def noted(*_: Any) -> None:
-        found.append(torch.cat([weight.grad.flatten() for weight in one.fields.parameters()]))  # type: ignore[union-attr]
+        found.append(torch.cat([weight.grad.flatten() for weight in learner.fields.parameters()]))  # type: ignore[union-attr]
 
-    one.optimiser.register_step_pre_hook(noted)
+    learner.optimiser.register_step_pre_hook(noted)
     with torch.no_grad():
-        seen = one.render(rays, 256).colour
-    one.train_on(rays, seen + faint)
+        seen = learner.render(rays, 256).colour
+    learner.train_on(rays, seen + faint)
     return found[0]
 
 
@@ -128,60 +128,60 @@ def test_the_scaled_loss_keeps_gradients_that_float16_would_lose(monkeypatch: py
 
 @pytest.mark.parametrize("part", ["origins", "directions"])
 def test_a_ray_that_is_nan_is_named_instead_of_shown_as_background(part: str) -> None:
-    one = trained("float32", 1)
+    learner = trained("float32", 1)
     rays, colours = rays_and_colours()
     values = {"origins": rays.origins.clone(), "directions": rays.directions.clone()}
     values[part][13, 2] = math.nan
     bad = Rays(**values, near=rays.near, far=rays.far)
     with pytest.raises(ValueError, match="ray 13 is not finite: origin"):
-        one.render(bad, 1000)
+        learner.render(bad, 1000)
     with pytest.raises(ValueError, match="ray 13 is not finite"):
-        one.train_on(bad, colours)
+        learner.train_on(bad, colours)
 
 
 def test_the_ray_whose_pixel_is_not_finite_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = trained("float32", 1, "nerf")
-    whole = one.coarse.density_and_colour
+    learner = trained("float32", 1, "nerf")
+    whole = learner.coarse.density_and_colour
 
     def spoilt(x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
         sigma, colour = whole(x, view, ray)
         return sigma, torch.where((ray == 5).unsqueeze(-1), math.nan, colour)
 
-    monkeypatch.setattr(one.coarse, "density_and_colour", spoilt)
+    monkeypatch.setattr(learner.coarse, "density_and_colour", spoilt)
     with pytest.raises(Diverged, match=r"at step 1: rendered colour of ray 5$"):
-        one.render(rays_and_colours()[0], 1000)
+        learner.render(rays_and_colours()[0], 1000)
 
 
 @pytest.mark.parametrize("chunk", [16, 1000])
 def test_the_ray_whose_density_is_nan_is_named(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted in what was asked for, not in the call."""
-    one = trained("float32", 1, "nerf")
+    learner = trained("float32", 1, "nerf")
     rays, colours = rays_and_colours()
-    whole = one.coarse.density_and_colour
-    wanted = one.coarse.encode_directions(rays.directions)[21]
+    whole = learner.coarse.density_and_colour
+    wanted = learner.coarse.encode_directions(rays.directions)[21]
 
     def spoilt(x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
         sigma, colour = whole(x, view, ray)
         return torch.where(torch.isclose(view, wanted).all(dim=-1)[ray], math.nan, sigma), colour
 
-    monkeypatch.setattr(one.coarse, "density_and_colour", spoilt)
-    for use in (lambda: one.render(rays, chunk), lambda: one.train_on(rays, colours)):
+    monkeypatch.setattr(learner.coarse, "density_and_colour", spoilt)
+    for use in (lambda: learner.render(rays, chunk), lambda: learner.train_on(rays, colours)):
         with pytest.raises(Diverged, match=r"at step 1: density of sample \d+ of ray 21$"):
             use()
 
 
 def test_a_weight_that_a_step_makes_infinite_is_named_at_that_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = trained("float32", 2)
-    step = one.optimiser.step
+    learner = trained("float32", 2)
+    step = learner.optimiser.step
 
     def too_far() -> None:
         step()
         with torch.no_grad():
-            one.coarse.density_net[1].bias[3] = math.inf
+            learner.coarse.density_net[1].bias[3] = math.inf
 
-    monkeypatch.setattr(one.optimiser, "step", too_far)
+    monkeypatch.setattr(learner.optimiser, "step", too_far)
     with pytest.raises(Diverged, match=r"at step 2: weight of coarse\.density_net\.1\.bias"):
-        one.train_on(*rays_and_colours())
+        learner.train_on(*rays_and_colours())
 
 
 def test_large_finite_weights_are_no_divergence() -> None:
@@ -193,28 +193,28 @@ def test_large_finite_weights_are_no_divergence() -> None:
 
 def test_the_trace_holds_the_norm_before_and_after_clipping() -> None:
     for limit in (1e-9, 1e-4, 1e9):  # the smallest as well: no small number is added to what the norm is divided by
-        one = trained("float32", 1, clip_norm=limit)
-        before, after = (one.trace[name][0] for name in ("gradient_norm", "clipped_norm"))
+        learner = trained("float32", 1, clip_norm=limit)
+        before, after = (learner.trace[name][0] for name in ("gradient_norm", "clipped_norm"))
         assert before is not None
         assert after == pytest.approx(min(before, limit), rel=1e-5)
-        assert one.clipping.clipped_steps == (before > limit)
-    assert one.last_loss == one.trace["loss"][0]
+        assert learner.clipping.clipped_steps == (before > limit)
+    assert learner.last_loss == learner.trace["loss"][0]
 
 
 def spiked(factor: float, at: int, **changes: float) -> tuple[list[float], list[float]]:
     """Norms that the optimiser got, and the running mean after each step."""
-    one = trainer("nerf", replace(TRAIN, grid=GridSettings(cells=0), **changes))  # type: ignore[arg-type]
+    learner = trainer("nerf", replace(TRAIN, grid=GridSettings(cells=0), **changes))  # type: ignore[arg-type]
     given: list[float] = []
     usual: list[float] = []
-    for weight in one.fields.parameters():
-        weight.register_hook(lambda gradient: gradient * factor if one.step == at else gradient)
-    one.optimiser.register_step_pre_hook(
-        lambda *_: given.append(float(torch.nn.utils.get_total_norm([w.grad for w in one.fields.parameters()])))  # type: ignore[misc]
+    for weight in learner.fields.parameters():
+        weight.register_hook(lambda gradient: gradient * factor if learner.step == at else gradient)
+    learner.optimiser.register_step_pre_hook(
+        lambda *_: given.append(float(torch.nn.utils.get_total_norm([w.grad for w in learner.fields.parameters()])))  # type: ignore[misc]
     )
     for step in range(at + 3):
-        one.train_on(*rays_and_colours(seed=step))
-        assert one.clipping.usual_norm is not None
-        usual.append(one.clipping.usual_norm)
+        learner.train_on(*rays_and_colours(seed=step))
+        assert learner.clipping.usual_norm is not None
+        usual.append(learner.clipping.usual_norm)
     return given, usual
 
 

@@ -30,18 +30,18 @@ from tests.test_architecture import without_mitsuba
 
 
 def test_it_is_a_learner_and_grows_by_its_budget() -> None:
-    one = voxels()
-    assert isinstance(one, Learner)
+    learner = voxels()
+    assert isinstance(learner, Learner)
     shapes = []
     for step in range(24):
-        one.train_on(*rays_and_colours(seed=step))
-        shapes.append(one.field.shape[0])
+        learner.train_on(*rays_and_colours(seed=step))
+        shapes.append(learner.field.shape[0])
     assert [shapes.count(voxels) for voxels in (4, 8, 16)] == [3, 5, 16]
-    assert one.progress == 1.0
-    assert one.network_evaluations == 24 * 64 * 24
-    assert one.trace["step"] == [1.0, 20.0]
-    assert {len(series) for series in one.trace.values()} == {2}
-    assert sum(density_histogram(one, points=4)["after"]) == pytest.approx(1.0)
+    assert learner.progress == 1.0
+    assert learner.network_evaluations == 24 * 64 * 24
+    assert learner.trace["step"] == [1.0, 20.0]
+    assert {len(series) for series in learner.trace.values()} == {2}
+    assert sum(density_histogram(learner, points=4)["after"]) == pytest.approx(1.0)
 
 
 KERNELS = """
@@ -92,18 +92,18 @@ def test_nothing_is_compiled_on_the_clock_after_the_warm_up(tmp_path: Path) -> N
 
 
 def test_a_voxel_that_is_not_finite_is_named() -> None:
-    one = train(voxels(), 2)
-    one.field.values["red"] = one.field.values["red"] * math.nan
+    learner = train(voxels(), 2)
+    learner.field.values["red"] = learner.field.values["red"] * math.nan
     with pytest.raises(Diverged, match="at step 2: weight of red"):
-        train(one, 1)
+        train(learner, 1)
     with pytest.raises(Diverged, match="at step 2: rendered colour"):
-        one.render(rays_and_colours()[0], 1000)
+        learner.render(rays_and_colours()[0], 1000)
 
 
 def test_a_spike_reaches_adam_as_a_few_times_the_usual_gradient_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = train(voxels(), 6)
-    usual = one.clipping.usual_norm
-    original = one._slope
+    learner = train(voxels(), 6)
+    usual = learner.clipping.usual_norm
+    original = learner._slope
     norms: list[float] = []
     shares: list[float] = []
 
@@ -112,19 +112,19 @@ def test_a_spike_reaches_adam_as_a_few_times_the_usual_gradient_at_most(monkeypa
         norms.append(1e6 * norm)
         return loss, norms[-1], *others
 
-    monkeypatch.setattr(one, "_slope", spiked)
-    monkeypatch.setattr(one._optimiser, "step", lambda field, gradients, rate, scale: shares.append(scale))
-    train(one, 1)
+    monkeypatch.setattr(learner, "_slope", spiked)
+    monkeypatch.setattr(learner._optimiser, "step", lambda field, gradients, rate, scale: shares.append(scale))
+    train(learner, 1)
     assert shares[0] * norms[0] == pytest.approx(SETTINGS.clip_ratio * usual, rel=1e-6)
 
 
 def test_a_batch_that_sees_nothing_of_the_box_teaches_nothing() -> None:
-    one = train(voxels(), 1)
-    before = one.fields.state_dict()
+    learner = train(voxels(), 1)
+    before = learner.fields.state_dict()
     rays, colours = rays_and_colours()
-    one.train_on(replace(rays, directions=-rays.directions), torch.ones_like(colours))
-    assert one.last_loss == 0.0
-    assert all(torch.equal(before[name], value) for name, value in one.fields.state_dict().items())
+    learner.train_on(replace(rays, directions=-rays.directions), torch.ones_like(colours))
+    assert learner.last_loss == 0.0
+    assert all(torch.equal(before[name], value) for name, value in learner.fields.state_dict().items())
 
 
 def test_its_records_are_as_complete_as_those_of_others_and_it_learns(ball: ViewSet, tmp_path: Path) -> None:
