@@ -136,10 +136,6 @@ def refine(
 
     Raises `BadAttention` before anything is rendered, and `Diverged`.
     """
-    if (regions.height, regions.width) != (camera.height, camera.width):
-        raise ValueError(
-            f"regions of {regions.height} × {regions.width} pixels, the view has {camera.height} × {camera.width}"
-        )
     attended = checked(attention, regions.count)
     if why_plain(learner) or (order == "attention" and is_equal(attended)):
         return _plain(learner, camera, chunk)

@@ -4,6 +4,8 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from harness.playback.cached import CachedMethod, picture_of
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
@@ -15,7 +17,6 @@ from harness.studies.serving.serving_context import (
     ServingContext,
     brief,
     plain,
-    quantile,
     significant,
     study,
     timed,
@@ -29,8 +30,6 @@ POSES = 8
 SCENE = "lego"
 METHODS = ("nerf", "qnerf")
 """The methods preferred if the run has them."""
-
-
 HITS = {
     "memory.0": ("from memory, asked for again (level 0)", 1000.0),
     "memory.1": ("from memory, asked for once (level 1)", 1000.0),
@@ -71,13 +70,13 @@ def hit_check(cell: TrainedCell, name: str, seconds: Sequence[float], rendering:
     is met or missed by this spread: it may lie above, below, or across.
     """
     (words, target), method = HITS[name], cell.learner.method
-    low = quantile(rendering, 0.25) / quantile(seconds, 0.75)
-    high = quantile(rendering, 0.75) / quantile(seconds, 0.25)
-    times = [brief(quantile(seconds, share)) for share in (0.5, 0.05, 0.95)]
-    why = f"{times[0]} ({times[1]} to {times[2]}) against {brief(quantile(rendering, 0.5))} on {cell.scene.name}"
+    least, lower, median, upper, most = np.quantile(seconds, (0.05, 0.25, 0.5, 0.75, 0.95)).tolist()
+    lower_rendering, rendered, upper_rendering = np.quantile(rendering, (0.25, 0.5, 0.75)).tolist()
+    low, high = lower_rendering / upper, upper_rendering / lower
+    why = f"{brief(median)} ({brief(least)} to {brief(most)}) against {brief(rendered)} on {cell.scene.name}"
     return Check(
         f"rendering against a hit {words}",
-        quantile(rendering, 0.5) / quantile(seconds, 0.5),
+        rendered / median,
         low=target,
         unit="×",
         why=why,

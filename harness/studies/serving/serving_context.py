@@ -219,16 +219,6 @@ def timed(call: Callable[[], Result], clock: Clock = CLOCK) -> tuple[Result, flo
     return result, clock() - began
 
 
-def quantile(seconds: Sequence[float], share: float) -> float:
-    """Return a quantile of timed requests; raises `ValueError` without any, and for seconds that are not positive."""
-    values = np.asarray(seconds, dtype=np.float64)
-    if not len(values):
-        raise ValueError("no call was timed")
-    if not bool((values > 0.0).all()):
-        raise ValueError(f"{float(values.min())} s for a call: the clock is too coarse, or ran backwards")
-    return float(np.quantile(values, share))
-
-
 def brief(seconds: float) -> str:
     """Return the time as 18.3 µs, 45.2 ms, 1.20 s."""
     size, unit = next(((size, unit) for size, unit in ((1.0, "s"), (1e-3, "ms")) if seconds >= size), (1e-6, "µs"))

@@ -13,7 +13,7 @@ from harness.playback.run_loader import TrainedCell
 from harness.records.study import Check
 from harness.studies.serving.cache_confusions import Variant, compared, confused, copied, pose_hash, variants
 from harness.studies.serving.cache_latency import HITS, WrongHit, hit_check, latencies
-from harness.studies.serving.serving_context import ServingContext, plain, quantile
+from harness.studies.serving.serving_context import ServingContext, plain
 from harness.training.batches import Camera
 from harness.training.evaluate import View
 from harness.training.metrics import mse
@@ -44,14 +44,6 @@ def test_a_target_is_met_or_missed_by_quartiles_against_opposite_ones(
     assert check.value == pytest.approx(1e5 / slower)
     assert check.spread == (pytest.approx(20.0 / 0.4e-3 / slower), pytest.approx(40.0 / 0.2e-3 / slower))
     assert (check.status, check.repeats, check.is_broken) == (status, 5, False)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"), [([], "no call"), ([0.1, 0.0], "too coarse"), ([0.1, -1.0], "ran backwards")]
-)
-def test_what_no_clock_gives_is_refused(seconds: list[float], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        quantile(seconds, 0.5)
 
 
 def test_a_hit_that_is_another_picture_is_no_hit(
