@@ -111,7 +111,7 @@ def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[Cel
             learners: list[Any] = []
             cells += train_group(task_of(methods, seed, out), views, {}, lambda share: None, watching(learners))
             weights |= {(learner.method, seed): dict(learner.fields.state_dict()) for learner in learners}
-    if any(cell.status != "done" for cell in cells) or len(cells) != 4:
+    if any(cell.status != "done" for cell in cells):
         return None, cells
     differing = 0
     for seed in (0, 1):

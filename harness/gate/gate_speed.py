@@ -48,7 +48,9 @@ def measure(context: GateContext) -> Iterator[Check]:
     asked, stored = context.of_kind("speed"), context.references.speed
     for name, quotient in in_child(ratios, tuple(asked)).items():
         if before := stored.get(name):
-            yield judge(asked[name], [quotient / centre_of(before)], limit_of(before, context.wider("speed")))
+            yield judge(
+                asked[name], [quotient / statistics.geometric_mean(before)], limit_of(before, context.wider("speed"))
+            )
 
 
 def renew(context: GateContext) -> References:
@@ -60,10 +62,6 @@ def renew(context: GateContext) -> References:
             speed[name].append(float(f"{quotient:.5g}"))
         context.show.line(f"speed: process {number + 1} of {RENEWAL_PROCESSES}")
     return structs.replace(context.references, speed=speed)
-
-
-def centre_of(ratios: list[float]) -> float:
-    return math.exp(statistics.fmean(map(math.log, ratios)))
 
 
 def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:

@@ -14,7 +14,10 @@ def clocks_apart(cells: list[CellRecord]) -> list[str]:
     timed = [cell for cell in cells if cell.provenance and cell.train_seconds > 0]
     groups: dict[tuple[str, int], set[str]] = defaultdict(set)
     for cell in timed:
-        groups[cell.scene, cell.seed].add(_kind(cell))
+        device = cell.provenance.get("device", "cpu")
+        name = cell.provenance.get("processor", "unknown") if device == "cpu" else device
+        # the number of threads sets the pace as well
+        groups[cell.scene, cell.seed].add(f"{name}, {cell.provenance.get('threads', '?')} threads")
     kinds = sorted(set().union(*groups.values()))
     sentences = []
     if len(kinds) > 1:
@@ -39,13 +42,6 @@ def clocks_apart(cells: list[CellRecord]) -> list[str]:
             "their training seconds are the sum of what both measured."
         )
     return sentences
-
-
-def _kind(cell: CellRecord) -> str:
-    """Return the GPU, else the processor, with the number of threads, which set the pace as well."""
-    device = cell.provenance.get("device", "cpu")
-    name = cell.provenance.get("processor", "unknown") if device == "cpu" else device
-    return f"{name}, {cell.provenance.get('threads', '?')} threads"
 
 
 NAMED = 4

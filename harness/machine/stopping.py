@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from operator import call
 from typing import TypeVar
 
 from scenes.files.stopping import SIGNALS
@@ -35,7 +36,7 @@ def in_workers(calls: Sequence[Callable[[], Result]], workers: int) -> Iterator[
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_begin_worker) as pool:
         try:
-            yield from pool.map(_result_of, calls)
+            yield from pool.map(call, calls)
         except BaseException:
             # the pool would wait for what they are in the middle of
             for worker in multiprocessing.active_children():
@@ -52,10 +53,6 @@ def _begin_worker() -> None:
     keep_freed_memory()
     # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
     atexit.register(os._exit, 0)
-
-
-def _result_of(call: Callable[[], Result]) -> Result:
-    return call()
 
 
 def end_with_parent() -> None:
