@@ -29,20 +29,14 @@ def own_cores(count: int, name: str = NAME) -> Iterator[list[int] | None]:
     if not hasattr(os, "sched_setaffinity"):
         yield None
         return
-    allowed = os.sched_getaffinity(0)
-    if (quota_cores() or len(allowed)) < len(allowed):
-        yield []
-        return
+    allowed, quota = os.sched_getaffinity(0), quota_cores()
     with ExitStack() as held:
-        chosen = _taken(held, count, sorted(allowed), name)
-        if not chosen:
-            yield []
-            return
-        _bind(set(chosen))
-        try:
-            yield chosen
-        finally:
-            _bind(allowed)
+        is_shared = quota is not None and quota < len(allowed)
+        chosen = [] if is_shared else _taken(held, count, sorted(allowed), name)
+        if chosen:
+            _bind(set(chosen))
+            held.callback(_bind, allowed)
+        yield chosen
 
 
 def physical_cores() -> int:

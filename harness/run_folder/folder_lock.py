@@ -84,11 +84,8 @@ def scratch_folder(out: Path) -> Iterator[Path]:
     """Make a folder within `out` and remove it at the end. Raises `OSError` if `out` cannot be written."""
     folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=out))
     try:
-        lock = lock_folder(folder)
-        try:
+        with locked_folder(folder):
             yield folder
-        finally:
-            lock.release(remove=True)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

@@ -166,14 +166,6 @@ def test_whatever_fails_outside_of_a_study_is_said(out: Path, monkeypatch: pytes
     assert "No space left" in show.lines[-1]
 
 
-def test_ctrl_c_keeps_what_was_finished(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_studies(monkeypatch, anytime=failing(KeyboardInterrupt()))
-    with pytest.raises(KeyboardInterrupt, match="are kept"):
-        after_run(out, "cpu", out, Quiet())
-    assert [each.info.id for each in record_of(out).studies] == list(STUDIES)[:2]
-    assert not list(out.glob(".scratch-*"))
-
-
 def test_a_cell_that_diverged_is_named(out: Path) -> None:
     path = out / "records/cells/ball.nerf.0.json"
     data = json.loads(path.read_text(encoding="utf-8"))

@@ -81,18 +81,3 @@ def test_what_is_not_whole_is_known(wrong: str, tmp_path: Path) -> None:
     assert not again.is_whole(2, "third")
     SPOILT[wrong](tmp_path)
     assert not FrameFolder(tmp_path).is_whole(1, "second")
-
-
-def test_a_failed_write_leaves_the_frame_before_and_no_debris(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = FrameFolder(tmp_path)
-    folder.write(0, "key", view(0))
-    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-
-    def full(file: Path, channels: object) -> None:
-        file.write_bytes(b"half")
-        raise OSError(28, "No space left on device", str(file))
-
-    monkeypatch.setattr("harness.viewer.film.frames.write_png", full)
-    with pytest.raises(OSError, match="No space"):
-        folder.write(0, "other", view(1))
-    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
