@@ -41,6 +41,7 @@ from scenes.view_sets.viewpoints import RADIUS
 
 VIEW_SETS = Path("out/view_sets")
 """The default cache of view sets."""
+SHOWN = ["nerf", "qnerf"]
 
 Settings = TypeVar("Settings")
 
@@ -97,6 +98,11 @@ class FinishedRun:
     def methods(self, asked: list[str] | None) -> list[str]:
         """Return those of `asked`, or all that every scene has; raises `InputError` for one that the run lacks."""
         return list(known_names("--methods", asked or self.run.main_methods, list(self.run.methods)))
+
+    def shown_methods(self, asked: list[str] | None) -> list[str]:
+        """Return those of `asked`, or `nerf` and `qnerf`, or the first two of a run that lacks one of these."""
+        every = self.methods(None)
+        return self.methods(asked or (SHOWN if set(SHOWN) <= set(every) else every[:2]))
 
     def is_trained(self, scene: str, method: str, seed: int) -> bool:
         return checkpoint_path(self.out, scene, method, seed).is_file()

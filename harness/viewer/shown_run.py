@@ -3,7 +3,7 @@
 import math
 import time
 from collections import Counter
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,7 +38,6 @@ MEMORY_BYTES = 256 << 20
 DISK_BYTES = 2 << 30
 ELEVATION = math.radians(30.0)
 """The elevation of the first view if there is no test view to begin with."""
-DEFAULT_METHODS = ("nerf", "qnerf")
 TRUTHS = 2
 """The number of scenes whose decoded test views are kept."""
 
@@ -70,7 +69,7 @@ class ShownRun:
     def of(
         out: Path,
         scene: str | None,
-        methods: Sequence[str] | None,
+        methods: list[str] | None,
         seed: int,
         view_sets: Path,
         width: int | None,
@@ -79,9 +78,7 @@ class ShownRun:
         """Load a run; raises `InputError` for names that it does not have, and if it left nothing to show."""
         run = FinishedRun.of(out)
         scenes = [record.name for record in run.scenes([scene] if scene else None, "--scene")]
-        asked = run.methods(list(methods) if methods else None)
-        if methods is None:
-            asked = list(DEFAULT_METHODS) if set(DEFAULT_METHODS) <= set(asked) else asked[:2]
+        asked = run.shown_methods(methods)
         if seed not in run.run.seeds:
             raise InputError(f"--seed {seed}: the run has {' '.join(map(str, run.run.seeds))}")
         trained = [name for name in scenes if any(run.is_trained(name, method, seed) for method in asked)]

@@ -16,7 +16,6 @@ from harness.viewer.film.frames import FrameFolder
 from harness.viewer.film.takes import FilmSpec, Take, take_of
 from scenes.files.errors import InputError
 
-SHOWN = ("nerf", "qnerf")
 MEMORY_BYTES = 128 << 20
 """The bytes of the view cache: a path may come to the same place twice."""
 BYTES_A_PIXEL = 23
@@ -84,8 +83,7 @@ def planned(
     device: torch.device,
 ) -> FilmPlan:
     """Look at every cell that is filmed, so that any fault is reported first; without `disk` there is no view cache."""
-    known = list(run.run.methods)
-    shown = run.methods(methods or (list(SHOWN) if set(SHOWN) <= set(known) else known[:2]))
+    shown = run.shown_methods(methods)
     store = ViewStore(MEMORY_BYTES if disk else 0, disk)
     parts = []
     seconds: dict[str, float] = {}
