@@ -19,17 +19,14 @@ class CachedMethod:
     """A method that renders views, or returns those rendered before: the same bits, as arrays that cannot be written,
     also if they were rendered just now; `torch.from_numpy` warns of them, `torch.tensor` copies.
 
-    Weights are part of the key, and hashed at every call. With `frozen` the caller promises that nobody changes the
-    method: they are then hashed once, and again after a training step or under another switch of torch.
+    Weights are part of the key. They are hashed once, and again after a training step or under another switch of torch:
+    nobody may change them otherwise.
     """
 
-    def __init__(
-        self, learner: Learner, store: ViewStore, chunk: int, frozen: bool = False, levels: tuple[int, ...] = (1, 2)
-    ) -> None:
+    def __init__(self, learner: Learner, store: ViewStore, chunk: int, levels: tuple[int, ...] = (1, 2)) -> None:
         self.learner = learner
         self.store = store
         self.chunk = chunk
-        self.frozen = frozen
         self.levels = levels
         self._plain = plain_calls(chunk)
         self._known: tuple[tuple[Any, ...], bytes] | None = None
@@ -63,8 +60,6 @@ class CachedMethod:
         return view_of(picture), level
 
     def _method_digest(self) -> bytes:
-        if not self.frozen:
-            return method_digest(self.learner)
         now = self.learner.step, switches(self.learner.device.type == "cuda")
         if self._known is None or self._known[0] != now:
             self._known = now, method_digest(self.learner)

@@ -52,7 +52,7 @@ class MethodView:
 
     @staticmethod
     def of(cell: TrainedCell, store: ViewStore) -> "MethodView":
-        cached = CachedMethod(cell.learner, store, cell.chunk, frozen=True)
+        cached = CachedMethod(cell.learner, store, cell.chunk)
         return MethodView(cell.cell.method, cell.learner, cached, cell.chunk)
 
     def learn(self, rays: int, seconds: float) -> None:

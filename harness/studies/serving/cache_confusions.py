@@ -14,7 +14,7 @@ from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
 from harness.records.study import Check, Table, check
 from harness.studies.framework import Found
-from harness.studies.serving.cache_latency import ROOM, cells_of, frozen, same
+from harness.studies.serving.cache_latency import ROOM, cells_of, same
 from harness.studies.serving.serving_context import ServingContext, plain, significant, study
 from harness.training.batches import Batches, Camera
 from harness.training.checkpoints import tensors_of
@@ -112,7 +112,7 @@ def confused(context: ServingContext, cell: TrainedCell, others: Iterable[Varian
     """Store pictures of `cell` under both keys, then request every one of `others` at their poses."""
     cameras = [context.camera(cell, pose) for pose in context.orbit(cell.scene, context.sizes.confused)]
     store = ViewStore(ROOM)
-    cached = frozen(cell, store)
+    cached = CachedMethod(cell.learner, store, cell.chunk)
     by_pose: dict[str, View] = {}
     for camera in cameras:
         by_pose[pose_hash(camera.camera_to_world)] = view = plain(cell.learner, camera, cell.chunk)

@@ -129,9 +129,9 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
             seconds[name].append(_hit(cached, context.camera(cell, pose), view, level, clock))  # noqa: B023
 
         if round_ < POSES:
-            frozen(cell, ViewStore(0, folder, ROOM), (2,)).keep(asked, view)
+            CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk, (2,)).keep(asked, view)
         for _ in range(sizes.hits):
-            cached = frozen(cell, ViewStore(ROOM))
+            cached = CachedMethod(cell.learner, ViewStore(ROOM), cell.chunk, (1,))
             cached.keep(asked, view)
             hit("memory.1", cached, 1)
             hit("memory.0", cached, 0)
@@ -144,11 +144,6 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
         del seconds["disk.cold"]
         context.leave_out("hits from disk with the file not in the system's memory", "it cannot be dropped from there")
     return seconds
-
-
-def frozen(cell: TrainedCell, store: ViewStore, levels: tuple[int, ...] = (1,)) -> CachedMethod:
-    """Return a method that nobody trains, cached at these levels."""
-    return CachedMethod(cell.learner, store, cell.chunk, frozen=True, levels=levels)
 
 
 def dropped(folder: Path) -> bool:
@@ -164,7 +159,7 @@ def dropped(folder: Path) -> bool:
 
 def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
     """Return the method of a disk cache with nothing in memory and the weights hashed already."""
-    cached = frozen(cell, ViewStore(0, folder, ROOM), (2,))
+    cached = CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk, (2,))
     cached.key(camera)
     return cached
 

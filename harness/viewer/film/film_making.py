@@ -72,7 +72,7 @@ def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
     if not part.missing:
         return
     cell = plan.run.trained(part.take.scene, part.method, plan.wish.seed, plan.device)
-    cached = CachedMethod(cell.learner, plan.store, cell.chunk, frozen=True)
+    cached = CachedMethod(cell.learner, plan.store, cell.chunk)
     for number in part.missing:
         camera = part.take.cameras[number]
         began = time.perf_counter()

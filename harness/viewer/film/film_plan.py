@@ -92,7 +92,7 @@ def planned(
         for method in shown:
             cell = run.trained(scene, method, wish.seed, device)
             take = take or take_of(run, cell, wish, view_sets, len(shown))
-            cached = CachedMethod(cell.learner, store, cell.chunk, frozen=True)
+            cached = CachedMethod(cell.learner, store, cell.chunk)
             keys = [cached.key(camera) for camera in take.cameras]
             frames = FrameFolder(folder / scene.name / method)
             missing = [number for number, key in enumerate(keys) if not frames.is_whole(number, key)]

@@ -59,14 +59,13 @@ def voxels() -> Any:
 
 
 @pytest.mark.parametrize("learned", [trained, partial(trained, "qnerf"), voxels], ids=["nerf", "qnerf", "voxels"])
-@pytest.mark.parametrize("frozen", [False, True])
 def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(
-    tmp_path: Path, learned: Callable[[], Any], frozen: bool, renders: list[int]
+    tmp_path: Path, learned: Callable[[], Any], renders: list[int]
 ) -> None:
     learner = learned()
     expected = plain(learner)
     assert np.ptp(expected.colour) > 0.0
-    method = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK, frozen)
+    method = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK)
     assert method.lookup(camera()) is None
     assert same(method.render(camera()), expected)
     for level in (1, 0, 0):
@@ -74,7 +73,7 @@ def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(
         assert hit is not None
         assert same(hit[0], expected)
         assert hit[1] == level
-    fresh = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK, frozen)
+    fresh = CachedMethod(learner, ViewStore(10**6, tmp_path), CHUNK)
     hit = fresh.lookup(camera())
     assert hit is not None
     assert same(hit[0], expected)
@@ -83,18 +82,18 @@ def test_from_every_level_the_picture_is_bit_for_bit_the_rendered_one(
     assert len(renders) == 1
 
 
-def test_a_frozen_method_that_was_trained_all_the_same_is_found_out() -> None:
-    method = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
+def test_a_method_that_is_trained_has_other_keys() -> None:
+    method = CachedMethod(trained(), ViewStore(10**6), CHUNK)
     before = method.render(camera())
     CHANGES["one more training step"](method.learner)  # type: ignore[arg-type]
     assert method.lookup(camera()) is None
     assert not same(method.render(camera()), before)
 
 
-def test_weights_of_a_frozen_method_are_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weights_are_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[object] = []
     monkeypatch.setattr(cached, "method_digest", lambda learner: calls.append(learner) or b"")
-    method = CachedMethod(trained(), ViewStore(10**6), CHUNK, frozen=True)
+    method = CachedMethod(trained(), ViewStore(10**6), CHUNK)
     for azimuth in range(5):
         method.render(camera(camera_to_world=pose(azimuth, 0.4)))
         method.render(camera(camera_to_world=pose(azimuth, 0.4)))
