@@ -39,10 +39,10 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
         show.line(publish(options.rank, options.limits.parent))
         return 0
 
-    from harness.gate.gate_run import SHELF, context_for, renew, run
+    from harness.gate.gate_run import context_for, renew, run
     from harness.gate.processor import environment_of
     from harness.run_folder.folder_lock import locked_folder
-    from harness.run_folder.output_folder import claim_for, fresh_folder
+    from harness.run_folder.output_folder import fresh_folder, make_ours
 
     if options.of_class is not None:
         environment_of(options.of_class)
@@ -50,7 +50,7 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
     # before a folder is made
     context = context_for(table, options.limits, out, options.view_sets, show, options.of_class, options.renew)
     with locked_folder(out):
-        claim_for(out, SHELF.file, resume=False)
+        make_ours(out)
         if options.renew:
             return renew(context, options.of_class)
         replay = ["python", "-m", "harness", "gate"]

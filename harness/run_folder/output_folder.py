@@ -56,15 +56,20 @@ def claim_for(out: Path, file: str, resume: bool) -> bool:
         if not (out / file).exists():
             raise InputError(f"--resume: {out} holds no {file} to go on with; name its folder with --out")
         return True
+    make_ours(out, "name another one, or go on with --resume")
+    return False
+
+
+def make_ours(out: Path, remedy: str = "name another one") -> None:
+    """Make the folder ours; raises `InputError`, with the remedy for one that is in use."""
     try:
         if out.exists() and not out.is_dir():
             raise InputError(f"--out {out}: is a file; name a folder")
         if not _is_free(out):
-            raise InputError(f"--out {out}: the folder is in use; name another one, or go on with --resume")
+            raise InputError(f"--out {out}: the folder is in use; {remedy}")
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}); name another folder") from error
-    return False
 
 
 def gone_on_with(

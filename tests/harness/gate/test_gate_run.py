@@ -180,7 +180,7 @@ def test_names_that_are_none_and_folders_in_use(
     )
     assert "'teapot'; known: changed worse images fairness speed" in message
     only = ("--limits", limits, "--only", "speed", "--quiet", "--out")
-    assert "in use" in refused(capsys, *only, tmp_path, command="gate")
+    assert "in use; name another one\n" in refused(capsys, *only, tmp_path, command="gate"), "gates are not resumed"
     lock = lock_folder(tmp_path / "two")
     message = refused(capsys, *only, tmp_path / "two", command="gate")
     assert "in use by process" in message
