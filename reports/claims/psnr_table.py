@@ -11,8 +11,6 @@ from reports.data.table import Spread, average_of, cells_frame, shared_scenes, s
 from reports.data.wording import NOTHING, counted, interval, number, signed
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
-LIMITED_DB = 1.0
-"""The distance to its ceiling below which a score says more about the ground truth than about the method."""
 TOGETHER = (
     "Where several are looked at together, the verdict is taken from the wider interval of them all: all of these hold "
     "the truth in 95 %."
@@ -27,40 +25,33 @@ def scores_grid(records: Records) -> Grid:
     columns += [Column(method, method) for method in records.methods]
     columns.append(Column("ceiling", small="noise of the truth"))
     columns += [Column(name, small="paper") for name in ("NeRF", "Q-NeRF")] if printed else []
-    rows = []
-    for scene in records.scenes:
-        about = records.scene(scene)
-        ceiling = about.psnr_ceiling if about else None
-        row = [Entry(scene), _level([about.psnr_floor if about else None])]
+
+    def row(title: str, scenes: list[str], scene: str = "") -> list[Entry]:
+        """Return the row of one scene, or that of the averages over several."""
+        about = [records.scene(name) for name in scenes]
+        floors, ceilings = ([getattr(each, name, None) for each in about] for name in ("psnr_floor", "psnr_ceiling"))
+        entries = [Entry(title), _level(floors)]
         for method in records.methods:
-            test, train = (spread_of(frame, scene, method, score) for score in ("psnr", "psnr_train"))
+            test, train = (
+                spread_of(frame, scene, method, score) if scene else average_of(frame, method, score, scenes)
+                for score in ("psnr", "psnr_train")
+            )
+            cells = records.cells_of(scene, method) if scene else []
             behind = Selection(scene, method, metric="psnr")
-            row.append(score_entry(test, train, records.cells_of(scene, method), ceiling, behind))
-        row.append(Entry(number(ceiling, 1), tone="muted"))
-        rows.append(row + [_level([value]) for value in printed.get(scene.lower(), (None, None))] * bool(printed))
+            entries.append(score_entry(test, train, cells, ceilings[0] if scene else None, behind))
+        entries.append(_level(ceilings))
+        pairs = [printed.get(name.lower(), (None, None)) for name in scenes]
+        return entries + [_level([pair[place] for pair in pairs]) for place in (0, 1) if printed]
+
     note = (
         "Test PSNR in dB, per image and then averaged; ± is the sample standard deviation over the finished seeds. "
         "The smaller line is PSNR on training views: a wide gap means that views were memorised. "
         "Reference-limited: within 1 dB of the ceiling that the noise of the ground truth sets."
     )
-    scenes = shared_scenes(frame, "psnr")
-    totals = [_average(records, scenes, printed)] if len(scenes) > 1 else []
-    return Grid("Test PSNR", columns, rows, totals, note)
-
-
-def _average(records: Records, scenes: list[str], printed: dict[str, tuple[float, float]]) -> list[Entry]:
-    frame, about = cells_frame(records), [records.scene(scene) for scene in scenes]
-    every = len(scenes) == len(records.scenes)
-    row = [Entry("mean" if every else f"mean of {len(scenes)} of {len(records.scenes)} scenes")]
-    row.append(_level([one.psnr_floor if one else None for one in about]))
-    for method in records.methods:
-        test, train = (average_of(frame, method, score, scenes) for score in ("psnr", "psnr_train"))
-        row.append(score_entry(test, train, [], behind=Selection(method=method, metric="psnr")))
-    row.append(_level([one.psnr_ceiling if one else None for one in about]))
-    if printed:
-        pairs = [printed.get(scene, (None, None)) for scene in scenes]
-        row += [_level([pair[place] for pair in pairs]) for place in (0, 1)]
-    return row
+    shared, every = shared_scenes(frame, "psnr"), len(records.scenes)
+    title = "mean" if len(shared) == every else f"mean of {len(shared)} of {every} scenes"
+    totals = [row(title, shared)] if len(shared) > 1 else []
+    return Grid("Test PSNR", columns, [row(scene, [scene], scene) for scene in records.scenes], totals, note)
 
 
 def _level(values: list[float | None]) -> Entry:
@@ -80,7 +71,7 @@ def score_entry(
         return Entry(lost or "–", reason_of(cells), tone_of(cells) or "muted", runs=behind)
     text = number(test.mean) + (f" ± {number(test.sd)}" if test.sd is not None else "")
     parts = [f"train {number(train.mean)}"] if train.mean is not None else []
-    parts += ["reference-limited"] if ceiling is not None and test.mean > ceiling - LIMITED_DB else []
+    parts += ["reference-limited"] if ceiling is not None and test.mean > ceiling - 1.0 else []
     parts += [lost] if lost else []
     further = {"sd": test.sd, "train": train.mean}
     return Entry(text, lines(*parts), tone_of(cells), test.mean, further, behind)
@@ -107,19 +98,18 @@ def losses(cells: list[CellRecord]) -> str:
 
 def differences_grids(records: Records) -> list[Grid]:
     """Tabulate for each contender its difference to baseline and control, at equal steps and equal time."""
-    cast = roles(records)
-    found = []
+    cast, grids = roles(records), []
+    rivals = [rival for rival in (cast.baseline, cast.control) if rival]
     for method in cast.contenders:
         pairs = [
-            (rival, *budget)
-            for budget in BUDGETS
-            for rival in (cast.baseline, cast.control)
-            if rival
-            and any(records.comparison(scene, method, rival, budget=budget[0]) for scene in [*records.scenes, "all"])
+            (rival, name, words)
+            for name, words in BUDGETS
+            for rival in rivals
+            if any(records.comparison(scene, method, rival, budget=name) for scene in [*records.scenes, "all"])
         ]
         if pairs:
-            found.append(_differences(records, method, pairs, cast.control))
-    return found
+            grids.append(_differences(records, method, pairs, cast.control))
+    return grids
 
 
 def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]], control: str | None) -> Grid:
@@ -137,24 +127,24 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]
         rows.append(row + [Entry(signed(gain, 1), tone="muted")] * bool(printed))
     note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and the verdict. "
     note += "A scene's interval is over seeds, that of all scenes on scenes like these."
-    note += f" {TOGETHER}" if any(one.family > 1 and one.simultaneous for one in records.comparisons) else ""
+    note += f" {TOGETHER}" if any(row.family > 1 and row.simultaneous for row in records.comparisons) else ""
     note += f" Against {control}, what bandwidth alone brings is gone." if control and method != control else ""
     return Grid(f"{method}: difference in PSNR", columns, rows[:-1], rows[-1:], note)
 
 
-def difference_entry(one: Comparison | None) -> Entry:
+def difference_entry(row: Comparison | None) -> Entry:
     """Return `+0.82`, below it interval and verdict, and how many cells could not be paired."""
-    if one is None:
+    if row is None:
         return EMPTY
-    aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
-    behind = behind_difference(one)
-    if one.difference is None:
-        return Entry(NOTHING, lines(one.verdict, aside), one.verdict, runs=behind)
-    digits = metric_of(one.metric).digits_of_difference
-    pair = one.simultaneous or one.interval
-    small = lines(interval(pair, digits), one.verdict, aside)
+    lost = f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
+    behind = behind_difference(row)
+    if row.difference is None:
+        return Entry(NOTHING, lines(row.verdict, lost), row.verdict, runs=behind)
+    digits = metric_of(row.metric).digits_of_difference
+    pair = row.simultaneous or row.interval
+    small = lines(interval(pair, digits), row.verdict, lost)
     low, high = pair or (None, None)
-    return Entry(signed(one.difference, digits), small, one.verdict, one.difference, {"low": low, "high": high}, behind)
+    return Entry(signed(row.difference, digits), small, row.verdict, row.difference, {"low": low, "high": high}, behind)
 
 
 def lines(*parts: str) -> str:
