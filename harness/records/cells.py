@@ -34,9 +34,7 @@ class Estimate(Record, frozen=True):
     smallest_detectable: float | None
     """The smallest true difference that is called better or worse in 80 % of runs with just this spread."""
     effect: float | None
-    """The standardised effect: the difference in standard deviations of the paired differences within a scene, or of
-    the scenes' means.
-    """
+    """The difference in standard deviations of the paired differences within a scene, or of the scenes' means."""
 
 
 class Comparison(Record, frozen=True):
@@ -138,9 +136,7 @@ class LeftOut(Record, frozen=True):
     seconds_saved: float | None
     """None, as below, unless it was measured (`--verify-omissions`)."""
     difference: float | None
-    """The test PSNR without the part less that with it, in dB, so that a loss is negative; or the largest change of
-    display colour.
-    """
+    """Test PSNR without the part less that with it, in dB: a loss is negative. Or the largest change of colour."""
     interval: tuple[float, float] | None
     """The 95 % interval."""
     name: str = ""
@@ -237,9 +233,7 @@ class RunRecord(Record, frozen=True):
     settings: dict[str, Any]
     provenance: dict[str, Any]
     phases: dict[str, float]
-    """The wall seconds by phase: render, train, verify, serve, total. Those of a resumed run are sums, without what a
-    killed process had not yet written.
-    """
+    """Wall seconds: render, train, verify, serve, total; of a resumed run sums, but for what a killed process lost."""
     finished: bool
     not_tested: list[str]
     """What a reader might expect and this run did not test; one sentence each."""

@@ -40,9 +40,7 @@ def write_record(path: Path, record: Any) -> None:
 
 
 def load_record(path: Path) -> dict[str, Any]:
-    """Return what `write_record` was given, as plain data. Raises `OSError`, and `ValueError`, which does not name the
-    file, if it is no object of JSON or its digest does not match.
-    """
+    """Return what `write_record` was given as plain data; raises `OSError`, and `ValueError`, which names no file."""
     data = load_json(path)
     if not isinstance(data, dict):
         raise ValueError(f"holds a {type(data).__name__}, not an object")
@@ -53,9 +51,7 @@ def load_record(path: Path) -> dict[str, Any]:
 
 
 def load_json(path: Path) -> Any:
-    """Read strict JSON of finite numbers. Raises `OSError`, and `ValueError`, which names no file, for anything
-    else, however deeply it is nested and however large it is.
-    """
+    """Read strict JSON of finite numbers; raises `OSError`, and for anything else `ValueError`, which names no file."""
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
         raise ValueError("is no file")
@@ -74,9 +70,7 @@ def shown(value: Any) -> str:
 
 
 def digest_of(data: Any) -> str:
-    """Return the SHA-256 of keys and values in their order, whatever the spacing; raises `ValueError` on NaN or
-    Infinity.
-    """
+    """Return the SHA-256 of keys and values in their order; raises `ValueError` on NaN or Infinity."""
     try:
         text = json.dumps(data, allow_nan=False, ensure_ascii=True, separators=(",", ":"))
     except RecursionError as error:

@@ -25,9 +25,7 @@ Tensors = dict[str, NDArray[Any]]
 
 
 def sealed(key: str, listing: dict[str, Any], tensors: Tensors) -> bytes:
-    """Return the file's bytes; `key` is the only one of the metadata, as several would be written in any order. Raises
-    `ValueError` if `listing` holds NaN or Infinity.
-    """
+    """Return the bytes of a file whose only metadata is `key`; raises `ValueError` for NaN or Infinity in `listing`."""
     text = json.dumps({**listing, "digest": digest_of(listing, tensors)}, allow_nan=False)
     # safetensors writes memory as it lies there, whatever the strides
     return save({name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}, {key: text})
@@ -153,9 +151,7 @@ def write_renders(path: Path, renders: list[Render]) -> None:
 
 
 def read_truth(path: Path) -> list[Truth]:
-    """Read the truth; raises `DamagedRecord`, naming file, reason and remedy, for anything that `write_truth` does not
-    write.
-    """
+    """Read the truth; raises `DamagedRecord`, with reason and remedy, for what `write_truth` does not write."""
     return [Truth(row.view, **parts) for row, parts in _read(path, "truth", TRUTH, {"display", "opacity"})]
 
 

@@ -42,9 +42,7 @@ CHAPTERS: dict[int, str] = {
     12: "An independent reference",
     13: "What scenes do not need",
 }
-"""The chapters of stability, across its cases: the number in `Series.item`, `Table.item` and `Picture.item` → its
-title.
-"""
+"""The chapters of stability, across its cases: the number in `item` of a finding → its title."""
 
 Owner = Literal["ours", "paper", "usual", "machine"]
 """The owner of a check: this harness, the paper's form as printed, the form that the field's code usually has, or the
@@ -132,9 +130,7 @@ class Effect(Record, frozen=True, tag="effect"):
     """The pairs without a score, because a cell diverged, collapsed or failed: the others are judged."""
     note: str = ""
     on_these_scenes: Estimate | None = None
-    """The estimate with error from seeds alone. The value beside the difference itself is of scenes like these if
-    several were tried.
-    """
+    """The estimate with error from seeds alone, where the interval is of scenes like these."""
 
 
 class Series(Record, frozen=True, tag="series"):

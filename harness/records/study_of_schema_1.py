@@ -24,9 +24,7 @@ QUESTIONS: dict[int, str] = {
 
 
 def converted(shelf: str, data: Row) -> Row:
-    """Return the record of a shelf as plain data of schema 2; raises what a dictionary raises if something is
-    missing.
-    """
+    """Return the record of a shelf as plain data of schema 2; raises what a dictionary does if something is missing."""
     studies = {"evidence": _evidence, "stability": _stability, "speed": _speed}[shelf](data)
     common = {name: data[name] for name in ("provenance", "settings")}
     return {**common, "shelf": shelf, "schema": 2, "finished": data.get("finished", True), "studies": studies}

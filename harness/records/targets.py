@@ -61,13 +61,9 @@ class TargetComparison(Record, frozen=True):
     against: str
     axis: Axis
     horizon: float
-    """The common end of watching: the shortest time that a finished run of the two methods was watched on the scene;
-    for `all` the shortest of the scenes', which each keep their own.
-    """
+    """The shortest time that a finished run of the two was watched on the scene; for `all` the shortest of these."""
     saving: float | None
-    """The saving in per cent of `against`'s restricted time, from the mean of the logarithms of the ratios; negative if
-    `method` needs more, None if no pair is informative.
-    """
+    """The saving in per cent of `against`'s restricted time, from the mean of log ratios; None without any."""
     interval: tuple[float, float] | None
     """95 %, of this comparison alone, in per cent; None where times agree so that it would have no width. As all that
     has the name of a part of `Estimate`: of scenes like these where several were tried."""
@@ -90,9 +86,7 @@ class TargetComparison(Record, frozen=True):
     unpaired: int
     """The pairs of which a run does not exist, or failed for reasons that are not its method's."""
     at_least: float | None
-    """The least per cent of the time to the target that `method` saves, with 97.5 % confidence; None if a censored time
-    of the two may have made it less.
-    """
+    """The least per cent that `method` saves, with 97.5 % confidence; None if a censored time may have made it less."""
     at_most: float | None
     on_these_scenes: Estimate | None
     """The saving in per cent, with the error of seeds alone."""

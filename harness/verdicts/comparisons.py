@@ -95,9 +95,7 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
 
 
 def duels(methods: list[str]) -> list[tuple[str, str]]:
-    """Return the pairs to compare: (method, against). A row of the paper's ablation is also compared with the row above
-    it.
-    """
+    """Return the pairs to compare, (method, against); rows of the paper's ablation also with the row above."""
     baseline = "nerf" if "nerf" in methods else methods[0]
     pairs = [(method, baseline) for method in methods if method != baseline]
     if "nerf_matched" in methods:

@@ -77,9 +77,7 @@ def judgeable(cell: CellRecord) -> bool:
 
 
 def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str, str]]) -> Failures:
-    """Return the rates of the methods that have runs, and for each duel (method, against) with pairs which fails more
-    often.
-    """
+    """Return the rates of the methods that have runs, and for each duel with pairs which fails more often."""
     runs = {(cell.method, cell.scene, cell.seed): failure_of(cell) for cell in cells if cell.status in FINISHED}
     rates, compared = [], []
     for method in methods:

@@ -257,9 +257,7 @@ def suspects(table: ResultTable, margin: float) -> list[Suspect]:
 
 
 def polished(cells: np.ndarray) -> np.ndarray:
-    """Return Tukey's median polish: the value expected of each of `cells` [methods, scenes] from its
-    method and scene.
-    """
+    """Return Tukey's median polish: the value expected of each of `cells` [methods, scenes]."""
     residuals = cells.copy()
     for _ in range(POLISHES):
         residuals = residuals - _median(residuals, 1)[:, None]

@@ -13,9 +13,7 @@ import numpy as np
 from scipy.special import digamma, polygamma
 
 SMALLEST_SHARE = 1e-5
-"""The least share of the median that a variance counts as, so that scores that agree by chance to all digits do not
-pull the prior to 0.
-"""
+"""What a variance counts as at least, of the median: scores that agree by chance do not pull the prior to 0."""
 
 
 @dataclass(frozen=True)

@@ -220,9 +220,7 @@ class ResultTable:
 
 
 def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence[str] = ()) -> ResultTable:
-    """Read a table; `metric` is psnr, else the first one, if it is not given. Raises `InputError` if it cannot be
-    judged.
-    """
+    """Read a table; `metric` is psnr, else the first, if not given. Raises `InputError` if it cannot be judged."""
     rows = read_rows(paths)
     source = rows.stretches[0][0]
     metrics = [name for name in rows.columns if name not in KEYS and _holds_numbers(rows.columns[name])]

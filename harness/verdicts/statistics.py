@@ -40,9 +40,7 @@ class PairedDifference:
     interval: tuple[float, float] | None
     """The 95 % interval; None with fewer than two units: one difference has no spread."""
     smallest_detectable: float | None
-    """The true difference that samples of this size distinguish from 0 in 80 % of repetitions, if the true spread is
-    the one measured here.
-    """
+    """The true difference that 80 % of such samples tell from 0, if the true spread is the one measured here."""
     units: int
     simultaneous: tuple[float, float] | None = None
     """The interval that a verdict is taken from: of all the family's intervals of this kind, every one holds the truth
@@ -126,9 +124,7 @@ def _difference(estimates: nested.Estimated, units: int, family: int, place: int
 
 
 def rounded_down(freedom: float) -> float:
-    """Round down to a tenth, so that one computation serves all comparisons with such degrees of freedom; above a
-    limit, at which t is normal to six digits, all are equal.
-    """
+    """Round down to a tenth, so that computations are shared; all are equal above a limit, at which t is normal."""
     return max(float(np.floor(10 * min(freedom, MOST_FREEDOM) + 1e-6)) / 10, min(freedom, LEAST_FREEDOM))
 
 

@@ -90,9 +90,7 @@ def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, 
 
 
 def reach(cell: CellRecord, axis: Axis, target: float) -> Reach:
-    """Return when `cell` first reached `target`, between checkpoints on a line over the logarithm of
-    steps or seconds.
-    """
+    """Return when `cell` first reached `target`, on a line over the logarithm of time between checkpoints."""
     points = scored(cell, axis)
     if cell.status != "done" or not points:
         watched = points[-1][0] if points else float(cell.steps if axis == "steps" else cell.train_seconds)
@@ -105,9 +103,7 @@ def reach(cell: CellRecord, axis: Axis, target: float) -> Reach:
 def first_reached(
     points: list[tuple[float, float]], target: float
 ) -> tuple[float, Literal["reached", "never", "earlier"]]:
-    """Return the time, and what is known of it (`Reach.known`), from (time, score) in the order of
-    time, at least one.
-    """
+    """Return the time and what is known of it (`Reach.known`), from one or more (time, score) in the order of time."""
     if points[0][1] >= target:
         return points[0][0], "earlier"
     for (before, low), (after, high) in pairwise(points):
@@ -168,9 +164,7 @@ class Paired:
         return ours, theirs
 
     def sooner(self, family: int) -> Verdict:
-        """Return which was known to be there first in more pairs than chance explains (sign test, exact and
-        two-sided).
-        """
+        """Return which was there first in more pairs than chance explains (sign test, exact and two-sided)."""
         ahead = sum(ours.time < theirs.time for ours, theirs in self.pairs.values())
         behind = sum(ours.time > theirs.time for ours, theirs in self.pairs.values())
         if sign_test(ahead, behind) >= (1.0 - CONFIDENCE) / family:

@@ -19,9 +19,7 @@ EXPLAINED = (
 
 
 def difference_in_words(row: Comparison, scenes: list[str], seeds: list[int]) -> str:
-    """Format a difference: `qnerf − nerf = −5.57 dB after equal steps (95 % interval −7.89 to −3.25; 8 scenes × 3
-    seeds)`.
-    """
+    """Format `qnerf − nerf = −5.57 dB after equal steps (95 % interval −7.89 to −3.25; 8 scenes × 3 seeds)`."""
     budget = f"after {BUDGETS[row.budget]}" if row.budget == "steps" else f"at {BUDGETS[row.budget]}"
     where = counted(len(scenes), "scene") if len(scenes) > 1 else scenes[0]
     size = f"{where} × {counted(len(seeds), 'seed')}"

@@ -47,9 +47,7 @@ class Line:
 
 
 def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[str, Any]:
-    """Return the question, a line per tested principal claim, how sure the answer is, what was not tested (a sentence
-    per cause), and the count of the ledger's statements by verdict.
-    """
+    """Return the question, a line per tested claim, how sure the answer is, what was not tested, and the tally."""
     by_id = {claim.id: claim for claim in claims}
     shown = {words: by_id[name] for name, words in PRINCIPAL.items() if name in by_id}
     here = in_a_line(records)

@@ -105,9 +105,7 @@ def claim_of(entry: Printed, finding: Finding, kind: str, here: str) -> Claim:
 
 
 def entries(paper: dict[str, Any]) -> list[Printed]:
-    """Return the ledger of a record, in the paper's order; raises `DamagedRecord` unless it is as the harness writes
-    it.
-    """
+    """Return a record's ledger, in the paper's order; raises `DamagedRecord` unless it is as the harness writes it."""
     try:
         return as_promised(paper.get("ledger") or [], list[Printed])
     except ValueError as error:

@@ -63,9 +63,7 @@ def _level(values: list[float | None]) -> Entry:
 def score_entry(
     test: Spread, train: Spread, cells: list[CellRecord], ceiling: float | None = None, behind: Selection | None = None
 ) -> Entry:
-    """Return the mean of the finished seeds; unfinished ones are named in the same cell, and so is a score that the
-    noise of the ground truth limits.
-    """
+    """Return the mean of the finished seeds, below it the others, and whether the noise of the truth limits it."""
     lost = losses(cells)
     if test.mean is None:
         return Entry(lost or "–", reason_of(cells), tone_of(cells) or "muted", runs=behind)

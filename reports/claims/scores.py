@@ -188,9 +188,7 @@ NEEDS_STUDY = "need the ablation study: `nox -s evidence -- --out out/latest`"
 
 
 def added_part(bench: Bench, entry: Printed) -> Finding:
-    """Judge a row of Table 4 less the row above it, on lego: by the run's own comparison where it has one, else by the
-    effect of the factorial study.
-    """
+    """Judge a row of Table 4 less the row above it: by the run's own comparison, else by the factorial study."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     finding, evidence = gain(bench, entry), bench.evidence
     if finding.verdict != UNTESTED:

@@ -9,9 +9,7 @@ MISSED: Verdict = "not seen at this scale"
 
 
 def retrieval(bench: Bench, entry: Printed) -> Finding:
-    """Judge retrieval. “Instant” has no number: our threshold is the record's, and the spread of repeated calls is
-    compared with it.
-    """
+    """Judge retrieval. “Instant” has no number: the spread of repeated calls is held against the record's limit."""
     hits = _checks(bench, "hit.")
     memory, disk = ([hit for hit in hits if hit.id.startswith(f"hit.{place}.")] for place in ("memory", "disk"))
     judged, shown = memory + disk, memory or disk
@@ -59,9 +57,7 @@ def pose_key(bench: Bench, entry: Printed) -> Finding:
 
 
 def attended_first(bench: Bench, entry: Printed) -> Finding:
-    """Judge whether attended regions are useful earlier: on every scene, on some, or on none. Overlapping repeats
-    decide nothing.
-    """
+    """Judge whether attended regions are useful earlier; overlapping repeats decide nothing."""
     how = (
         "seconds until the error in the most attended quarter has fallen to a tenth of the coarse frame’s, against "
         "raster order; earlier is what is so in all repeats"
@@ -79,9 +75,7 @@ def attended_first(bench: Bench, entry: Printed) -> Finding:
 
 
 def factor_of_priorities(bench: Bench, entry: Printed) -> Finding:
-    """Judge the factor φ: priorities sum to φ where shares sum to 1; in what maps that changes an order or an
-    allocation.
-    """
+    """Judge the factor φ, to which priorities sum where shares sum to 1: in what maps it changes anything."""
     how = "orders and allocations of attention maps, with the factor φ and without it"
     changed = _check(bench, "phi.changed")
     if changed is None:

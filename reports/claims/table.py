@@ -19,9 +19,7 @@ LOOKS = {
 
 
 def chapters(claims: list[Claim], here: str) -> list[dict[str, Any]]:
-    """Return title and grid of the tested claims of each kind, in the paper's order. `here` is the run's scale, which
-    stands above them.
-    """
+    """Return title and grid of the tested claims of each kind; `here` is the run's scale, which stands above them."""
     of_kind = {kind: [claim for claim in claims if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
     return [
         {"title": f"{KINDS[kind]} ({len(some)})", "grid": claims_grid(some, here, KINDS[kind])}

@@ -57,9 +57,7 @@ class Records:
     left_out: list[str] = field(default_factory=list)
     """The damaged files that `--partial` excludes, one line each with the reason."""
     extra_cells: list[CellRecord] = field(default_factory=list)
-    """The cells of methods that were planned on single scenes: they explain a result and are in no
-    table of all scenes.
-    """
+    """The cells of methods that were planned on single scenes: they are in no table of all scenes."""
     extra_comparisons: list[Comparison] = field(default_factory=list)
     """The comparisons of those methods."""
 
@@ -169,9 +167,7 @@ def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
 
 
 def if_sound(read: Callable[[], One], without: One, left_out: list[str] | None) -> One:
-    """Return the result of `read`. If it raises `DamagedRecord`: `without`, and a line in `left_out`; raises it if that
-    is None.
-    """
+    """Return what `read` returns; for a `DamagedRecord` `without`, and a line in `left_out` unless that is None."""
     try:
         return read()
     except DamagedRecord as problem:

@@ -19,9 +19,7 @@ from markupsafe import Markup
 DARKEST = 1e-4
 """The offset of linear light, which is coded as ln(value + DARKEST)."""
 DEPTH_STEPS = 4095
-"""The steps of depth of the 65535 that 16 bits have: finer than float16 holds beyond a quarter of the range, and half
-the bytes.
-"""
+"""The steps of depth of 65535: finer than float16 beyond a quarter of the range, and half the bytes."""
 LIGHT_STEPS = 16383
 """The steps of light over at most ln(65504 / DARKEST) = 20.3: half a step is less than 0.07 % of a value."""
 

@@ -9,9 +9,7 @@ from harness.records.study import SHELVES, Studies, StudyRecord, again, read_stu
 
 
 def find_studies(out: Path, shelf: str) -> Studies | None:
-    """Return the studies of a shelf under `out`, or `None` if there are none; raises `DamagedRecord`, also for what no
-    run writes though every type is right.
-    """
+    """Return the studies of a shelf, if there are any; raises `DamagedRecord`, also for what contradicts itself."""
     path = out / SHELVES[shelf]
     if not path.is_file():
         return None
@@ -37,9 +35,7 @@ def _contradictions(record: Studies, shelf: str) -> Iterator[str]:
 
 
 def _in_study(study: StudyRecord, shelf: str) -> Iterator[str]:
-    """Yield lists that are longer or shorter than their partners, lines and tables of a chapter that is shown nowhere,
-    and intervals that run backwards.
-    """
+    """Yield lists of unequal length, items of a chapter that is shown nowhere, and intervals that run backwards."""
     for line in study.series:
         for name in ("y", "low", "high"):
             values = getattr(line, name)

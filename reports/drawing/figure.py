@@ -47,9 +47,7 @@ def inlined(text: str, name: str, alt: str) -> str:
 FINEST = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 """The labelled multiples of a power of ten on a short logarithmic axis."""
 DRAWABLE = 1e150
-"""The end of the axes, and the reciprocal of the beginning of logarithmic ones: much beyond, ends and ticks are not
-finite.
-"""
+"""The end of the axes; logarithmic ones begin at its reciprocal. Much beyond, ticks are not finite."""
 
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -246,9 +244,7 @@ _PENS: dict[Kind, Callable[[Axes, Trace], object]] = {
 
 
 def svg(panel: Panel, name: str) -> Markup:
-    """Return one `<svg>` element for the page, with its numbers beside it; `name` makes its ids unique there and
-    consists of letters, digits and dashes.
-    """
+    """Return one `<svg>` with its numbers beside it; `name`, of letters, digits and dashes, makes its ids unique."""
     buffer = io.StringIO()
     with matplotlib.rc_context(STYLE):
         drawn = draw(panel)

@@ -79,9 +79,7 @@ class Pen:
 
 
 def pens_of(*charts: Iterable[str]) -> dict[str, Pen]:
-    """Map name → pen, the same in every chart; two lines of one chart never share a colour if there are
-    enough colours.
-    """
+    """Map name → pen, the same in every chart; of two lines of a chart none share a colour if there are enough."""
     named = [list(dict.fromkeys(names)) for names in charts]
     every = list(dict.fromkeys(name for names in named for name in names))
     kept = [name for name in every if name in KNOWN]

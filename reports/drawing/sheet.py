@@ -57,9 +57,7 @@ def key_of_pens(pens: dict[str, Pen]) -> Key:
 def save_sheet(
     path: Path, drawings: Sequence[Drawing], across: int, size: tuple[float, float] | None = None
 ) -> list[Path]:
-    """Save panels side by side as a picture, each of `size` in inches or as large as on its page; returns the written
-    paths.
-    """
+    """Save panels side by side, each of `size` in inches or as large as on its page; returns the written paths."""
     if not drawings:
         return []
     with matplotlib.rc_context(STYLE):

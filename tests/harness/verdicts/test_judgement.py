@@ -10,7 +10,6 @@ from scipy.stats import ttest_rel
 from harness.records.judgements import JudgementRecord, Ranking, changed_pairs
 from harness.verdicts.judgement import adjusted_means, judge, ranking, suspects, without
 from harness.verdicts.result_table import ResultTable
-from scenes.files.errors import InputError
 
 
 def table_of(values: np.ndarray, **more: object) -> ResultTable:
@@ -118,25 +117,6 @@ def test_a_mean_is_adjusted_for_missing_scenes_by_least_squares() -> None:
     assert adjusted_means(values) == pytest.approx(solved[:5] + solved[5:].mean(), abs=1e-6)
 
 
-def test_without_seeds_nothing_is_said_of_these_scenes() -> None:
-    found = judge(table_of(drawn(0)), None, None, {})
-    assert all(pair.on_these_scenes is None and pair.scenes_like_these for pair in found.given.pairs)
-    assert any("only of scenes like these" in note for note in found.notes)
-    seeded = np.random.default_rng(0).normal(30, 1, (3, 8, 3))
-    assert all(pair.on_these_scenes for pair in judge(table_of(seeded), None, None, {}).given.pairs)
-
-
-def test_a_baseline_is_compared_with_each_method_once() -> None:
-    found = ranking(table_of(drawn(0, effect=0.5)), 0.2, baseline="m3")
-    assert sorted(pair.method for pair in found.pairs) == ["m0", "m1", "m2", "m4", "m5"]
-    assert {pair.against for pair in found.pairs} == {"m3"}
-    assert found.family == 5
-    with pytest.raises(InputError, match="--baseline m9: no such method; methods of the table: m0, m1"):
-        judge(table_of(drawn(0)), None, "m9", {})
-    with pytest.raises(InputError, match="--margin -1: must be 0 or more"):
-        judge(table_of(drawn(0)), -1, None, {})
-
-
 def test_a_collapsed_cell_is_found_and_judged_with_and_without() -> None:
     values = drawn(0, methods=5, effect=1.0)
     values[2, 6] -= 20
@@ -166,16 +146,14 @@ def test_few_ordinary_tables_have_a_suspect(methods: int, scenes: int, freedom: 
     assert [one.value for one in suspects(table_of(spoilt), 0.2)] == [0.0]
 
 
-def test_of_two_methods_nobody_can_say_which_is_off() -> None:
-    values = drawn(0, methods=2)
-    values[0, 0] = 3.0
-    assert suspects(table_of(values), 0.2) == []
-    assert without(table_of(values), []) is None
-
-
-def test_a_table_of_equal_numbers_is_judged() -> None:
-    found: JudgementRecord = judge(table_of(np.full((3, 4), 30.0)), None, None, {})
-    assert [pair.verdict for pair in found.given.pairs] == ["equivalent"] * 3
-    assert found.suspects == []
-    assert [one.groups for one in found.given.places] == [[1]] * 3
-    assert all(pair.against == after.method for pair, after in pairwise(found.given.neighbours))
+def test_small_tables_and_tables_of_equal_numbers_are_judged() -> None:
+    two = table_of(drawn(0, methods=2))
+    two.values[0, 0] = 3.0
+    assert suspects(two, 0.2) == [], "of two methods nobody can say which is off"
+    assert without(two, []) is None
+    equal: JudgementRecord = judge(table_of(np.full((3, 4), 30.0)), None, None, {})
+    assert [pair.verdict for pair in equal.given.pairs] == ["equivalent"] * 3
+    assert all(pair.on_these_scenes is None and pair.scenes_like_these for pair in equal.given.pairs), "without seeds"
+    assert equal.suspects == []
+    assert [place.groups for place in equal.given.places] == [[1]] * 3
+    assert all(pair.against == after.method for pair, after in pairwise(equal.given.neighbours))
