@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from harness.execution.ground_truth import view_set_folders
-from harness.records.study import Series, Table, check
+from harness.records.study import Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
 from harness.studies.renderer import printed_rows
@@ -110,10 +110,6 @@ def ceilings(context: EvidenceContext) -> Iterator[Found]:
         "float colours that scores use: the 8-bit pictures beside them play no part. Each view is rendered "
         f"{REPEATS} times more, by {sample['variant']}."
     )
-    yield Series(
-        "Ceiling stated and measured again", 0, "scenes", "stated ceiling, dB", "ceiling from new renders, dB",
-        [scene.stated for scene in agreements], [scene.again for scene in agreements], log_x=False, log_y=False,
-    )  # fmt: skip
 
 
 def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:

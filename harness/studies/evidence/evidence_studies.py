@@ -12,89 +12,46 @@ def _study(name: str, title: str, question: str, method: str, measure: str, seco
 
 
 STUDIES: dict[str, Study] = catalogue(
-    _study(
-        "calibration",
-        "Are the intervals calibrated?",
-        "How often do the intervals hold the truth, and how often is an effect found that is there?",
-        "Simulated studies of known truth, judged by the functions that judge a run: 4 to 16 scenes, 3 to 10 "
-        "seeds, effects that differ by 0 to 0.6 dB from scene to scene, normal noise, heavy tails, and runs that "
-        "collapse.",
-        "calibration:calibration",
-        15,
-    ),
-    _study(
-        "positive_controls",
-        "Does it find what is known?",
-        "Does the comparer find the losses that the original NeRF's ablation found?",
-        "NeRF without positional encoding, without view direction, with half and with a quarter of the training "
-        "views where these are few, each against NeRF, judged like Q-NeRF.",
-        "positive_controls:positive_controls",
-        340,
-        "no_encoding",
-        "no_direction",
-        "images",
-        "half_images",
-        "quarter_images",
-    ),
-    _study(
-        "ceilings",
-        "Is the noise ceiling right?",
-        "Does the PSNR ceiling that follows from the ground truth's own variance agree with an independent render?",
-        "Every test view is rendered once more with other random numbers; half of the mean square difference of "
-        "two renders is the noise of one.",
-        "ceilings:ceilings",
-        90,
-    ),
-    _study(
-        "factorial",
-        "What does each part do?",
-        "What do the φ encoding, the amplifier and the φ skip contribute, alone and together?",
-        "All eight combinations of the three parts, under both readings of the amplifier: main effects, "
-        "interactions, and the cumulative rows of Table 4.",
-        "factorial:factorial",
-        540,
-        "factorial",
-    ),
-    _study(
-        "bandwidth",
-        "The golden ratio, or bandwidth?",
-        "Is what the φ encoding changes owed to φ, or to how far its frequencies reach?",
-        "φ with NeRF's reach, another base with φ's reach, and 2^k with φ's reach, beside both, at three "
-        "resolutions and along training.",
-        "bandwidth:bandwidth",
-        1100,
-        "bandwidth_100",
-        "bandwidth_200",
-        "bandwidth_300",
-    ),
-    _study(
-        "repaired",
-        "Can the paper's idea be repaired?",
-        "Does the best reading that keeps the idea and can be opaque beat NeRF, on scenes it was not chosen on?",
-        "Candidates were compared on validation views of two scenes with seeds of their own; the best at equal "
-        "time is put to the test on the other six.",
-        "repaired:repaired",
-        900,
-        "repaired",
-    ),
-    _study(
-        "rendering",
-        "Error against time of rendering",
-        "Which quadrature rule and which sampler reach an error first?",
-        "One trained field, rendered with every rule and sampler at growing numbers of samples, against a "
-        "rendering so fine that its own error does not show.",
-        "rendering_work:rendering_work",
-        120,
-        "no_encoding",
-    ),
-    _study(
-        "ground_truth",
-        "Error against time of the ground truth",
-        "How much time does Mitsuba need for how little noise?",
-        "One view of every scene at growing numbers of samples a pixel, against a render with many more.",
-        "ground_truth_work:ground_truth_work",
-        120,
-    ),
-)
+    _study("calibration", "Are the intervals calibrated?",
+           "How often do the intervals hold the truth, and how often is an effect found that is there?",
+           "Simulated studies of known truth, judged by the functions that judge a run: 4 to 16 scenes, 3 to 10 seeds, "
+           "effects that differ by 0 to 0.6 dB from scene to scene, normal noise, heavy tails, and runs that collapse.",
+           "calibration:calibration", 15),
+    _study("positive_controls", "Does it find what is known?",
+           "Does the comparer find the losses that the original NeRF's ablation found?",
+           "NeRF without positional encoding, without view direction, with half and with a quarter of the training "
+           "views where these are few, each against NeRF, judged like Q-NeRF.",
+           "positive_controls:positive_controls", 340,
+           "no_encoding", "no_direction", "images", "half_images", "quarter_images"),
+    _study("ceilings", "Is the noise ceiling right?",
+           "Does the PSNR ceiling that follows from the ground truth's own variance agree with an independent render?",
+           "Every test view is rendered once more with other random numbers; half of the mean square difference of two "
+           "renders is the noise of one.",
+           "ceilings:ceilings", 90),
+    _study("factorial", "What does each part do?",
+           "What do the φ encoding, the amplifier and the φ skip contribute, alone and together?",
+           "All eight combinations of the three parts, under both readings of the amplifier: main effects, "
+           "interactions, and the cumulative rows of Table 4.",
+           "factorial:factorial", 540, "factorial"),
+    _study("bandwidth", "The golden ratio, or bandwidth?",
+           "Is what the φ encoding changes owed to φ, or to how far its frequencies reach?",
+           "φ with NeRF's reach, another base with φ's reach, and 2^k with φ's reach, beside both, at three "
+           "resolutions and along training.",
+           "bandwidth:bandwidth", 1100, "bandwidth_100", "bandwidth_200", "bandwidth_300"),
+    _study("repaired", "Can the paper's idea be repaired?",
+           "Does the best reading that keeps the idea and can be opaque beat NeRF, on scenes it was not chosen on?",
+           "Candidates were compared on validation views of two scenes with seeds of their own; the best at equal time "
+           "is put to the test on the other six.",
+           "repaired:repaired", 900, "repaired"),
+    _study("rendering", "Error against time of rendering",
+           "Which quadrature rule and which sampler reach an error first?",
+           "One trained field, rendered with every rule and sampler at growing numbers of samples, against a rendering "
+           "so fine that its own error does not show.",
+           "rendering_work:rendering_work", 120, "no_encoding"),
+    _study("ground_truth", "Error against time of the ground truth",
+           "How much time does Mitsuba need for how little noise?",
+           "One view of every scene at growing numbers of samples a pixel, against a render with many more.",
+           "ground_truth_work:ground_truth_work", 120),
+)  # fmt: skip
 
 SHELF = Shelf("evidence", "studies", STUDIES, folders=(TRAININGS_FOLDER,), beside=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from msgspec import structs
 
 from harness.records.metric_table import METRICS
-from harness.records.study import Check, Effect, Table, check
+from harness.records.study import Check, Effect, check
 from harness.studies.evidence.contrasts import amount, by_scene, chosen, effects, in_words, listed
 from harness.studies.evidence.evidence_context import EvidenceContext, StudyRun
 from harness.studies.framework import Found
@@ -100,7 +100,6 @@ def positive_controls(context: EvidenceContext) -> Iterator[Found]:
         yield from _checks(loss)
     for loss in losses:
         yield from loss.every
-    yield _table(losses)
 
 
 def _loss(control: Control, baseline: StudyRun, own: StudyRun) -> Loss:
@@ -170,16 +169,3 @@ def _checks(loss: Loss) -> Iterator[Check]:
         f"between {amount(-least, 'psnr', sign=False)} and {TIMES:g} times that: a range that was declared before any "
         "result, where the design was changed once results had been seen",
     )
-
-
-def _table(losses: list[Loss]) -> Table:
-    rows: list[list[str | float | None]] = []
-    for loss in losses:
-        for effect in loss.psnr:
-            low, high = effect.simultaneous or (None, None)
-            printed = loss.control.loss if effect.scene == "all" else None
-            rows.append(
-                [f"NeRF {loss.control.what}", effect.scene, effect.difference, low, high, effect.verdict, printed]
-            )
-    columns = ["control", "scene", "difference (dB)", "interval from", "to", "verdict", "original's (dB, 800 px)"]
-    return Table("positive_controls", 0, "Known losses in test PSNR at equal steps", columns, rows)
