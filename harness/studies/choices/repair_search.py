@@ -41,8 +41,6 @@ HISTORY = (
     "was changed, to 6.",
 )
 """The changes made after results had been seen."""
-CLOCKS = {"cpu": "processor seconds"}
-"""Kind of device → the unit of a training time; elsewhere it is seconds of the wall."""
 REFERENCES = ("nerf", "nerf_phi_encoding_phi_skip", "qnerf", "qnerf_theorem")
 """Methods trained beside the candidates for comparison; none of them is a candidate."""
 RULE = (
@@ -161,18 +159,13 @@ def chosen(table: list[CandidateRank]) -> str:
     return next(candidate.method for candidate in table if candidate.ties)
 
 
-def clock_of(device: torch.device) -> str:
-    """Return the clock of the training times, in words."""
-    return CLOCKS.get(device.type, "seconds of the wall")
-
-
 def as_json(rows: list[RepairRow], plan: Plan, device: torch.device) -> dict[str, Any]:
     table = standings(rows)
     return {
         "what": "candidates for qnerf_repaired at equal training time, on validation views",
         "rule": RULE,
         "history": list(HISTORY),
-        "clock": clock_of(device),
+        "clock": "processor seconds" if device.type == "cpu" else "seconds of the wall",
         "provenance": provenance(device),
         "candidates": {name: asdict(parts) for name, parts in CANDIDATES.items()},
         "excluded": EXCLUDED,
@@ -193,7 +186,7 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
     active: list[Learner] = []
     for method in plan.methods:
         learner = learner_for(method, box, settings, plan.budget, stream, device, directed)
-        learner.clock = Stopwatch(device, time.process_time if device.type in CLOCKS else time.perf_counter)
+        learner.clock = Stopwatch(device, time.process_time if device.type == "cpu" else time.perf_counter)
         learner.warm_up(*batch_at(0))
         active.append(learner)
     for order in turns(active):

@@ -53,7 +53,7 @@ def meaning(check: str) -> str:
 def conformance(subject: Subject) -> Iterator[CheckOutcome]:
     """Run every check in turn; an exception of the method breaks the check that it was raised in, and no other."""
     for name, check in CHECKS.items():
-        if name in FIELD_CHECKS and not subject.is_field:
+        if name in FIELD_CHECKS and subject.method.kind != "network":
             yield CheckOutcome(subject.name, name, "not applicable", "no torch field")
             continue
         try:

@@ -38,11 +38,6 @@ class Subject:
     def method(self) -> Method:
         return method_named(self.name)
 
-    @property
-    def is_field(self) -> bool:
-        """Whether the method is a torch module that our renderer evaluates; otherwise it is a learner of its own."""
-        return self.method.kind == "network"
-
     def field(self, depth: int = SMALL.depth, seed: int | str = 0, view_dependent: bool = True, box: Box = BOX) -> Any:
         """Return a fresh field (`baselines.field.field_of`)."""
         return field_of(self.method, FieldSpec(replace(SMALL, depth=depth), box, "float32", seed, view_dependent))

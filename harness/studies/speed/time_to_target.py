@@ -172,10 +172,10 @@ def follow(
     colours_of: Callable[[Rays], Tensor],
     pixels: PixelSubset,
     times: Iterable[float],
-    until: Callable[[PsnrCurve], bool] = lambda curve: False,
+    target: float = math.inf,
 ) -> PsnrCurve:
-    """Train, evaluate whenever one of `times` (seconds, rising) has passed, and stop after the last or when `until`
-    says so. A training that diverges ends its curve, which says why.
+    """Train, evaluate whenever one of `times` (seconds, rising) has passed, and stop after the last or once `target` is
+    reached. A training that diverges ends its curve, which says why.
     """
     curve = PsnrCurve(before=pixels.psnr(colours_of(pixels.rays)))
     try:
@@ -189,7 +189,7 @@ def follow(
                 break
             curve.seconds.append(learner.clock.seconds)
             curve.psnr.append(psnr)
-            if until(curve):
+            if reached(curve, target) is not None:
                 break
     except Diverged as stop:
         curve.ended = str(stop)
@@ -247,14 +247,8 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
     highest = max(target.psnr for target in targets)
     context.show.line(f"  {scene}: plain reached {highest:.2f} dB after {targets[0].seconds:.0f} s")
 
-    def done(curve: PsnrCurve) -> bool:
-        return reached(curve, highest) is not None
-
     directed, box = needs_view_direction(views), box_of(views, device)
-    sides = {
-        "same": (same_network(context, plan), Budget(None, budget)),
-        "reduced": (plan.train, plan.budget),
-    }
+    sides = {"same": (same_network(context, plan), Budget(None, budget)), "reduced": (plan.train, plan.budget)}
 
     def contest(name: str, seed: str) -> PsnrCurve:
         settings, until = sides[name]
@@ -262,19 +256,21 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
         batch_at = batches.stream(seed, settings.rays)
         trainer.warm_up(*batch_at(0))
 
+        first = budget / (context.target(*GOALS[name]) or 100.0) / 20
+        times = takewhile(lambda due: due < budget, accumulate(repeat(GROWTH), mul, initial=first))
+
         def colours_of(rays: Rays) -> Tensor:
             return trainer.render(rays, plan.score.chunk).colour
 
-        first = budget / (context.target(*GOALS[name]) or 100.0) / 20
-        times = takewhile(lambda due: due < budget, accumulate(repeat(GROWTH), mul, initial=first))
-        curve = follow(trainer, batch_at, colours_of, pixels, [*times, budget], done)
+        curve = follow(trainer, batch_at, colours_of, pixels, [*times, budget], highest)
         seconds = reached(curve, highest)
         after = f"after {seconds:.2f} s" if seconds else f"not within {trainer.clock.seconds:.0f} s {curve.ended}"
         context.show.line(f"  {scene}: {WORDS[name].lower()}, {highest:.2f} dB {after}")
         return curve
 
     curves = {name: [contest(name, STREAM)] for name in WORDS}
-    if done(curves["reduced"][0]) and not context.quick:  # one that is late once need not be late three times
+    # one that is late once need not be late three times
+    if reached(curves["reduced"][0], highest) is not None and not context.quick:
         curves["reduced"] += [contest("reduced", f"speed/{seed}") for seed in range(1, SEEDS)]
     floor = floor_psnr(views)
     for name in WORDS:
