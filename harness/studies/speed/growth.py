@@ -14,6 +14,7 @@ from harness.execution.local_executor import run_locally
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings
+from harness.records.cells import CellRecord
 from harness.records.study import Check, Series
 from harness.studies.drawn_views import FOV_X_RADIANS, poses, write_disc
 from harness.studies.speed.speed_context import (
@@ -102,7 +103,13 @@ def run_seconds(context: SpeedContext, count: int) -> float:
     views = replace(plan.views, resolution=size, train=train, val=0, test=test)
     first = GroupTask("disc", 0, ("nerf",), plan.train, score, budget, out, view_set, views, threads=1)
     began = time.perf_counter()
-    for event in run_locally([replace(first, seed=seed) for seed in range(count)], context.threads):
-        if event.cell and event.cell.status == "error":
-            raise RuntimeError(f"a cell failed: {event.cell.reason}")
+    ended_cells([replace(first, seed=seed) for seed in range(count)], context.threads)
     return time.perf_counter() - began
+
+
+def ended_cells(tasks: list[GroupTask], workers: int) -> list[CellRecord]:
+    """Return the cells that the local executor trains. Raises `RuntimeError` if one fails."""
+    cells = [event.cell for event in run_locally(tasks, workers) if event.cell]
+    if failed := next((cell for cell in cells if cell.status != "done"), None):
+        raise RuntimeError(f"a cell failed: {failed.reason}")
+    return cells
