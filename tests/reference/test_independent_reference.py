@@ -20,7 +20,6 @@ from harness.studies.stability.rays.reference_cases import (
     bundle,
     by_autograd,
     closed_form,
-    differentiating_variant,
     errors,
     layered,
     random_grids,
@@ -28,16 +27,17 @@ from harness.studies.stability.rays.reference_cases import (
     z_scores,
 )
 from harness.studies.stability.stability_context import StabilityContext
+from scenes.files.errors import InputError
 from scenes.rendering.medium_reference import differentiated, tracked
-from scenes.rendering.variant import Variant
+from scenes.rendering.variant import Variant, choose_variant
 
 
 @pytest.fixture(scope="module")
 def llvm() -> Variant:
-    variant, missing = differentiating_variant()
-    if variant is None:
-        pytest.skip(missing)
-    return variant
+    try:
+        return choose_variant("llvm_ad_rgb")
+    except InputError as error:
+        pytest.skip(str(error))
 
 
 def ours(tau: float, denser: float = 1.0, lighter: float = 1.0) -> np.ndarray:
@@ -123,11 +123,14 @@ def test_closed_form_of_layers_against_ordinary_integration() -> None:
 
 
 def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reference_cases, "llvm_libraries", list)
+    def refuse(name: str) -> Variant:
+        raise InputError(f"Mitsuba variant {name} does not work here")
+
+    monkeypatch.setattr(reference_cases, "choose_variant", refuse)
     context = StabilityContext(tmp_path, tmp_path, tmp_path, True, Quiet(), ("nerf",), 1)
     outcomes = [check for check in reference_cases.independent(context) if isinstance(check, Check)]
     missing = [check for check in outcomes if check.status == "not_available"]
-    assert {check.why for check in missing} == {"no shared library of LLVM 16 or newer was found"}
+    assert {check.why for check in missing} == {"Mitsuba variant llvm_ad_rgb does not work here"}
     assert {check.subject for check in missing} == {"midpoint, llvm_ad_rgb", "midpoint, gridvolume"}
     closed = {check.subject: check for check in outcomes if "closed form" in check.subject}
     assert set(closed) == {f"{rule}, closed form" for rule in reference_cases.QUADRATURES}, "none is left out"

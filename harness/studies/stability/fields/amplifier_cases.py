@@ -5,7 +5,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import torch
 from jaxtyping import Bool, Int
@@ -64,22 +63,6 @@ def identity(context: StabilityContext) -> Iterator[Found]:
         yield check("largest change of a density, of the densest", worst, high=1.2e-7, subject=reading, owner=owner)
 
 
-class Spoilt:
-    """A field whose first sample of one ray is not a number (`baselines.contract.RadianceField`)."""
-
-    def __init__(self, field: NetworkField, ray: int) -> None:
-        self.field = field
-        self.ray = ray
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.field, name)
-
-    def density_and_colour(self, x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
-        x = x.clone()
-        x[torch.nonzero(ray == self.ray)[:1, 0]] = math.nan
-        return self.field.density_and_colour(x, view, ray)
-
-
 def one_nan(context: StabilityContext) -> Iterator[Found]:
     """A3: one ray that is NaN, and one sample of one ray that is NaN, in a chunk with a complete view."""
     rays = setup(context).test.all_rays(0)
@@ -114,7 +97,8 @@ def rays_lost(trainer: Trainer, rays: Rays, bad: int) -> Bool[Tensor, " rays"]:
     x = (rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)).reshape(-1, 3)
     ray = torch.arange(len(rays)).repeat_interleave(bins)
     view = trainer.coarse.encode_directions(rays.directions)
-    sigma, _ = Spoilt(trainer.coarse, bad).density_and_colour(x, view, ray)
+    x[bad * bins] = math.nan
+    sigma, _ = trainer.coarse.density_and_colour(x, view, ray)
     return (~torch.isfinite(sigma)).reshape(len(rays), bins).any(dim=-1)
 
 
@@ -128,10 +112,16 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
     nth = len(inside) // 2
     # where densities depend on the chunk every one of them is NaN, and the first is as guilty as any
     expected = int(inside[nth if trainer.field.pointwise else 0])
-    first = trainer.coarse
-    trainer.coarse = Spoilt(first, nth)
+    plain = trainer.coarse.density_and_colour
+
+    def with_nan(x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
+        x = x.clone()
+        x[torch.nonzero(ray == nth)[:1, 0]] = math.nan
+        return plain(x, view, ray)
+
+    trainer.coarse.density_and_colour = with_nan
     error = error_of(Diverged, trainer.render, rays, len(rays))
-    trainer.coarse = first
+    del trainer.coarse.density_and_colour
     of_sample = error.tensor if error else "accepted"
     return {
         "a NaN ray": "" if f"ray {bad} " in of_ray else of_ray,

@@ -18,8 +18,9 @@ from harness.records.study import Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import FunctionField, owner_of
 from harness.studies.stability.stability_context import Rows, StabilityContext, not_judged
+from scenes.files.errors import InputError
 from scenes.rendering.medium_reference import Differentiated, Estimate, differentiated, tracked
-from scenes.rendering.variant import OLDEST_LLVM, Variant, llvm_libraries, probe
+from scenes.rendering.variant import Variant, choose_variant
 
 CELLS = 16
 TAU_OF_A_VOXEL = (0.03, 0.3, 5.0)
@@ -221,25 +222,15 @@ def _against_closed_forms() -> Iterator[Found]:
         yield check(what, gap, high=bar, why=why, subject=f"{rule}, closed form", owner=owner_of(rule))
 
 
-def differentiating_variant() -> tuple[Variant | None, str]:
-    """Return Mitsuba's LLVM variant if it works, else why it does not."""
-    failures = []
-    for library in map(str, llvm_libraries()):
-        failure = probe("llvm_ad_rgb", library)
-        if failure is None:
-            return Variant("llvm_ad_rgb", library, "found"), ""
-        failures.append(f"{library} failed: {failure}")
-    return None, "; ".join(failures) or f"no shared library of LLVM {OLDEST_LLVM} or newer was found"
-
-
 def independent(context: StabilityContext) -> Iterator[Found]:
     """R1: (1) tracking, (2) Dr.Jit on Mitsuba's volumes, (3) closed forms."""
     paths = 1600 if context.quick else PATHS
-    fast, missing = differentiating_variant()
     yield from _against_tracking(SCALAR, paths)
-    if fast is None:
+    try:
+        fast = choose_variant("llvm_ad_rgb")
+    except InputError as error:
         for subject in ("midpoint, llvm_ad_rgb", "midpoint, gridvolume"):
-            yield not_judged(subject, missing, "not_available")
+            yield not_judged(subject, str(error), "not_available")
     else:
         yield from _against_tracking(fast, paths)
         yield from _against_gridvolume(fast)
