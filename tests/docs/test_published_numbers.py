@@ -161,8 +161,8 @@ def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
         "changed": [{"sense": "scenes_like_these", "compared": 324, "verdicts": 38, "signs": 0}],
     }
     published = written(tmp_path, "reduced/processors.json", "environment.json", **processors)
-    text = block("processors", published)
-    assert "0.30 dB (RMS; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in text
+    said = block("processors", published)
+    assert "0.30 dB (RMS; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in said
 
     def lost(data: dict[str, Any]) -> None:
         data["failures"]["rates"][-1] |= {"diverged": 2, "collapsed": 1, "rate": 0.125, "interval": [0.027, 0.324]}

@@ -22,7 +22,7 @@ QUESTIONS: dict[str, Study] = catalogue(
     _question(7, "Ground truth by Mitsuba variant", "kernels:ground_truth", 80),
     _question(8, "Peak memory", "memory:measure", 130),
     _question(9, "How the cost grows", "growth:measure", 110),
-    _question(10, "Several processes on all cores", "processes:measure", 110),
+    _question(10, "Several processes on all cores", "processes:measure", 80),
     _question(11, "What each acceleration gains", "accelerations:measure", 60),
 )
 SHELF = Shelf("speed", "questions", QUESTIONS)
