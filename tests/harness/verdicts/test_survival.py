@@ -1,7 +1,6 @@
 """Times to a target: hand-written curves, a slow Kaplan–Meier, and simulated runs whose truth is known."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -120,17 +119,6 @@ def test_kaplan_meier_agrees_with_a_slow_one_and_keeps_lost_runs_at_risk() -> No
         assert kaplan_meier([*half, *lost])[1:] == expected
 
 
-def test_a_saving_is_the_mean_ratio_of_times() -> None:
-    """10 → 100 steps for 20 → 24 dB: 24 after 100 steps; a gain of 2 dB at each checkpoint brings it to √1000."""
-    cells = [same("nerf", seed) for seed in range(3)] + [sooner("qnerf", seed) for seed in range(3)]
-    row = of(cells)
-    assert row.saving == pytest.approx(100 * (1 - 10**-0.5))
-    assert row.difference == pytest.approx(10**1.5 - 100)
-    assert (row.verdict, row.pairs, row.never, row.earlier, row.horizon) == ("better", 3, (0, 0), (0, 0), 1000.0)
-    slower = compared(cells, "nerf", "qnerf", "steps", 24.0, "lego")
-    assert (slower.saving, slower.verdict) == (pytest.approx(100 * (1 - 10**0.5)), "worse")
-
-
 def test_seconds_are_cut_where_the_quicker_method_ended() -> None:
     """nerf is scored after 1, 10 and 100 s, qnerf after 2, 20 and 200 s, with the same scores."""
     cells = [run("nerf", seed, [20, 22, 24], pace=0.1) for seed in range(3)]
@@ -143,46 +131,53 @@ def test_seconds_are_cut_where_the_quicker_method_ended() -> None:
     assert (at_limit.never, at_limit.saving) == ((3, 0), pytest.approx(-100 * (100 / 84 - 1)))
 
 
-def failed(method: str, seed: int) -> CellRecord:
-    return replace(diverged("lego", method, seed), status="error", reason="no space left on device")
+SAME, SOONER, LATE, AT_ONCE = [20, 24, 28], [22, 26, 30], [10, 11, 12], [25, 26, 28]
+Scores = list[int] | str
 
 
-def fallen(method: str, seed: int) -> CellRecord:
-    return diverged("lego", method, seed)
-
-
-def same(method: str, seed: int) -> CellRecord:
-    return run(method, seed, [20, 24, 28])
-
-
-def sooner(method: str, seed: int) -> CellRecord:
-    return run(method, seed, [22, 26, 30])
-
-
-def late(method: str, seed: int) -> CellRecord:
-    return run(method, seed, [10, 11, 12])
+def cells_of(nerf: list[Scores], qnerf: list[Scores]) -> list[CellRecord]:
+    """Runs by seed, each given by its scores or by how it was lost."""
+    return [
+        replace(diverged("lego", method, seed), status=scores)
+        if isinstance(scores, str)
+        else run(method, seed, [float(score) for score in scores])
+        for method, runs in (("nerf", nerf), ("qnerf", qnerf))
+        for seed, scores in enumerate(runs)
+    ]
 
 
 @pytest.mark.parametrize(
-    ("theirs", "pairs", "never", "unpaired", "saving", "verdict"),
+    ("nerf", "qnerf", "expected"),
     [
-        # as long as it was watched: 1000 steps in place of 100, in one of four pairs
-        ([same, same, same, late], 4, (1, 0), 0, 100 * (1 - 10**0.25), "inconclusive"),
-        ([same, same, same, fallen], 4, (1, 0), 0, 100 * (1 - 10**0.25), "inconclusive"),
-        ([same, same, same], 3, (0, 0), 1, 0.0, "equivalent"),
+        # 24 dB after 100 steps; a gain of 2 dB at each checkpoint brings it to √1000
+        ([SAME] * 3, [SOONER] * 3, {"saving": 100 * (1 - 10**-0.5), "difference": 10**1.5 - 100, "verdict": "better"}),
+        ([SAME] * 3, [SOONER] * 3, {"pairs": 3, "never": (0, 0), "earlier": (0, 0), "horizon": 1000.0}),
+        ([SOONER] * 3, [SAME] * 3, {"saving": 100 * (1 - 10**0.5), "verdict": "worse"}),
+        # a run that ends low or diverges counts as long as it was watched: 1000 steps in place of 100
+        ([SAME] * 4, [SAME, SAME, SAME, LATE], {"saving": 100 * (1 - 10**0.25), "never": (1, 0), "unpaired": 0}),
+        ([SAME] * 4, [SAME, SAME, SAME, "diverged"], {"saving": 100 * (1 - 10**0.25), "never": (1, 0), "unpaired": 0}),
+        ([SAME] * 4, [SAME, SAME, SAME, LATE], {"difference": (1000 - 100) / 4, "verdict": "inconclusive", "pairs": 4}),
+        ([SAME] * 4, [SAME] * 3, {"saving": 0.0, "unpaired": 1, "verdict": "equivalent"}),
         # a full disk refutes nobody: runs lost to one must not read as if they never got there
-        ([failed] * 4, 0, (0, 0), 4, None, "inconclusive"),
-        ([fallen] * 4, 4, (4, 0), 0, -900.0, "inconclusive"),
-        ([failed, sooner, sooner], 2, (0, 0), 2, 100 * (1 - 10**-0.5), "better"),
+        ([SAME] * 4, ["error"] * 4, {"saving": None, "pairs": 0, "unpaired": 4, "verdict": "inconclusive"}),
+        ([SAME] * 4, ["diverged"] * 4, {"saving": -900.0, "pairs": 4, "never": (4, 0), "unpaired": 0}),
+        ([SAME] * 3, ["error", SOONER, SOONER], {"saving": 100 * (1 - 10**-0.5), "pairs": 2, "verdict": "better"}),
+        # who was there at the first checkpoint cannot seem quicker than that: 10 steps or fewer against 100
+        ([SAME] * 3, [AT_ONCE] * 3, {"saving": 90.0, "earlier": (3, 0)}),
+        # at once against never is at least 99 % of the time watched: no width, and a verdict by counting
+        ([LATE] * 5, [AT_ONCE] * 5, {"saving": 99.0, "interval": None, "verdict": "inconclusive"}),
+        ([LATE] * 6, [AT_ONCE] * 6, {"simultaneous": None, "difference_interval": None, "verdict": "better"}),
+        # where nobody gets there, or all were there before, nothing is equivalent
+        ([LATE] * 3, [LATE] * 3, {"saving": None, "interval": None, "pairs": 3, "verdict": "inconclusive"}),
+        ([AT_ONCE] * 3, [AT_ONCE] * 3, {"saving": None, "interval": None, "pairs": 3, "verdict": "inconclusive"}),
     ],
 )
-def test_a_run_that_failed_is_not_judged_and_one_that_diverged_or_ended_low_never_gets_there(
-    theirs: list[Callable], pairs: int, never: tuple[int, int], unpaired: int, saving: float | None, verdict: str
+def test_savings_of_runs_that_get_there_end_below_diverge_or_fail(
+    nerf: list[Scores], qnerf: list[Scores], expected: dict[str, object]
 ) -> None:
-    cells = [same("nerf", seed) for seed in range(4)] + [made("qnerf", seed) for seed, made in enumerate(theirs)]
-    row = of(cells)
-    assert (row.pairs, row.never, row.unpaired, row.verdict) == (pairs, never, unpaired, verdict)
-    assert row.saving == (pytest.approx(saving) if saving is not None else None)
+    row = of(cells_of(nerf, qnerf))
+    for name, value in expected.items():
+        assert getattr(row, name) == pytest.approx(value), name
 
 
 def test_late_against_never_is_not_equivalent() -> None:
@@ -195,33 +190,10 @@ def test_late_against_never_is_not_equivalent() -> None:
     assert one.verdict != "equivalent"
 
 
-def test_where_nobody_gets_there_or_all_were_there_before_nothing_is_equivalent() -> None:
-    cells = [run(method, seed, [20, 24, 28]) for method in ("nerf", "qnerf") for seed in range(3)]
-    assert of(cells).verdict == "equivalent"
-    for target in (29.0, 19.0):
-        one = of(cells, target=target)
-        assert (one.saving, one.interval, one.verdict, one.pairs) == (None, None, "inconclusive", 3)
-    both = [replace(one, scene="mic") for one in cells] + [
-        run(m, s, [2, 3, 4]) for m in ("nerf", "qnerf") for s in (0, 1, 2)
-    ]
-    assert of(both, scene="all").saving == 0
-    assert of(both, scene="all").verdict == "inconclusive"
-
-
-def test_who_was_there_at_the_first_checkpoint_cannot_seem_quicker_than_that() -> None:
-    cells = [run("nerf", seed, [20, 24, 28]) for seed in range(3)] + [run("qnerf", s, [25, 26, 28]) for s in range(3)]
-    one = of(cells)
-    assert one.earlier == (3, 0)
-    assert one.saving == pytest.approx(90.0)  # 10 steps or fewer against 100
-
-
-def test_times_that_are_bounds_have_no_interval_without_width_and_a_verdict_by_counting() -> None:
-    """qnerf is always there at once, nerf never: at least 99 % of the time watched, and nobody knows how much."""
-    for seeds, verdict in ((5, "inconclusive"), (6, "better")):
-        cells = [run("nerf", seed, [10, 11, 12]) for seed in range(seeds)]
-        one = of([*cells, *(run("qnerf", seed, [25, 26, 28]) for seed in range(seeds))])
-        assert (one.saving, one.interval, one.simultaneous) == (pytest.approx(99.0), None, None)
-        assert (one.verdict, one.difference_interval) == (verdict, None)
+def test_over_scenes_of_which_one_says_nothing_nothing_is_equivalent() -> None:
+    cells = cells_of([SAME] * 3, [SAME] * 3)
+    row = of([replace(each, scene="mic") for each in cells] + cells_of([LATE] * 3, [LATE] * 3), scene="all")
+    assert (row.saving, row.verdict) == (0, "inconclusive")
 
 
 @pytest.mark.parametrize(
