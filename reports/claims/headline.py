@@ -166,28 +166,28 @@ def _bandwidth(records: Records, cast: Roles) -> str:
         f"the frequencies that the φ encoding reaches. "
         f"What it gains too is owed to bandwidth, not to the parts of the new method"
     )
-    one = records.comparison("all", cast.control, cast.baseline)
-    if one is None or one.difference is None:
+    row = records.comparison("all", cast.control, cast.baseline)
+    if row is None or row.difference is None:
         return f"{why}."
-    return f"{why}: here {signed(one.difference)} dB {interval(one.interval)}".rstrip() + f" ({one.verdict})."
+    return f"{why}: here {signed(row.difference)} dB {interval(row.interval)}".rstrip() + f" ({row.verdict})."
 
 
 def disagreements(records: Records, method: str) -> list[str]:
     """State where the verdict at equal time differs from the one at equal steps, and where that is unknown."""
-    found, compared, skipped = [], 0, 0
+    cases, compared, skipped = [], 0, 0
     for scene in ["all", *records.scenes]:
         for duel in duels(records, scene):
-            sides = [one for one in (duel.steps, duel.seconds) if one is not None]
+            sides = [row for row in (duel.steps, duel.seconds) if row is not None]
             if duel.method != method or not sides:
                 continue
-            complete = sum(one.difference is not None for one in sides) == 2
+            complete = sum(row.difference is not None for row in sides) == 2
             compared, skipped = compared + complete, skipped + (not complete)
             if len(sides) == 2 and sides[0].verdict != sides[1].verdict:
                 where = "over all scenes" if scene == "all" else f"on {scene}"
-                found.append(f"{where} against {duel.against} ({sides[0].verdict} → {sides[1].verdict})")
-    if not found:
+                cases.append(f"{where} against {duel.against} ({sides[0].verdict} → {sides[1].verdict})")
+    if not cases:
         where = f"wherever both could be compared ({skipped} could not)" if skipped else "everywhere"
         return [f"Equal steps and equal time lead to the same verdict on {method} {where}."] if compared else []
-    if len(found) > 5:
-        found = [*found[:5], counted(len(found) - 5, "more case")]
-    return [f"Equal steps and equal time differ on {method} {listed(found)}."]
+    if len(cases) > 5:
+        cases = [*cases[:5], counted(len(cases) - 5, "more case")]
+    return [f"Equal steps and equal time differ on {method} {listed(cases)}."]

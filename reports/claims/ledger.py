@@ -138,25 +138,24 @@ def judge_gain(printed: float, margin: float, measured: Pair | None, at_paper_sc
     """Compare a printed gain with the interval of the measured one; without an interval nothing is settled."""
     if measured is None:
         return "inconclusive"
-    low, high = measured
-    least, most = max(0.0, printed - margin), printed + margin
-    if high < least or low > most:
-        return "not reproduced" if at_paper_scale else "not seen at this scale"
-    if low <= 0:
+    level = _within(max(0.0, printed - margin), printed + margin, measured)
+    if level == "not reproduced":
+        return level if at_paper_scale else "not seen at this scale"
+    if measured[0] <= 0:
         return "inconclusive"
-    if at_paper_scale:
-        return "reproduced" if least <= low and high <= most else "inconclusive"
-    return "seen"
+    return level if at_paper_scale else "seen"
 
 
 def judge_level(printed: float, margin: float, measured: Pair | None) -> Verdict:
     """Compare a printed level, at the paper's scale alone: within `margin` of it, outside, or neither."""
-    if measured is None:
-        return "inconclusive"
+    return "inconclusive" if measured is None else _within(printed - margin, printed + margin, measured)
+
+
+def _within(least: float, most: float, measured: Pair) -> Verdict:
     low, high = measured
-    if high < printed - margin or low > printed + margin:
+    if high < least or low > most:
         return "not reproduced"
-    return "reproduced" if printed - margin <= low and high <= printed + margin else "inconclusive"
+    return "reproduced" if least <= low and high <= most else "inconclusive"
 
 
 def judge_all(parts: Iterable[Verdict]) -> Verdict:

@@ -1,6 +1,6 @@
 """The runs behind a cell of a table or a point of a drawing, as a reader finds them."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from harness.records.cells import Comparison
@@ -27,15 +27,14 @@ class Selection:
 
     def data(self) -> dict[str, Any]:
         """Return the restrictions, for JSON."""
-        given = {one.name: getattr(self, one.name) for one in fields(self)}
-        return {name: value for name, value in given.items() if value not in ("", None)}
+        return {name: value for name, value in vars(self).items() if value not in ("", None)}
 
 
-def behind_difference(one: Comparison) -> Selection:
+def behind_difference(row: Comparison) -> Selection:
     """Select the pairs of runs that a difference is taken over."""
-    return Selection("" if one.scene == "all" else one.scene, one.method, one.against, one.metric, one.budget)
+    return Selection("" if row.scene == "all" else row.scene, row.method, row.against, row.metric, row.budget)
 
 
-def behind_saving(one: TargetComparison) -> Selection:
+def behind_saving(row: TargetComparison) -> Selection:
     """Select the pairs of runs that a saving is taken over."""
-    return Selection("" if one.scene == "all" else one.scene, one.method, one.against, TARGET, one.axis)
+    return Selection("" if row.scene == "all" else row.scene, row.method, row.against, TARGET, row.axis)

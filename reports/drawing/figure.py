@@ -32,11 +32,11 @@ def inlined(text: str, name: str, alt: str) -> str:
     inner = body[body.index(">") + 1 : body.rindex("</svg>")]
     inner = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", inner, flags=re.DOTALL)
     used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', inner))
-    inner = re.sub(r' id="([^"]+)"', lambda found: f' id="{name}-{found[1]}"' if found[1] in used else "", inner)
-    inner = re.sub(r'(xlink:href="#|url\(#)', lambda found: f"{found[1].removeprefix('xlink:')}{name}-", inner)
+    inner = re.sub(r' id="([^"]+)"', lambda id: f' id="{name}-{id[1]}"' if id[1] in used else "", inner)
+    inner = re.sub(r'(xlink:href="#|url\(#)', lambda use: f"{use[1].removeprefix('xlink:')}{name}-", inner)
     inner = re.sub(r"font-family: [^;\"]+;? ?", "", inner)
     inner = re.sub(r" transform=\"rotate\(-0 [^\"]+\"", "", inner)
-    inner = re.sub(r'="[^"]*"', lambda found: re.sub(r"(\d\.\d\d)\d+", r"\1", found[0]), inner)
+    inner = re.sub(r'="[^"]*"', lambda value: re.sub(r"(\d\.\d\d)\d+", r"\1", value[0]), inner)
     inner = re.sub(r"\s*\n\s*", " ", inner)
     for colour in palette.EVERY:
         inner = inner.replace(colour.light, f"var({colour.variable})")
