@@ -68,7 +68,7 @@ def run(out: Path, *names: str, resume: bool = False, shelf: str = "speed") -> i
 
 
 def done(out: Path, shelf: str = "speed") -> list[str]:
-    return [one.info.id for one in read_studies(out / SHELVES[shelf]).studies]
+    return [study.info.id for study in read_studies(out / SHELVES[shelf]).studies]
 
 
 @pytest.mark.parametrize("shelf", ALL, ids=lambda shelf: shelf.name)
@@ -86,7 +86,7 @@ def test_every_study_of_a_catalogue_is_a_generator_that_can_be_imported(shelf: S
 def test_studies_are_done_in_the_order_of_their_catalogue_and_recorded(
     shelf: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first, second, *_ = next(one for one in ALL if one.name == shelf).studies
+    first, second, *_ = next(known for known in ALL if known.name == shelf).studies
     script = scripted(monkeypatch)
     assert run(tmp_path / "out", second, first, shelf=shelf) == 0
     assert script.asked == done(tmp_path / "out", shelf) == [first, second]

@@ -57,7 +57,7 @@ def test_the_fastest_variant_that_works_renders(speed: Studies) -> None:
     assert render_seconds(speed) == (value_of(speed, "render.lego.llvm_ad_rgb.seconds"),
                                      value_of(speed, "render.hotdog.llvm_ad_rgb.seconds"))  # fmt: skip
     studies = [
-        structs.replace(study, findings=[one for one in study.checks if "llvm" not in one.id])
+        structs.replace(study, findings=[check for check in study.checks if "llvm" not in check.id])
         for study in speed.studies
     ]
     scalar = structs.replace(speed, studies=studies)

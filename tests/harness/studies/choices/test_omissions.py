@@ -169,8 +169,8 @@ def test_what_costs_more_is_named() -> None:
 
 
 def test_a_cell_that_only_diverges_without_the_part_costs_more() -> None:
-    one, _ = omissions_of(cells_with((None, 20.0), (20.0, 20.0)))
-    assert (one.verdict, one.diverged, one.pairs) == ("costs more", 1, 1)
+    omission, _ = omissions_of(cells_with((None, 20.0), (20.0, 20.0)))
+    assert (omission.verdict, omission.diverged, omission.pairs) == ("costs more", 1, 1)
     other, _ = omissions_of(cells_with((20.0, None), (20.0, 20.0), (21.0, 21.0)))
     assert (other.verdict, other.diverged, other.pairs) == ("within its bound", 1, 2)
     nothing, _ = omissions_of(cells_with((None, None)))

@@ -51,7 +51,7 @@ def scores(first: float, last: float, noise: float = 0.01) -> dict[str, list[flo
     wobble = [noise, -noise, -noise, noise]
     means = dict.fromkeys(NAMES, 20.0) | {NAMES[0]: first, NAMES[-1]: last}
     signs = dict.fromkeys(NAMES, -1) | {NAMES[0]: 1}
-    return {name: [mean + signs[name] * one for one in wobble] for name, mean in means.items()}
+    return {name: [mean + signs[name] * offset for offset in wobble] for name, mean in means.items()}
 
 
 def test_the_best_is_chosen_where_nothing_ties_with_it() -> None:
@@ -86,7 +86,7 @@ def test_no_verdict_is_taken_where_the_choice_was_made() -> None:
     plan = search_plan(precision_as_planned=True)
     verdict = TRAININGS["repaired"]
     assert not set(plan.scenes) & set(verdict.scenes)
-    assert not set(plan.seeds) & {seed for one in TRAININGS.values() for seed in one.seeds}
+    assert not set(plan.seeds) & {seed for training in TRAININGS.values() for seed in training.seeds}
     assert set(plan.methods) == {*CANDIDATES, *REFERENCES}
     assert plan.budget == Budget(steps=None, seconds=SECONDS)
 

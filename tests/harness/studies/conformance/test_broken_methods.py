@@ -162,7 +162,7 @@ def test_a_broken_method_is_found_with_the_reason(
 @pytest.mark.slow
 def test_the_honest_one_that_they_are_made_of_conforms(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(CATALOG, "tried", Method(None, "NeRF by other means", make_field=Honest))
-    assert [one for one in conformance(Subject("tried")) if one.verdict != "held"] == []
+    assert [outcome for outcome in conformance(Subject("tried")) if outcome.verdict != "held"] == []
 
 
 def test_every_check_has_a_method_that_it_finds() -> None:

@@ -47,6 +47,6 @@ def test_every_method_has_a_title_and_every_check_a_meaning() -> None:
 @pytest.mark.thorough
 def test_what_does_not_apply_to_voxels_is_said() -> None:
     drjit_or_skip()
-    verdicts = {one.check: one.verdict for one in conformance(Subject("voxels_drjit"))}
+    verdicts = {outcome.check: outcome.verdict for outcome in conformance(Subject("voxels_drjit"))}
     assert {name for name, verdict in verdicts.items() if verdict == "not applicable"} == set(FIELD_CHECKS)
     assert {name for name, verdict in verdicts.items() if verdict == "held"} == set(LEARNER_CHECKS)

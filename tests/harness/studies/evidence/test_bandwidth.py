@@ -78,7 +78,7 @@ def test_it_is_said_how_the_effect_moves_with_resolution(found: list[Found]) -> 
     assert moved.interval is not None
     assert moved.interval[1] < 0
     assert effect(found, f"{BASE}, from 100 to 300 px", scene="lego").verdict == "equivalent"
-    said = [one for one in sentences(found) if "from 100 to 300 px: the effect moves by" in one]
+    said = [sentence for sentence in sentences(found) if "from 100 to 300 px: the effect moves by" in sentence]
     assert len(said) == 2
     assert "−1.2" in said[0]
     assert "below 0" in said[0]
@@ -87,8 +87,8 @@ def test_it_is_said_how_the_effect_moves_with_resolution(found: list[Found]) -> 
 def test_it_is_said_how_the_effect_moves_with_training_time(tmp_path: Path) -> None:
     late = cells_of({(REACH,): 2.0}, ripe=False)
     found = study(tmp_path, dict.fromkeys(PIXELS, late))
-    one = effect(found, f"{REACH} at 200 px, from step 100 to 500", scene="lego")
-    assert one.difference == pytest.approx(2.0 * (10 / 500 - 10 / 100), abs=0.01)
+    change = effect(found, f"{REACH} at 200 px, from step 100 to 500", scene="lego")
+    assert change.difference == pytest.approx(2.0 * (10 / 500 - 10 / 100), abs=0.01)
     drawn_lines = lines(found)
     assert len(drawn_lines) == len(SCENES) * (1 + len(PIXELS)) * (4 + 2), (
         "a panel a scene, over resolution and training"

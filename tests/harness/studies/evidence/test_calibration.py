@@ -26,7 +26,7 @@ def few_kinds() -> list[Check]:
 
 
 def failed(found: list[Check]) -> set[str]:
-    return {one.what for one in found if not one.holds}
+    return {check.what for check in found if not check.holds}
 
 
 @pytest.mark.parametrize(
@@ -43,17 +43,17 @@ def test_intervals_of_another_width_are_seen(
         )
     found = few_kinds()
     assert len(failed(found)) == failures
-    assert all(one.value is not None and above < one.value <= below for one in found if "intervals" in one.what)
+    assert all(check.value is not None and above < check.value <= below for check in found if "intervals" in check.what)
 
 
 def test_many_at_once_are_what_one_is() -> None:
     """The simulated intervals are those that are printed."""
     values = np.random.default_rng(0).normal(0, 0.2, (3, 5, 4))
     values[1, 2, 3] = values[2, 4, 1:] = np.nan
-    for many, one in ((nested.on_these_scenes, on_these_scenes), (nested.scenes_like_these, scenes_like_these)):
+    for many, single in ((nested.on_these_scenes, on_these_scenes), (nested.scenes_like_these, scenes_like_these)):
         halves = study.half_widths(many(values))
         for place, rows in enumerate(values):
-            interval = one({str(scene): row for scene, row in enumerate(rows)}).interval
+            interval = single({str(scene): row for scene, row in enumerate(rows)}).interval
             assert interval is not None
             assert halves[place] == pytest.approx((interval[1] - interval[0]) / 2)
     halves = study.half_widths(nested.on_each_scene(values))
@@ -72,9 +72,9 @@ def test_power_is_that_of_the_noncentral_t_distribution() -> None:
 
 
 def test_the_interval_on_these_scenes_does_not_answer_for_others() -> None:
-    one = simulated("normal", 8, 3, 0.6, COUNT)
-    assert one.coverage[HERE] == pytest.approx(0.95, abs=0.02)
-    assert one.coverage[study.ASKED_WRONGLY] < 0.5
+    point = simulated("normal", 8, 3, 0.6, COUNT)
+    assert point.coverage[HERE] == pytest.approx(0.95, abs=0.02)
+    assert point.coverage[study.ASKED_WRONGLY] < 0.5
 
 
 def test_a_collapse_that_nobody_sees_breaks_what_one_that_is_counted_does_not() -> None:
@@ -89,9 +89,9 @@ def test_the_study_tells_what_it_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "SCENES", (4, 8))
     monkeypatch.setattr(study, "SEEDS", (3,))
     found: list[Any] = list(calibration(replace(situation(Path(), {}), quick=True)))
-    sentences = [one for one in found if isinstance(one, str)]
+    sentences = [finding for finding in found if isinstance(finding, str)]
     assert sentences[0].startswith("An interval of 95 % holds the truth in 9")
-    (table,) = (one for one in found if isinstance(one, Table))
+    (table,) = (finding for finding in found if isinstance(finding, Table))
     assert len(table.rows) == 1 + 4 * 2 * 3
     assert {len(row) for row in table.rows} == {len(table.columns)}
-    assert {one.name for one in found if isinstance(one, Series)} == {HERE, ELSEWHERE}
+    assert {finding.name for finding in found if isinstance(finding, Series)} == {HERE, ELSEWHERE}

@@ -27,15 +27,15 @@ def found(scenes: int = 8, factor: float = 1.0) -> list[Any]:
 
 
 def checks(of: list[Any]) -> list[Check]:
-    return [one for one in judged(of) if isinstance(one, Check)]
+    return [finding for finding in judged(of) if isinstance(finding, Check)]
 
 
 def test_a_known_variance_is_a_known_ceiling() -> None:
-    one = agreement("lego", [1e-4, 1e-3], [1e-4, 1e-4], [1e-2, 1e-3])
-    assert (one.stated, one.again, one.halves, one.views) == pytest.approx((35.0, 40.0, 25.0, 2))
-    assert one.difference == pytest.approx(-5.0)
-    assert one.error == pytest.approx(5.0)  # the differences are 0 and −10
-    assert one.excess == pytest.approx((5.0 - TOLERANCE_DB) / 5.0)
+    lego = agreement("lego", [1e-4, 1e-3], [1e-4, 1e-4], [1e-2, 1e-3])
+    assert (lego.stated, lego.again, lego.halves, lego.views) == pytest.approx((35.0, 40.0, 25.0, 2))
+    assert lego.difference == pytest.approx(-5.0)
+    assert lego.error == pytest.approx(5.0)  # the differences are 0 and −10
+    assert lego.excess == pytest.approx((5.0 - TOLERANCE_DB) / 5.0)
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0, 0.5, 1.05])
@@ -48,7 +48,7 @@ def test_a_wrong_factor_is_caught(factor: float) -> None:
         assert worst.value == 0.0
         assert str(next(iter(judged(found())))).startswith("8 of 8 ceilings lie within 0.1 dB")
     odd = [*found(7), agreement("odd", estimates(1), estimates(2, 1.15), estimates(3))]
-    assert [one.holds for one in checks(odd)[:2]] == [True, False], "one wrong scene does not move the mean"
+    assert [check.holds for check in checks(odd)[:2]] == [True, False], "one wrong scene does not move the mean"
 
 
 def test_a_scene_whose_views_differ_too_much_to_tell_is_not_called_wrong() -> None:
@@ -118,7 +118,7 @@ def test_the_rows_are_what_the_renderer_prints() -> None:
 
     from scenes.rendering.noise_study import Again, Errors
 
-    assert {"stored", "again", "halves", "spp", "variant", "scene"} <= {one.name for one in fields(Again)}
+    assert {"stored", "again", "halves", "spp", "variant", "scene"} <= {field.name for field in fields(Again)}
     assert {"spp", "seconds", "mse", "reference_mse", "reference_spp", "variant"} <= {
-        one.name for one in fields(Errors)
+        field.name for field in fields(Errors)
     }

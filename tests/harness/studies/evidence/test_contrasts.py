@@ -78,7 +78,7 @@ def test_effects_are_those_planted_on_every_scene_and_over_all() -> None:
 
 def test_families_are_one_for_a_part_and_all_four_interactions_together() -> None:
     effects = contrast_effects(DESIGN, planted(DESIGN, PLANTED), "")
-    families = {(one.metric, one.scene, one.note): one.family for one in effects}
+    families = {(effect.metric, effect.scene, effect.note): effect.family for effect in effects}
     assert families["psnr", "all", ""] == 1
     assert families["psnr", "lego", ""] == 3
     assert families["psnr", "all", "interaction"] == 4
@@ -98,9 +98,9 @@ def test_intervals_hold_what_was_planted_as_often_as_they_say() -> None:
             for seed in range(3)
             for method in ("off", "on")
         ]
-        one = contrast_effects(duel("on", "off"), cells, "", ("psnr",), ("steps",))[0]
-        assert one.interval is not None
-        held += one.interval[0] < 0.5 < one.interval[1]
+        effect = contrast_effects(duel("on", "off"), cells, "", ("psnr",), ("steps",))[0]
+        assert effect.interval is not None
+        held += effect.interval[0] < 0.5 < effect.interval[1]
     assert held >= 107, "95 % of 120 is 114; fewer than 107 come in one of 500"
 
 

@@ -37,10 +37,10 @@ def cells_of(noise: float = 0.02) -> list[CellRecord]:
     for reading, truth in TRUTH.items():
         # so that the corner of nothing is at the same height in both designs
         level = sum(size * (-1) ** len(term) for term, size in truth.items()) / 2
-        for one in planted(design_of(reading), truth, noise=noise):
-            up = [replace(point, psnr=(point.psnr or 0) - level) for point in one.curve]
-            found[one.scene, one.method, one.seed] = replace(
-                one,
+        for trained in planted(design_of(reading), truth, noise=noise):
+            up = [replace(point, psnr=(point.psnr or 0) - level) for point in trained.curve]
+            found[trained.scene, trained.method, trained.seed] = replace(
+                trained,
                 curve=up,
                 scores={"psnr": up[-1].psnr, "ssim": up[-1].ssim},
                 properties={"largest_density": 1.0 if reading == "Listing 2" else 50.0, "opacity_unit_slab": 0.632},
@@ -82,8 +82,8 @@ def test_every_corner_is_trained_and_rows_of_table_4_are_in_the_order_of_the_pap
 def test_what_was_planted_is_found_on_every_scene(found: list[Found], reading: str) -> None:
     for scene in ("all", "lego", "ficus", "hotdog"):
         for term in design_of(reading).terms():
-            one = effect(found, f"{' × '.join(term)} ({reading})", scene=scene)
-            assert one.difference == pytest.approx(TRUTH[reading].get(term, 0.0), abs=0.03)
+            part = effect(found, f"{' × '.join(term)} ({reading})", scene=scene)
+            assert part.difference == pytest.approx(TRUTH[reading].get(term, 0.0), abs=0.03)
     assert effect(found, f"φ encoding ({reading})").verdict == "better"
     assert effect(found, f"φ skip ({reading})").verdict == "equivalent"
 
@@ -144,12 +144,15 @@ def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> N
 
 
 def test_a_method_of_which_nothing_is_left_does_not_break_the_study(tmp_path: Path) -> None:
-    cells = [diverged(one.scene, one.method, one.seed) if "amplifier" in one.method else one for one in cells_of()]
+    cells = [
+        diverged(trained.scene, trained.method, trained.seed) if "amplifier" in trained.method else trained
+        for trained in cells_of()
+    ]
     found = study(tmp_path, cells)
-    one = effect(found, "amplifier (Listing 2)")
-    assert (one.difference, one.verdict, one.unpaired) == (None, "inconclusive", 9)
+    lost = effect(found, "amplifier (Listing 2)")
+    assert (lost.difference, lost.verdict, lost.unpaired) == (None, "inconclusive", 9)
     assert effect(found, "amplifier (Eq. 4)").verdict == "equivalent"
-    written = [Answer(one) if isinstance(one, str) else one for one in found]
+    written = [Answer(finding) if isinstance(finding, str) else finding for finding in found]
     record = StudyRecord(StudyInfo("factorial", "t", "q?", "m"), findings=written)
     write_studies(tmp_path / "evidence.json", Studies("evidence", {}, {}, [record]))
     assert read_studies(tmp_path / "evidence.json").studies == [record]

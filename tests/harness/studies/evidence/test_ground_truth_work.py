@@ -20,8 +20,8 @@ def rows(scene: str, power: float = 1.0, overhead: float = 0.0) -> list[dict[str
             "spp": spp,
             "seconds": [overhead + 1e-3 * spp, overhead + 1e-3 * spp, 9.0],
             "mse": {
-                "display": [0.01 * spp**-power * one for one in (0.9, 1.0, 1.1)],
-                "linear": [0.04 * spp**-power * one for one in (0.9, 1.0, 1.1)],
+                "display": [0.01 * spp**-power * factor for factor in (0.9, 1.0, 1.1)],
+                "linear": [0.04 * spp**-power * factor for factor in (0.9, 1.0, 1.1)],
             },
         }
         for spp in SPP
@@ -29,19 +29,19 @@ def rows(scene: str, power: float = 1.0, overhead: float = 0.0) -> list[dict[str
 
 
 def test_independent_samples_have_the_slope_of_monte_carlo() -> None:
-    one = noise_of("lego", rows("lego"))
-    assert one.by_samples == pytest.approx(-0.5)
-    assert one.by_seconds == pytest.approx(-0.5)
+    noise = noise_of("lego", rows("lego"))
+    assert noise.by_samples == pytest.approx(-0.5)
+    assert noise.by_seconds == pytest.approx(-0.5)
     # 1 s of overhead: only 256 samples would take longer than 1.2 s, and one point has no slope
     assert noise_of("lego", rows("lego", overhead=1.0)).by_seconds is None
     assert -0.75 < (noise_of("lego", rows("lego", overhead=0.01)).by_seconds or 0.0) <= -0.5
-    assert one.rmse[0] == pytest.approx(0.2)
-    assert one.mse[0] == pytest.approx(0.01)
+    assert noise.rmse[0] == pytest.approx(0.2)
+    assert noise.mse[0] == pytest.approx(0.01)
 
 
 def test_the_samples_for_a_ceiling_lie_on_the_line() -> None:
-    one = noise_of("lego", rows("lego"))
-    assert one.spp_for(1e-2 / 100) == pytest.approx(100.0)
+    noise = noise_of("lego", rows("lego"))
+    assert noise.spp_for(1e-2 / 100) == pytest.approx(100.0)
     assert noise_of("lego", rows("lego", power=0.0)).spp_for(1e-4) is None
     assert Noise("lego", [4], [1.0], [0.1], [0.01]).spp_for(1e-4) is None
 
@@ -49,18 +49,18 @@ def test_the_samples_for_a_ceiling_lie_on_the_line() -> None:
 def test_an_error_below_that_of_the_reference_is_a_gap() -> None:
     printed = rows("lego")
     printed[-1]["mse"] = {"display": [-1e-9, 0.0, -1e-9], "linear": [-1e-9, 0.0, -1e-9]}
-    one = noise_of("lego", printed)
-    assert (one.rmse[-1], one.mse[-1]) == (None, None)
-    assert one.by_samples == pytest.approx(-0.5)
-    drawn = list(charts([one], FLOOR))
+    noise = noise_of("lego", printed)
+    assert (noise.rmse[-1], noise.mse[-1]) == (None, None)
+    assert noise.by_samples == pytest.approx(-0.5)
+    drawn = list(charts([noise], FLOOR))
     assert all(len(line.x) == len(line.y) for line in drawn)
-    assert tabled([one], FLOOR).rows[0][-1] is None
+    assert tabled([noise], FLOOR).rows[0][-1] is None
 
 
 @pytest.mark.parametrize(("power", "holds"), [(1.0, True), (1.5, True), (0.6, False), (0.0, False)])
 def test_noise_that_falls_too_slowly_is_caught(power: float, holds: bool) -> None:
     found = [noise_of("lego", rows("lego")), noise_of("mic", rows("mic", power))]
-    (check,) = (one for one in sentences(found, "") if isinstance(one, Check))
+    (check,) = (finding for finding in sentences(found, "") if isinstance(finding, Check))
     assert check.holds == holds
     assert check.value == pytest.approx(max(-0.5, -power / 2))
 
@@ -91,7 +91,7 @@ def test_a_scene_without_a_figure_is_named_and_is_no_maximum() -> None:
         assert "the scores of mic need is not known" in unknown
         assert isinstance(table, Table)
         assert len(table.rows) == 2
-    alone = [one for one in room([flat], {"mic": 20.0}) if isinstance(one, str)]
+    alone = [sentence for sentence in room([flat], {"mic": 20.0}) if isinstance(sentence, str)]
     assert len(alone) == 1, "nothing is claimed"
     assert "mic need is not known" in alone[0]
 

@@ -9,7 +9,7 @@ from harness.execution.progress import Quiet
 from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, LeftOut
 from harness.records.study import Check, Effect
-from harness.studies.evidence.contrasts import listed
+from harness.studies.evidence.contrasts import chosen, listed
 from harness.studies.evidence.evidence_context import TRAININGS, StudyRun
 from harness.studies.evidence.positive_controls import CONTROLS, HISTORY, ORIGINAL, TIMES, positive_controls
 from tests.harness.cells import cell, checkpoint, diverged
@@ -34,7 +34,7 @@ class Needless(Planted):
     def trained(self, name: str) -> StudyRun:
         whole = super().trained(name)
         row = LeftOut("view direction", "every surface is Lambertian", None, None, None, "view_direction")
-        scenes = [replace(one, left_out=[row] if one.name in self.without else []) for one in whole.scenes]
+        scenes = [replace(scene, left_out=[row] if scene.name in self.without else []) for scene in whole.scenes]
         return replace(whole, scenes=scenes)
 
 
@@ -68,7 +68,7 @@ def test_known_losses_are_found() -> None:
     assert {effect.name for effect in effects} == {control.name for control in CONTROLS}
     # nerf with fewer images ran by itself: its clock is not that of nerf's
     assert {effect.budget for effect in effects if "images" in effect.name} == {"steps"}
-    half = next(one for one in effects if (one.name, one.scene, one.metric) == ("nerf_half_images", "all", "psnr"))
+    half = chosen(effects, name="nerf_half_images", scene="all")[0]
     assert half.difference == pytest.approx(-1.1, abs=0.05)
 
 
@@ -90,7 +90,7 @@ def test_a_loss_that_is_missing_a_gain_or_absurd_fails(control: str, loss: float
 
 def test_a_scene_that_needs_no_view_direction_has_no_pair() -> None:
     found = list(positive_controls(situation(LOSSES, without=("lego",))))
-    effects = [one for one in found if isinstance(one, Effect) and one.name == "nerf_no_direction"]
+    effects = [effect for effect in found if isinstance(effect, Effect) and effect.name == "nerf_no_direction"]
     assert {effect.scene for effect in effects} == {"all", "drums", "materials"}
     assert {effect.unpaired for effect in effects} == {0}
     assert any("No view direction is needed on lego" in sentence for sentence in sentences(found))
@@ -102,12 +102,12 @@ def test_a_scene_that_needs_no_view_direction_has_no_pair() -> None:
 
 def test_a_lost_run_keeps_the_loss_from_being_found() -> None:
     quarter = [diverged(scene, "nerf", seed) for scene in SCENES for seed in range(3)]
-    lost = [one for one in checks(situation(LOSSES, quarter_images=quarter)) if "quarter" in one.what]
-    assert [(one.value, one.holds) for one in lost] == [(0.0, False), (None, False)]
+    lost = [check for check in checks(situation(LOSSES, quarter_images=quarter)) if "quarter" in check.what]
+    assert [(check.value, check.holds) for check in lost] == [(0.0, False), (None, False)]
 
 
 def test_the_plausible_range_is_the_declared_one() -> None:
-    sizes = [(one.low, one.high) for one in checks(situation(LOSSES)) if "difference in PSNR" in one.what]
+    sizes = [(check.low, check.high) for check in checks(situation(LOSSES)) if "difference in PSNR" in check.what]
     assert sizes == [(pytest.approx(TIMES * (control.original - ORIGINAL)), -0.2) for control in CONTROLS]
 
 
@@ -115,7 +115,7 @@ def test_it_is_said_that_the_design_was_changed_after_results() -> None:
     """The figures of now are those of the plans."""
     assert HISTORY in list(positive_controls(situation(LOSSES)))
     images = [TRAININGS[name] for name in ("images", "half_images", "quarter_images")]
-    views, direction = [str(one.train_views) for one in images], TRAININGS["no_direction"]
+    views, direction = [str(training.train_views) for training in images], TRAININGS["no_direction"]
     assert f"now there are {listed(views)} at {images[0].steps} steps" in HISTORY
     seeds = f"{direction.steps} steps with {len(direction.seeds)} seeds on {listed(direction.scenes)}."
     assert f"now it is tried at {seeds}" in HISTORY

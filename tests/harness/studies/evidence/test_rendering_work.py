@@ -31,7 +31,7 @@ from tests.harness.tiny import BUDGET, CPU, TRAIN
 
 BOX = Box(-torch.ones(3), torch.ones(3))
 PEAK, SPREAD = 3.0, 0.3
-BOX_SAMPLER = next(one for one in SAMPLERS if one.name == "box")
+BOX_SAMPLER = next(sampler for sampler in SAMPLERS if sampler.name == "box")
 OURS = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
 
 
@@ -63,7 +63,7 @@ class Fog(Blob):
 
 def axial(offsets: tuple[float, ...] = (0.0, 0.2, 0.5)) -> Rays:
     """Along −z from z = 4, beside the axis by `offsets`."""
-    origins = torch.tensor([[one, 0.0, 4.0] for one in offsets])
+    origins = torch.tensor([[offset, 0.0, 4.0] for offset in offsets])
     return Rays(origins, torch.tensor([[0.0, 0.0, -1.0]]).expand(len(offsets), 3).contiguous(), 2.0, 6.0)
 
 
@@ -77,7 +77,7 @@ def blob_opacity(offset: Tensor) -> Tensor:
     return 1.0 - torch.exp(-depth)
 
 
-@pytest.mark.parametrize("sampler", SAMPLERS, ids=lambda one: one.name)
+@pytest.mark.parametrize("sampler", SAMPLERS, ids=lambda sampler: sampler.name)
 @pytest.mark.parametrize("rule", OURS)
 def test_every_rule_and_sampler_tends_to_the_closed_form(rule: str, sampler: Sampler) -> None:
     pictures, _ = frame(Blob()).rendered(rule, sampler, 512)
@@ -173,8 +173,8 @@ def test_the_study_on_a_small_field(ball: ViewSet, tmp_path: Path, monkeypatch: 
     found = list(study.rendering_work(situation))
     assert isinstance(found[0], str)
     assert "8 × 8 rays of a test view of lego (nerf, " in found[0]
-    (check,) = (one for one in found if isinstance(one, Check))
+    (check,) = (finding for finding in found if isinstance(finding, Check))
     assert check.value is not None
     assert 0.0 < check.value < 1e-3
-    (table,) = (one for one in found if isinstance(one, Table))
+    (table,) = (finding for finding in found if isinstance(finding, Table))
     assert len(table.rows) == len(QUADRATURES) * len(SAMPLERS)

@@ -58,7 +58,8 @@ Study = Callable[[list[CellRecord]], list[Found]]
 
 
 def checks(found: list[Found]) -> dict[str, Check]:
-    return {one.what.split(" ")[0] + " " + one.what.split(" ")[1]: one for one in found if isinstance(one, Check)}
+    """By the first two words of what is checked."""
+    return {" ".join(check.what.split()[:2]): check for check in found if isinstance(check, Check)}
 
 
 @pytest.mark.parametrize(
@@ -90,10 +91,12 @@ def test_it_is_said_how_far_the_slower_one_has_come_at_equal_time(study: Study) 
         (2.0, f"{REPAIRED}, the slower one, is met after 50 %"),
         (0.8, "nerf, the slower one, is met after 80 %"),
     ):
-        (one,) = [one for one in sentences(study(cells_of(1.0, slowness))) if "Equal time is read off" in one]
-        assert said in one
-        assert "equal processor seconds instead" in one
-    lost = [diverged(one.scene, one.method, one.seed) for one in cells_of(1.0)]
+        (sentence,) = [
+            sentence for sentence in sentences(study(cells_of(1.0, slowness))) if "Equal time is read off" in sentence
+        ]
+        assert said in sentence
+        assert "equal processor seconds instead" in sentence
+    lost = [diverged(trained.scene, trained.method, trained.seed) for trained in cells_of(1.0)]
     assert "is not known: no pair ended" in equal_time(lost, "seconds")
 
 
@@ -115,22 +118,22 @@ def test_a_cell_that_diverged_is_named_and_the_others_are_judged(study: Study) -
 
 
 def test_checks_hold_on_sound_cells_and_fail_one_by_one(study: Study) -> None:
-    assert all(one.holds for one in study(cells_of(0.5)) if isinstance(one, Check))
+    assert all(check.holds for check in study(cells_of(0.5)) if isinstance(check, Check))
     for facts, broken in (
         ({"chunk_max_difference": 3e-6}, {"largest difference"}),
         ({"opacity_unit_slab": 0.9}, {"opacity of"}),
         ({"chunk_max_difference": None, "opacity_unit_slab": None}, {"largest difference", "opacity of"}),
     ):
-        failed = {name for name, one in checks(study(cells_of(0.5, **facts))).items() if not one.holds}
+        failed = {name for name, check in checks(study(cells_of(0.5, **facts))).items() if not check.holds}
         assert failed == broken
 
 
 def test_a_choice_that_is_not_the_search_s_is_found(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     found = read_search()
-    other = next(one.method for one in found.standings if one.method != found.chosen)
+    other = next(rank.method for rank in found.standings if rank.method != found.chosen)
     rows = [replace(row, scene=HELD_OUT[0], seed=0) for row in found.rows]
     monkeypatch.setattr(study_module, "read_search", lambda: replace(found, rows=rows, chosen=other))
-    failed = {name: one for name, one in checks(study(cells_of(0.5))).items() if not one.holds}
+    failed = {name: check for name, check in checks(study(cells_of(0.5))).items() if not check.holds}
     assert set(failed) == {"methods that", "scenes and"}
     assert failed["scenes and"].value == 2.0
 
@@ -142,6 +145,6 @@ def test_the_table_of_the_search_holds_what_was_measured(study: Study) -> None:
     assert by_method[found.chosen][4] == "chosen"
     assert by_method["nerf"][4] == "reference"
     for method, row in by_method.items():
-        mine = [one.psnr_val for one in found.rows if one.method == method]
+        mine = [row.psnr_val for row in found.rows if row.method == method]
         assert list(row[5:]) == mine
-        assert row[1] == pytest.approx(np.mean([one for one in mine if one is not None]))
+        assert row[1] == pytest.approx(np.mean([score for score in mine if score is not None]))

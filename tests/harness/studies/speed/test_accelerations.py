@@ -72,7 +72,7 @@ def test_without_clipping_rays_run_from_near_to_far() -> None:
 def test_names_are_those_of_the_option() -> None:
     plan = planned("smoke", without=["grid", "fused"])
     assert plan.train.accelerations == Accelerations(grid=False, fused=False)
-    known = " ".join(one.name for one in fields(Accelerations))
+    known = " ".join(acceleration.name for acceleration in fields(Accelerations))
     with pytest.raises(InputError, match=f"--without: unknown 'turbo'; known: {known}"):
         planned("smoke", without=["turbo"])
     with pytest.raises(ValueError, match="unknown 'turbo'"):
@@ -100,8 +100,8 @@ def test_final_scores_are_equivalent(change: Change, method: str, tmp_path: Path
     arms = arms_of(plan, [change])
     tasks = [CellTask("ball", method, seed, view_set, tmp_path, plan, arms) for seed in range(4)]
     found = [pair for task in tasks for pair in pairs_of(trained_cell(task), [change])]
-    differences = [(one.psnr_changed or 0.0) - (one.psnr or 100.0) for one in found]
-    assert min(one.psnr or 0.0 for one in found) > 15.0, "a field that has learnt nothing proves nothing"
+    differences = [(pair.psnr_changed or 0.0) - (pair.psnr or 100.0) for pair in found]
+    assert min(pair.psnr or 0.0 for pair in found) > 15.0, "a field that has learnt nothing proves nothing"
     interval = paired_difference(np.array(differences)).interval
     assert interval is not None
     assert interval[0] > -1.0

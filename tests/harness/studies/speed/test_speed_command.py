@@ -35,10 +35,10 @@ def answers(out: Path, *items: int) -> dict[str, Check]:
     options = ["speed", "--quick", "--quiet", "--studies", *map(str, items), "--out", str(out)]
     assert main(options) == 0
     record = read_studies(out / "speed.json")
-    assert [one.info.id for one in record.studies] == [str(item) for item in items]
-    found = {one.id: one for _, one in record.checks()}
+    assert [study.info.id for study in record.studies] == [str(item) for item in items]
+    found = {check.id: check for _, check in record.checks()}
     assert len(found) == len(list(record.checks())), "ids are there once"
-    assert all(one.value is not None or one.why for one in found.values())
+    assert all(check.value is not None or check.why for check in found.values())
     json.dumps(json.loads((out / "speed.json").read_text()), allow_nan=False)
     assert [file.name for file in out.iterdir()] == ["speed.json"], "nothing is left behind"
     return found
@@ -62,7 +62,7 @@ def test_every_question_inside_the_process_is_answered(tmp_path: Path) -> None:
     ):
         assert id in found
     record = read_studies(tmp_path / "speed" / "speed.json")
-    assert {one.panel for study in record.studies for one in study.series} == {
+    assert {series.panel for study in record.studies for series in study.series} == {
         f"PSNR against training seconds, {scene}" for scene in ("lego", "hotdog", "drums")
     }
     (profile,) = (table for study in record.studies for table in study.tables)

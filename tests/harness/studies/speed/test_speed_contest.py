@@ -63,7 +63,9 @@ def test_a_training_is_looked_at_when_its_clock_has_passed() -> None:
     curve = followed(Scripted(), [1.0, 1.5, 5.0, 10.0])
     assert curve.before == pytest.approx(0.0)
     assert curve.seconds == [2.0, 6.0, 10.0]  # 1.5 had passed with 1.0 already
-    assert curve.psnr == pytest.approx([20 * torch.tensor(one).log10().item() for one in (3.0, 7.0, 11.0)], abs=1e-4)
+    assert curve.psnr == pytest.approx(
+        [20 * torch.tensor(level).log10().item() for level in (3.0, 7.0, 11.0)], abs=1e-4
+    )
     assert followed(Scripted(), EVEN, target=13.0).seconds == [2, 4, 6], "enough is known"
 
 
@@ -88,7 +90,7 @@ def test_one_that_diverges_keeps_its_curve_and_says_why() -> None:
     ],
 )
 def test_a_target_is_reached_once_it_is_held(points: list[tuple[float, float]], seconds: float | None) -> None:
-    curve = PsnrCurve([one for one, _ in points], [psnr for _, psnr in points])
+    curve = PsnrCurve([second for second, _ in points], [psnr for _, psnr in points])
     assert reached(curve, 15.0) == (None if seconds is None else pytest.approx(seconds))
 
 
@@ -96,7 +98,7 @@ def test_targets_are_the_best_so_far_and_when_it_was_first_reached() -> None:
     plain = PsnrCurve([10.0, 20.0, 30.0, 40.0], [12.0, 17.0, 16.0, 17.0])
     best, first = (17.0, 20.0), (12.0, 10.0)
     expected = {1.0: best, 0.5: best, 0.25: first, 0.01: first}
-    assert targets_of(plain, tuple(expected)) == [Target(share, *one) for share, one in expected.items()]
+    assert targets_of(plain, tuple(expected)) == [Target(share, *place) for share, place in expected.items()]
 
 
 def ratio(*curves: PsnrCurve, share: float = 1.0) -> Check:
