@@ -115,8 +115,8 @@ def _columns_met(corners: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.
 def solid_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the corners [triangles, 3, 3] of the parts without a rim."""
     joined = _joined(vertices)[faces]
-    joined_faces = (joined[:, 0] != joined[:, 1]) & (joined[:, 1] != joined[:, 2]) & (joined[:, 2] != joined[:, 0])
-    faces, joined = faces[joined_faces], joined[joined_faces]
+    has_area = (joined[:, 0] != joined[:, 1]) & (joined[:, 1] != joined[:, 2]) & (joined[:, 2] != joined[:, 0])
+    faces, joined = faces[has_area], joined[has_area]
     if not len(faces):
         return np.zeros((0, 3, 3))
     count = int(joined.max()) + 1
@@ -153,11 +153,16 @@ def with_occupancy(folder: Path, order: Order) -> Path:
     scene = order.scene
     occupied = None if scene.load else inside(order.description, np.array(manifest["bounds"]), scene.emitters_seen)
     if occupied is not None:
-        content, bits = _bound_to(manifest), np.packbits(occupied).tobytes()
-        whole = {**content, "inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
         with suppress(OSError):  # a cache that others keep: what is inside then stays unknown, and the report says so
-            write_atomically(folder / NAME, json.dumps(whole), fsync=False)
+            write_occupancy(folder, manifest, occupied)
     return folder
+
+
+def write_occupancy(folder: Path, manifest: dict[str, Any], occupied: np.ndarray) -> None:
+    """Write bool [32, 32, 32], bound to the view set of the manifest. Raises `OSError`."""
+    content, bits = _bound_to(manifest), np.packbits(occupied).tobytes()
+    inside = {"inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
+    write_atomically(folder / NAME, json.dumps(content | inside), fsync=False)
 
 
 def read_occupancy(views: ViewSet) -> np.ndarray | None:

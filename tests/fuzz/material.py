@@ -24,7 +24,7 @@ from harness.viewer.film.film_folder import claim as claim_film
 from harness.viewer.film.takes import FilmSpec
 from scenes.catalog.entries import scene_named
 from scenes.modelling.needs import as_rows, left_out, needs
-from scenes.rendering.occupancy import NAME, _bound_to, _write
+from scenes.rendering.occupancy import write_occupancy
 from scenes.view_sets.foreign import write_tiny_nerf
 from scenes.view_sets.images import write_channels, write_png
 from scenes.view_sets.manifest import note, read_manifest, write_manifest
@@ -266,7 +266,7 @@ def inside(folder: Path) -> None:
     own(folder)
     cells = np.zeros(32**3, dtype=bool)
     cells[9_000:20_000] = True
-    _write(folder / NAME, _bound_to(read_manifest(folder)), np.packbits(cells).tobytes())
+    write_occupancy(folder, read_manifest(folder), cells)
 
 
 def unfinished(folder: Path) -> None:
