@@ -40,13 +40,13 @@ def test_the_interval_holds_the_truth_in_95_per_cent_at_least() -> None:
 def test_runs_are_counted_by_how_they_failed_and_other_ends_are_no_runs() -> None:
     cells = [done("nerf", seed) for seed in range(4)] + [done("qnerf", 0, collapsed=True), diverged("lego", "qnerf", 1)]
     cells += [done("qnerf", 2), replace(diverged("lego", "qnerf", 3), status="error")]
-    found = failures(cells, ["nerf", "qnerf", "other"], [("qnerf", "nerf"), ("other", "nerf")])
-    nerf, qnerf = found.rates
+    result = failures(cells, ["nerf", "qnerf", "other"], [("qnerf", "nerf"), ("other", "nerf")])
+    nerf, qnerf = result.rates
     assert (nerf.runs, nerf.failed, nerf.rate) == (4, 0, 0.0)
     assert (qnerf.runs, qnerf.diverged, qnerf.collapsed) == (3, 1, 1)
-    (one,) = found.comparisons
-    assert (one.pairs, one.only_method, one.only_against, one.p_value) == (3, 2, 0, 0.5)
-    assert (one.difference, one.verdict) == (pytest.approx(2 / 3), "inconclusive")
+    (duel,) = result.comparisons
+    assert (duel.pairs, duel.only_method, duel.only_against, duel.p_value) == (3, 2, 0, 0.5)
+    assert (duel.difference, duel.verdict) == (pytest.approx(2 / 3), "inconclusive")
 
 
 @pytest.mark.parametrize(("lost", "verdict"), [(5, "inconclusive"), (6, "worse"), (24, "worse")])
@@ -56,7 +56,7 @@ def test_pairs_decide_of_which_one_alone_failed(lost: int, verdict: str) -> None
     cells = [done("nerf", seed, scene) for scene, seed in keys]
     cells += [done("qnerf", seed, scene, place < lost) for place, (scene, seed) in enumerate(keys)]
     both = [done(method, 9, "a", collapsed=True) for method in ("nerf", "qnerf")]
-    (one,) = failures([*cells, *both], ["nerf", "qnerf"], [("qnerf", "nerf")]).comparisons
-    assert (one.p_value, one.verdict) == (pytest.approx(2 * 0.5**lost), verdict)
+    (duel,) = failures([*cells, *both], ["nerf", "qnerf"], [("qnerf", "nerf")]).comparisons
+    assert (duel.p_value, duel.verdict) == (pytest.approx(2 * 0.5**lost), verdict)
     (other,) = failures(cells, ["nerf", "qnerf"], [("nerf", "qnerf")]).comparisons
     assert other.verdict == ("better" if verdict == "worse" else verdict)

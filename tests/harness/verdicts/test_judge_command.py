@@ -93,7 +93,7 @@ def test_the_page_shows_every_method_pair_and_suspect(record: JudgementRecord) -
     assert [row[0].text for row in methods_grid(record, record.given, "").rows] == ["m4", "m3", "m1", "m0", "m2"]
     assert [row[0].text for row in suspects_grid(record).rows] == ["m2 on s6"]
     squares = matrix(record)
-    marks = [[one.mark for one in row] for _, row in squares]
+    marks = [[square.mark for square in row] for _, row in squares]
     turned = {"▲": "▼", "▼": "▲"}
     assert all(marks[a][b] == turned.get(marks[b][a], marks[b][a]) for a in range(5) for b in range(5))
     assert "Without the suspect results" in page
@@ -111,11 +111,11 @@ def test_a_picture_leaves_out_what_would_have_its_axis_to_itself(record: Judgeme
 
 
 def test_against_a_baseline_the_page_has_no_groups_and_no_matrix() -> None:
-    found = judge(table_of(drawn(0, effect=0.5)), None, "m0", {})
-    page = judgement_page(found)
+    result = judge(table_of(drawn(0, effect=0.5)), None, "m0", {})
+    page = judgement_page(result)
     assert 'id="pairs"' not in page
     assert "less m0" in page
-    assert "groups" not in [column.label for column in methods_grid(found, found.given, "").columns]
+    assert "groups" not in [column.label for column in methods_grid(result, result.given, "").columns]
 
 
 def test_names_from_a_table_run_nothing() -> None:

@@ -29,34 +29,34 @@ def drawn(seed: int, methods: int = 6, scenes: int = 8, effect: float = 0.0) -> 
     return 30 + steps + random.normal(0, 3, scenes) + random.normal(0, 0.5, (methods, scenes))
 
 
-def verdicts(found: Ranking) -> dict[tuple[str, str], str]:
+def verdicts(result: Ranking) -> dict[tuple[str, str], str]:
     turned = {"better": "worse", "worse": "better"}
-    said = {(pair.method, pair.against): str(pair.verdict) for pair in found.pairs}
-    return said | {(b, a): turned.get(one, one) for (a, b), one in said.items()}
+    called = {(pair.method, pair.against): str(pair.verdict) for pair in result.pairs}
+    return called | {(b, a): turned.get(each, each) for (a, b), each in called.items()}
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_pairs_are_told_apart_as_by_bonferroni_s_paired_t_test(seed: int) -> None:
     values = drawn(seed, effect=0.4)
-    found = ranking(table_of(values), margin=0.0)
-    assert len(found.pairs) == found.family == 15
-    for pair in found.pairs:
+    result = ranking(table_of(values), margin=0.0)
+    assert len(result.pairs) == result.family == 15
+    for pair in result.pairs:
         a, b = (values[int(name[1:])] for name in (pair.method, pair.against))
         assert pair.told_apart == (15 * ttest_rel(a, b).pvalue < 0.05)
         assert pair.difference == pytest.approx(a.mean() - b.mean())
-    assert {pair.told_apart for pair in found.pairs} == {True, False}
+    assert {pair.told_apart for pair in result.pairs} == {True, False}
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_groups_are_the_longest_runs_in_which_no_two_are_told_apart(seed: int) -> None:
-    found = ranking(table_of(drawn(seed, methods=9, effect=0.3)), margin=0.0)
-    said, places = verdicts(found), found.places
+    result = ranking(table_of(drawn(seed, methods=9, effect=0.3)), margin=0.0)
+    called, places = verdicts(result), result.places
     numbers = sorted({number for place in places for number in place.groups})
     runs = [[at for at, place in enumerate(places) if number in place.groups] for number in numbers]
 
     def alike(run: list[int]) -> bool:
         names = [places[at].method for at in run]
-        return all(said[two] not in ("better", "worse") for two in combinations(names, 2))
+        return all(called[two] not in ("better", "worse") for two in combinations(names, 2))
 
     expected = [list(range(a, b)) for a in range(9) for b in range(a + 1, 10) if alike(list(range(a, b)))]
     assert runs == [run for run in expected if not any(set(run) < set(other) for other in expected)]
@@ -64,7 +64,7 @@ def test_groups_are_the_longest_runs_in_which_no_two_are_told_apart(seed: int) -
 
 def test_no_two_methods_without_a_difference_are_told_apart_in_95_of_100_tables() -> None:
     tables = [table_of(drawn(seed, methods=4)) for seed in range(100)]
-    wrong = sum(any(pair.told_apart for pair in ranking(one, 0.0).pairs) for one in tables)
+    wrong = sum(any(pair.told_apart for pair in ranking(each, 0.0).pairs) for each in tables)
     assert 1 <= wrong <= 9  # 5 and two standard deviations; 20 or so without the correction
 
 
@@ -72,8 +72,8 @@ def test_lower_is_better_mirrors_every_verdict() -> None:
     values = drawn(3, effect=0.4)
     up = ranking(table_of(values), 0.2)
     down = ranking(table_of(-values, higher_is_better=False), 0.2)
-    assert [one.method for one in up.places] == [one.method for one in down.places]
-    assert [one.groups for one in up.places] == [one.groups for one in down.places]
+    assert [each.method for each in up.places] == [each.method for each in down.places]
+    assert [each.groups for each in up.places] == [each.groups for each in down.places]
     assert verdicts(up) == verdicts(down)
 
 
@@ -81,26 +81,26 @@ def test_the_order_of_methods_scenes_and_seeds_changes_nothing() -> None:
     values = np.random.default_rng(1).normal(30, 1, (4, 6, 3)) + np.arange(4)[:, None, None]
     plain, turned = table_of(values), table_of(values[::-1, ::-1, ::-1])
     turned = replace(turned, methods=plain.methods[::-1], scenes=plain.scenes[::-1], seeds=plain.seeds[::-1])
-    for one, other in zip(ranking(plain, 0.2).pairs, ranking(turned, 0.2).pairs, strict=True):
-        assert (one.method, one.against, one.verdict) == (other.method, other.against, other.verdict)
-        assert one.on_these_scenes
+    for each, other in zip(ranking(plain, 0.2).pairs, ranking(turned, 0.2).pairs, strict=True):
+        assert (each.method, each.against, each.verdict) == (other.method, other.against, other.verdict)
+        assert each.on_these_scenes
         assert other.on_these_scenes
-        assert one.on_these_scenes.interval == pytest.approx(other.on_these_scenes.interval)
+        assert each.on_these_scenes.interval == pytest.approx(other.on_these_scenes.interval)
 
 
 def test_pairs_are_compared_on_the_scenes_that_both_have() -> None:
     values = drawn(2, methods=3)
     values[0, 0] = values[1, 1] = np.nan
     values[2, 2:] = np.nan
-    found = judge(table_of(values), None, None, {})
-    pairs = {frozenset((pair.method, pair.against)): pair for pair in found.given.pairs}
+    result = judge(table_of(values), None, None, {})
+    pairs = {frozenset((pair.method, pair.against)): pair for pair in result.given.pairs}
     first = pairs[frozenset(("m0", "m1"))]
     sign = 1 if first.method == "m0" else -1
     assert first.scenes == 6
     assert first.difference == pytest.approx(sign * (values[0, 2:] - values[1, 2:]).mean())
     lonely = pairs[frozenset(("m0", "m2"))]
     assert (lonely.scenes, lonely.scenes_like_these, lonely.verdict) == (1, None, "inconclusive")
-    assert found.missing == ["m0, s0", "m1, s1", *(f"m2, s{scene}" for scene in range(2, 8))]
+    assert result.missing == ["m0, s0", "m1, s1", *(f"m2, s{scene}" for scene in range(2, 8))]
     values[2] = np.nan
     values[2, 0] = 30.0
     pairs = {frozenset((pair.method, pair.against)): pair for pair in ranking(table_of(values), 0.2).pairs}
@@ -120,13 +120,13 @@ def test_a_mean_is_adjusted_for_missing_scenes_by_least_squares() -> None:
 def test_a_collapsed_cell_is_found_and_judged_with_and_without() -> None:
     values = drawn(0, methods=5, effect=1.0)
     values[2, 6] -= 20
-    found = judge(table_of(values), None, None, {})
-    (one,) = found.suspects
-    assert (one.method, one.scene, one.value) == ("m2", "s6", values[2, 6])
-    assert one.value - one.expected == pytest.approx(-20, abs=1.5)
-    assert found.without_suspects
-    assert found.without_suspects.pairs == ranking(table_of(np.where(values == one.value, np.nan, values)), 0.2).pairs
-    changes = {frozenset((pair.method, pair.against)): after for pair, after in changed_pairs(found)}
+    result = judge(table_of(values), None, None, {})
+    (each,) = result.suspects
+    assert (each.method, each.scene, each.value) == ("m2", "s6", values[2, 6])
+    assert each.value - each.expected == pytest.approx(-20, abs=1.5)
+    assert result.without_suspects
+    assert result.without_suspects.pairs == ranking(table_of(np.where(values == each.value, np.nan, values)), 0.2).pairs
+    changes = {frozenset((pair.method, pair.against)): after for pair, after in changed_pairs(result)}
     assert changes[frozenset(("m2", "m0"))] in ("better", "worse")
     assert all("m2" in names for names in changes)
 
@@ -134,7 +134,7 @@ def test_a_collapsed_cell_is_found_and_judged_with_and_without() -> None:
 def test_one_collapsed_seed_of_many_is_found() -> None:
     values = 30 + np.random.default_rng(0).normal(0, 0.3, (4, 8, 3))
     values[1, 2, 0] += 9
-    assert [(one.method, one.scene, one.seed) for one in suspects(table_of(values), 0.2)] == [("m1", "s2", "0")]
+    assert [(each.method, each.scene, each.seed) for each in suspects(table_of(values), 0.2)] == [("m1", "s2", "0")]
 
 
 @pytest.mark.parametrize(("methods", "scenes", "freedom", "most"), [(3, 3, 99, 1), (17, 8, 99, 1), (17, 8, 4, 15)])
@@ -143,7 +143,7 @@ def test_few_ordinary_tables_have_a_suspect(methods: int, scenes: int, freedom: 
     tables = [30 + random.standard_t(freedom, (methods, scenes)) * 0.3 for _ in range(100)]
     assert sum(bool(suspects(table_of(values), 0.2)) for values in tables) <= most
     spoilt = np.where(tables[0] == tables[0].max(), 0.0, tables[0])
-    assert [one.value for one in suspects(table_of(spoilt), 0.2)] == [0.0]
+    assert [each.value for each in suspects(table_of(spoilt), 0.2)] == [0.0]
 
 
 def test_small_tables_and_tables_of_equal_numbers_are_judged() -> None:

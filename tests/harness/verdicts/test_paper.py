@@ -37,7 +37,7 @@ def rows(text: str) -> list[list[str]]:
 
 
 def by_id():
-    return {one.id: one for one in LEDGER}
+    return {entry.id: entry for entry in LEDGER}
 
 
 def test_table_2_is_the_printed_one():
@@ -55,32 +55,32 @@ def test_table_3_is_the_printed_one():
     assert list(TABLE3["hours_to_30_db"].values()) == [float(text) for text in hours[1:]]
     assert list(TABLE3["final_psnr"].values()) == [float(text) for text in final[1:]]
     assert f"{TABLE3['speedup_percent']}%" == speedup[2]
-    found = [
+    entries = [
         by_id()[f"table3-{row}-{method}"].printed for row in ("iterations", "hours") for method in ("nerf", "qnerf")
     ]
-    assert found == [*thousands, 4.2, 3.4]
+    assert entries == [*thousands, 4.2, 3.4]
 
 
 def test_table_4_is_the_printed_one_and_its_steps_are_differences():
     for row, (name, psnr, ssim) in zip(TABLE4, rows(TEXT_TABLE4), strict=True):
         assert re.sub(r"\$\\phi\$ ", "φ", name) == row["configuration"]
         assert (row["psnr"], row["ssim"]) == (float(psnr), float(ssim))
-    steps = {one.id: one.printed for one in LEDGER if one.rule == "added part"}
+    steps = {entry.id: entry.printed for entry in LEDGER if entry.rule == "added part"}
     assert list(steps.values()) == [0.7, 0.6, 0.2, 0.006, 0.005, 0.002]
 
 
 def test_every_number_of_the_text_has_an_entry():
     """Numbers of abstract, Table 1, §8.1, conclusion and footnotes, as they stand there."""
-    found = by_id()
-    assert (found["abstract-sloc"].printed, found["abstract-sloc"].where[0]) == (427, "Abstract")
-    assert found["abstract-faster"].printed == 18
-    assert found["table1-skip"].printed == 6
+    entries = by_id()
+    assert (entries["abstract-sloc"].printed, entries["abstract-sloc"].where[0]) == (427, "Abstract")
+    assert entries["abstract-faster"].printed == 18
+    assert entries["table1-skip"].printed == 6
     assert TABLE1 == {"density_net": 1_300_000, "density_head": 257, "colour_net": 67_000, "total": 1_370_000}
-    assert found["table1-total"].printed == TABLE1["total"]
-    assert found["section8.1-retrieval"].printed is None
-    assert [found[f"footnote2-{name}"].printed for name in ("files", "lines", "tests")] == [189, 44_000, 30]
-    assert found["footnote1-table"].printed == 7
-    stated = {one.id: one.printed for one in LEDGER if "at" in one.of}
+    assert entries["table1-total"].printed == TABLE1["total"]
+    assert entries["section8.1-retrieval"].printed is None
+    assert [entries[f"footnote2-{name}"].printed for name in ("files", "lines", "tests")] == [189, 44_000, 30]
+    assert entries["footnote1-table"].printed == 7
+    stated = {entry.id: entry.printed for entry in LEDGER if "at" in entry.of}
     assert stated == {
         "table1-position-bands": 10, "table1-direction-bands": 4, "table1-depth": 8, "table1-width": 256,
         "table1-colour-layers": 2, "table1-colour-width": 128,
@@ -91,25 +91,25 @@ def test_every_number_of_the_text_has_an_entry():
 
 
 def test_what_is_derived_lies_within_what_the_rounded_figures_leave_open():
-    for one in LEDGER:
-        if one.leaves_open:
-            assert one.leaves_open[0] < one.printed < one.leaves_open[1]
+    for entry in LEDGER:
+        if entry.leaves_open:
+            assert entry.leaves_open[0] < entry.printed < entry.leaves_open[1]
 
 
 def test_what_the_paper_says_in_several_places_is_one_entry():
-    found = by_id()
+    entries = by_id()
     for name in ("abstract-psnr-range", "abstract-faster", "abstract-sloc"):
-        assert {"Abstract", "Epistemological Note"} <= set(found[name].where)
-    assert {"Table 3", "§10"} <= set(found["abstract-faster"].where)
-    assert found["table4-nerf_phi_encoding-psnr"].where == ("Table 4", "§10 footnote 1")
-    assert found["table2-average"].where == ("Table 2", "§10")
+        assert {"Abstract", "Epistemological Note"} <= set(entries[name].where)
+    assert {"Table 3", "§10"} <= set(entries["abstract-faster"].where)
+    assert entries["table4-nerf_phi_encoding-psnr"].where == ("Table 4", "§10 footnote 1")
+    assert entries["table2-average"].where == ("Table 2", "§10")
 
 
 def test_ids_are_unique_and_methods_are_there_to_be_run():
-    assert len({one.id for one in LEDGER}) == len(LEDGER)
-    named = {one.of[role] for one in LEDGER for role in ("method", "against") if role in one.of}
+    assert len({entry.id for entry in LEDGER}) == len(LEDGER)
+    named = {entry.of[role] for entry in LEDGER for role in ("method", "against") if role in entry.of}
     assert named <= set(CATALOG)
-    assert len({(one.statement, one.rule) for one in LEDGER}) == len(LEDGER), "two entries say the same"
+    assert len({(entry.statement, entry.rule) for entry in LEDGER}) == len(LEDGER), "two entries say the same"
 
 
 def test_a_record_can_keep_it():

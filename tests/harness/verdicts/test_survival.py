@@ -62,8 +62,8 @@ def test_what_is_known_of_a_run() -> None:
 )
 def test_the_target_is_what_half_of_the_baseline_reaches(best: list[float | None], target: float | None) -> None:
     runs = [diverged("lego", "nerf", k) if b is None else run("nerf", k, [10.0, b]) for k, b in enumerate(best)]
-    found, why = chosen_target(runs, "nerf")
-    assert found == target
+    result, why = chosen_target(runs, "nerf")
+    assert result == target
     assert "nerf" in why
     if target is not None:
         reached = sum(b is not None and b >= target for b in best)
@@ -76,14 +76,14 @@ def test_the_target_is_what_half_of_the_baseline_reaches(best: list[float | None
 
 def slow_kaplan_meier(reaches: list[Reach]) -> dict[float, float]:
     """Event time → share, one run after another."""
-    end = max(one.time for one in reaches)
-    watched = [(end if one.why == "diverged" else one.time, one.known != "never") for one in reaches]
-    left, found = 1.0, {}
+    end = max(row.time for row in reaches)
+    watched = [(end if row.why == "diverged" else row.time, row.known != "never") for row in reaches]
+    left, result = 1.0, {}
     for time in sorted({time for time, event in watched if event}):
         dead = sum(1 for at, event in watched if event and at == time)
         left *= 1 - dead / sum(1 for at, _ in watched if at >= time)
-        found[time] = 1 - left
-    return found
+        result[time] = 1 - left
+    return result
 
 
 def test_kaplan_meier_of_a_textbook() -> None:
@@ -110,8 +110,8 @@ def test_kaplan_meier_agrees_with_a_slow_one_and_keeps_lost_runs_at_risk() -> No
         ]
         times, share, _ = kaplan_meier(reaches)
         slow = slow_kaplan_meier(reaches)
-        found = dict(zip(times, share, strict=True))
-        assert {time: found[time] for time in slow} == pytest.approx(slow)
+        result = dict(zip(times, share, strict=True))
+        assert {time: result[time] for time in slow} == pytest.approx(slow)
     half = [Reach("a", "m", k, "steps", 5.0, "reached") for k in range(5)]
     # not as if the diverged had never been; those that failed were at risk until they did
     for why, expected in (("diverged", ([0.5], [10])), ("failed", ([1.0], [5]))):
@@ -183,11 +183,11 @@ def test_savings_of_runs_that_get_there_end_below_diverge_or_fail(
 def test_late_against_never_is_not_equivalent() -> None:
     """nerf gets there just before the end, qnerf never: they are nearly level in what was watched, and nobody knows."""
     cells = [run("nerf", seed, [20, 24, 26.001 + 0.001 * seed]) for seed in range(3)]
-    one = of([*cells, *(run("qnerf", seed, [20, 24, 25.9]) for seed in range(3))], target=26.0)
-    assert one.never == (3, 0)
-    assert one.simultaneous is not None
-    assert -5.0 < one.simultaneous[0] < one.simultaneous[1] < 5.0
-    assert one.verdict != "equivalent"
+    row = of([*cells, *(run("qnerf", seed, [20, 24, 25.9]) for seed in range(3))], target=26.0)
+    assert row.never == (3, 0)
+    assert row.simultaneous is not None
+    assert -5.0 < row.simultaneous[0] < row.simultaneous[1] < 5.0
+    assert row.verdict != "equivalent"
 
 
 def test_over_scenes_of_which_one_says_nothing_nothing_is_equivalent() -> None:
@@ -251,20 +251,20 @@ def test_a_saving_under_censoring_holds_what_it_claims_in_95_percent(target_time
     ratios = np.log(np.minimum(times[1], HORIZON) / np.minimum(times[0], HORIZON))
     bounds = []
     for estimate in (nested.on_these_scenes, nested.scenes_like_these):
-        found = estimate(ratios)
-        saving, half = -100 * np.expm1(found.mean), half_widths(found)
-        low, high = (-100 * np.expm1(found.mean + sign * half) for sign in (1, -1))
+        result = estimate(ratios)
+        saving, half = -100 * np.expm1(result.mean), half_widths(result)
+        low, high = (-100 * np.expm1(result.mean + sign * half) for sign in (1, -1))
         assert np.mean((low <= truth) & (truth <= high)) == pytest.approx(0.95, abs=0.02)
         bounds.append(np.mean(low <= TRUE_SAVING))
     assert min(bounds) > 0.975, "a bound where only nerf is cut short"
 
-    one = compared(cells_with(times[:, 0], 25.0), "qnerf", "nerf", "steps", 25.0, "all")
-    assert one.never[1] > 0
-    assert one.saving == pytest.approx(-100 * np.expm1(ratios[0].mean()))
-    assert one.interval == pytest.approx((low[0], high[0]))
-    assert one.scenes_like_these is not None
-    assert one.scenes_like_these.interval == one.interval
-    assert saving[0] == pytest.approx(one.saving)
+    row = compared(cells_with(times[:, 0], 25.0), "qnerf", "nerf", "steps", 25.0, "all")
+    assert row.never[1] > 0
+    assert row.saving == pytest.approx(-100 * np.expm1(ratios[0].mean()))
+    assert row.interval == pytest.approx((low[0], high[0]))
+    assert row.scenes_like_these is not None
+    assert row.scenes_like_these.interval == row.interval
+    assert saving[0] == pytest.approx(row.saving)
 
 
 def test_the_record_of_a_run_is_whole_and_can_be_written(tmp_path: Path) -> None:
@@ -275,7 +275,7 @@ def test_the_record_of_a_run_is_whole_and_can_be_written(tmp_path: Path) -> None
     record = targets(cells, methods)
     assert len(record.reaches) == 2 * (len(cells) - 1)  # each axis; a cell that was not available is no run
     assert len(record.comparisons) == 2 * len(duels(methods)) * 5
-    assert {(one.scene, one.family) for one in record.comparisons} == {("all", 1)} | {
+    assert {(row.scene, row.family) for row in record.comparisons} == {("all", 1)} | {
         (f"scene{k}", 4) for k in range(4)
     }
     assert len(record.curves) == 2 * 2 * 5

@@ -32,8 +32,8 @@ def output(folder: Path, cells: list[CellRecord], **changes: object) -> Path:
     settings = {"budget": {"steps": 10}, "precision": "float32"}
     run = replace(one_run(), methods=dict.fromkeys(METHODS, "m"), settings=settings)
     write_run(folder, replace(run, **changes))
-    for one in cells:
-        write_cell(folder, one)
+    for record in cells:
+        write_cell(folder, record)
     return folder
 
 
@@ -43,44 +43,44 @@ def first(tmp_path: Path) -> Path:
 
 
 def test_scores_and_verdicts_that_moved_are_counted(first: Path, tmp_path: Path) -> None:
-    found = two_runs(
+    result = two_runs(
         first, output(tmp_path / "second", cells_of(-1.2, 0.1, "AVX2"), settings={"budget": {"steps": 10}})
     )
-    assert found.origins == {"instruction_set": (["AVX512"], ["AVX2"])}
-    assert found.all is not None
-    nerf, qnerf = found.by_method
+    assert result.origins == {"instruction_set": (["AVX512"], ["AVX2"])}
+    assert result.all is not None
+    nerf, qnerf = result.by_method
     assert (nerf.rms, nerf.mean) == (pytest.approx(((0.1**2 + 0.2**2) / 2) ** 0.5), pytest.approx(-0.05))
     assert (qnerf.cells, qnerf.largest) == (6, pytest.approx(-2.4))
     assert qnerf.largest_of.startswith("b qnerf")
-    here, elsewhere = found.changed
+    here, elsewhere = result.changed
     assert (here.compared, here.verdicts, here.signs) == (6, 6, 6), "two scenes and all, at equal steps and time"
     assert elsewhere.compared == 2
-    assert found.headline == ["qnerf − nerf: +1.10 dB (better) → -1.10 dB (worse)"]
+    assert result.headline == ["qnerf − nerf: +1.10 dB (better) → -1.10 dB (worse)"]
 
 
 def test_the_same_output_again_differs_in_nothing(first: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = two_runs(first, first)
-    assert (found.identical, found.origins, found.lost) == (12, {}, [])
-    assert found.all is not None
-    assert (found.all.rms, [change.verdicts for change in found.changed]) == (0.0, [0, 0])
+    result = two_runs(first, first)
+    assert (result.identical, result.origins, result.lost) == (12, {}, [])
+    assert result.all is not None
+    assert (result.all.rms, [change.verdicts for change in result.changed]) == (0.0, [0, 0])
     assert main(["compare", str(first), str(first), "--json", str(first / "x.json")]) == 0
-    said = capsys.readouterr().out
-    assert "12 of 12 cells are the same to the last bit" in said
+    text = capsys.readouterr().out
+    assert "12 of 12 cells are the same to the last bit" in text
     assert json.loads((first / "x.json").read_text())["all"]["rms"] == 0
 
 
 def test_a_cell_lost_in_one_is_named(first: Path, tmp_path: Path) -> None:
     cells = cells_of(1.0)
     cells[-1] = diverged("b", "qnerf", 2)
-    found = two_runs(first, output(tmp_path / "second", cells))
-    assert found.lost == ["b qnerf seed 2: done, then diverged"]
+    result = two_runs(first, output(tmp_path / "second", cells))
+    assert result.lost == ["b qnerf seed 2: done, then diverged"]
 
 
 def test_outputs_of_other_plans_are_refused_in_words(first: Path, tmp_path: Path) -> None:
     cells = cells_of(1.0)
     others = {
-        "scenes a, b against a": output(tmp_path / "1", [one for one in cells if one.scene == "a"]),
-        "seeds 0, 1, 2 against 0, 1": output(tmp_path / "2", [one for one in cells if one.seed < 2]),
+        "scenes a, b against a": output(tmp_path / "1", [record for record in cells if record.scene == "a"]),
+        "seeds 0, 1, 2 against 0, 1": output(tmp_path / "2", [record for record in cells if record.seed < 2]),
         "b qnerf 2 is in one alone": output(tmp_path / "3", cells[:-1]),
         "budget.steps is 10 against 20": output(tmp_path / "4", cells, settings={"budget": {"steps": 20}}),
         "no run in it": tmp_path / "nothing",

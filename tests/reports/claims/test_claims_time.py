@@ -75,9 +75,9 @@ def test_a_saving_is_judged_as_a_gain_is(whole: Records, pair, changes, at_paper
 
 
 def test_what_was_reached_is_said(whole: Records):
-    found = judged(whole, replace(SAVED, never=(2, 0), unpaired=1), False, 24.0)
-    assert (found.measured, found.interval) == (18.0, (14.0, 22.0))
-    assert found.note == (
+    finding = judged(whole, replace(SAVED, never=(2, 0), unpaired=1), False, 24.0)
+    assert (finding.measured, finding.interval) == (18.0, (14.0, 22.0))
+    assert finding.note == (
         "24.0 dB was reached by 6 of 6 NeRF runs and 4 of 6 Q-NeRF runs in the training steps watched; the true saving "
         "is smaller; 1 pair could not be judged"
     )
@@ -85,16 +85,16 @@ def test_what_was_reached_is_said(whole: Records):
 
 def test_iterations_and_hours_are_read_from_their_own_axis(whole: Records):
     targets = replace(record(), comparisons=[SAVED, replace(on_them((1.0, 5.0)), axis="seconds", saving=3.0)])
-    found = [saving(Bench(whole, None, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")]
-    assert [(one.measured, one.verdict) for one in found] == [(18.0, "seen"), (3.0, "not seen at this scale")]
+    finding = [saving(Bench(whole, None, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")]
+    assert [(each.measured, each.verdict) for each in finding] == [(18.0, "seen"), (3.0, "not seen at this scale")]
     axes = ("steps", "seconds")
-    assert [one.runs for one in found] == [Selection("", "qnerf", "nerf", TARGET, axis) for axis in axes]
+    assert [each.runs for each in finding] == [Selection("", "qnerf", "nerf", TARGET, axis) for axis in axes]
 
 
 def test_times_themselves_are_never_judged(whole: Records):
     bench = Bench(whole, None, record())
-    found = [time_to_target(bench, LEDGER[f"table3-{name}-qnerf"]) for name in ("iterations", "hours")]
-    assert [(one.verdict, one.note) for one in found] == [(UNTESTED, NEEDS_SCENES), (UNTESTED, NEEDS_MACHINE)]
+    finding = [time_to_target(bench, LEDGER[f"table3-{name}-qnerf"]) for name in ("iterations", "hours")]
+    assert [(each.verdict, each.note) for each in finding] == [(UNTESTED, NEEDS_SCENES), (UNTESTED, NEEDS_MACHINE)]
     never = [scene for scene, row in PAPER["table2"].items() if row["nerf"] < 30]
     assert never == ["drums", "materials", "ship"], "the three of the sentence"
 
@@ -109,7 +109,7 @@ def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(reco
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "words"),
     [
         ({}, ""),
         ({"never": (1, 0)}, "the true saving is smaller"),
@@ -119,13 +119,13 @@ def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(reco
         ({"never": (1, 1)}, "the saving is of the time watched alone"),
     ],
 )
-def test_on_which_side_the_saving_is_a_bound(changes, said):
-    assert bound(replace(ONE, **changes)) == said
+def test_on_which_side_the_saving_is_a_bound(changes, words):
+    assert bound(replace(ONE, **changes)) == words
 
 
 def test_where_every_pair_is_lost_nothing_is_settled(whole: Records):
     lost = replace(ONE, saving=None, pairs=0, unpaired=6)
-    found = judged(whole, lost)
-    assert (found.verdict, found.measured, found.note) == ("inconclusive", None, "6 pairs could not be judged")
+    finding = judged(whole, lost)
+    assert (finding.verdict, finding.measured, finding.note) == ("inconclusive", None, "6 pairs could not be judged")
     cells = [replace(cell, status="not_available") if cell.method == "qnerf" else cell for cell in whole.cells]
     assert judged(replace(whole, cells=cells), lost).verdict == UNTESTED

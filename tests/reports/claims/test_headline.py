@@ -47,26 +47,28 @@ def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole
     records = decided(
         whole, nerf_steps="better", nerf_seconds="better", nerf_matched_steps="equivalent", nerf_matched_seconds="worse"
     )
-    said = headline(records)
-    assert said.title == (
+    shown = headline(records)
+    assert shown.title == (
         "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does as well "
         "(at equal steps, on scenes like these)"
     )
-    assert said.sentences[0] == "Mean test PSNR over 2 scenes: nerf 23.35 dB, nerf_matched 24.26 dB and qnerf 24.16 dB."
-    assert "owed to bandwidth" in said.sentences[1]
-    assert said.sentences[2] == (
+    assert (
+        shown.sentences[0] == "Mean test PSNR over 2 scenes: nerf 23.35 dB, nerf_matched 24.26 dB and qnerf 24.16 dB."
+    )
+    assert "owed to bandwidth" in shown.sentences[1]
+    assert shown.sentences[2] == (
         "Equal steps and equal time differ on qnerf over all scenes against nerf_matched (equivalent → worse), "
         "on chair against nerf_matched (equivalent → worse) and on drums against nerf_matched (equivalent → worse)."
     )
-    assert [(duel.method, duel.against) for duel in said.duels] == [("qnerf", "nerf"), ("qnerf", "nerf_matched")]
+    assert [(duel.method, duel.against) for duel in shown.duels] == [("qnerf", "nerf"), ("qnerf", "nerf_matched")]
 
 
 def test_agreement_of_steps_and_time_is_said(whole: Records):
     same = {f"{rival}_{budget}": "better" for rival in ("nerf", "nerf_matched") for budget in ("steps", "seconds")}
     records = decided(whole, **same)
-    said = headline(records)
-    assert said.title == "qnerf scores above both nerf and nerf_matched (on scenes like these)"
-    assert said.sentences[-1] == "Equal steps and equal time lead to the same verdict on qnerf everywhere."
+    shown = headline(records)
+    assert shown.title == "qnerf scores above both nerf and nerf_matched (on scenes like these)"
+    assert shown.sentences[-1] == "Equal steps and equal time lead to the same verdict on qnerf everywhere."
     kept = [row for row in records.comparisons if (row.scene, row.budget) != ("chair", "seconds")]
     assert headline(replace(records, comparisons=kept)).sentences[-1] == (
         "Equal steps and equal time lead to the same verdict on qnerf wherever both could be compared (2 could not)."

@@ -17,7 +17,7 @@ STUDIES = 400
 
 def test_rounding_of_printed_numbers():
     printed = [(1.4, ""), (0.006, ""), (257, ""), (67_000, ""), (1_370_000, ""), (18, "%"), (33.0, "dB"), (4.2, "h")]
-    assert [half_unit(*one) for one in printed] == pytest.approx([0.05, 0.0005, 0.5, 500, 5000, 0.5, 0.05, 0.05])
+    assert [half_unit(*number) for number in printed] == pytest.approx([0.05, 0.0005, 0.5, 500, 5000, 0.5, 0.05, 0.05])
 
 
 @pytest.mark.parametrize(
@@ -80,11 +80,11 @@ def study(generator: np.random.Generator, truth: np.ndarray, seeds: int = 3) -> 
 def verdicts(truth: np.ndarray, at_paper_scale: bool, scenes: int = 8, printed: float = 1.5) -> Counter[str]:
     """Of the average claim in studies of `scenes` × 3; shares of a hundred."""
     generator = np.random.default_rng(15)
-    found = Counter(
+    shares = Counter(
         judge_gain(printed, 0.2, on_these_scenes(study(generator, truth[:scenes])).interval, at_paper_scale)
         for _ in range(STUDIES)
     )
-    return Counter({name: 100 * many // STUDIES for name, many in found.items()})
+    return Counter({name: 100 * many // STUDIES for name, many in shares.items()})
 
 
 def drawn(mean: float) -> np.ndarray:
@@ -95,9 +95,9 @@ def drawn(mean: float) -> np.ndarray:
 
 def test_a_true_average_is_reproduced_and_seen_elsewhere():
     for truth in (GAINS, drawn(1.5)):
-        found = verdicts(truth, True)
-        assert found["reproduced"] >= 80
-        assert found["not reproduced"] == 0
+        shares = verdicts(truth, True)
+        assert shares["reproduced"] >= 80
+        assert shares["not reproduced"] == 0
         assert verdicts(truth, False)["seen"] >= 99
 
 

@@ -24,5 +24,5 @@ def test_svg_is_fit_for_a_page_with_others():
     assert "http" not in text
     ids = re.findall(r' id="([^"]+)"', text)
     assert ids
-    assert all(one.startswith("one-1-") for one in ids)
+    assert all(name.startswith("one-1-") for name in ids)
     assert len(ids) == len(set(ids))

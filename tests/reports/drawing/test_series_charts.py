@@ -85,5 +85,5 @@ def test_no_two_lines_of_a_chart_look_alike():
 
 
 def test_points_come_by_x_with_their_edges():
-    found = points(line([3.0, 1.0], [2.0, 1.0], low=[2.5, 0.5], high=[3.5, None]))
-    assert [(p.x, p.y, p.low, p.high) for p in found] == [(1.0, 1.0, 0.5, None), (2.0, 3.0, 2.5, 3.5)]
+    known = points(line([3.0, 1.0], [2.0, 1.0], low=[2.5, 0.5], high=[3.5, None]))
+    assert [(p.x, p.y, p.low, p.high) for p in known] == [(1.0, 1.0, 0.5, None), (2.0, 3.0, 2.5, 3.5)]
