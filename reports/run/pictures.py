@@ -8,10 +8,9 @@ that was saved is in the page's picture data (`reports.run.pictures`).
 
 import re
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,19 +25,15 @@ from reports.drawing.images import Picture, data_uri, delta_e, side_for, smaller
 from reports.drawing.palette import colours_of
 from scenes.files.atomic import write_atomically
 
-SCRIPTS = tuple(
-    f"{name}.js"
-    for name in (
-        *("chunks", "kept", "pixels", "colour_space", "colour_maps", "delta_e", "flip", "error_maps", "zoom"),
-        *("compare_data", "thumbnails", "compare_choice", "compare_layers", "compare_view"),
-        *("compare_probe", "compare_controls", "compare"),
-    )
+SCRIPTS = (
+    *("chunks.js", "kept.js", "pixels.js", "colour_space.js", "colour_maps.js", "delta_e.js", "flip.js"),
+    *("error_maps.js", "zoom.js", "compare_data.js", "thumbnails.js", "compare_choice.js", "compare_layers.js"),
+    *("compare_view.js", "compare_probe.js", "compare_controls.js", "compare.js"),
 )
 BUDGET_BYTES = 1_500_000
 
 
-@dataclass(frozen=True)
-class Shown:
+class Shown(NamedTuple):
     """One method's picture of a view as a data URI, None if there is none."""
 
     method: str
@@ -47,8 +42,7 @@ class Shown:
     failed: bool = False
 
 
-@dataclass(frozen=True)
-class View:
+class View(NamedTuple):
     scene: str
     title: str
     view: str
@@ -144,34 +138,35 @@ class SceneData:
 
     entry: dict[str, Any]
     renders: list[tuple[int, dict[str, Any], dict[str, str]]] = field(default_factory=list)
-    """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; empty if it is left
-    out.
+    """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; the row is empty if
+    it was not asked for.
     """
     texts: dict[str, str] = field(default_factory=dict)
     """The pictures of the truth."""
+    left_out: Counter[int] = field(default_factory=Counter)
+    """The number of renders that did not fit, by importance."""
     unshown: bool = False
     """Whether there are renders without the truth that they belong to."""
 
     def sizes(self) -> np.ndarray:
         """Return the bytes by importance; the truth counts as most important."""
         sizes = np.zeros(len(IMPORTANCE), dtype=np.int64)
-        sizes[0] = _size(self.texts)
-        for importance, _, texts in self.renders:
-            sizes[importance] += _size(texts)
+        for importance, _, texts in [(0, {}, self.texts), *self.renders]:
+            sizes[importance] += sum(map(len, texts.values()))
         return sizes
 
-    def chosen(self, up_to: int) -> dict[str, str]:
+    def choose(self, up_to: int) -> dict[str, str]:
         """Write the rows up to an importance into the entry; returns their pictures and those of the truth."""
         texts = dict(self.texts)
         for importance, row, of_row in self.renders:
             if importance <= up_to:
                 self.entry["renders"].append(row)
                 texts |= of_row
+        self.left_out.update(importance for importance, _, _ in self.renders if importance > up_to)
         return texts
 
 
-@dataclass(frozen=True)
-class PictureData:
+class PictureData(NamedTuple):
     """The picture data of the page."""
 
     data: dict[str, Any]
@@ -199,35 +194,35 @@ def _inline(records: Records, budget: int) -> PictureData | None:
         if up_to < LEAST:
             return None
     inline: dict[str, str] = {}
-    for one in scenes:
-        inline |= one.chosen(up_to)
-    return PictureData(_data(records, scenes, [up_to] * len(scenes), ""), inline, {})
+    for scene_shown in scenes:
+        inline |= scene_shown.choose(up_to)
+    return PictureData(_data(records, scenes, ""), inline, {})
 
 
 def _beside(records: Records, budget: int) -> PictureData:
-    """Make one file per scene."""
+    """Make one file per scene; the packed pictures of one scene are in memory at a time."""
     scenes: list[SceneData] = []
-    reach: list[int] = []
     files: dict[str, str] = {}
-    for scene in records.scenes:
-        one = scene_data(records, scene, len(IMPORTANCE) - 1)
-        up_to = max(_fitting(one.sizes(), budget), 0)
-        file, texts = _file_name(scene, files), one.chosen(up_to)
-        for holder in (*(view["truth"] for view in one.entry["views"]), *one.entry["renders"]):
+    for place, scene in enumerate(records.scenes):
+        shown = scene_data(records, scene, len(IMPORTANCE) - 1)
+        texts = shown.choose(max(_fitting(shown.sizes(), budget), 0))
+        # a scene's name may hold any character, a file's may not
+        file = f"{FOLDER}/{place}_{re.sub('[^A-Za-z0-9_-]', '_', scene)[:80]}.js"
+        for holder in (*(view["truth"] for view in shown.entry["views"]), *shown.entry["renders"]):
             for ref in holder.values():
                 if isinstance(ref, dict):
                     ref["file"] = file
         lines = ",\n".join(f'"{name}":"{text}"' for name, text in texts.items())
         files[file] = f"reportPictures({{{lines}}});\n"
-        # the packed pictures of one scene are in memory at a time
-        scenes.append(replace(one, renders=[(place, row, {}) for place, row, _ in one.renders], texts={}))
-        reach.append(up_to)
+        shown.renders.clear()
+        shown.texts.clear()
+        scenes.append(shown)
     beside = (
         f"The pictures of this report lie in {FOLDER}/ beside it, "
         f"{counted(len(files), 'file')} of {sum(map(len, files.values())) / 1e6:.0f} MB: "
         "whoever passes the report on must pass that folder on with it."
     )
-    return PictureData(_data(records, scenes, reach, beside), {}, files)
+    return PictureData(_data(records, scenes, beside), {}, files)
 
 
 def _fitting(spent: np.ndarray, budget: int) -> int:
@@ -235,30 +230,21 @@ def _fitting(spent: np.ndarray, budget: int) -> int:
     return int((np.cumsum(spent) <= budget).sum()) - 1
 
 
-def _size(texts: dict[str, str]) -> int:
-    return sum(map(len, texts.values()))
-
-
-def _data(records: Records, scenes: list[SceneData], reach: list[int], beside: str) -> dict[str, Any]:
-    left_out = Counter(
-        importance
-        for one, up_to in zip(scenes, reach, strict=True)
-        for importance, _, _ in one.renders
-        if importance > up_to
-    )
+def _data(records: Records, scenes: list[SceneData], beside: str) -> dict[str, Any]:
+    left_out = sum((shown.left_out for shown in scenes), Counter[int]())
     sentences = [
         f"{counted(many, 'render')} left out to keep this report small: {IMPORTANCE[importance]}."
         for importance, many in sorted(left_out.items())
     ]
     sentences += [
-        f"{one.entry['name']}: its pictures are not shown, the ground truth of them is missing or damaged."
-        for one in scenes
-        if one.unshown and not one.entry["views"]
+        f"{shown.entry['name']}: its pictures are not shown, the ground truth of them is missing or damaged."
+        for shown in scenes
+        if shown.unshown
     ]
     return {
         "methods": records.methods,
         "variables": {method: colour.variable for method, colour in colours_of(records.methods).items()},
-        "scenes": [one.entry for one in scenes if one.entry["views"]],
+        "scenes": [shown.entry for shown in scenes if shown.entry["views"]],
         "left_out": sentences,
         "beside": beside,
     }
@@ -266,40 +252,38 @@ def _data(records: Records, scenes: list[SceneData], reach: list[int], beside: s
 
 def scene_data(records: Records, scene: str, up_to: int) -> SceneData:
     """Return the scene, its renders packed up to an importance; `entry["renders"]` is still empty."""
-    found, about = kept(records, scene), records.scene(scene)
-    shown = seed_shown(records, scene)
-    order = {method: place for place, method in enumerate(records.methods)}
-    cells = {(cell.method, cell.seed): cell for cell in records.cells if cell.scene == scene}
-    names = list(found.truth)
-    far = _far(found, about)
-    one = SceneData({"name": scene, "title": about.title if about else scene, "views": [], "renders": []})
-    one.entry["views"] = [_view(found.truth[name], about, far, one.texts) for name in names]
-    one.entry["missing"] = []
-    for key in sorted(cells, key=lambda key: (order[key[0]], key[1])):
-        cell, why = cells[key], found.missing.get(key)
+    pictures, about, first = kept(records, scene), records.scene(scene), seed_shown(records, scene)
+    names = list(pictures.truth)
+    far = _far(pictures, about)
+    shown = SceneData({"name": scene, "title": about.title if about else scene, "missing": [], "renders": []})
+    shown.entry["views"] = [_view(pictures.truth[name], about, far, shown.texts) for name in names]
+    shown.unshown = bool(pictures.renders) and not names
+    cells = [cell for cell in records.cells if cell.scene == scene]
+    for cell in sorted(cells, key=lambda cell: (records.methods.index(cell.method), cell.seed)):
+        key = (cell.method, cell.seed)
+        why = pictures.missing.get(key)
         if cell.status != "done" or why is not None:
             reason = why or cell.reason or cell.status
             row = {"method": cell.method, "seed": cell.seed, "status": cell.status, "reason": reason}
-            one.entry["missing"].append(row)
-        for render in found.renders.get(key, []):
-            truth = found.truth.get(render.view)
+            shown.entry["missing"].append(row)
+        renders = pictures.renders.get(key, [])
+        for render in renders:
+            truth = pictures.truth.get(render.view)
             if truth is None or render.opacity.shape != truth.opacity.shape:
                 continue
-            last, place = render.step == found.renders[key][-1].step, names.index(render.view)
+            last, place = render.step == renders[-1].step, names.index(render.view)
             # the seed that is shown before the others, its end before what led there, first views before further ones
-            importance = 0 if key[1] == shown and last else (1 if key[1] == shown else 3) + (place > 0)
+            importance = 0 if cell.seed == first and last else (1 if cell.seed == first else 3) + (place > 0)
             texts: dict[str, str] = {}
             packed = _row(cell, render, last, place, far, texts) if importance <= up_to else {}
-            one.renders.append((importance, packed, texts))
-    one.unshown = bool(found.renders) and not names
-    return one
+            shown.renders.append((importance, packed, texts))
+    return shown
 
 
-def _far(found: Kept, about: SceneRecord | None) -> float:
-    depths = [one.depth for one in found.truth.values() if one.depth is not None]
-    depths += [one.depth for renders in found.renders.values() for one in renders]
-    largest = max((float(one.max()) for one in depths), default=0.0)
-    return max(largest, about.far if about else 0.0) or 1.0
+def _far(pictures: Kept, about: SceneRecord | None) -> float:
+    depths = [truth.depth for truth in pictures.truth.values() if truth.depth is not None]
+    depths += [render.depth for renders in pictures.renders.values() for render in renders]
+    return max([about.far if about else 0.0, *(float(depth.max()) for depth in depths)]) or 1.0
 
 
 def _put(packed: Packed, texts: dict[str, str]) -> dict[str, Any]:
@@ -327,7 +311,7 @@ def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, 
 
 
 def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, texts: dict[str, str]) -> dict[str, Any]:
-    scored = next((one for one in cell.views if one.view == render.view), None) if last else None
+    scored = next((score for score in cell.views if score.view == render.view), None) if last else None
     return {
         "method": cell.method,
         "seed": cell.seed,
@@ -335,20 +319,11 @@ def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, t
         "seconds": next((point.seconds for point in cell.curve if point.step == render.step), None),
         "last": last,
         "view": place,
-        "psnr": scored.psnr if scored else None,
-        "flip": scored.flip if scored else None,
-        "delta_e": scored.delta_e if scored else None,
+        **{name: getattr(scored, name, None) for name in ("psnr", "flip", "delta_e")},
         "colour": _put(packing.display(render.colour), texts),
         "opacity": _put(packing.display(render.opacity), texts),
         "depth": _put(packing.depth(render.depth, far), texts),
     }
-
-
-def _file_name(scene: str, taken: Iterable[str]) -> str:
-    """Make the name of a file: a scene's name may hold any character, a file's may not."""
-    stem = re.sub(r"[^A-Za-z0-9_-]", "_", scene)[:80] or "scene"
-    names = [f"{FOLDER}/{stem}.js", *(f"{FOLDER}/{stem}_{number}.js" for number in range(2, 10_000))]
-    return next(name for name in names if name.lower() not in {one.lower() for one in taken})
 
 
 def write_files(files: dict[str, str], folder: Path) -> None:

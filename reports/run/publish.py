@@ -30,19 +30,10 @@ from reports.run.density import ladder_panel
 from reports.run.pictures import as_picture, first_view, last_render, seed_shown
 
 SCHEMA = 1
+ABOUT_SCENE = ("width", "height", "views", "psnr_ceiling", "psnr_floor")
 CLAIM = (
-    "id",
-    "source",
-    "printed",
-    "measured",
-    "interval",
-    "scale",
-    "verdict",
-    "statement",
-    "kind",
-    "unit",
-    "how",
-    "note",
+    *("id", "source", "printed", "measured", "interval", "scale", "verdict"),
+    *("statement", "kind", "unit", "how", "note"),
 )
 """What summary.json tells of a claim: how it was judged, then what explains it."""
 
@@ -63,15 +54,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
         "seeds": run.seeds,
         "methods": run.methods,
         "scenes": [
-            {
-                "scene": scene.name,
-                "width": scene.width,
-                "height": scene.height,
-                "views": scene.views,
-                "psnr_ceiling": scene.psnr_ceiling,
-                "psnr_floor": scene.psnr_floor,
-            }
-            for scene in run.scenes
+            {"scene": scene.name, **{name: getattr(scene, name) for name in ABOUT_SCENE}} for scene in run.scenes
         ],
         "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells)],
         "comparisons": [plain(one) for one in (*records.comparisons, *records.extra_comparisons)],
@@ -91,25 +74,20 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
 
 def _cell(cell: CellRecord) -> dict[str, Any]:
     scores = [*METRICS, "psnr_train", "psnr_ceiling", *(name for name in cell.scores if name not in METRICS)]
+    curve = {
+        "steps": [point.step for point in cell.curve],
+        "seconds": [point.seconds for point in cell.curve],
+        "network_evaluations": [point.network_evaluations for point in cell.curve],
+    }
+    curve |= {name: [finite_or_none(getattr(point, name)) for point in cell.curve] for name in ("psnr", "rmse_linear")}
     return {
-        "scene": cell.scene,
-        "method": cell.method,
-        "seed": cell.seed,
-        "status": cell.status,
-        "reason": cell.reason,
-        "steps": cell.steps,
-        "train_seconds": cell.train_seconds,
-        **{name: finite_or_none(cell.scores.get(name)) for name in dict.fromkeys(scores)},
-        "curve": {
-            "steps": [point.step for point in cell.curve],
-            "seconds": [point.seconds for point in cell.curve],
-            "network_evaluations": [point.network_evaluations for point in cell.curve],
-            "psnr": [finite_or_none(point.psnr) for point in cell.curve],
-            "rmse_linear": [finite_or_none(point.rmse_linear) for point in cell.curve],
+        **{
+            name: getattr(cell, name)
+            for name in ("scene", "method", "seed", "status", "reason", "steps", "train_seconds")
         },
-        "parameters": cell.parameters,
-        "properties": cell.properties,
-        "warnings": cell.warnings,
+        **{name: finite_or_none(cell.scores.get(name)) for name in dict.fromkeys(scores)},
+        "curve": curve,
+        **{name: getattr(cell, name) for name in ("parameters", "properties", "warnings")},
     }
 
 

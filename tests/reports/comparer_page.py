@@ -19,17 +19,8 @@ ALONE = ("element.js", "numbers.js", "chunks.js", "kept.js", "pixels.js", "colou
 def write_comparer_page(path: Path, data: dict[str, Any], texts: Mapping[str, str], beside: bool = False) -> Path:
     """The comparer with the page's own style and policy; `beside`: which may load script files."""
     body = '<section id="pictures"><h2>Pictures</h2><div id="comparer" hidden></div></section>'
-    style = shell.style()
-    return _write(
-        path,
-        script(*FILES),
-        f'<div class="body"><nav></nav><main>{body}</main></div>',
-        "pictures-data",
-        data,
-        texts,
-        beside,
-        style,
-    )
+    whole = f'<style>{shell.style()}</style><div class="body"><nav></nav><main>{body}</main></div>'
+    return _write(path, script(*FILES), whole, "pictures-data", data, texts, beside)
 
 
 def write_arithmetic_page(path: Path, body: str, texts: Mapping[str, str], given: Any) -> Path:
@@ -44,24 +35,14 @@ def write_arithmetic_page(path: Path, body: str, texts: Mapping[str, str], given
 
 
 def _write(
-    path: Path,
-    code: str,
-    body: str,
-    name: str,
-    data: Any,
-    texts: Mapping[str, str],
-    beside: bool = False,
-    style: str = "",
+    path: Path, code: str, body: str, name: str, data: Any, texts: Mapping[str, str], beside: bool = False
 ) -> Path:
-    pixels = "".join(
-        f'<script type="application/octet-stream" id="{key}">{text}</script>' for key, text in texts.items()
-    )
+    blocks = [f'<script type="application/octet-stream" id="{key}">{text}</script>' for key, text in texts.items()]
     path.write_text(
-        f"""<!doctype html><html lang="en"><head><meta charset="utf-8">
+        f"""<!doctype html><html lang="en"><meta charset="utf-8"><link rel="icon" href="data:,">
 <meta http-equiv="Content-Security-Policy" content="{content_policy(code, beside)}">
-<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">
-<style>{style}</style></head><body>{body}<script type="application/json" id="{name}">{as_data(data)}</script>
-{pixels}<script>{code}</script></body></html>""",
+{body}<script type="application/json" id="{name}">{as_data(data)}</script>
+{"".join(blocks)}<script>{code}</script></html>""",
         encoding="utf-8",
     )
     return path

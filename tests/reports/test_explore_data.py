@@ -75,11 +75,6 @@ def test_a_row_belongs_to_a_scene_only_where_all_of_it_does():
     assert of_row([Entry("x")]) == ""
 
 
-def test_entries_are_equal_where_a_reader_sees_the_same():
-    assert Entry("1", value=1.0, runs=Selection("lego")) == Entry("1", value=2.0)
-    assert Entry("1") != Entry("2")
-
-
 def test_cells_of_the_score_tables_know_their_runs(records):
     grid = scores_grid(records)
     assert grid.rows[0][2].runs == Selection("chair", "nerf", metric="psnr")

@@ -64,8 +64,3 @@ def test_a_contender_that_was_not_there_has_no_verdict(lacking):
              for cell in lacking.cells]  # fmt: skip
     title = headline(replace(lacking, cells=cells)).title
     assert title == "qnerf was not available: nothing can be said of it"
-
-
-def test_train_and_test_scores_stand_together(records):
-    entry = scores_grid(records).rows[0][2]
-    assert (entry.text, entry.small) == ("22.87 ± 0.02", "train 23.97")

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from harness.records.study import SHELVES, Picture, Series, Studies, read_studies, write_studies
+from harness.records.study import SHELVES, Check, Picture, Series, Studies, read_studies, write_studies
 from reports.__main__ import main
 from reports.studies import publishing
 from tests.reports.fake_evidence import fake_evidence
 from tests.reports.fake_run import write_fake_run
-from tests.reports.fake_serving import fake_serving
+from tests.reports.fake_serving import fake_serving, write_fake_serving
 from tests.reports.fake_speed import fake_speed
 from tests.reports.fake_stability import fake_stability
 from tests.reports.run.test_page import Outline
@@ -32,6 +32,7 @@ DRAWN = {
     "speed": (fake_speed(), ["speed.png"]),
     "serving": (fake_serving(), ["serving.png"]),
 }
+LATE = Check("the rest", None, why="the time was over", owner="machine", status="not_available", id="late")
 each_shelf = pytest.mark.parametrize("shelf", SHELVES)
 
 
@@ -187,6 +188,7 @@ def test_what_there_is_not_is_not_drawn(tmp_path, shelf):
     [
         *((replace(one, settings={"quick": True}), "a quick run, too rough to publish") for one in GOOD.values()),
         (replace(GOOD["evidence"], finished=False), "not finished"),
+        (fake_serving(priorities=[LATE]), "not finished"),
     ],
 )
 def test_what_is_quick_or_unfinished_is_shown_and_not_published(tmp_path, capsys, record, said):
@@ -206,3 +208,32 @@ def test_the_page_is_built_without_torch_and_mitsuba(tmp_path, shelf):
     done = fresh(f"{BUILD} {HEAVY}", str(out), "--quiet", "--publish", str(tmp_path / "docs"))
     assert done.stderr == ""
     assert done.stdout.splitlines()[1:] == ["[]"]
+
+
+def test_serving_stands_in_the_report_and_in_the_summary_and_is_missed_where_it_is_not(tmp_path, capsys):
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=2, pictures=False, with_diverged=False)
+
+    def made() -> tuple[str, dict]:
+        assert main([str(out)]) == 0
+        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+        return (out / "report.html").read_text(encoding="utf-8"), summary
+
+    report, summary = made()
+    assert summary["serving"] is None
+    assert any("python -m harness study serving OUT" in words for words in summary["not_tested"])
+    assert 'id="serving"' not in report
+    write_fake_serving(out)
+    report, summary = made()
+    for words in (
+        '<section id="serving"',
+        "Rendering takes 3000 times as long as a hit in memory.",
+        "more &lt;b&gt;steps",
+    ):
+        assert words in report
+    hit = next(check for check in summary["serving"] if check["id"] == "hit.memory.0.nerf")
+    assert (hit["study"], hit["value"]) == ("latency", 3000.0)
+    assert not any("serving" in words for words in summary["not_tested"])
+    (out / SHELVES["serving"]).write_text('{"schema": 2, "cache": null, "attention": null}', encoding="utf-8")
+    capsys.readouterr()
+    assert made()[1]["serving"] is None
+    assert f"by an earlier version; run `python -m harness study serving {out}` again" in capsys.readouterr().out

@@ -147,7 +147,7 @@ def test_pictures_of_a_large_run_lie_in_files(out: Path) -> None:
     found = picture_data(records, budget=1000)
     assert found is not None
     assert found.inline == {}
-    assert list(found.files) == [f"{FOLDER}/chair.js", f"{FOLDER}/drums.js"]
+    assert list(found.files) == [f"{FOLDER}/0_chair.js", f"{FOLDER}/1_drums.js"]
     assert FOLDER in found.data["beside"]
     texts = {}
     for text in found.files.values():
@@ -156,7 +156,7 @@ def test_pictures_of_a_large_run_lie_in_files(out: Path) -> None:
         texts |= json.loads(match[1])
     for scene in found.data["scenes"]:
         for row in scene["renders"]:
-            assert row["colour"]["file"] == f"{FOLDER}/{scene['name']}.js"
+            assert row["colour"]["file"].endswith(f"_{scene['name']}.js")
             assert decoded(row["colour"], texts[row["colour"]["id"]], 12, 12).shape == (12, 12, 3)
     small = picture_data(records, budget=1000, file_budget=12_000)
     assert small is not None
@@ -174,7 +174,7 @@ def test_a_page_says_where_its_pictures_are(out: Path, tmp_path: Path, monkeypat
     assert found is not None
     monkeypatch.setattr("reports.run.run_page.picture_data", lambda records: found)
     write_page(records, tmp_path / "report.html")
-    assert sorted(file.name for file in (tmp_path / FOLDER).iterdir()) == ["chair.js", "drums.js"]
+    assert sorted(file.name for file in (tmp_path / FOLDER).iterdir()) == ["0_chair.js", "1_drums.js"]
     text = html.unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert found.data["beside"] in text
     assert "'self'" in text[: text.index("<style")]

@@ -1,7 +1,5 @@
 """When runs reached a score: every run that did not stays in sight, and the record alone computes."""
 
-import pytest
-
 from harness.records.targets import Reach, ReachCurve, TargetComparison, TargetsRecord
 from harness.verdicts.survival import targets
 from reports.data.load import Records
@@ -84,14 +82,3 @@ def test_where_there_is_no_target_the_section_says_why(records: Records):
     assert target_title(bare.targets) == "Time to a target"
     assert "No target: nothing has a score." in page(bare)
     assert reach_panels(bare, ["all", *bare.scenes]) == []
-
-
-@pytest.mark.slow
-def test_the_page_shows_target_curves_and_savings(records: Records):
-    record = targets(records.cells, records.methods)
-    text = page(replace(records, targets=record))
-    body = text[text.index('<section id="reaching">') :]
-    body = body[: body.index("</section>")]
-    assert f"<h2>Time to {record.target:g} dB</h2>" in body
-    assert body.count('<svg class="plot"') == 6, "two axes: over all scenes, and in each of two"
-    assert "Scene by scene" in body

@@ -42,8 +42,7 @@ const compareView = (() => {
     const box = canvas.getBoundingClientRect();
     const ratio = devicePixelRatio || 1;
     const [width, height] = [box.width, box.height].map((length) => Math.max(1, Math.round(length * ratio)));
-    if (canvas.width !== width) canvas.width = width;
-    if (canvas.height !== height) canvas.height = height;
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     return { width: box.width, height: box.height, ratio };
   }
 
@@ -68,17 +67,13 @@ const compareView = (() => {
       context.drawImage(bitmap, left, top, bitmap.width * scale, bitmap.height * scale);
       context.restore();
     });
-    if (pixel) mark(context, left + pixel[0] * scale, top + pixel[1] * scale, scale);
-  }
-
-  // A frame about a pixel, light on dark, so that it is seen on any ground.
-  function mark(context, x, y, scale) {
+    if (!pixel) return;
+    // a frame about it, light on dark, so that it is seen on any ground
     const side = Math.max(scale, 9);
-    const corner = (scale - side) / 2;
-    for (const [width, colour] of [[3, "#000"], [1.25, "#fff"]]) {
-      context.lineWidth = width;
-      context.strokeStyle = colour;
-      context.strokeRect(x + corner, y + corner, side, side);
+    const [x, y] = [left, top].map((corner, axis) => corner + pixel[axis] * scale + (scale - side) / 2);
+    for (const [lineWidth, strokeStyle] of [[3, "#000"], [1.25, "#fff"]]) {
+      Object.assign(context, { lineWidth, strokeStyle });
+      context.strokeRect(x, y, side, side);
     }
   }
 
@@ -117,38 +112,28 @@ const compareView = (() => {
 
     function panel(name, column, choice) {
       const one = { name, column, layers: [], size: null };
-      one.canvas = element("canvas", { role: "img" });
+      one.canvas = element("canvas", { role: "img", ...zoom.gestures(to.gestures(one)) });
       one.why = element("p", { class: "why", hidden: true });
       one.frame = element("div", { class: "frame" }, one.canvas, one.why);
       one.title = element("figcaption");
       one.said = element("p", { class: "said" });
-      one.save = element("button", { type: "button", class: "png", title: "Save this panel as PNG", click: () => save(one) }, "PNG");
+      const save = () => one.canvas.toBlob((blob) => download.saveBlob(one.canvas.getAttribute("aria-label"), "png", blob));
+      one.save = element("button", { type: "button", class: "png", title: "Save this panel as PNG", click: save }, "PNG");
       one.figure = element("figure", { class: "pane", "data-panel": `${column.key}-${name}` }, one.title, one.frame, one.said);
-      zoom.follow(one.canvas, to.gestures(one));
-      if (choice.mode === "wipe") addGrip(one);
+      if (choice.mode === "wipe") one.frame.append(one.grip = gripOf(one.frame));
       return one;
     }
 
-    function addGrip(one) {
-      const follow = (event) => {
-        if (!one.grip.hasPointerCapture(event.pointerId)) return;
-        const box = one.frame.getBoundingClientRect();
-        to.wipe((event.clientX - box.left) / box.width);
-      };
-      const take = (event) => {
-        event.stopPropagation();
-        one.grip.setPointerCapture(event.pointerId);
-      };
-      one.grip = element("div", {
+    function gripOf(frame) {
+      return element("div", {
         class: "handle", role: "slider", tabindex: "0", "aria-label": "Where A ends and B begins", "aria-valuemin": "0",
-        "aria-valuemax": "100", pointerdown: take, pointermove: follow,
+        "aria-valuemax": "100",
+        pointerdown: ({ currentTarget, pointerId }) => currentTarget.setPointerCapture(pointerId),
+        pointermove: ({ currentTarget, pointerId, clientX }) => {
+          const box = frame.getBoundingClientRect();
+          if (currentTarget.hasPointerCapture(pointerId)) to.wipe((clientX - box.left) / box.width);
+        },
       });
-      one.frame.append(one.grip);
-    }
-
-    function save({ canvas }) {
-      const title = canvas.getAttribute("aria-label");
-      canvas.toBlob((blob) => download.saveBlob(title, "png", blob));
     }
 
     async function fill(one, choice, mine) {

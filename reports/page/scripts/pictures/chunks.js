@@ -1,14 +1,12 @@
 // Long computations in slices, so that the page goes on answering.
 const chunks = (() => {
   const SLICE = 12;
-  const waiting = [];
-  const channel = new MessageChannel();
-  channel.port1.onmessage = () => waiting.shift()();
-  const pause = () =>
-    new Promise((resume) => {
-      waiting.push(resume);
-      channel.port2.postMessage(null);
-    });
+  // a message comes back sooner than a timer, which waits 4 ms
+  const pause = () => new Promise((resume) => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = () => resume(port1.close());
+    port2.postMessage(null);
+  });
 
   // Runs a generator to its end, never for longer than a slice of milliseconds at a time.
   async function run(work) {
@@ -21,6 +19,5 @@ const chunks = (() => {
       await pause();
     }
   }
-
   return { run };
 })();

@@ -17,32 +17,18 @@ const errorMaps = (() => {
     return found;
   }
 
-  function* depthError({ test, truth, opaque }) {
-    return test.depth.map((depth, place) => (opaque[place] > OPAQUE ? depth - truth.depth[place] : NaN));
-  }
-
-  function* depth({ test }) {
-    return test.isTruth ? test.depth.map((v) => (v === 0 ? NaN : v)) : test.depth;
-  }
-
   // Of the values that are numbers.
   function mean(values, of = (v) => v) {
-    let [sum, many] = [0, 0];
-    for (const value of values) {
-      if (Number.isNaN(value)) continue;
-      sum += of(value);
-      many += 1;
-    }
-    return many ? sum / many : NaN;
+    const there = Array.from(values).filter((value) => !Number.isNaN(value));
+    return there.reduce((sum, value) => sum + of(value), 0) / there.length;
   }
 
   const square = (v) => v * v;
   const fixed = (value, digits) => (value === Infinity ? "∞" : numbers.fixed(value, digits));
-  const beside = (value, digits) => (value === null || value === undefined ? "" : ` (record ${fixed(value, digits)})`);
+  const beside = (value, digits) => (Number.isFinite(value) ? ` (record ${fixed(value, digits)})` : "");
 
   function squaredError({ test, truth }) {
-    const own = test.planes.map((plane, which) => mean(plane.map((v, place) => square(v - truth.planes[which][place]))));
-    return mean(own);
+    return mean(test.planes.map((plane, which) => mean(plane.map((v, place) => square(v - truth.planes[which][place])))));
   }
 
   // `range` is the largest value that the colours tell apart; maps with `scaled` let the reader change it.
@@ -60,73 +46,50 @@ const errorMaps = (() => {
       title: "Signed error",
       titled: `Signed error of luma (${LUMA.map((weight, which) => `${weight} ${"RGB"[which]}`).join(" + ")})`,
       about: "display value, less … more than",
-      colours: "diverging",
-      range: 0.25,
-      signed: true,
-      scaled: true,
+      colours: "diverging", range: 0.25, signed: true, scaled: true,
       work: (pair) => differences(pair, LUMA, (v) => v),
       // errors of opposite sign cancel in luma, so that its own RMSE would not be the picture's
-      said: (values, pair) =>
-        `mean ${fixed(mean(values), 4)}, RMSE of all channels ${fixed(Math.sqrt(squaredError(pair)), 4)}`,
+      said: (values, pair) => `mean ${fixed(mean(values), 4)}, RMSE of all channels ${fixed(Math.sqrt(squaredError(pair)), 4)}`,
     },
     absolute: {
-      title: "Absolute error",
-      about: "display value",
-      colours: "magma",
-      range: 0.25,
-      scaled: true,
+      title: "Absolute error", about: "display value", colours: "magma", range: 0.25, scaled: true,
       work: (pair) => differences(pair, EVEN, Math.abs),
       said: (values) => `mean ${fixed(mean(values), 4)}`,
     },
     flip: {
-      title: "FLIP",
-      about: "FLIP, 67 pixels a degree",
-      colours: "magma",
-      range: 1,
+      title: "FLIP", about: "FLIP, 67 pixels a degree", colours: "magma", range: 1,
       work: ({ test, truth }) => flip.map(truth.planes, test.planes, test.width, test.height),
       said: (values, _, record) => `mean ${fixed(mean(values), 4)}${beside(record?.flip, 4)}`,
     },
     delta_e: {
-      title: "ΔE₀₀",
-      about: "CIEDE2000",
-      colours: "magma",
-      range: 20,
-      scaled: true,
+      title: "ΔE₀₀", about: "CIEDE2000", colours: "magma", range: 20, scaled: true,
       work: ({ test, truth }) => deltaE.map(truth.planes, test.planes, test.width, test.height),
       said: (values, _, record) => `mean ${fixed(mean(values), 2)}${beside(record?.delta_e, 2)}`,
     },
     depth_error: {
-      title: "Depth error",
-      about: "scene units, nearer … farther than; where the truth is opaque",
-      colours: "diverging",
-      range: 0.5,
-      signed: true,
-      scaled: true,
-      depth: true,
-      work: depthError,
-      said: (values) =>
-        Number.isNaN(mean(values))
-          ? "no opaque pixel"
-          : `RMSE ${fixed(Math.sqrt(mean(values, square)), 4)}, mean ${fixed(mean(values), 4)}`,
+      title: "Depth error", about: "scene units, nearer … farther than; where the truth is opaque",
+      colours: "diverging", range: 0.5, signed: true, scaled: true, depth: true,
+      work: function* ({ test, truth, opaque }) {
+        return test.depth.map((depth, place) => (opaque[place] > OPAQUE ? depth - truth.depth[place] : NaN));
+      },
+      said: (values) => {
+        const average = mean(values);
+        if (Number.isNaN(average)) return "no opaque pixel";
+        return `RMSE ${fixed(Math.sqrt(mean(values, square)), 4)}, mean ${fixed(average, 4)}`;
+      },
     },
     depth: {
-      title: "Depth",
-      about: "scene units along the ray",
-      colours: "viridis",
-      alone: true,
-      depth: true,
-      work: depth,
+      title: "Depth", about: "scene units along the ray", colours: "viridis", alone: true, depth: true,
+      work: function* ({ test }) {
+        return test.isTruth ? test.depth.map((v) => (v === 0 ? NaN : v)) : test.depth;
+      },
       said: (values) => {
         const hit = values.filter((v) => !Number.isNaN(v)).sort();
         return hit.length > 0 ? `${fixed(hit[0], 2)} to ${fixed(hit.at(-1), 2)}` : "nothing was hit";
       },
     },
     opacity: {
-      title: "Opacity",
-      about: "opacity",
-      colours: "grey",
-      range: 1,
-      alone: true,
+      title: "Opacity", about: "opacity", colours: "grey", range: 1, alone: true,
       work: function* ({ test }) {
         return test.opacity;
       },
@@ -138,10 +101,10 @@ const errorMaps = (() => {
 
   // What lies at the two ends of the colours: of depth the view's near and far, else the range as the reader scaled it.
   function endsOf(name, scale, view) {
-    const map = MAPS[name];
+    const { range, scaled, signed } = MAPS[name];
     if (name === "depth") return [view.near, view.far];
-    const most = map.scaled ? map.range * 2 ** scale : map.range;
-    return [map.signed ? -most : 0, most];
+    const most = scaled ? range * 2 ** scale : range;
+    return [signed ? -most : 0, most];
   }
 
   return { MAPS, titleOf, endsOf };

@@ -4,30 +4,30 @@ const kept = (() => {
   function memory(limit, sizeOf) {
     const entries = new Map();
 
-    function tidy(latest) {
-      let held = [...entries.values()].reduce((sum, { bytes }) => sum + bytes, 0);
-      for (const [key, { bytes }] of entries) {
-        if (held <= limit) return;
-        if (key === latest || bytes === 0) continue;
+    async function make(key, work) {
+      const entry = { bytes: 0, promise: work() };
+      entries.set(key, entry);
+      try {
+        entry.bytes = sizeOf(await entry.promise);
+      } catch {
         entries.delete(key);
+      }
+      let held = [...entries.values()].reduce((sum, { bytes }) => sum + bytes, 0);
+      for (const [oldest, { bytes }] of entries) {
+        if (held <= limit) return;
+        if (oldest === key || bytes === 0) continue;
+        entries.delete(oldest);
         held -= bytes;
       }
     }
 
-    return (key, make) => {
-      const entry = entries.get(key) ?? { bytes: 0, promise: make() };
+    return (key, work) => {
+      const entry = entries.get(key);
       entries.delete(key);
-      entries.set(key, entry);
-      entry.promise.then(
-        (value) => {
-          entry.bytes = sizeOf(value);
-          tidy(key);
-        },
-        () => entries.get(key) === entry && entries.delete(key),
-      );
-      return entry.promise;
+      if (entry) entries.set(key, entry);
+      else make(key, work);
+      return entries.get(key).promise;
     };
   }
-
   return { memory };
 })();

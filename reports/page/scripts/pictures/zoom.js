@@ -7,11 +7,8 @@ const zoom = (() => {
   // CSS pixels a picture pixel, and where in the panel the picture's corner lies.
   function placed(at, panel, picture) {
     const scale = Math.min(panel.width / picture.width, panel.height / picture.height) * at.zoom;
-    return {
-      scale,
-      left: panel.width / 2 - at.x * picture.width * scale,
-      top: panel.height / 2 - at.y * picture.height * scale,
-    };
+    const corner = (room, part, length) => room / 2 - part * length * scale;
+    return { scale, left: corner(panel.width, at.x, picture.width), top: corner(panel.height, at.y, picture.height) };
   }
 
   // The same, without showing more of what lies beside the picture than needed.
@@ -19,14 +16,10 @@ const zoom = (() => {
     const wanted = limit(at.zoom, 1, MOST);
     const { scale } = placed({ ...at, zoom: wanted }, panel, picture);
     const along = (value, length, room) => {
-      const half = room / 2 / (length * scale);
-      return half >= 0.5 ? 0.5 : limit(value, half, 1 - half);
+      const half = Math.min(0.5, room / 2 / (length * scale));
+      return limit(value, half, 1 - half);
     };
-    return {
-      zoom: wanted,
-      x: along(at.x, picture.width, panel.width),
-      y: along(at.y, picture.height, panel.height),
-    };
+    return { zoom: wanted, x: along(at.x, picture.width, panel.width), y: along(at.y, picture.height, panel.height) };
   }
 
   // Closer by a factor; what lies under `point` of the panel stays there.
@@ -34,17 +27,10 @@ const zoom = (() => {
     const before = placed(at, panel, picture);
     const wanted = limit(at.zoom * factor, 1, MOST);
     const { scale } = placed({ ...at, zoom: wanted }, panel, picture);
-    const stays = (place, corner, length, room) =>
-      ((place - corner) / before.scale - (place - room / 2) / scale) / length;
-    return kept(
-      {
-        zoom: wanted,
-        x: stays(point.x, before.left, picture.width, panel.width),
-        y: stays(point.y, before.top, picture.height, panel.height),
-      },
-      panel,
-      picture,
-    );
+    const stays = (place, corner, length, room) => ((place - corner) / before.scale - (place - room / 2) / scale) / length;
+    const x = stays(point.x, before.left, picture.width, panel.width);
+    const y = stays(point.y, before.top, picture.height, panel.height);
+    return kept({ zoom: wanted, x, y }, panel, picture);
   }
 
   // The picture moved by so many CSS pixels.
@@ -59,8 +45,7 @@ const zoom = (() => {
     const { scale, left, top } = placed(at, panel, picture);
     const short = (start, room) => {
       const margin = Math.min(scale, room / 4);
-      if (start < margin) return margin - start;
-      return Math.min(0, room - margin - (start + scale));
+      return Math.max(0, margin - start) || Math.min(0, room - margin - (start + scale));
     };
     return moved(at, short(left + column * scale, panel.width), short(top + row * scale, panel.height), panel, picture);
   }
@@ -68,67 +53,67 @@ const zoom = (() => {
   // The pixel [column, row] under a point of the panel, or null beside the picture.
   function pixelAt(at, point, panel, picture) {
     const { scale, left, top } = placed(at, panel, picture);
-    const column = Math.floor((point.x - left) / scale);
-    const row = Math.floor((point.y - top) / scale);
+    const [column, row] = [Math.floor((point.x - left) / scale), Math.floor((point.y - top) / scale)];
     const inside = column >= 0 && row >= 0 && column < picture.width && row < picture.height;
     return inside ? [column, row] : null;
   }
 
-  // Tells `to` of what pointers do on a canvas: closer(factor, point), drag(dx, dy), hover(point), tap(point), fit();
-  // hover(null) once the pointer has left.
+  // The handlers of a canvas that tell `to` of what pointers do on it: closer(factor, point), drag(dx, dy), hover(point),
+  // tap(point), fit(); hover(null) once the pointer has left.
   // The wheel is the page's own until the reader has clicked (`to.listening()`), unless Ctrl is held.
-  function follow(canvas, to) {
+  function gestures(to) {
     const down = new Map();
     let travelled = 0;
-    const pointOf = (event) => {
-      const box = canvas.getBoundingClientRect();
-      return { x: event.clientX - box.left, y: event.clientY - box.top };
+    const pointOf = ({ currentTarget, clientX, clientY }) => {
+      const box = currentTarget.getBoundingClientRect();
+      return { x: clientX - box.left, y: clientY - box.top };
     };
-    const spread = () => {
-      const [one, other] = [...down.values()];
-      return Math.hypot(one.x - other.x, one.y - other.y);
+    const fingers = () => {
+      const [first, other] = [...down.values()];
+      const middle = { x: (first.x + other.x) / 2, y: (first.y + other.y) / 2 };
+      return { apart: Math.hypot(first.x - other.x, first.y - other.y), middle };
     };
 
-    canvas.addEventListener(
-      "wheel",
-      (event) => {
+    function pinch(id, point) {
+      const before = fingers().apart;
+      down.set(id, point);
+      const { apart, middle } = fingers();
+      travelled = Infinity;
+      if (before > 0) to.closer(apart / before, middle);
+    }
+
+    return {
+      wheel: (event) => {
         if (!event.ctrlKey && !to.listening()) return;
         event.preventDefault();
         const lines = event.deltaY * (event.deltaMode === 1 ? 33 : 1);
         to.closer(2 ** (-lines / 240), pointOf(event));
       },
-      { passive: false },
-    );
-    canvas.addEventListener("pointerdown", (event) => {
-      if (event.button !== 0) return;
-      if (down.size === 0) travelled = 0;
-      down.set(event.pointerId, pointOf(event));
-      canvas.setPointerCapture(event.pointerId);
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      const point = pointOf(event);
-      const last = down.get(event.pointerId);
-      if (!last) return to.hover(point);
-      if (down.size === 2) {
-        const before = spread();
-        down.set(event.pointerId, point);
-        const [one, other] = [...down.values()];
-        travelled = Infinity;
-        if (before > 0) to.closer(spread() / before, { x: (one.x + other.x) / 2, y: (one.y + other.y) / 2 });
-        return undefined;
-      }
-      travelled += Math.hypot(point.x - last.x, point.y - last.y);
-      down.set(event.pointerId, point);
-      if (travelled > 3) to.drag(point.x - last.x, point.y - last.y);
-      return to.hover(point);
-    });
-    canvas.addEventListener("pointerup", (event) => {
-      if (down.delete(event.pointerId) && travelled <= 3) to.tap(pointOf(event));
-    });
-    canvas.addEventListener("pointercancel", (event) => down.delete(event.pointerId));
-    canvas.addEventListener("pointerleave", () => to.hover(null));
-    canvas.addEventListener("dblclick", () => to.fit());
+      pointerdown: (event) => {
+        if (event.button !== 0) return;
+        if (down.size === 0) travelled = 0;
+        down.set(event.pointerId, pointOf(event));
+        event.currentTarget.setPointerCapture(event.pointerId);
+      },
+      pointermove: (event) => {
+        const point = pointOf(event);
+        const last = down.get(event.pointerId);
+        if (last && down.size === 2) return pinch(event.pointerId, point);
+        if (last) {
+          travelled += Math.hypot(point.x - last.x, point.y - last.y);
+          down.set(event.pointerId, point);
+          if (travelled > 3) to.drag(point.x - last.x, point.y - last.y);
+        }
+        return to.hover(point);
+      },
+      pointerup: (event) => {
+        if (down.delete(event.pointerId) && travelled <= 3) to.tap(pointOf(event));
+      },
+      pointercancel: (event) => down.delete(event.pointerId),
+      pointerleave: () => to.hover(null),
+      dblclick: () => to.fit(),
+    };
   }
 
-  return { placed, kept, closer, moved, showing, pixelAt, follow };
+  return { placed, kept, closer, moved, showing, pixelAt, gestures };
 })();

@@ -25,6 +25,8 @@ const element = (() => {
     return node ? JSON.parse(node.textContent) : otherwise;
   };
 
+  made.button = (look, text, click, attributes = {}) => made("button", { type: "button", class: look, click, ...attributes }, text);
+
   // A square of the colour that a variable of the page holds.
   made.swatch = (variable) => {
     const mark = made("i", { class: "swatch", "aria-hidden": "true" });
@@ -51,7 +53,7 @@ const element = (() => {
   made.keys = (list, note = "") => {
     const dialog = made("dialog", { class: "keys", "aria-label": "Keys" }, made("h2", {}, "Keys"), made.terms(list),
       made("p", { class: "note" }, note),
-      made("button", { type: "button", class: "act", autofocus: true, click: () => dialog.close() }, "close"));
+      made.button("act", "close", () => dialog.close(), { autofocus: true }));
     return dialog;
   };
   return made;

@@ -3,8 +3,15 @@
 const filter = (() => {
   const known = element.data("runs-data", { scenes: [], methods: [] });
   const KINDS = [["scene", "scenes"], ["method", "methods"]];
-  const button = element("button", { type: "button", class: "tool", "aria-expanded": "false", click: () => toggle() }, "Filter");
-  const box = element("div", { class: "filter", role: "dialog", "aria-label": "Scenes and methods that are shown", hidden: true });
+  const button = element.button("tool", "Filter", () => toggle(), { "aria-expanded": "false" });
+  const box = element("div", {
+    class: "filter", role: "dialog", "aria-label": "Scenes and methods that are shown", hidden: true,
+    keydown: (event) => {
+      if (event.key !== "Escape") return;
+      event.preventDefault();
+      toggle(false);
+    },
+  });
 
   // The names that are left of `scenes` or `methods`, or null for all of them.
   function chosen(kinds) {
@@ -26,7 +33,6 @@ const filter = (() => {
   }
 
   function fill() {
-    const act = (text, click) => element("button", { type: "button", class: "act", click }, text);
     const lists = KINDS.map(([, kinds]) => {
       const left = chosen(kinds) ?? known[kinds];
       const boxes = known[kinds].map((name) => element("label", {}, element("input", {
@@ -41,7 +47,7 @@ const filter = (() => {
     };
     box.replaceChildren(...lists,
       element("p", { class: "note" }, "Takes rows, columns, figures and pictures of the others out of sight. Means and verdicts stay those of the whole run."),
-      act("show all", all), " ", act("done", () => toggle(false)));
+      element.button("act", "show all", all), " ", element.button("act", "done", () => toggle(false)));
   }
 
   function apply() {
@@ -68,11 +74,6 @@ const filter = (() => {
     if (known.scenes.length < 2 && known.methods.length < 2) return;
     bar.append(button);
     document.body.append(box);
-    box.addEventListener("keydown", (event) => {
-      if (event.key !== "Escape") return;
-      event.preventDefault();
-      toggle(false);
-    });
     state.on((changed) => {
       if (!changed.has("filter.scenes") && !changed.has("filter.methods")) return;
       apply();

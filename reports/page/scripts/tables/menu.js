@@ -2,7 +2,18 @@
 // by a click elsewhere, and gives the focus back.
 const menu = (() => {
   const WIDTH = 120;
-  const list = element("div", { class: "menu", role: "menu", popover: "auto", style: `width: ${WIDTH}px` });
+  const list = element("div", {
+    class: "menu", role: "menu", popover: "auto", style: `width: ${WIDTH}px`,
+    keydown: (event) => {
+      if (event.key === "Escape") event.stopPropagation(); // closes the menu alone
+      if (event.key === "Tab") list.hidePopover();
+      const entries = [...list.children];
+      const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      entries.at((entries.indexOf(document.activeElement) + step) % entries.length).focus();
+    },
+  });
   let owner = null;
   document.body.append(list);
 
@@ -19,21 +30,10 @@ const menu = (() => {
     list.style.top = `${at.bottom + 4 + scrollY}px`;
   }
 
-  list.addEventListener("keydown", (event) => {
-    if (event.key === "Escape") event.stopPropagation(); // closes the menu alone
-    if (event.key === "Tab") list.hidePopover();
-    const entries = [...list.children];
-    const place = entries.indexOf(document.activeElement);
-    const to = { ArrowDown: place + 1, ArrowUp: place - 1, Home: 0, End: -1 }[event.key];
-    if (to === undefined) return;
-    event.preventDefault();
-    entries.at(to % entries.length).focus();
-  });
-
   // A quiet button that opens a menu; `items` is asked when it is pressed.
   function button(label, items) {
-    const click = (event) => give(event.currentTarget, items());
-    return element("button", { type: "button", class: "save", "aria-haspopup": "menu", "aria-label": label, title: label, click }, "save");
+    const click = ({ currentTarget }) => give(currentTarget, items());
+    return element.button("save", "save", click, { "aria-haspopup": "menu", "aria-label": label, title: label });
   }
   return { button };
 })();

@@ -21,7 +21,7 @@ const reading = (() => {
 
   function start(bar) {
     const actions = { "/": search, "?": () => help.showModal() };
-    bar.append(element("button", { type: "button", class: "tool", click: actions["?"] }, "Keys"));
+    bar.append(element.button("tool", "Keys", actions["?"]));
     document.body.append(help);
     addEventListener("keydown", (event) => {
       const typing = event.target.closest?.("input, textarea, select, dialog, [contenteditable], #pictures");

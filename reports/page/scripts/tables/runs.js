@@ -2,12 +2,14 @@
 const runs = (() => {
   const data = element.data("runs-data", null);
   // A selection's keys, and what they are called in the address.
-  const SHARED = ["scene", "method", "seed", "step"];
-  const KEYS = Object.fromEntries([...SHARED.map((name) => [name, name]), ...["against", "metric", "budget"].map((name) => [name, `runs.${name}`])]);
+  const KEYS = {
+    scene: "scene", method: "method", seed: "seed", step: "step",
+    against: "runs.against", metric: "runs.metric", budget: "runs.budget",
+  };
   const WORDS = { done: "finished", diverged: "diverged", error: "failed", not_available: "not available" };
   const APART = "not compared: the group is not whole";
   const body = element("div", { class: "content" });
-  const close = element("button", { type: "button", class: "close", "aria-label": "Close", click: () => shut(true) }, "✕");
+  const close = element.button("close", "✕", () => shut(), { "aria-label": "Close" });
   const panel = element("aside", { class: "panel", id: "runs", hidden: true, tabindex: "-1", "aria-label": "The runs behind it" }, close, body);
   document.body.append(panel);
   let opener = null;
@@ -21,10 +23,10 @@ const runs = (() => {
     panel.focus({ preventScroll: true });
   }
 
-  function shut(returning) {
+  function shut() {
     if (panel.hidden) return;
     state.set({ "runs.against": null, "runs.metric": null, "runs.budget": null, "runs.open": null }, { entry: true });
-    if (returning) opener?.focus({ preventScroll: true });
+    opener?.focus({ preventScroll: true });
     opener = null;
   }
 
@@ -133,8 +135,8 @@ const runs = (() => {
       const narrow = matchMedia("(max-width: 60rem)").matches ? { "runs.open": null } : {};
       state.go("pictures", { scene: cell.scene, method: cell.method, seed: cell.seed, step, ...narrow });
     };
-    return element("button", { type: "button", class: "act", "aria-label": "compare the pictures", click },
-      thumbnails.of(cell, step), element("span", {}, "compare the pictures"));
+    return element.button("act", [thumbnails.of(cell, step), element("span", {}, "compare the pictures")].flat(), click,
+      { "aria-label": "compare the pictures" });
   }
 
   function details(cell, step) {
@@ -199,7 +201,7 @@ const runs = (() => {
       if (["runs.open", ...Object.values(KEYS)].some((key) => changed.has(key))) show();
     });
     addEventListener("keydown", (event) => {
-      if (event.key === "Escape" && !panel.hidden && !event.defaultPrevented) shut(true);
+      if (event.key === "Escape" && !panel.hidden && !event.defaultPrevented) shut();
     });
     show();
   }

@@ -4,6 +4,7 @@ const tables = (() => {
   const MANY_ROWS = 8;
   const SHORT = 52; // characters of a caption that leave room beside it
   const EMPTY = { text: "", small: "", value: null, parts: {} };
+  const STEPS = { ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowDown: [1, 0], ArrowUp: [-1, 0] };
   const { compare } = new Intl.Collator("en", { numeric: true });
   const all = [];
 
@@ -109,8 +110,7 @@ const tables = (() => {
     if (place >= 0) keyed.sort(([a], [b]) => order(a, b, way === "d"));
     one.table.tBodies[0].append(...keyed.map(([, row]) => row));
     one.heads.forEach((head, at) => {
-      if (at === place) head.setAttribute("aria-sort", way === "d" ? "descending" : "ascending");
-      else head.removeAttribute("aria-sort");
+      head.ariaSort = at === place ? { a: "ascending", d: "descending" }[way] : null;
     });
     recount(one);
   }
@@ -124,8 +124,7 @@ const tables = (() => {
       const numeric = one.rows.some((row) => row.cells[place]?.dataset.value !== undefined);
       const ways = (numeric ? ["d", "a"] : ["a", "d"]).map((way) => `${place}${way}`);
       const click = () => state.set({ [one.key]: ways[ways.indexOf(state.get(one.key)) + 1] });
-      const button = element("button", { type: "button", class: "sort", title: "sort", click }, [...head.childNodes]);
-      head.append(button);
+      head.append(element.button("sort", [...head.childNodes], click, { title: "sort" }));
     });
     sort(one);
   }
@@ -167,18 +166,18 @@ const tables = (() => {
     for (const cell of cells) {
       const nodes = [...cell.childNodes];
       const small = nodes.findIndex(({ nodeName }) => nodeName === "SMALL");
-      const button = element("button", { type: "button", class: "behind", title: "the runs behind this", tabindex: cell === cells[0] ? "0" : "-1" },
-        small < 0 ? nodes : nodes.slice(0, small));
+      const label = { title: "the runs behind this", tabindex: cell === cells[0] ? "0" : "-1" };
+      const button = element.button("behind", small < 0 ? nodes : nodes.slice(0, small), null, label);
       cell.prepend(button);
       cell.addEventListener("click", (event) => {
         if (!event.target.closest("a") && !getSelection().toString()) runs.open(JSON.parse(cell.dataset.runs), button);
       });
     }
-    table.addEventListener("keydown", (event) => move(event, table));
+    table.addEventListener("keydown", move);
   }
 
-  function move(event, table) {
-    const step = { ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowDown: [1, 0], ArrowUp: [-1, 0] }[event.key];
+  function move(event) {
+    const [step, table] = [STEPS[event.key], event.currentTarget];
     if (!step || !event.target.matches(".behind")) return;
     event.preventDefault();
     const cell = event.target.closest("[data-runs]");
