@@ -34,32 +34,32 @@ def value_of(text: str) -> float | None:
     """Return the number at the beginning of a text of ours, in seconds or bytes if it is a time or a size; None if
     there is none, or it only counts lost cells, as in `2 of 3 diverged`, or it is the end of a range.
     """
-    found = FIGURE.fullmatch(text.strip())
-    if found is None:
+    figure = FIGURE.fullmatch(text.strip())
+    if figure is None:
         return None
-    power = found["power"] or found["bare"] or ""
-    digits = (found["digits"] or "1").replace(NARROW, "")
+    power = figure["power"] or figure["bare"] or ""
+    digits = (figure["digits"] or "1").replace(NARROW, "")
     value = float(f"{digits}e{power.translate(LEVELLED) or '0'}")
-    rest = found["rest"].replace(NARROW, " ").replace("\u00a0", " ")
+    rest = figure["rest"].replace(NARROW, " ").replace("\u00a0", " ")
     if re.match(rf"\s+of\s+(\d|the)|\s+to\s+[+{MINUS}]?\d|\s*[–/x]\s*\d|\d|[.,]", rest) or re.match(r"\w{4,}", rest):
         return None
     scale = UNITS.get(rest.split()[0], 1.0) if rest.split() else 1.0
     second = re.match(r" (min|h) (\d\d) (s|min)\b", rest)  # the second part of a time: 3 min *20 s*, 2 h *05 min*
-    return (-value if found["sign"] else value) * scale + (float(second[2]) * UNITS[second[3]] if second else 0.0)
+    return (-value if figure["sign"] else value) * scale + (float(second[2]) * UNITS[second[3]] if second else 0.0)
 
 
-def of_entry(one: Entry, numeric: bool) -> Markup:
+def of_entry(entry: Entry, numeric: bool) -> Markup:
     """Return the attributes of a table cell."""
-    found: dict[str, str] = {}
-    value = value_of(one.text) if one.value is None and numeric else one.value
+    attributes: dict[str, str] = {}
+    value = value_of(entry.text) if entry.value is None and numeric else entry.value
     if isinstance(value, str):
-        found["said"] = value
+        attributes["said"] = value
     elif value is not None and math.isfinite(value):
-        found["value"] = f"{value:.7g}"
-    parts = {name: known for name, part in one.parts.items() if (known := _part(part)) is not None}
+        attributes["value"] = f"{value:.7g}"
+    parts = {name: known for name, part in entry.parts.items() if (known := _part(part)) is not None}
     if parts:
-        found["parts"] = as_json(parts)
-    return _written(found) + of_runs(one.runs)
+        attributes["parts"] = as_json(parts)
+    return _written(attributes) + of_runs(entry.runs)
 
 
 def _part(part: float | str | None) -> float | str | None:
@@ -75,20 +75,20 @@ def of_runs(runs: Selection | None) -> Markup:
 
 def of_row(row: list[Entry]) -> Markup:
     """Return the scene and the method that a complete row belongs to, which a filter uses."""
-    found = {}
+    attributes = {}
     for name in ("scene", "method"):
-        values = {getattr(one.runs, name) for one in row if one.runs is not None}
+        values = {getattr(entry.runs, name) for entry in row if entry.runs is not None}
         if len(values) == 1 and (value := values.pop()):
-            found[name] = value
-    return _written(found)
+            attributes[name] = value
+    return _written(attributes)
 
 
 def as_json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
-def _written(found: dict[str, str]) -> Markup:
-    return Markup("").join(Markup(' data-{}="{}"').format(name, escape(value)) for name, value in found.items())
+def _written(attributes: dict[str, str]) -> Markup:
+    return Markup("").join(Markup(' data-{}="{}"').format(name, escape(value)) for name, value in attributes.items())
 
 
 RUN_PAGE = "report.html"
@@ -160,7 +160,7 @@ class Layout:
         return self.environment.get_template(template).render(
             **content,
             title=title,
-            sections=[one for one in every if one.parts],
+            sections=[part for part in every if part.parts],
             policy=content_policy(code, files),
             script=Markup(code),
             style=style() + Markup(rules),

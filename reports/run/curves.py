@@ -100,7 +100,7 @@ def diagrams(records: Records) -> list[Diagram]:
     """Return every pair of an error and a cost for which the records suffice for a line."""
     curves, floors = curves_frame(records), noise_floors(records)
     made = [_diagram(records, curves, measure, cost, floors) for measure in ERRORS for cost in COSTS]
-    return [one for one in made if one.panels]
+    return [diagram for diagram in made if diagram.panels]
 
 
 def _diagram(
@@ -268,8 +268,10 @@ def noise_floors(records: Records) -> dict[str, float]:
 
 def chooser_rules(made: list[Diagram]) -> str:
     """Return the rules of style that show the diagram which is chosen, or that there is none of this pair."""
-    known = {one.name for one in made}
-    pairs = product(dict.fromkeys(one.measure.name for one in made), dict.fromkeys(one.cost.name for one in made))
+    known = {diagram.name for diagram in made}
+    pairs = product(
+        dict.fromkeys(diagram.measure.name for diagram in made), dict.fromkeys(diagram.cost.name for diagram in made)
+    )
     rules = [
         f'.chooser:has([name=measure][value="{measure}"]:checked):has([name=cost][value="{cost}"]:checked) .'
         + (name if (name := f"{measure}-{cost}") in known else "unknown")

@@ -68,8 +68,8 @@ def amplified_methods(records: Records) -> list[str]:
         density = point.density or {}
         return is_histogram(point) and (point.alpha is not None or density["before"] != density["after"])
 
-    found = {cell.method for cell in records.cells if any(map(amplifies, cell.curve))}
-    return [method for method in records.methods if method in found]
+    amplified = {cell.method for cell in records.cells if any(map(amplifies, cell.curve))}
+    return [method for method in records.methods if method in amplified]
 
 
 def mean_density(cells: list[CellRecord]) -> Mean | None:
@@ -197,15 +197,15 @@ def scores(cells: list[CellRecord]) -> list[float]:
 def printed_form(records: Records) -> str:
     """State the result of the printed form, and its reason; empty if it was not trained."""
     scene = next((cell.scene for cell in records.extra_cells if cell.method == PRINTED), None)
-    one = records.comparison(scene, PRINTED, "nerf") if scene else None
-    if one is None or one.difference is None:
+    comparison = records.comparison(scene, PRINTED, "nerf") if scene else None
+    if comparison is None or comparison.difference is None:
         return ""
-    known = f"95{NARROW}% interval {interval(one.interval)}; " if one.interval else ""
+    known = f"95{NARROW}% interval {interval(comparison.interval)}; " if comparison.interval else ""
     return (
         f"With density at most 1 per scene unit, as Listing 2 reads word for word, {PRINTED} − nerf = "
-        f"{signed(one.difference)} dB on {scene} ({known}{counted(one.pairs, 'seed')}). Listing 2 caps density, so "
-        f"how opaque a surface can be depends on the unit of length, which the paper does not name; Alpha Invariance "
-        f"(arXiv 2404.02155) is about this dependence."
+        f"{signed(comparison.difference)} dB on {scene} ({known}{counted(comparison.pairs, 'seed')}). Listing 2 caps "
+        f"density, so how opaque a surface can be depends on the unit of length, which the paper does not name; "
+        "Alpha Invariance (arXiv 2404.02155) is about this dependence."
     )
 
 
@@ -255,12 +255,12 @@ def unit_grids(records: Records) -> list[Grid]:
     for method, title in records.run.methods.items():
         cells = [cell for cell in records.extra_cells if (cell.scene, cell.method) == (scene, method)]
         if cells and "_unit_" not in method:
-            psnr, one = scores(cells), records.comparison(scene, method, "nerf")
+            psnr, comparison = scores(cells), records.comparison(scene, method, "nerf")
             against = EMPTY
-            if one is not None and one.difference is not None:
-                pair = interval(one.simultaneous or one.interval)
-                against = Entry(signed(one.difference), pair, value=one.difference)
-            verdict = Entry(one.verdict if one is not None else "not compared")
+            if comparison is not None and comparison.difference is not None:
+                pair = interval(comparison.simultaneous or comparison.interval)
+                against = Entry(signed(comparison.difference), pair, value=comparison.difference)
+            verdict = Entry(comparison.verdict if comparison is not None else "not compared")
             further.append([Entry(method, title), _score(psnr) if psnr else EMPTY, against, verdict])
     unit = Column("unit of density", small="per half of the box")
     columns = [

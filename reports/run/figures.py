@@ -32,14 +32,22 @@ def difference_panels(records: Records) -> list[Panel]:
 
 def _differences_panel(records: Records, method: str, rival: str, budget: str, words: str) -> Panel | None:
     compared = [records.comparison(scene, method, rival, budget=budget) for scene in (*records.scenes, "all")]
-    found = [one for one in compared if one is not None]
-    rows = tuple(one.scene for one in found)
-    shown = [(float(place), one, one.difference) for place, one in enumerate(found) if one.difference is not None]
+    compared_rows = [comparison for comparison in compared if comparison is not None]
+    rows = tuple(comparison.scene for comparison in compared_rows)
+    shown = [
+        (float(place), comparison, comparison.difference)
+        for place, comparison in enumerate(compared_rows)
+        if comparison.difference is not None
+    ]
     if not shown:
         return None
     colour = colours_of(records.methods)[rival].light
     # in a family, the interval that the verdict is taken from
-    bars = [(place, pair, one) for place, one, _ in shown if (pair := one.simultaneous or one.interval)]
+    bars = [
+        (place, pair, comparison)
+        for place, comparison, _ in shown
+        if (pair := comparison.simultaneous or comparison.interval)
+    ]
     at, pairs, some = zip(*bars, strict=True) if bars else ((), (), ())
     lows, highs = zip(*pairs, strict=True) if pairs else ((), ())
     places, every, middles = zip(*shown, strict=True)
@@ -52,8 +60,8 @@ def _differences_panel(records: Records, method: str, rival: str, budget: str, w
     if printed:
         traces.append(Trace("printed in the paper", MUTED.light, "mark", tuple(printed.values()), tuple(printed)))
     stated = "; ".join(
-        f"{one.scene} {signed(one.difference)} {interval(one.simultaneous or one.interval)} {one.verdict}"
-        for one in every
+        f"{row.scene} {signed(row.difference)} {interval(row.simultaneous or row.interval)} {row.verdict}"
+        for row in every
     )
     title = f"{method} − {rival} at {words}"
     size = (4.6, 0.75 + 0.25 * len(rows))

@@ -19,7 +19,9 @@ def metrics_grid(records: Records) -> Grid:
     frame = cells_frame(records)
     shown = [metric for metric in METRICS.values() if frame[metric.name].notna().any()]
     columns = [Column("scene", numeric=False), Column("method", numeric=False)]
-    columns += [Column(f"{one.label} {'↑' if one.higher_is_better else '↓'}", small=one.unit) for one in shown]
+    columns += [
+        Column(f"{metric.label} {'↑' if metric.higher_is_better else '↓'}", small=metric.unit) for metric in shown
+    ]
     rows, totals = [], []
     for scene in records.scenes:
         for place, method in enumerate(records.methods):
@@ -32,7 +34,7 @@ def metrics_grid(records: Records) -> Grid:
             rows.append([*row, *map(score, means, shown, [behind] * len(shown))])
     for place, method in enumerate(records.methods if len(records.scenes) > 1 else []):
         row = [Entry("mean" if place == 0 else "", value="mean"), Entry(method)]
-        means = [average_of(frame, method, one.name, shared_scenes(frame, one.name)).mean for one in shown]
+        means = [average_of(frame, method, metric.name, shared_scenes(frame, metric.name)).mean for metric in shown]
         totals.append([*row, *map(score, means, shown, [Selection("", method)] * len(shown))])
     note = "; ".join(f"{metric.label}: {metric.meaning}" for metric in shown)
     return Grid("All scores", columns, rows, totals, f"Arrows point to the better side. {note}.")
@@ -51,16 +53,16 @@ def comparisons_grid(records: Records) -> Grid:
     columns = [Column(name, numeric=False) for name in names]
     columns += [Column("difference"), Column("smallest detectable"), Column("pairs")]
     rows = []
-    for one in records.comparisons:
-        metric, least = metric_of(one.metric), one.smallest_detectable
+    for comparison in records.comparisons:
+        metric, least = metric_of(comparison.metric), comparison.smallest_detectable
         words = [
-            "all scenes" if one.scene == "all" else one.scene,
-            f"{one.method} − {one.against}",
+            "all scenes" if comparison.scene == "all" else comparison.scene,
+            f"{comparison.method} − {comparison.against}",
             metric.label,
-            "steps" if one.budget == "steps" else "time",
+            "steps" if comparison.budget == "steps" else "time",
         ]
         detected = Entry(number(least, metric.digits_of_difference), value=least)
-        rows.append([*map(Entry, words), difference_entry(one), detected, Entry(str(one.pairs))])
+        rows.append([*map(Entry, words), difference_entry(comparison), detected, Entry(str(comparison.pairs))])
     note = (
         "Smallest detectable: the true difference that a comparison with just this spread calls better or worse in "
         "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
@@ -150,10 +152,10 @@ def failures_grid(records: Records) -> Grid:
 def warnings_grid(records: Records) -> Grid:
     """Tabulate warnings, those of the same words on the same scene and method in one row."""
     columns = [Column(name, numeric=False) for name in ("scene", "method", "seeds", "warning")]
-    found: dict[tuple[str, str, str], list[int]] = {}
+    seeds_of: dict[tuple[str, str, str], list[int]] = {}
     for cell in records.cells:
         for warning in cell.warnings:
-            found.setdefault((cell.scene, cell.method, warning), []).append(cell.seed)
+            seeds_of.setdefault((cell.scene, cell.method, warning), []).append(cell.seed)
     rows = [
         [
             Entry(scene),
@@ -161,15 +163,15 @@ def warnings_grid(records: Records) -> Grid:
             Entry(listed([str(seed) for seed in seeds])),
             Entry(warning, runs=Selection(scene, method, seed=seeds[0] if len(seeds) == 1 else None)),
         ]
-        for (scene, method, warning), seeds in found.items()
+        for (scene, method, warning), seeds in seeds_of.items()
     ]
     return Grid("Warnings", columns, rows)
 
 
 def warning_kinds(records: Records) -> list[tuple[str, int]]:
     """Return the kinds of warnings (the words before the colon) and how many cells carry each."""
-    found = Counter(kind for cell in records.cells for kind in {text.split(":")[0] for text in cell.warnings})
-    return found.most_common()
+    kinds = Counter(kind for cell in records.cells for kind in {text.split(":")[0] for text in cell.warnings})
+    return kinds.most_common()
 
 
 VERDICT_TONES = {"within its bound": "equivalent", "costs more": "failed", "inconclusive": "inconclusive"}
@@ -182,26 +184,30 @@ def left_out_grid(records: Records) -> Grid:
     rows = [
         [
             Entry(scene.name, runs=Selection(scene.name)),
-            Entry(one.what, one.concerns),
-            Entry(one.reason),
+            Entry(omission.what, omission.concerns),
+            Entry(omission.reason),
             EMPTY
-            if one.seconds_saved is None
-            else Entry(duration(one.seconds_saved), one.clock, "", one.seconds_saved),
-            _change(one),
-            Entry(f"{significant(one.bound)} {one.unit}") if one.bound else EMPTY,
-            Entry(one.verdict, tone=VERDICT_TONES.get(one.verdict, "")) if one.verdict else EMPTY,
+            if omission.seconds_saved is None
+            else Entry(duration(omission.seconds_saved), omission.clock, "", omission.seconds_saved),
+            _change(omission),
+            Entry(f"{significant(omission.bound)} {omission.unit}") if omission.bound else EMPTY,
+            Entry(omission.verdict, tone=VERDICT_TONES.get(omission.verdict, "")) if omission.verdict else EMPTY,
         ]
         for scene in records.run.scenes
-        for one in scene.left_out
+        for omission in scene.left_out
     ]
     return without_empty_columns(Grid("Left out", columns, rows), always=3)
 
 
-def _change(one: LeftOut) -> Entry:
-    if one.difference is None:
+def _change(omission: LeftOut) -> Entry:
+    if omission.difference is None:
         return EMPTY
-    if one.unit == "colour":
-        between = "" if one.interval is None else f"[{significant(one.interval[0])}, {significant(one.interval[1])}]"
-        return Entry(f"{significant(one.difference)} of a colour", between, value=one.difference)
-    change = f"{signed(one.difference, 3)}{one.unit and ' ' + one.unit}"
-    return Entry(change, interval(one.interval, 3), value=one.difference)
+    if omission.unit == "colour":
+        between = (
+            ""
+            if omission.interval is None
+            else f"[{significant(omission.interval[0])}, {significant(omission.interval[1])}]"
+        )
+        return Entry(f"{significant(omission.difference)} of a colour", between, value=omission.difference)
+    change = f"{signed(omission.difference, 3)}{omission.unit and ' ' + omission.unit}"
+    return Entry(change, interval(omission.interval, 3), value=omission.difference)

@@ -84,16 +84,16 @@ def named(runs: list[Records]) -> list[Output]:
 
 def against(first: Output, other: Output) -> Against:
     """Return what `other` changes of `first`: only scenes, methods and seeds that both have can be compared."""
-    ours, theirs = ({(c.scene, c.method, c.seed): c for c in one.records.cells} for one in (first, other))
+    ours, theirs = ({(c.scene, c.method, c.seed): c for c in output.records.cells} for output in (first, other))
     pairs = [(ours[key], theirs[key]) for key in ours if key in theirs]
     unlike = {pair[0].scene: why for pair in reversed(pairs) if (why := other_truth(*pair))}
-    origins = [one.records.run.provenance for one in (first, other)]
+    origins = [output.records.run.provenance for output in (first, other)]
     same_clock = all(origins[0].get(fact) == origins[1].get(fact) for fact in SAME_CLOCK)
     alone = [
         f"{scene} · {method} · seed {seed} in {(first if (scene, method, seed) in ours else other).name} alone"
         for scene, method, seed in ours.keys() ^ theirs.keys()
     ]
-    identical = sum(results(one) == results(another) for one, another in pairs)
+    identical = sum(results(cell) == results(another) for cell, another in pairs)
     rows = _rows([pair for pair in pairs if pair[0].scene not in unlike], same_clock)
     return Against(other, identical, len(pairs), sorted(alone), unlike, same_clock, rows)
 
@@ -104,9 +104,9 @@ def results(cell: CellRecord) -> tuple[Any, ...]:
     return cell.status, cell.steps, cell.scores, curve, cell.views
 
 
-def other_truth(one: CellRecord, other: CellRecord) -> str:
+def other_truth(cell: CellRecord, other: CellRecord) -> str:
     """Return why two cells were not scored against the same images; nothing if they were."""
-    first, second = (cell.settings.get("view_set") or {} for cell in (one, other))
+    first, second = (own.settings.get("view_set") or {} for own in (cell, other))
     for key, words in (("width", "px wide"), ("height", "px high"), ("test", "test views")):
         if first.get(key) != second.get(key):
             return f"{first.get(key)} against {second.get(key)} {words}"
@@ -140,74 +140,81 @@ def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[
 
 def headline(first: Output, others: list[Against]) -> str:
     """State what the others change of the first, in one sentence each."""
-    return "; ".join(_sentence(first, one) for one in others)
+    return "; ".join(_sentence(first, versus) for versus in others)
 
 
-def _sentence(first: Output, one: Against) -> str:
-    name, both = one.other.name, [first, one.other]
-    if one.shared == 0:
+def _sentence(first: Output, versus: Against) -> str:
+    name, both = versus.other.name, [first, versus.other]
+    if versus.shared == 0:
         return f"{name} and {first.name} have no cell in common"
-    if one.identical == one.shared and not one.alone:
+    if versus.identical == versus.shared and not versus.alone:
         return f"{name} has the same results as {first.name}, to the last bit"
-    every, compared = scenes_of(both), {scene for scene, *_ in one.rows}
+    every, compared = scenes_of(both), {scene for scene, *_ in versus.rows}
     scenes = [scene for scene in every if scene in compared]
     words = [f"{name} against {first.name}"]
     if not len(scenes) == len(every) > 1:
         some = f"{listed(scenes)} alone" if len(scenes) <= FEW else f"{len(scenes)} of {len(every)} scenes"
         words.append(f"on {some}")
-    if one.alone:
-        words.append(f"in the {one.shared} of {counted(one.shared + len(one.alone), 'cell')} that both have")
+    if versus.alone:
+        words.append(f"in the {versus.shared} of {counted(versus.shared + len(versus.alone), 'cell')} that both have")
     verdicts = []
     for method in methods_of(both):
-        row = next(filter(None, (one.row(scene, method) for scene in (EVERYWHERE, *scenes))), None)
+        row = next(filter(None, (versus.row(scene, method) for scene in (EVERYWHERE, *scenes))), None)
         same = row and row.difference == 0 and row.chosen.interval == (0.0, 0.0)
         verdicts.append(f"{method} {'the same' if same else row.chosen.verdict if row else 'not compared'}")
     return f"{', '.join(words)}: {listed(verdicts)}"
 
 
 def methods_of(outputs: list[Output]) -> list[str]:
-    return list(dict.fromkeys(method for one in outputs for method in one.records.methods))
+    return list(dict.fromkeys(method for output in outputs for method in output.records.methods))
 
 
 def scenes_of(outputs: list[Output]) -> list[str]:
-    return list(dict.fromkeys(scene for one in outputs for scene in one.records.scenes))
+    return list(dict.fromkeys(scene for output in outputs for scene in output.records.scenes))
 
 
 def sentences(first: Output, others: list[Against]) -> list[str]:
     """Return the notes that a reader needs before the tables."""
     notes = []
-    for one in others:
-        name, cells = one.other.name, counted(one.shared, "cell")
-        if one.shared:
+    for versus in others:
+        name, cells = versus.other.name, counted(versus.shared, "cell")
+        if versus.shared:
             notes.append(
-                f"{one.identical} of {cells} that {first.name} and {name} share have the same results bit for bit."
+                f"{versus.identical} of {cells} that {first.name} and {name} share have the same results bit for bit."
             )
-        if one.alone:
-            more = f" and {len(one.alone) - 3} more" if len(one.alone) > 3 else ""
-            notes.append(f"Not compared: {', '.join(one.alone[:3])}{more}.")
-        if one.unlike:
-            why = listed([f"{scene} ({reason})" for scene, reason in one.unlike.items()])
+        if versus.alone:
+            more = f" and {len(versus.alone) - 3} more" if len(versus.alone) > 3 else ""
+            notes.append(f"Not compared: {', '.join(versus.alone[:3])}{more}.")
+        if versus.unlike:
+            why = listed([f"{scene} ({reason})" for scene, reason in versus.unlike.items()])
             notes.append(f"The ground truth of {name} is another one in {why}: shown, and not judged.")
-        if not one.same_clock:
+        if not versus.same_clock:
             notes.append(f"{name} ran on another kind of machine, or on other cores: their seconds are not compared.")
     return notes
 
 
 def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Grid:
     """Tabulate mean test PSNR of a method by scene in each output, and each difference to the first."""
-    frames = [cells_frame(one.records) for one in outputs]
-    shown = [(one, budget, words) for one in others for budget, words in BUDGETS if one.same_clock or budget == "steps"]
-    columns = [Column("scene", numeric=False), *(Column(one.letter, small=one.name) for one in outputs)]
-    columns += [Column(f"{one.other.letter} − {outputs[0].letter}", small=f"at {words}") for one, _, words in shown]
+    frames = [cells_frame(output.records) for output in outputs]
+    shown = [
+        (versus, budget, words)
+        for versus in others
+        for budget, words in BUDGETS
+        if versus.same_clock or budget == "steps"
+    ]
+    columns = [Column("scene", numeric=False), *(Column(output.letter, small=output.name) for output in outputs)]
+    columns += [
+        Column(f"{versus.other.letter} − {outputs[0].letter}", small=f"at {words}") for versus, _, words in shown
+    ]
 
     def changes(scene: str) -> list[Entry]:
-        return [difference_entry(one.row(scene, method, budget=budget), 2) for one, budget, _ in shown]
+        return [difference_entry(versus.row(scene, method, budget=budget), 2) for versus, budget, _ in shown]
 
     rows = []
     for scene in scenes_of(outputs):
         row = [Entry(scene)]
-        for one, frame in zip(outputs, frames, strict=True):
-            cells, spread = one.records.cells_of(scene, method), spread_of(frame, scene, method, "psnr")
+        for output, frame in zip(outputs, frames, strict=True):
+            cells, spread = output.records.cells_of(scene, method), spread_of(frame, scene, method, "psnr")
             text = number(spread.mean) + (f" ± {number(spread.sd)}" if spread.sd is not None else "")
             row.append(Entry(text, losses(cells), tone_of(cells)) if cells else EMPTY)
         rows.append([*row, *changes(scene)])
@@ -219,23 +226,23 @@ def difference_entry(row: Judgement | None, digits: int) -> Entry:
     """Return the difference, its interval, the one that the verdict is taken from if it is wider, and the verdict."""
     if row is None:
         return EMPTY
-    one, aside = row.chosen, f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
+    chosen, aside = row.chosen, f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
     if row.difference is None:
-        return Entry("–", lines(one.verdict, aside), one.verdict)
-    wide = one.simultaneous if one.simultaneous != one.interval else None
+        return Entry("–", lines(chosen.verdict, aside), chosen.verdict)
+    wide = chosen.simultaneous if chosen.simultaneous != chosen.interval else None
     together = f"together: {interval(wide, digits)}" if wide else ""
-    verdict = f"{interval(one.interval, digits)} {one.verdict}".strip()
-    return Entry(signed(row.difference, digits), lines(verdict, together, aside), one.verdict)
+    verdict = f"{interval(chosen.interval, digits)} {chosen.verdict}".strip()
+    return Entry(signed(row.difference, digits), lines(verdict, together, aside), chosen.verdict)
 
 
 def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
     """Tabulate every metric over all scenes, at equal steps."""
     columns = [Column("method", numeric=False), Column("metric", numeric=False)]
-    columns += [Column(f"{one.other.letter} − {outputs[0].letter}") for one in others]
+    columns += [Column(f"{versus.other.letter} − {outputs[0].letter}") for versus in others]
     rows = []
     for method in methods_of(outputs):
         for metric, about in METRICS.items():
-            changes = [one.row(EVERYWHERE, method, metric) for one in others]
+            changes = [versus.row(EVERYWHERE, method, metric) for versus in others]
             if any(changes):
                 shown = [difference_entry(row, about.digits_of_difference) for row in changes]
                 rows.append([Entry(method), Entry(metric), *shown])
@@ -246,7 +253,7 @@ def _by_output(
     caption: str, label: str, outputs: list[Output], rows: list[list[Entry]], numeric: bool = False, note: str = ""
 ) -> Grid:
     """Return a table with a column per output."""
-    columns = [Column(label, numeric=False), *(Column(one.letter, numeric=numeric) for one in outputs)]
+    columns = [Column(label, numeric=False), *(Column(output.letter, numeric=numeric) for output in outputs)]
     return Grid(caption, columns, rows, note=note)
 
 
@@ -255,8 +262,8 @@ def seconds_grid(outputs: list[Output]) -> Grid:
     rows = []
     for method in methods_of(outputs):
         row = [Entry(method)]
-        for one in outputs:
-            spent = [c.train_seconds for c in one.records.cells if (c.method, c.status) == (method, "done")]
+        for output in outputs:
+            spent = [c.train_seconds for c in output.records.cells if (c.method, c.status) == (method, "done")]
             mean = f"{number(float(np.mean(spent)), 1)} s" if spent else ""
             row.append(Entry(mean, counted(len(spent), "cell")) if spent else EMPTY)
         rows.append(row)
@@ -268,9 +275,9 @@ def verdicts_grid(outputs: list[Output]) -> Grid:
     """Tabulate the answer of each output to its own question: the compared methods, over all scenes."""
     answers = [
         {
-            (one.method, one.against, one.budget): one
-            for one in output.records.comparisons
-            if (one.scene, one.metric) == (EVERYWHERE, PRIMARY) and one.difference is not None
+            (comparison.method, comparison.against, comparison.budget): comparison
+            for comparison in output.records.comparisons
+            if (comparison.scene, comparison.metric) == (EVERYWHERE, PRIMARY) and comparison.difference is not None
         }
         for output in outputs
     ]
@@ -278,8 +285,14 @@ def verdicts_grid(outputs: list[Output]) -> Grid:
         [
             Entry(f"{method} − {rival}", f"at {dict(BUDGETS)[budget]}"),
             *(
-                Entry(signed(one.difference), lines(interval(one.interval), one.verdict), one.verdict) if one else EMPTY
-                for one in (of_output.get((method, rival, budget)) for of_output in answers)
+                Entry(
+                    signed(comparison.difference),
+                    lines(interval(comparison.interval), comparison.verdict),
+                    comparison.verdict,
+                )
+                if comparison
+                else EMPTY
+                for comparison in (of_output.get((method, rival, budget)) for of_output in answers)
             ),
         ]
         for method, rival, budget in dict.fromkeys(key for of_output in answers for key in of_output)
@@ -301,7 +314,7 @@ def claims_grid(outputs: list[Output]) -> Grid:
 
 def facts_grid(outputs: list[Output], part: str, caption: str) -> Grid:
     """Tabulate the settings (`settings`) or the facts of origin (`provenance`) that differ between outputs."""
-    facts = [dict(flat(getattr(one.records.run, part))) for one in outputs]
+    facts = [dict(flat(getattr(output.records.run, part))) for output in outputs]
     rows = {
         name: [own.get(name, "–") for own in facts] for name in dict.fromkeys(name for own in facts for name in own)
     }
@@ -311,19 +324,19 @@ def facts_grid(outputs: list[Output], part: str, caption: str) -> Grid:
 
 def curves(outputs: list[Output]) -> list[Panel]:
     """Draw mean test PSNR over steps, scene by scene: one colour per method, one dash per output."""
-    frames = [curves_frame(one.records) for one in outputs]
+    frames = [curves_frame(output.records) for output in outputs]
     points = [points_of(frame.assign(x=frame["step"], y=frame["psnr"])) for frame in frames]
     panels = []
     for scene in scenes_of(outputs):
         traces = []
-        for place, (one, known) in enumerate(zip(outputs, points, strict=True)):
+        for place, (output, known) in enumerate(zip(outputs, points, strict=True)):
             done = known[(known["scene"] == scene) & (known["status"] == "done")]
             for method, colour in colours_of(methods_of(outputs)).items():
                 mean = middle_of(done[done["method"] == method], log=False)
                 if len(mean):
                     x, y = (tuple(map(float, mean[name])) for name in "xy")
                     dash = DASHES[place % len(DASHES)][1]
-                    traces.append(Trace(f"{one.letter}: {method}", colour.light, "line", x, y, dash=dash, width=1.6))
+                    traces.append(Trace(f"{output.letter}: {method}", colour.light, "line", x, y, dash=dash, width=1.6))
         if traces:
             ends = "; ".join(f"{trace.label} {number(trace.y[-1])} dB" for trace in traces)
             alt = f"{scene}: mean test PSNR against steps. At the end: {ends}."
@@ -339,7 +352,7 @@ def outputs_page(runs: list[Records]) -> tuple[str, str]:
     layout = Layout(colours_of(methods))
     parts, title = layout.parts, headline(outputs[0], others)
     drawn = plots(curves(outputs), "curves")
-    looks = [(DASHES[place % len(DASHES)][0], f" {one.letter}") for place, one in enumerate(outputs)]
+    looks = [(DASHES[place % len(DASHES)][0], f" {output.letter}") for place, output in enumerate(outputs)]
     legend = parts.legend([*((parts.swatch(method), method) for method in methods), *looks])
     facts = [
         parts.table(facts_grid(outputs, "settings", "Settings that differ")),

@@ -57,12 +57,12 @@ def views(records: Records) -> list[View]:
     side = side_for(len(chosen) * (1 + len(records.methods)), BUDGET_BYTES)
     shown = []
     for scene, seed in chosen:
-        found, about = kept(records, scene, (seed,)), records.scene(scene)
-        view = first_view(found)
+        pictures, about = kept(records, scene, (seed,)), records.scene(scene)
+        view = first_view(pictures)
         if view is not None:
             cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
-            truth = found.truth.get(view)
-            methods = [_shown(found, cells[name], view, truth, side) for name in records.methods if name in cells]
+            truth = pictures.truth.get(view)
+            methods = [_shown(pictures, cells[name], view, truth, side) for name in records.methods if name in cells]
             small = data_uri(smaller(as_picture(truth.display), side)) if truth else None
             shown.append(View(scene, about.title if about else scene, view, seed, small, methods))
     return shown
@@ -80,18 +80,18 @@ def seed_shown(records: Records, scene: str) -> int | None:
     return max(having, key=lambda seed: (*having[seed], -seed), default=None)
 
 
-def first_view(found: Kept) -> str | None:
+def first_view(pictures: Kept) -> str | None:
     """Return the first view of the truth, else the first that any cell has."""
-    names = [*found.truth, *(one.view for renders in found.renders.values() for one in renders)]
+    names = [*pictures.truth, *(render.view for renders in pictures.renders.values() for render in renders)]
     return next(iter(names), None)
 
 
-def last_render(found: Kept, cell: CellRecord, view: str) -> Render | None:
+def last_render(pictures: Kept, cell: CellRecord, view: str) -> Render | None:
     """Return the last render of a cell that finished; that of a diverged one is not the end of a training."""
     if cell.status != "done":
         return None
-    renders = last_of(found.renders.get((cell.method, cell.seed), []))
-    return next((one for one in renders if one.view == view), None)
+    renders = last_of(pictures.renders.get((cell.method, cell.seed), []))
+    return next((render for render in renders if render.view == view), None)
 
 
 def as_picture(values: np.ndarray) -> Picture:
@@ -99,17 +99,17 @@ def as_picture(values: np.ndarray) -> Picture:
     return np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0)
 
 
-def _shown(found: Kept, cell: CellRecord, view: str, truth: Truth | None, side: int) -> Shown:
+def _shown(pictures: Kept, cell: CellRecord, view: str, truth: Truth | None, side: int) -> Shown:
     if cell.status in ("diverged", "error"):
         return Shown(cell.method, cell.reason or cell.status, None, failed=True)
-    render = last_render(found, cell, view)
+    render = last_render(pictures, cell, view)
     if render is None:
-        return Shown(cell.method, found.missing.get((cell.method, cell.seed), NOT_KEPT), None)
+        return Shown(cell.method, pictures.missing.get((cell.method, cell.seed), NOT_KEPT), None)
     picture = as_picture(render.colour)
     uri = data_uri(smaller(picture, side))
     if truth is None or truth.display.shape != render.colour.shape:
         return Shown(cell.method, "no ground truth of this size", uri)
-    score = next((one.psnr for one in cell.views if one.view == view), None)
+    score = next((scored.psnr for scored in cell.views if scored.view == view), None)
     psnr = f"{number(score)} dB, " if score is not None else ""
     mean = float(delta_e(as_picture(truth.display), picture).mean())
     return Shown(cell.method, f"{psnr}mean ΔE₀₀ {number(mean, 1)}", uri)

@@ -43,7 +43,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
 
     `serving` is None if it was not measured.
     """
-    run, found = records.run, claims(records, beside)
+    run, ledger = records.run, claims(records, beside)
     return {
         "schema": SCHEMA,
         "profile": run.profile,
@@ -57,15 +57,15 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
             {"scene": scene.name, **{name: getattr(scene, name) for name in ABOUT_SCENE}} for scene in run.scenes
         ],
         "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells)],
-        "comparisons": [plain(one) for one in (*records.comparisons, *records.extra_comparisons)],
+        "comparisons": [plain(comparison) for comparison in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(found_failures(records)),
-        "claims": [{name: getattr(one, name) for name in CLAIM} for one in found],
+        "claims": [{name: getattr(claim, name) for name in CLAIM} for claim in ledger],
         "serving": [{"study": study.info.id, **plain(check)} for study, check in beside.serving.checks()]
         if beside.serving
         else None,
-        "left_out": [{"scene": scene.name, **plain(one)} for scene in run.scenes for one in scene.left_out],
+        "left_out": [{"scene": scene.name, **plain(omission)} for scene in run.scenes for omission in scene.left_out],
         "deviations": run.deviations,
-        "not_tested": not_tested(run.not_tested, found),
+        "not_tested": not_tested(run.not_tested, ledger),
         "phases": run.phases,
         "settings": run.settings,
         "provenance": run.provenance,
@@ -105,9 +105,9 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json", beside)
     written = [folder / "summary.json"]
-    over_time = [one for one in diagrams(records) if one.cost.name == "seconds"]
-    errors = [panel for one in over_time if one.measure.name == "rmse_linear" for panel in one.panels]
-    everywhere = [replace(one.panels[0], title=one.measure.label) for one in over_time]
+    over_time = [diagram for diagram in diagrams(records) if diagram.cost.name == "seconds"]
+    errors = [panel for diagram in over_time if diagram.measure.name == "rmse_linear" for panel in diagram.panels]
+    everywhere = [replace(diagram.panels[0], title=diagram.measure.label) for diagram in over_time]
     ladder = next(iter(ladder_panel(records)), None)
     key = key_of_methods(records)
     for name, drawings, across, size in (
@@ -160,15 +160,15 @@ def contact(records: Records) -> Figure | None:
     rows = []
     for scene in records.scenes:
         seed = seed_shown(records, scene)
-        found = kept(records, scene, () if seed is None else (seed,))
-        view = first_view(found)
+        saved = kept(records, scene, () if seed is None else (seed,))
+        view = first_view(saved)
         if view is None:
             continue
         cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
-        renders = [last_render(found, cells[method], view) if method in cells else None for method in records.methods]
-        truth = found.truth.get(view)
-        halves = [truth.display if truth else None, *(one.colour if one else None for one in renders)]
-        rows.append((scene, [None if one is None else as_picture(one) for one in halves]))
+        renders = [last_render(saved, cells[method], view) if method in cells else None for method in records.methods]
+        truth = saved.truth.get(view)
+        halves = [truth.display if truth else None, *(render.colour if render else None for render in renders)]
+        rows.append((scene, [None if half is None else as_picture(half) for half in halves]))
     if not rows:
         return None
     names = ["ground truth", *records.methods]
@@ -182,8 +182,8 @@ def contact(records: Records) -> Figure | None:
             axes.spines[:].set_visible(False)
             axes.grid(visible=False)
             if picture is None:
-                said = "not available" if names[line] in records.not_available else "did not finish"
-                axes.text(0.5, 0.5, said, ha="center", va="center", color=MUTED.light, transform=axes.transAxes)
+                words = "not available" if names[line] in records.not_available else "did not finish"
+                axes.text(0.5, 0.5, words, ha="center", va="center", color=MUTED.light, transform=axes.transAxes)
             else:
                 axes.imshow(picture, interpolation="nearest")
             if line == 0:

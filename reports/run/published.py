@@ -48,13 +48,13 @@ def main_methods(run: Run) -> list[str]:
 def row(run: Run, scene: str, method: str, against: str, budget: str = "steps") -> Run | None:
     """Return the comparison of two methods by PSNR; None if there is no difference."""
     asked = {"scene": scene, "method": method, "against": against, "metric": "psnr", "budget": budget}
-    rows = (one for one in run["comparisons"] if asked.items() <= one.items())
-    return next((one for one in rows if one["difference"] is not None), None)
+    rows = (comparison for comparison in run["comparisons"] if asked.items() <= comparison.items())
+    return next((effect for effect in rows if effect["difference"] is not None), None)
 
 
-def estimate(one: Run, sense: str) -> str:
+def estimate(comparison: Run, sense: str) -> str:
     """Format `−0.13 to +0.50: inconclusive`, of the interval that the verdict is taken from."""
-    known = one[sense]
+    known = comparison[sense]
     pair = known and (known["simultaneous"] or known["interval"])
     return f"{between(pair)}: {known['verdict']}" if pair else "–"
 
@@ -73,16 +73,18 @@ def scale(run: Run) -> str:
 
 def result(run: Run) -> str:
     """State the answer, the printed gain, and who scores how much more than whom, asked twice."""
-    gain = next((one for one in run["claims"] if one["id"] == "table2-average" and one["printed"] is not None), None)
+    gain = next(
+        (claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None), None
+    )
     printed = f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." if gain else ""
     return f"**{run['headline']}.**{printed}\n\n{differences(run)}"
 
 
 def differences(run: Run, budget: str = "steps") -> str:
     rows = [
-        (f"`{pair[0]}` − `{pair[1]}`", f"{signed(one['difference'])} dB", *(estimate(one, name) for name in SENSES))
+        (f"`{pair[0]}` − `{pair[1]}`", f"{signed(duel['difference'])} dB", *(estimate(duel, name) for name in SENSES))
         for pair in DUELS
-        if (one := row(run, "all", *pair, budget))
+        if (duel := row(run, "all", *pair, budget))
     ]
     return table((f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values())), rows)
 
@@ -94,19 +96,19 @@ def scores(run: Run) -> str:
     methods = main_methods(run)
     rows = [
         (
-            one["scene"],
-            *(spread(psnr_of(run, one["scene"], method)) for method in methods),
-            *(number(one[name], 1) for name in ("psnr_ceiling", "psnr_floor")),
+            scene["scene"],
+            *(spread(psnr_of(run, scene["scene"], method)) for method in methods),
+            *(number(scene[name], 1) for name in ("psnr_ceiling", "psnr_floor")),
         )
-        for one in run["scenes"]
+        for scene in run["scenes"]
     ]
     return table(("test PSNR, dB", *(f"`{method}`" for method in methods), "ceiling", "floor"), rows)
 
 
 def psnr_of(run: Run, scene: str, method: str) -> list[float]:
     """Return the scores, one per seed."""
-    cells = (one for one in run["cells"] if (one["scene"], one["method"]) == (scene, method))
-    return [one["psnr"] for one in cells if one["psnr"] is not None]
+    cells = (cell for cell in run["cells"] if (cell["scene"], cell["method"]) == (scene, method))
+    return [cell["psnr"] for cell in cells if cell["psnr"] is not None]
 
 
 def spread(values: list[float]) -> str:
@@ -150,9 +152,9 @@ def further(run: Run) -> str:
     """Tabulate the methods that were trained on one scene alone, without the ladder."""
     scene = explained_scene(run)
     rows = [
-        (f"`{method}`", title, f"{signed(one['difference'])} dB, {estimate(one, 'on_these_scenes')}")
+        (f"`{method}`", title, f"{signed(duel['difference'])} dB, {estimate(duel, 'on_these_scenes')}")
         for method, title in run["methods"].items()
-        if method not in main_methods(run) and "_unit_" not in method and (one := row(run, scene, method, BASELINE))
+        if method not in main_methods(run) and "_unit_" not in method and (duel := row(run, scene, method, BASELINE))
     ]
     return table((f"on {scene}", "what it is", f"− `{BASELINE}`, 95 % on this scene"), rows) if rows else ""
 
@@ -161,26 +163,26 @@ def failed(run: Run) -> str:
     """State how often runs diverged or collapsed."""
     rates = run.get("failures", {}).get("rates", [])
     lost = [
-        f"`{one['method']}` in {one['diverged'] + one['collapsed']} of {counted(one['runs'], 'run')} (95 % interval "
-        f"{' to '.join(number(100 * end, 0) for end in one['interval'])} %)"
-        for one in rates
-        if one["rate"]
+        f"`{rate['method']}` in {rate['diverged'] + rate['collapsed']} of {counted(rate['runs'], 'run')} "
+        f"(95 % interval {' to '.join(number(100 * end, 0) for end in rate['interval'])} %)"
+        for rate in rates
+        if rate["rate"]
     ]
     if lost:
         return f"Diverged or showed background alone: {listed(lost)}; differences are of the others."
-    return f"None of {sum(one['runs'] for one in rates)} runs diverged or showed background alone." if rates else ""
+    return f"None of {sum(rate['runs'] for rate in rates)} runs diverged or showed background alone." if rates else ""
 
 
 def ledger(run: Run) -> str:
     """State how many printed statements came out how."""
-    many = Counter(one["verdict"] for one in run["claims"])
-    verdicts = listed([f"{many[one]} {one}" for one in VERDICTS if many[one]])
+    many = Counter(claim["verdict"] for claim in run["claims"])
+    verdicts = listed([f"{many[verdict]} {verdict}" for verdict in VERDICTS if many[verdict]])
     return f"Of {len(run['claims'])} statements of the paper: {verdicts}." if run["claims"] else ""
 
 
 def processors(run: Run) -> str:
     """State how far the same plan and seeds move on another processor."""
-    changed = next(one for one in run["changed"] if one["sense"] == "scenes_like_these")
+    changed = next(change for change in run["changed"] if change["sense"] == "scenes_like_these")
     return (
         f"The same plan and seeds on another processor or instruction set move a run's score by "
         f"{number(run['all']['rms'])} dB (RMS; at most {number(abs(run['all']['largest']))}), and change "
@@ -189,9 +191,9 @@ def processors(run: Run) -> str:
     )
 
 
-def environment(found: Run) -> str:
+def environment(installed: Run) -> str:
     """State the disk space of the installation."""
-    size, gpus = (found[name] / 1e9 for name in ("bytes", "bytes_for_gpus"))
+    size, gpus = (installed[name] / 1e9 for name in ("bytes", "bytes_for_gpus"))
     return (
         f"The environment takes {size:.1f} GB, {gpus:.1f} GB of it for NVIDIA GPUs, which "
         "`UV_TORCH_BACKEND=cpu nox -s benchmark` leaves out."
@@ -210,28 +212,28 @@ def evidence(record: Studies) -> str:
 
 def stability(record: Studies) -> str:
     """State how many checks came out how, by whose formula it is."""
-    many = Counter((one.owner, one.status) for _, one in record.checks())
+    many = Counter((check.owner, check.status) for _, check in record.checks())
     tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
     return (
         f"In {len(record.studies)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
         f"{many['ours', 'inconclusive']} are inconclusive. The paper's printed formulas fail "
         f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
-        f"{tried['usual']}. It took {sum(one.seconds for one in record.studies) / 60:.0f} minutes.\n\n"
+        f"{tried['usual']}. It took {sum(study.seconds for study in record.studies) / 60:.0f} minutes.\n\n"
         "![The matrix of cases in miniature](stability.png)"
     )
 
 
 def speed(record: Studies) -> str:
     """Tabulate ratios and memory, with their targets; none of them depends on what is trained."""
-    by_id = {one.id: one for _, one in record.checks()}
+    by_id = {check.id: check for _, check in record.checks()}
     rows = [
         (
-            one.what,
-            f"{number(one.value)} {one.unit} [{number(one.spread[0])}, {number(one.spread[1])}]",
-            f"{one.limit:g} {one.unit}, {'met' if one.holds else '**missed**'}",
+            measured.what,
+            f"{number(measured.value)} {measured.unit} [{number(measured.spread[0])}, {number(measured.spread[1])}]",
+            f"{measured.limit:g} {measured.unit}, {'met' if measured.holds else '**missed**'}",
         )
         for name in ("training.dense.ratio", "matrix.paper.share", "matrix.reduced.share", "memory.worker.nerf.peak")
-        if (one := by_id.get(name)) and one.value is not None and one.spread
+        if (measured := by_id.get(name)) and measured.value is not None and measured.spread
     ]
     where = record.provenance
     return table((f"{where['cores']} cores, {where['processor']}", "measured", "target"), rows) if rows else ""
@@ -239,17 +241,17 @@ def speed(record: Studies) -> str:
 
 def serving(record: Studies) -> str:
     """State what the view cache and attention bring (§8)."""
-    by_id = {one.id: one for _, one in record.checks() if one.value is not None}
+    by_id = {check.id: check for _, check in record.checks() if check.value is not None}
     hits = [
         f"{number(min(ratios), 0)} to {number(max(ratios), 0)} × from {where}"
         for id, where in (("hit.memory.0.", "memory"), ("hit.disk.warm.", "disk"))
-        if (ratios := [one.value or 0.0 for one in by_id.values() if one.id.startswith(id)])
+        if (ratios := [check.value or 0.0 for check in by_id.values() if check.id.startswith(id)])
     ]
     key = by_id["key.pose"]
     times = [
-        f"{number(one.value, 0)} ms {words}"
+        f"{number(measured.value, 0)} ms {words}"
         for order, words in (("attention", "by attention"), ("plain", "plainly"))
-        if (one := by_id.get(f"whole.{order}"))
+        if (measured := by_id.get(f"whole.{order}"))
     ]
     return (
         f"Faster than rendering, a hit in the cache is {listed(hits)}. A key of the pose alone, as in Listing 5, would "
@@ -258,26 +260,26 @@ def serving(record: Studies) -> str:
     )
 
 
-def left_out(found: Run) -> str:
+def left_out(effects: Run) -> str:
     """Tabulate the effect of each omission on each scene: verdicts by the complete interval."""
-    rows = found["omissions"]
-    titles = {one["name"]: one["what"] for one in reversed(rows)}
-    by_cell = {(one["scene"], one["name"]): omission(one) for one in rows}
-    names = dict.fromkeys(one["name"] for one in rows)
+    rows = effects["omissions"]
+    titles = {effect["name"]: effect["what"] for effect in reversed(rows)}
+    by_cell = {(effect["scene"], effect["name"]): omission(effect) for effect in rows}
+    names = dict.fromkeys(effect["name"] for effect in rows)
     lines = [
         (scene, *(by_cell.get((scene, name), "–") for name in names))
-        for scene in dict.fromkeys(one["scene"] for one in rows)
+        for scene in dict.fromkeys(effect["scene"] for effect in rows)
     ]
     return table(("scene", *(titles[name] for name in names)), lines)
 
 
-def omission(one: Run) -> str:
+def omission(effect: Run) -> str:
     """Format `−0.31 [−0.57, −0.05] dB: inconclusive, 27.7 s saved`; of pictures the change of colour."""
-    if one["difference"] is None:
+    if effect["difference"] is None:
         return "–"
-    ends = f" {interval(one['interval'])}" if one["interval"] else ""
-    change = f"{signed(one['difference'])}{ends} dB" if one["unit"] == "dB" else significant(one["difference"])
-    return f"{change}: {one['verdict']}, {number(one['seconds_saved'], 1)} s saved"
+    ends = f" {interval(effect['interval'])}" if effect["interval"] else ""
+    change = f"{signed(effect['difference'])}{ends} dB" if effect["unit"] == "dB" else significant(effect["difference"])
+    return f"{change}: {effect['verdict']}, {number(effect['seconds_saved'], 1)} s saved"
 
 
 RUN = "reduced/summary.json"

@@ -81,8 +81,8 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
     filters = {"signed": wording.signed, "interval": wording.interval, "as_data": as_data, "behind": behind_difference}
     layout.environment.filters.update(filters)
     run, ledger = records.run, claims(records, beside)
-    studies = [one for one in (beside.evidence, beside.stability, beside.serving) if one is not None]
-    shelves = {one.shelf: shown.get(one.shelf) or shelf_shown(one, records.out) for one in studies}
+    studies = [record for record in (beside.evidence, beside.stability, beside.serving) if record is not None]
+    shelves = {record.shelf: shown.get(record.shelf) or shelf_shown(record, records.out) for record in studies}
     work, missing = diagrams(records), not_tested(run.not_tested, ledger)
     answer = headline(records)
     return layout.page(
@@ -129,12 +129,12 @@ def _sections(
 
     def figures(name: str) -> Markup:
         shown = Markup("")
-        for one in FIGURES:
-            if one.section == name and (drawn := plots(one.panels(records), one.name)):
-                shown += HEADING.format(one.title) if one.title else ""
-                shown += parts.legend(keys, one.legend) if one.legend else ""
-                shown += parts.figures(drawn, "pairs" if one.wide else "")
-                shown += parts.paragraph(named(one.note), "note")
+        for figure in FIGURES:
+            if figure.section == name and (drawn := plots(figure.panels(records), figure.name)):
+                shown += HEADING.format(figure.title) if figure.title else ""
+                shown += parts.legend(keys, figure.legend) if figure.legend else ""
+                shown += parts.figures(drawn, "pairs" if figure.wide else "")
+                shown += parts.paragraph(named(figure.note), "note")
         return shown
 
     def shelf(name: str) -> Section:
@@ -149,7 +149,7 @@ def _sections(
     if converging := figures("convergence"):
         yield section("convergence", "Convergence", parts.legend(keys, CONVERGENCE), converging)
     if work:
-        chooser = parts.chooser(work, [plots(one.panels, one.name) for one in work])
+        chooser = parts.chooser(work, [plots(diagram.panels, diagram.name) for diagram in work])
         yield section("work", "Error against run time", parts.legend(keys, WORK), chooser)
     if (targets := records.targets) is not None:
         by_scene = [figures("reaching_scenes")]
@@ -174,9 +174,11 @@ def _sections(
     yield section("amplifier", "Amplifier", legend, density, figures("learned"))
     yield shelf("stability")
     if tested := chapters(ledger, in_a_line(records)):
-        judged = [HEADING.format(one["title"]) + parts.table(one["grid"], False) for one in tested]
+        judged = [HEADING.format(chapter["title"]) + parts.table(chapter["grid"], False) for chapter in tested]
         untested = folds(ledger)
-        folded = [parts.folded(shell.with_code(one["title"]), parts.bullets(one["claims"])) for one in untested]
+        folded = [
+            parts.folded(shell.with_code(chapter["title"]), parts.bullets(chapter["claims"])) for chapter in untested
+        ]
         rule = parts.paragraph(CLAIMS.format(standing(records), in_a_line(records)))
         heading = HEADING.format("Not tested") if untested else Markup("")
         yield section("claims", "The paper’s claims", rule, *judged, heading, *folded)

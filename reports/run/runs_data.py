@@ -26,8 +26,14 @@ def runs_data(records: Records) -> dict[str, Any]:
         "scenes": records.scenes,
         "methods": records.methods,
         "metrics": [
-            {"name": one.name, "label": one.label, "unit": one.unit, "digits": one.digits, "up": one.higher_is_better}
-            for one in METRICS.values()
+            {
+                "name": metric.name,
+                "label": metric.label,
+                "unit": metric.unit,
+                "digits": metric.digits,
+                "up": metric.higher_is_better,
+            }
+            for metric in METRICS.values()
         ],
         "colours": {method: colour.variable for method, colour in colours_of(records.methods).items()},
         "cells": [
@@ -46,9 +52,9 @@ def _targets(records: Records) -> dict[str, Any]:
     if record is None or record.target is None:
         return {}
     reached: dict[str, Any] = {}
-    for one in record.reaches:
-        by_seed = reached.setdefault(one.scene, {}).setdefault(one.method, {})
-        by_seed.setdefault(str(one.seed), {})[one.axis] = [*rounded([one.time]), one.known]
+    for reach in record.reaches:
+        by_seed = reached.setdefault(reach.scene, {}).setdefault(reach.method, {})
+        by_seed.setdefault(str(reach.seed), {})[reach.axis] = [*rounded([reach.time]), reach.known]
     return {"target": record.target, "reached": reached}
 
 
@@ -84,13 +90,13 @@ def settings_that_differ(cells: list[CellRecord]) -> dict[str, set[str]]:
 
 def density_data(records: Records) -> list[dict[str, Any]]:
     """Return histograms of density of each run at its checkpoints, `after` where it is not the same as `before`."""
-    found = []
+    histograms = []
     for cell in records.cells:
         points = sorted(filter(is_histogram, cell.curve), key=lambda point: point.step)
         known = [(point.step, point.density or {}) for point in points]
         alike = [(step, density) for step, density in known if density["edges"] == known[-1][1]["edges"]]
         if alike:
-            found.append(
+            histograms.append(
                 {
                     "scene": cell.scene,
                     "method": cell.method,
@@ -100,7 +106,7 @@ def density_data(records: Records) -> list[dict[str, Any]]:
                     "at": [_shares(density) for _, density in alike],
                 }
             )
-    return found
+    return histograms
 
 
 def _shares(density: dict[str, Any]) -> dict[str, Any]:

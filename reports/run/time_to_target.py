@@ -57,14 +57,14 @@ def _reach_panel(records: Records, record: TargetsRecord, scene: str, axis: Axis
         outlines.append(Trace(curve.method, colour, "outline", x, y, runs=(behind,)))
         for lost, kind, words in MARKS:
             ended = [
-                one
-                for one in record.reaches
-                if (one.method, one.axis, one.known) == (curve.method, axis, "never")
-                and scene in ("all", one.scene)
-                and is_lost(one) == lost
+                reach
+                for reach in record.reaches
+                if (reach.method, reach.axis, reach.known) == (curve.method, axis, "never")
+                and scene in ("all", reach.scene)
+                and is_lost(reach) == lost
             ]
-            x, y = tuple(one.time for one in ended), tuple(share_at(curve, one.time) for one in ended)
-            runs = tuple(Selection(one.scene, one.method, seed=one.seed) for one in ended)
+            x, y = tuple(reach.time for reach in ended), tuple(share_at(curve, reach.time) for reach in ended)
+            runs = tuple(Selection(reach.scene, reach.method, seed=reach.seed) for reach in ended)
             if ended:
                 label = f"{curve.method} {words}"
                 marks.append(Trace(label, colour, kind, x, y, marker="|", size=11.0, runs=runs))
@@ -75,8 +75,8 @@ def _reach_panel(records: Records, record: TargetsRecord, scene: str, axis: Axis
     return Panel(title, AXES[axis][0], label, (*outlines, *marks), alt, "log", y_limits=(-0.05, 1.05), size=size)
 
 
-def is_lost(one: Reach) -> bool:
-    return one.known == "never" and not one.why.startswith("ended at")
+def is_lost(reach: Reach) -> bool:
+    return reach.known == "never" and not reach.why.startswith("ended at")
 
 
 def share_at(curve: ReachCurve, time: float) -> float:
@@ -88,13 +88,13 @@ def share_at(curve: ReachCurve, time: float) -> float:
 def notes(record: TargetsRecord) -> list[str]:
     """State how many runs of each method never got there, or were there before anybody looked."""
     sentences = []
-    for method in dict.fromkeys(one.method for one in record.reaches):
-        own = [one for one in record.reaches if (one.method, one.axis) == (method, "steps")]
+    for method in dict.fromkeys(reach.method for reach in record.reaches):
+        own = [reach for reach in record.reaches if (reach.method, reach.axis) == (method, "steps")]
         lost = sum(map(is_lost, own))
         parts = {
-            "ended below it": sum(one.known == "never" for one in own) - lost,
+            "ended below it": sum(reach.known == "never" for reach in own) - lost,
             "diverged or failed": lost,
-            "had it by the first checkpoint": sum(one.known == "earlier" for one in own),
+            "had it by the first checkpoint": sum(reach.known == "earlier" for reach in own),
         }
         stated = [f"{many} {words}" for words, many in parts.items() if many]
         sentences += [f"{method}: of {counted(len(own), 'run')}, {', '.join(stated)}."] if stated else []
@@ -103,15 +103,17 @@ def notes(record: TargetsRecord) -> list[str]:
 
 def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
     """Tabulate one row per pair of methods (and scene), steps and seconds beside each other."""
-    pairs = dict.fromkeys((one.scene, one.method, one.against) for one in record.comparisons if one.scene in scenes)
+    pairs = dict.fromkeys(
+        (saving.scene, saving.method, saving.against) for saving in record.comparisons if saving.scene in scenes
+    )
     if not pairs:
         return None
     everywhere = scenes == ["all"]
     rows = []
     for scene, method, against in sorted(pairs, key=lambda pair: scenes.index(pair[0])):
-        found = [record.comparison(scene, method, against, axis) for axis in AXES]
+        savings = [record.comparison(scene, method, against, axis) for axis in AXES]
         row = [Entry(method, f"against {against}")] + ([] if everywhere else [Entry(scene)])
-        rows.append([*row, *map(saving_entry, found), *map(detectable_entry, found)])
+        rows.append([*row, *map(saving_entry, savings), *map(detectable_entry, savings)])
     columns = [Column("method", numeric=False)] + ([] if everywhere else [Column("scene", numeric=False)])
     columns += [Column(words) for _, words in AXES.values()]
     columns += [Column("could detect", small=words) for words in ("steps", "time")]
@@ -124,36 +126,36 @@ def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
     return Grid(title, columns, rows, note=note if everywhere else "")
 
 
-def saving_entry(one: TargetComparison | None) -> Entry:
+def saving_entry(saving: TargetComparison | None) -> Entry:
     """Return `+18.0 %`, below it interval, verdict, and how many runs say less than a time."""
-    if one is None:
+    if saving is None:
         return EMPTY
     censored = [
-        f"{words}: {count(many)} of {counted(one.pairs, 'run')} of {method}"
-        for words, pair in (("not within the time watched", one.never), ("there at once", one.earlier))
-        for method, many in zip((one.method, one.against), pair, strict=True)
+        f"{words}: {count(many)} of {counted(saving.pairs, 'run')} of {method}"
+        for words, pair in (("not within the time watched", saving.never), ("there at once", saving.earlier))
+        for method, many in zip((saving.method, saving.against), pair, strict=True)
         if many
     ]
-    if one.saving is not None and censored:
-        ends = ((one.at_least, "or more"), (one.at_most, "or less"))
+    if saving.saving is not None and censored:
+        ends = ((saving.at_least, "or more"), (saving.at_most, "or less"))
         censored += [
             f"to the target itself {signed(end, 1)}{NARROW}% {words}" for end, words in ends if end is not None
         ]
-        censored.append(f"horizon {number(one.horizon, 0)} {'steps' if one.axis == 'steps' else 's'}")
-    aside = f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else ""
-    pair = None if one.saving is None else one.simultaneous or one.interval
+        censored.append(f"horizon {number(saving.horizon, 0)} {'steps' if saving.axis == 'steps' else 's'}")
+    aside = f"{counted(saving.unpaired, 'pair')} not judged" if saving.unpaired else ""
+    pair = None if saving.saving is None else saving.simultaneous or saving.interval
     low, high = pair or (None, None)
     return Entry(
-        "–" if one.saving is None else f"{signed(one.saving, 1)}{NARROW}%",
-        lines(interval(pair, 1), one.verdict, *censored, aside),
-        one.verdict,
-        one.saving,
-        {} if one.saving is None else {"low": low, "high": high},
-        behind_saving(one),
+        "–" if saving.saving is None else f"{signed(saving.saving, 1)}{NARROW}%",
+        lines(interval(pair, 1), saving.verdict, *censored, aside),
+        saving.verdict,
+        saving.saving,
+        {} if saving.saving is None else {"low": low, "high": high},
+        behind_saving(saving),
     )
 
 
-def detectable_entry(one: TargetComparison | None) -> Entry:
-    if one is None or one.smallest_detectable is None:
+def detectable_entry(saving: TargetComparison | None) -> Entry:
+    if saving is None or saving.smallest_detectable is None:
         return EMPTY
-    return Entry(f"{number(one.smallest_detectable, 0)}{NARROW}%", tone="muted")
+    return Entry(f"{number(saving.smallest_detectable, 0)}{NARROW}%", tone="muted")

@@ -41,11 +41,11 @@ SMALL_FACTOR = 2.0
 """The largest factor that is shown as a percentage."""
 
 
-def tone_of(one: Check) -> Tone:
-    if one.status == "fail":
-        if one.owner == "machine":
-            return "absent" if one.limit is None else "missed"
-        return "fails" if one.must_hold else "property"
+def tone_of(check: Check) -> Tone:
+    if check.status == "fail":
+        if check.owner == "machine":
+            return "absent" if check.limit is None else "missed"
+        return "fails" if check.must_hold else "property"
     tones: dict[str, Tone] = {
         "pass": "passes",
         "measured": "measured",
@@ -53,51 +53,51 @@ def tone_of(one: Check) -> Tone:
         "not_available": "absent",
         "not_applicable": "spared",
     }
-    return tones[one.status]
+    return tones[check.status]
 
 
-def figure_of(one: Check, digits: int = 3) -> str:
+def figure_of(check: Check, digits: int = 3) -> str:
     """Return the figure with its unit; with as many digits as it takes to tell a failing one from its limits."""
-    if one.value is None:
+    if check.value is None:
         return ""
-    limits = [limit for limit in (one.low, one.high) if limit is not None and one.status == "fail"]
+    limits = [limit for limit in (check.low, check.high) if limit is not None and check.status == "fail"]
     enough = (
         more
         for more in range(digits, 16)
-        if all(of_any_size(one.value, more) != of_any_size(limit, more) for limit in limits)
+        if all(of_any_size(check.value, more) != of_any_size(limit, more) for limit in limits)
     )
-    return f"{of_any_size(one.value, next(enough, 16))}{after(one.unit)}"
+    return f"{of_any_size(check.value, next(enough, 16))}{after(check.unit)}"
 
 
-def wanted(one: Check) -> str:
+def wanted(check: Check) -> str:
     """Return the limits as `≤ 0.05` or `0.8 … 1`; empty without any."""
-    low, high = (None if limit is None else bare(limit) for limit in (one.low, one.high))
+    low, high = (None if limit is None else bare(limit) for limit in (check.low, check.high))
     if low and high:
-        return f"{low} … {high}{after(one.unit)}"
-    return f"≥ {low}{after(one.unit)}" if low else f"≤ {high}{after(one.unit)}" if high else ""
+        return f"{low} … {high}{after(check.unit)}"
+    return f"≥ {low}{after(check.unit)}" if low else f"≤ {high}{after(check.unit)}" if high else ""
 
 
-def spread_of(one: Check) -> str:
+def spread_of(check: Check) -> str:
     """Return what the repetitions say: `7.11–7.63×`, `measured once`; nothing of a figure that is no measurement."""
-    if one.value is None or one.owner != "machine":
+    if check.value is None or check.owner != "machine":
         return ""
-    if one.spread is None or (one.repeats < 2 and one.spread[0] == one.spread[1]):
-        return "measured once" if one.repeats == 1 else counted(one.repeats, "repetition")
-    low, high = map(of_any_size, one.spread)
-    times = f", {counted(one.repeats, 'repetition')}" if one.repeats > 1 else ""
-    return f"{low}{' to ' if min(one.spread) < 0 else '–'}{high}{after(one.unit)}{times}"
+    if check.spread is None or (check.repeats < 2 and check.spread[0] == check.spread[1]):
+        return "measured once" if check.repeats == 1 else counted(check.repeats, "repetition")
+    low, high = map(of_any_size, check.spread)
+    times = f", {counted(check.repeats, 'repetition')}" if check.repeats > 1 else ""
+    return f"{low}{' to ' if min(check.spread) < 0 else '–'}{high}{after(check.unit)}{times}"
 
 
-def outcome(one: Check) -> str:
+def outcome(check: Check) -> str:
     """Return `✓ passes`, `✕ missed by 6.9 points`, …"""
-    look, limit = LOOKS[tone_of(one)], one.limit
-    if one.owner != "machine" or limit is None or one.status == "inconclusive":
+    look, limit = LOOKS[tone_of(check)], check.limit
+    if check.owner != "machine" or limit is None or check.status == "inconclusive":
         return f"{look.mark} {look.word}"
-    if one.value is None:
+    if check.value is None:
         return f"{look.mark} no figure, so not met"
-    far = distance(one.value, limit, one.unit)
-    if one.holds:
-        return f"{look.mark} met" + (f", {far} {'above' if one.value > limit else 'below'}" if far else "")
+    far = distance(check.value, limit, check.unit)
+    if check.holds:
+        return f"{look.mark} met" + (f", {far} {'above' if check.value > limit else 'below'}" if far else "")
     return f"{look.mark} missed" + (f" by {far}" if far else "")
 
 
@@ -119,27 +119,29 @@ def _two_digits(value: float) -> str:
     return significant(value, 2) if value < 10 else number(value, 0)
 
 
-def repetitions(one: Check) -> str:
+def repetitions(check: Check) -> str:
     """Return whether single repetitions say otherwise than the median, which alone says too little."""
-    if one.limit is None or one.value is None or one.spread is None:
+    if check.limit is None or check.value is None or check.spread is None:
         return ""
-    met, *meets = [edge >= one.limit if one.high is None else edge <= one.limit for edge in (one.value, *one.spread)]
+    met, *meets = [
+        edge >= check.limit if check.high is None else edge <= check.limit for edge in (check.value, *check.spread)
+    ]
     if met:
         return "" if all(meets) else "not in every repetition"
     return "reached in the best repetition" if any(meets) else ""
 
 
-def described(one: Check) -> str:
+def described(check: Check) -> str:
     """Return a line such as `midpoint: largest relative error: 0.02, wanted ≤ 10⁻⁶ (over 1000 rays)`."""
-    figures = ", wanted ".join(filter(None, (figure_of(one) or "no figure", wanted(one))))
-    words = ": ".join(filter(None, (one.subject, one.what, "" if one.value is None and one.holds else figures)))
-    return f"{words} ({one.why})" if one.why else words
+    figures = ", wanted ".join(filter(None, (figure_of(check) or "no figure", wanted(check))))
+    words = ": ".join(filter(None, (check.subject, check.what, "" if check.value is None and check.holds else figures)))
+    return f"{words} ({check.why})" if check.why else words
 
 
-def shown(one: Check) -> str:
+def shown(check: Check) -> str:
     """Return the text of a narrow cell: the figure, else a word."""
-    lost = "not finite" if one.status == "fail" and one.why.startswith("the figure is ") else ""
-    return figure_of(one, 2) or lost or LOOKS[tone_of(one)].short
+    lost = "not finite" if check.status == "fail" and check.why.startswith("the figure is ") else ""
+    return figure_of(check, 2) or lost or LOOKS[tone_of(check)].short
 
 
 def checks_grid(
@@ -149,23 +151,23 @@ def checks_grid(
 
     Columns in which nothing would stand are left out; the reasons stand with the study itself.
     """
-    checks = [one for _, one in rows]
-    subjects, limits = any(one.subject for one in checks), any(one.limit is not None for one in checks)
+    checks = [check for _, check in rows]
+    subjects, limits = any(check.subject for check in checks), any(check.limit is not None for check in checks)
     columns = [Column("study", numeric=False)] if name_of else []
     columns += [Column("subject", numeric=False)] if subjects else []
     columns += [Column("figure", numeric=False), Column("measured")]
     columns += [Column("wanted")] if limits else []
     columns += [Column("outcome", numeric=False)] if limits or subjects else []
     lines = []
-    for study, one in sorted(rows, key=lambda row: not row[1].is_broken):
-        tone = tone_of(one)
+    for study, check in sorted(rows, key=lambda row: not row[1].is_broken):
+        tone = tone_of(check)
         line = [Entry(name_of(study), link=anchor(study))] if name_of else []
-        line += [Entry(one.subject, OWNERS.get(one.owner, ""))] if subjects else []
-        line += [Entry(one.what or one.why, one.why if one.what and not name_of else "")]
-        ends = dict(zip(("low", "high"), one.spread or (), strict=False))
-        line += [Entry(figure_of(one), spread_of(one), parts=ends) if one.value is not None else EMPTY]
-        line += [Entry(wanted(one), tone="muted") if one.limit is not None else EMPTY] if limits else []
-        line += [Entry(outcome(one), repetitions(one), tone)] if limits or subjects else []
+        line += [Entry(check.subject, OWNERS.get(check.owner, ""))] if subjects else []
+        line += [Entry(check.what or check.why, check.why if check.what and not name_of else "")]
+        ends = dict(zip(("low", "high"), check.spread or (), strict=False))
+        line += [Entry(figure_of(check), spread_of(check), parts=ends) if check.value is not None else EMPTY]
+        line += [Entry(wanted(check), tone="muted") if check.limit is not None else EMPTY] if limits else []
+        line += [Entry(outcome(check), repetitions(check), tone)] if limits or subjects else []
         lines.append(line)
     return Grid(title, columns, lines)
 

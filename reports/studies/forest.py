@@ -30,14 +30,14 @@ def forests(effects: list[Effect], of_interest: dict[str, float]) -> dict[tuple[
     Single scenes have a forest where no effect is over all scenes together, and else rows of the table alone.
     `of_interest`: metric → the smallest effect that matters to anybody, from the record's settings.
     """
-    over_all = {(one.metric, one.budget) for one in effects if one.scene == "all"}
-    drawn = [one for one in effects if one.scene == "all" or (one.metric, one.budget) not in over_all]
+    over_all = {(effect.metric, effect.budget) for effect in effects if effect.scene == "all"}
+    drawn = [effect for effect in effects if effect.scene == "all" or (effect.metric, effect.budget) not in over_all]
     grouped: dict[tuple[str, str, str], list[Effect]] = {}
-    for one in drawn:
-        grouped.setdefault((one.metric, one.budget, one.scene), []).append(one)
+    for effect in drawn:
+        grouped.setdefault((effect.metric, effect.budget, effect.scene), []).append(effect)
     limits = {
-        name: limits_of([one for one in drawn if one.metric == name], of_interest.get(name, 0.0))
-        for name in {one.metric for one in drawn}
+        name: limits_of([effect for effect in drawn if effect.metric == name], of_interest.get(name, 0.0))
+        for name in {effect.metric for effect in drawn}
     }
     return {key: _forest(rows, limits[key[0]], of_interest.get(key[0])) for key, rows in grouped.items()}
 
@@ -48,8 +48,8 @@ def limits_of(effects: Iterable[Effect], of_interest: float) -> tuple[float, flo
     Three scenes and forty comparisons at once make intervals of which an axis would show nothing else.
     """
     there = list(effects)
-    values = [one.difference for one in there if one.difference is not None]
-    ends = [end for one in there for pair in (one.interval, one.simultaneous) for end in pair or ()]
+    values = [effect.difference for effect in there if effect.difference is not None]
+    ends = [end for effect in there for pair in (effect.interval, effect.simultaneous) for end in pair or ()]
     largest = LEAST * max(map(abs, values), default=0.0)
     least = 1.5 * of_interest or largest or max(map(abs, ends), default=0.0) or 1.0
     above = max([*values, largest, least])
@@ -62,7 +62,9 @@ def limits_of(effects: Iterable[Effect], of_interest: float) -> tuple[float, flo
 
 def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: float | None) -> Panel:
     metric = metric_of(effects[0].metric)
-    rows = sorted(effects, key=lambda one: bool(one.against))  # parts and interactions, then method against method
+    rows = sorted(
+        effects, key=lambda effect: bool(effect.against)
+    )  # parts and interactions, then method against method
     title = f"{metric.label} {BUDGETS[effects[0].budget]}, {scene_words(effects[0].scene)}"
     colour, ends = KNOWN["nerf"].light, (-0.5, len(rows) - 0.5)
     traces = [Trace("no difference", INK.light, "floor", (0.0, 0.0), ends)]
@@ -71,8 +73,8 @@ def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: flo
         corners = (-of_interest, of_interest, of_interest, -of_interest)
         traces.insert(0, Trace(band, MUTED.light, "area", corners, (ends[0], ends[0], ends[1], ends[1])))
     for words, width, pairs in (
-        ("interval of all together", 1.0, [one.simultaneous for one in rows]),
-        ("interval alone", 3.0, [one.interval for one in rows]),
+        ("interval of all together", 1.0, [effect.simultaneous for effect in rows]),
+        ("interval alone", 3.0, [effect.interval for effect in rows]),
     ):
         known = [(pair[0], float(place), pair[1]) for place, pair in enumerate(pairs) if pair is not None]
         if known:
@@ -80,20 +82,23 @@ def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: flo
             traces.append(Trace(words, colour, "range", low, at, high, width=width))
     for words, verdicts in (("settled", ("better", "worse")), ("not settled", ("equivalent", "inconclusive"))):
         dots = [
-            (one.difference, float(place))
-            for place, one in enumerate(rows)
-            if one.difference is not None and one.verdict in verdicts
+            (effect.difference, float(place))
+            for place, effect in enumerate(rows)
+            if effect.difference is not None and effect.verdict in verdicts
         ]
         if dots:
             x, y = zip(*dots, strict=True)
             hollow = words != "settled"
             traces.append(Trace(f"difference, {words}", colour, "mark", x, y, marker="o", hollow=hollow, size=5.5))
     figures = [
-        f"{signed(one.difference, metric.digits)}  {interval(one.interval, metric.digits)}  {MARKS[one.verdict]}"
-        for one in rows
+        f"{signed(effect.difference, metric.digits)}  {interval(effect.interval, metric.digits)}  "
+        f"{MARKS[effect.verdict]}"
+        for effect in rows
     ]
-    names = tuple(fill(row_name(one), LONGEST_NAME) for one in rows)
-    words = "; ".join(f"{row_name(one)} {figure} {one.verdict}" for one, figure in zip(rows, figures, strict=True))
+    names = tuple(fill(row_name(effect), LONGEST_NAME) for effect in rows)
+    words = "; ".join(
+        f"{row_name(effect)} {figure} {effect.verdict}" for effect, figure in zip(rows, figures, strict=True)
+    )
     return Panel(
         title,
         f"difference in {metric.label}" + (f" ({metric.unit})" if metric.unit else ""),
@@ -107,15 +112,17 @@ def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: flo
     )
 
 
-def row_name(one: Effect) -> str:
-    note = "; ".join(filter(None, (one.note, f"{counted(one.unpaired, 'pair')} not judged" if one.unpaired else "")))
-    name = f"{one.name} − {one.against}" if one.against else one.name
+def row_name(effect: Effect) -> str:
+    note = "; ".join(
+        filter(None, (effect.note, f"{counted(effect.unpaired, 'pair')} not judged" if effect.unpaired else ""))
+    )
+    name = f"{effect.name} − {effect.against}" if effect.against else effect.name
     return f"{name} ({note})" if note else name
 
 
 def forest_key(effects: list[Effect]) -> str:
     """Return what the marks of the forests of these effects mean."""
-    low, high = min(one.family for one in effects), max(one.family for one in effects)
+    low, high = min(effect.family for effect in effects), max(effect.family for effect in effects)
     family = (
         f"all of a family of {low if low < high else ''}{' to ' if low < high else ''}{counted(high, 'comparison')}"
     )
@@ -135,26 +142,30 @@ def effects_grid(effects: list[Effect]) -> Grid:
     """Return every effect with all facts about it."""
     labels = ("effect", "against", "scene", "metric", "budget")
     figures = ("difference", "95 % interval", "simultaneous", "of", "could detect", "pairs", "unpaired")
-    columns = [*(Column(one, numeric=False) for one in labels), *map(Column, figures), Column("verdict", numeric=False)]
+    columns = [
+        *(Column(label, numeric=False) for label in labels),
+        *map(Column, figures),
+        Column("verdict", numeric=False),
+    ]
     rows = []
-    for one in effects:
-        metric = metric_of(one.metric)
-        unit = after(metric.unit) if one.difference is not None else ""
+    for effect in effects:
+        metric = metric_of(effect.metric)
+        unit = after(metric.unit) if effect.difference is not None else ""
         rows.append(
             [
-                Entry(one.name, one.note),
-                Entry(one.against) if one.against else EMPTY,
-                Entry(scene_words(one.scene)),
+                Entry(effect.name, effect.note),
+                Entry(effect.against) if effect.against else EMPTY,
+                Entry(scene_words(effect.scene)),
                 Entry(metric.label),
-                Entry(BUDGETS[one.budget].removeprefix("at ")),
-                Entry(f"{signed(one.difference, metric.digits)}{unit}", value=one.difference),
-                _interval(one.interval, metric.digits),
-                _interval(one.simultaneous, metric.digits),
-                Entry(str(one.family), tone="muted"),
-                Entry(number(one.smallest_detectable, metric.digits)),
-                Entry(str(one.pairs), tone="muted"),
-                Entry(str(one.unpaired), tone="fails" if one.unpaired else "muted"),
-                Entry(one.verdict, tone=one.verdict),
+                Entry(BUDGETS[effect.budget].removeprefix("at ")),
+                Entry(f"{signed(effect.difference, metric.digits)}{unit}", value=effect.difference),
+                _interval(effect.interval, metric.digits),
+                _interval(effect.simultaneous, metric.digits),
+                Entry(str(effect.family), tone="muted"),
+                Entry(number(effect.smallest_detectable, metric.digits)),
+                Entry(str(effect.pairs), tone="muted"),
+                Entry(str(effect.unpaired), tone="fails" if effect.unpaired else "muted"),
+                Entry(effect.verdict, tone=effect.verdict),
             ]
         )
     note = (

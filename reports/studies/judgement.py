@@ -72,7 +72,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(str(place.scenes)),
                 Entry(shown_groups(place.groups)) if everything else EMPTY,
                 difference(record, pair, estimate),
-                Entry(said(estimate.verdict), tone=estimate.verdict) if estimate else EMPTY,
+                Entry(verdict_words(estimate.verdict), tone=estimate.verdict) if estimate else EMPTY,
                 Entry(number(record, least)) if least is not None else EMPTY,
                 difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
                 Entry(duration(place.seconds)) if place.seconds is not None else EMPTY,
@@ -91,11 +91,11 @@ def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | 
     """Return the difference with its simultaneous interval, and the verdict if it has no column of its own."""
     if pair is None or estimate is None:
         return EMPTY
-    words = within(record, estimate) + (f"\n{said(estimate.verdict)}" if worded else "")
+    words = within(record, estimate) + (f"\n{verdict_words(estimate.verdict)}" if worded else "")
     return Entry(number(record, pair.difference, "+"), words, value=pair.difference)
 
 
-def said(verdict: str) -> str:
+def verdict_words(verdict: str) -> str:
     return "not told apart" if verdict == "inconclusive" else verdict
 
 
@@ -108,30 +108,31 @@ def matrix(record: JudgementRecord) -> list[tuple[str, list[Square]]]:
     """Return each method's row against every method, in their order; nothing against a baseline."""
     if record.baseline is not None:
         return []
-    names = [one.method for one in record.given.places]
-    found = {}
+    names = [place.method for place in record.given.places]
+    squares = {}
     for pair in record.given.pairs:
         estimate = pair.scenes_like_these
         ends = f" {within(record, estimate)}" if estimate else ""
-        numbers = f"{number(record, pair.difference, '+')}{ends}, {said(pair.verdict)}" if estimate else "no interval"
+        numbers = f"{number(record, pair.difference, '+')}{ends}, {verdict_words(pair.verdict)}"
+        numbers = numbers if estimate else "no interval"
         title = f"{pair.method} − {pair.against}: {numbers}" if len(names) <= MOST_TITLES else ""
         other = TURNED.get(pair.verdict, pair.verdict)
-        found[pair.method, pair.against] = Square(pair.verdict, MARKS[pair.verdict], title)
-        found[pair.against, pair.method] = Square(other, MARKS[other], title)
+        squares[pair.method, pair.against] = Square(pair.verdict, MARKS[pair.verdict], title)
+        squares[pair.against, pair.method] = Square(other, MARKS[other], title)
     itself = Square("itself", "", "")
-    return [(name, [found.get((name, other), itself) for other in names]) for name in names]
+    return [(name, [squares.get((name, other), itself) for other in names]) for name in names]
 
 
 def suspects_grid(record: JudgementRecord) -> Grid:
     columns = [Column("result", numeric=False), Column("is"), Column("expected"), Column("robust deviations")]
     rows = [
         [
-            Entry(f"{one.method} on {one.scene}", f"seed {one.seed}" if one.seed else ""),
-            Entry(number(record, one.value), tone="failed"),
-            Entry(number(record, one.expected)),
-            Entry(f"{one.deviation:.0f}".replace("-", "−")),
+            Entry(f"{suspect.method} on {suspect.scene}", f"seed {suspect.seed}" if suspect.seed else ""),
+            Entry(number(record, suspect.value), tone="failed"),
+            Entry(number(record, suspect.expected)),
+            Entry(f"{suspect.deviation:.0f}".replace("-", "−")),
         ]
-        for one in record.suspects
+        for suspect in record.suspects
     ]
     note = (
         "Expected is what a fit of method plus scene by medians gives. A result is suspect at 8 robust standard "
@@ -144,7 +145,7 @@ def changes_grid(record: JudgementRecord) -> Grid:
     columns = [Column("pair", numeric=False), Column("as given", numeric=False), Column("without", numeric=False)]
     changes = changed_pairs(record)
     rows = [
-        [Entry(f"{pair.method} − {pair.against}"), Entry(said(pair.verdict)), Entry(said(after))]
+        [Entry(f"{pair.method} − {pair.against}"), Entry(verdict_words(pair.verdict)), Entry(verdict_words(after))]
         for pair, after in changes[:MOST_CHANGES]
     ]
     more = len(changes) - len(rows)
@@ -158,16 +159,16 @@ def panel(record: JudgementRecord) -> Panel:
 
 def _groups(record: JudgementRecord) -> Panel:
     places = record.given.places
-    means = [one.mean for one in places]
+    means = [place.mean for place in places]
     limits = _limits(means)
-    groups = sorted({group for one in places for group in one.groups})
-    members = {group: [one for one in places if group in one.groups] for group in groups}
+    groups = sorted({group for place in places for group in place.groups})
+    members = {group: [place for place in places if group in place.groups] for group in groups}
     bars = {group: some for group, some in members.items() if len(some) > 1}
     rows = [
-        one.method
-        if limits is None or limits[0] <= one.mean <= limits[1]
-        else f"{one.method} ({number(record, one.mean)})"
-        for one in places
+        place.method
+        if limits is None or limits[0] <= place.mean <= limits[1]
+        else f"{place.method} ({number(record, place.mean)})"
+        for place in places
     ]
     ends = [sorted((some[0].mean, some[-1].mean)) for some in bars.values()]
     lows, highs = tuple(low for low, _ in ends), tuple(high for _, high in ends)
@@ -177,7 +178,7 @@ def _groups(record: JudgementRecord) -> Panel:
         Trace("not told apart", INK.light, "range", lows, at[len(places) :], highs),
     )
     title = f"Mean {record.metric} and the groups that are not told apart"
-    words = [f"group {group}: {', '.join(one.method for one in some)}" for group, some in bars.items()]
+    words = [f"group {group}: {', '.join(member.method for member in some)}" for group, some in bars.items()]
     rows += [f"group {group}" for group in bars]
     made = _panel(record, title, f"mean {record.metric}", traces, words or ["There is no group of several"], rows)
     return replace(made, x_limits=limits)
@@ -204,7 +205,7 @@ def _against(record: JudgementRecord) -> Panel:
         Trace("difference", KNOWN["nerf"].light, "dots", tuple(pair.difference or 0.0 for pair in pairs), at),
     )
     title = f"{record.metric} less that of {record.baseline}"
-    words = [f"{pair.method} {number(record, pair.difference, '+')} {said(pair.verdict)}" for pair in pairs]
+    words = [f"{pair.method} {number(record, pair.difference, '+')} {verdict_words(pair.verdict)}" for pair in pairs]
     return _panel(record, title, title, traces, words, [pair.method for pair in pairs])
 
 
@@ -244,7 +245,7 @@ def judgement_page(record: JudgementRecord) -> str:
         [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))],
         record=record,
         notes=[*([missing_line(record)] if record.missing else []), *record.notes],
-        suspects=[suspect_line(record, one) for one in record.suspects[:3]],
+        suspects=[suspect_line(record, suspect) for suspect in record.suspects[:3]],
         without=without,
     )
 

@@ -70,24 +70,29 @@ def groups(record: Studies) -> list[Group]:
     titles = WORDS[record.shelf].groups
     letters = dict.fromkeys(study.info.id[:1] for study in record.studies if titles)
     return [
-        _group(titles.get(letter, f"Group {letter}"), [one for one in record.studies if one.info.id[:1] == letter])
+        _group(
+            titles.get(letter, f"Group {letter}"), [study for study in record.studies if study.info.id[:1] == letter]
+        )
         for letter in letters
     ]
 
 
 def _group(title: str, studies: list[StudyRecord]) -> Group:
     columns = _columns(studies)
-    every = [one for study in studies for one in study.checks]
+    every = [check for study in studies for check in study.checks]
     owners = {
-        subject: ", ".join(dict.fromkeys(one.owner for one in every if one.subject == subject)) for subject in columns
+        subject: ", ".join(dict.fromkeys(check.owner for check in every if check.subject == subject))
+        for subject in columns
     }
     return Group(title, list(owners.items()), [_row(study, columns) for study in studies])
 
 
 def _columns(studies: list[StudyRecord]) -> list[str]:
     """Return the subjects of at least two studies, the most frequent if there are too many; what is ours first."""
-    owner = {one.subject: list(OWNERS).index(one.owner) for study in studies for one in study.checks}
-    many = {subject: sum(any(one.subject == subject for one in study.checks) for study in studies) for subject in owner}
+    owner = {check.subject: list(OWNERS).index(check.owner) for study in studies for check in study.checks}
+    many = {
+        subject: sum(any(check.subject == subject for check in study.checks) for study in studies) for subject in owner
+    }
     recurring = [subject for subject in many if many[subject] > 1]
     if len(studies) == 1 and len(many) <= ROW_ALONE:
         recurring = list(many)
@@ -102,17 +107,17 @@ def _row(study: StudyRecord, columns: list[str]) -> Row:
         anchor(study),
         study.info.title,
         study.info.facts.get("bar", ""),
-        any(one.is_broken for one in study.checks),
+        any(check.is_broken for check in study.checks),
         [cells.get(subject) for subject in columns],
-        [one for subject, one in cells.items() if subject not in columns],
+        [outcome_cell for subject, outcome_cell in cells.items() if subject not in columns],
     )
 
 
 def cells_of(checks: list[Check]) -> dict[str, Cell]:
     """Map subject → its cell."""
     by_subject: dict[str, list[Check]] = {}
-    for one in checks:
-        by_subject.setdefault(one.subject, []).append(one)
+    for check in checks:
+        by_subject.setdefault(check.subject, []).append(check)
     return {subject: cell(some) for subject, some in by_subject.items()}
 
 
@@ -123,23 +128,23 @@ def cell(checks: list[Check]) -> Cell:
     `checks` is not empty.
     """
     order = list(LOOKS)
-    worst = min(checks, key=lambda one: (order.index(tone_of(one)), -strain(one)))
+    worst = min(checks, key=lambda check: (order.index(tone_of(check)), -strain(check)))
     tone = tone_of(worst)
-    alike = sum(tone_of(one) == tone for one in checks)
+    alike = sum(tone_of(check) == tone for check in checks)
     small = (
         "" if len(checks) == 1 else f"worst of {len(checks)}" if alike == len(checks) else f"{alike} of {len(checks)}"
     )
-    title = "\n".join(f"{outcome(one)}: {described(one)}" for one in checks)
+    title = "\n".join(f"{outcome(check)}: {described(check)}" for check in checks)
     return Cell(worst.subject, tone, LOOKS[tone].mark, shown(worst), small, title)
 
 
-def strain(one: Check) -> float:
+def strain(check: Check) -> float:
     """Return how near it is to its limit or how far beyond it: 1 at the limit, more if it fails; to find the worst of
     several.
     """
-    if one.value is None or one.limit is None:
-        return float("inf") if one.status == "fail" else 0.0
-    large, small = (one.value, one.limit) if one.low is None else (one.limit, one.value)
+    if check.value is None or check.limit is None:
+        return float("inf") if check.status == "fail" else 0.0
+    large, small = (check.value, check.limit) if check.low is None else (check.limit, check.value)
     return large / small if small > 0 else float(large > small)
 
 
@@ -152,13 +157,13 @@ def miniature(record: Studies) -> list[Panel]:
     columns = []
     start = 0.0
     for owner, words in OWNERS.items():
-        rows = [cells_of([one for one in study.checks if one.owner == owner]) for study in studies]
+        rows = [cells_of([check for check in study.checks if check.owner == owner]) for study in studies]
         widest = max(map(len, rows), default=0)
         if widest:
             columns.append((start, words.removeprefix("the ")))
             for line, cells in enumerate(rows):
-                for place, one in enumerate(cells.values()):
-                    places.setdefault(one.tone, []).append((start + place, float(line)))
+                for place, outcome_cell in enumerate(cells.values()):
+                    places.setdefault(outcome_cell.tone, []).append((start + place, float(line)))
             start += max(widest + 1, LEAST_COLUMNS)
     if not studies:
         return []

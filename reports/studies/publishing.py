@@ -33,7 +33,9 @@ def write_published(record: Studies, folder: Path) -> list[Path]:
 def without(record: Studies, kind: type) -> Studies:
     """Return the record without its findings of one kind."""
     kept = [
-        msgspec.structs.replace(study, findings=[one for one in study.findings if not isinstance(one, kind)])
+        msgspec.structs.replace(
+            study, findings=[finding for finding in study.findings if not isinstance(finding, kind)]
+        )
         for study in record.studies
     ]
     return msgspec.structs.replace(record, studies=kept)
@@ -50,16 +52,16 @@ def charts_of_study(record: Studies, name: str) -> list[Drawing]:
 
 def first_charts(record: Studies) -> list[Drawing]:
     """Return the first chart of each chosen chapter."""
-    series = [one for study in record.studies for one in study.series]
+    series = [line for study in record.studies for line in study.series]
     return [
-        drawing for item in CHAPTERS_DRAWN for drawing in charts_of([one for one in series if one.item == item])[:1]
+        drawing for item in CHAPTERS_DRAWN for drawing in charts_of([line for line in series if line.item == item])[:1]
     ]
 
 
 def effects_of_parts(record: Studies) -> list[Drawing]:
     """Return what each part does to PSNR over all scenes, at equal steps and at equal time."""
     study = record.study("factorial")
-    effects = [one for one in study.effects if not one.against] if study else []
+    effects = [effect for effect in study.effects if not effect.against] if study else []
     panels = forests(effects, of_interest(record))
     return [(panels[key], key_of(panels[key])) for key in panels if (key[0], key[2]) == ("psnr", "all")]
 
@@ -70,7 +72,7 @@ PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] =
         ("bandwidth.png", lambda record: charts_of_study(record, "bandwidth")[:1], 1),
     ],
     "stability": [
-        ("stability.png", lambda record: [(one, key_of(one)) for one in miniature(record)], 1),
+        ("stability.png", lambda record: [(small, key_of(small)) for small in miniature(record)], 1),
         ("stability_curves.png", first_charts, 2),
     ],
     "speed": [("speed.png", lambda record: charts_of_study(record, "3"), 3)],

@@ -66,11 +66,11 @@ def shelf_shown(record: Studies, out: Path) -> ShelfShown:
         WORDS[record.shelf],
         headline(record),
         sentences(record),
-        [(anchor(study), broken_line(study, one)) for study, one in record.broken],
+        [(anchor(study), broken_line(study, check)) for study, check in record.broken],
         record.finished,
         record.is_quick,
         record.studies,
-        [one for one in _sections(record, out) if one.parts],
+        [part for part in _sections(record, out) if part.parts],
     )
 
 
@@ -78,16 +78,16 @@ def _sections(record: Studies, out: Path) -> Iterator[Section]:
     """Yield the matrix, what was aimed at and what other forms fail, the chapters, and every study."""
     words, layout = WORDS[record.shelf], Layout()
     parts, own = layout.parts, layout.study_parts
-    side = side_for(out, [one for study in record.studies for one in study.pictures])
+    side = side_for(out, [picture for study in record.studies for picture in study.pictures])
 
     def findings(name: str, some: list[Finding]) -> list[Markup]:
-        shown = [picture_shown(one, out, side) for one in some if isinstance(one, Picture)]
-        tables = [table_grid(one, of_any_size) for one in some if isinstance(one, Table)]
-        drawn = charts([one for one in some if isinstance(one, Series)], name)
+        shown = [picture_shown(finding, out, side) for finding in some if isinstance(finding, Picture)]
+        tables = [table_grid(finding, of_any_size) for finding in some if isinstance(finding, Table)]
+        drawn = charts([finding for finding in some if isinstance(finding, Series)], name)
         return [parts.charts(drawn), own.pictures(shown), *(parts.table(grid, own="own") for grid in tables)]
 
     def details(study: StudyRecord) -> list[Markup]:
-        checks = checks_grid(f"Checks of {name_of(study, words)}", [(study, one) for one in study.checks])
+        checks = checks_grid(f"Checks of {name_of(study, words)}", [(study, check) for check in study.checks])
         return [
             own.answers(study.answers[:1], study.answers[1 : 1 + AT_ONCE], study.answers[1 + AT_ONCE :]),
             parts.terms("about", about(study)),
@@ -97,18 +97,23 @@ def _sections(record: Studies, out: Path) -> Iterator[Section]:
         ]
 
     if cases := groups(record):
-        tones = {tone_of(one) for _, one in record.checks()}
+        tones = {tone_of(check) for _, check in record.checks()}
         legend = [(tone, look.mark, look.meaning) for tone, look in LOOKS.items() if tone in tones]
         keys = [(LOOKS[tone].meaning, key(PENS[tone], line=False)) for tone in LOOKS if tone in tones]
-        small = [Chart(one.title, keys, svg(one, "matrix"), [], wide=True) for one in miniature(record)]
+        small = [Chart(panel.title, keys, svg(panel, "matrix"), [], wide=True) for panel in miniature(record)]
         yield section("matrix", "Case by case", own.matrix(words.noun[0], legend, small, cases))
     tables = [parts.table(grid, own="own checks") for grid in _tables(record)]
     yield section(f"{record.shelf}-outcomes", words.outcomes, *tables)
-    every = [one for study in record.studies for one in study.findings if isinstance(one, Series | Picture | Table)]
-    numbers = {one.item for one in every} if words.chapters else set()
+    every = [
+        finding
+        for study in record.studies
+        for finding in study.findings
+        if isinstance(finding, Series | Picture | Table)
+    ]
+    numbers = {finding.item for finding in every} if words.chapters else set()
     for item in sorted(numbers, key=lambda item: (item not in words.chapters, item)):  # unknown ones come last
         title, name = words.chapters.get(item, f"Chapter {item}"), f"chapter-{item}"
-        yield section(name, title, *findings(name, [one for one in every if one.item == item]))
+        yield section(name, title, *findings(name, [finding for finding in every if finding.item == item]))
     if words.folded:
         folded = [_folded(study, own, name_of(study, words), details(study)) for study in record.studies]
         yield section(f"{record.shelf}-studies", f"Every {words.noun[0]} in full", *folded)
@@ -119,7 +124,7 @@ def _sections(record: Studies, out: Path) -> Iterator[Section]:
 
 def _folded(study: StudyRecord, own: Any, title: str, details: list[Markup]) -> Markup:
     """Lay out a study that is unfolded on request, or already if something fails in it."""
-    tones = [tone_of(one) for one in study.checks]
+    tones = [tone_of(check) for check in study.checks]
     tally = [(tone, look.mark, tones.count(tone)) for tone, look in LOOKS.items() if tone in tones]
     laid_out: Markup = own.folded_study(anchor(study), title, "fails" in tones, tally, details)
     return laid_out
@@ -151,29 +156,29 @@ def _forests(study: StudyRecord, of_interest: dict[str, float], own: Any) -> Mar
 def headline(record: Studies) -> str:
     """Return whether the checks that count pass: how many, how many are inconclusive, and how many have no figure."""
     words = WORDS[record.shelf]
-    own = [one for _, one in record.checks() if one.owner == words.owner]
-    judged = [one for one in own if is_judged(one)]
-    undecided = sum(one.status == "inconclusive" for one in own)
+    own = [check for _, check in record.checks() if check.owner == words.owner]
+    judged = [check for check in own if is_judged(check)]
+    undecided = sum(check.status == "inconclusive" for check in own)
     tried = len(judged) + undecided
-    passed = sum(one.holds for one in judged)
+    passed = sum(check.holds for check in judged)
     if not judged:
         return words.nothing
     noun, verb = (pair[tried > 1] for pair in (words.check, words.passes))
     if passed == tried:
         return f"All {passed} {noun} {verb}" if passed > 1 else f"The one {noun} {verb}"
-    lost = sum(one.value is None for one in judged if not one.holds)
+    lost = sum(check.value is None for check in judged if not check.holds)
     rest = f", {undecided} inconclusive" if undecided else ""
     rest += f", {lost} without a figure" if lost else ""
     return f"{passed} of {tried} {noun} {words.passes[passed != 1]}{rest}"
 
 
-def is_judged(one: Check) -> bool:
+def is_judged(check: Check) -> bool:
     """Return whether it was put to the test; a figure of the machine without a target was not."""
-    return one.status in ("pass", "fail") and (one.owner != "machine" or one.limit is not None)
+    return check.status in ("pass", "fail") and (check.owner != "machine" or check.limit is not None)
 
 
-def broken_line(study: StudyRecord, one: Check) -> str:
-    return f"{study.info.id} {described(one)}"
+def broken_line(study: StudyRecord, check: Check) -> str:
+    return f"{study.info.id} {described(check)}"
 
 
 def sentences(record: Studies) -> list[str]:
@@ -181,9 +186,9 @@ def sentences(record: Studies) -> list[str]:
 
     What of ours fails is in the headline.
     """
-    checks = [one for _, one in record.checks()]
+    checks = [check for _, check in record.checks()]
     effects = sum(len(study.effects) for study in record.studies)
-    subjects = {one.subject for one in checks if one.subject}
+    subjects = {check.subject for check in checks if check.subject}
     parts = [
         counted(many, noun)
         for many, noun in ((len(checks), "check"), (len(subjects), "subject"), (effects, "effect"))
@@ -195,20 +200,20 @@ def sentences(record: Studies) -> list[str]:
     words = [
         f"{counted(len(record.studies), *WORDS[record.shelf].noun)}{with_parts}{took}{_machine(record.provenance)}."
     ]
-    if unsettled := sum(one.status == "inconclusive" for one in checks):
+    if unsettled := sum(check.status == "inconclusive" for check in checks):
         words.append(f"Inconclusive: {counted(unsettled, 'check')}; each says why.")
     forms = []
     for owner, whose in (("paper", "the paper’s forms as printed"), ("usual", "the field’s usual forms")):
-        judged = [one for one in checks if one.owner == owner and is_judged(one)]
+        judged = [check for check in checks if check.owner == owner and is_judged(check)]
         if judged:
-            forms.append(f"{whose} fail {sum(not one.holds for one in judged)} of {len(judged)} checks")
+            forms.append(f"{whose} fail {sum(not check.holds for check in judged)} of {len(judged)} checks")
     if forms:
         text = listed(forms)
         words.append(f"{text[0].upper()}{text[1:]}; these are properties of theirs, not failures.")
     untried = [
         f"{many} {look.meaning}"
         for tone, look in LOOKS.items()
-        if tone in ("absent", "spared") and (many := sum(tone_of(one) == tone for one in checks))
+        if tone in ("absent", "spared") and (many := sum(tone_of(check) == tone for check in checks))
     ]
     return [*words, *([f"Not tried: {listed(untried)}; each says why."] if untried else [])]
 
@@ -232,11 +237,13 @@ def _machine(origin: dict[str, Any]) -> str:
 def _tables(record: Studies) -> list[Grid]:
     """Return the targets of the machine, and what fails of forms that are not ours."""
     words, tables = WORDS[record.shelf], []
-    targets = [(study, one) for study, one in record.checks() if one.owner == "machine" and one.limit is not None]
+    targets = [
+        (study, check) for study, check in record.checks() if check.owner == "machine" and check.limit is not None
+    ]
     if targets:
         tables.append(checks_grid("What was aimed at", targets, lambda study: name_of(study, words)))
     for owner in ("paper", "usual"):
-        rows = [(study, one) for study, one in record.checks() if one.owner == owner and one.status == "fail"]
+        rows = [(study, check) for study, check in record.checks() if check.owner == owner and check.status == "fail"]
         if rows:
             title = f"What fails of {OWNERS[owner]}: {counted(len(rows), 'property', 'properties')}"
             tables.append(checks_grid(title, rows, lambda study: name_of(study, words)))
@@ -254,18 +261,18 @@ def of_interest(record: Studies) -> dict[str, float]:
     return {str(name): float(value) for name, value in known.items()} if isinstance(known, dict) else {}
 
 
-def picture_shown(one: Picture, out: Path, side: int) -> Shown:
-    pixels = read(out, one.path)
+def picture_shown(picture: Picture, out: Path, side: int) -> Shown:
+    pixels = read(out, picture.path)
     if pixels is None:
-        return Shown(one.title, one.caption, None, wide=False, sharp=False)
+        return Shown(picture.title, picture.caption, None, wide=False, sharp=False)
     height, width = pixels.shape[:2]
     source = data_uri(smaller(pixels, side))
-    return Shown(one.title, one.caption, source, wide=width > 1.8 * height, sharp=max(height, width) <= SMALL)
+    return Shown(picture.title, picture.caption, source, wide=width > 1.8 * height, sharp=max(height, width) <= SMALL)
 
 
 def side_for(out: Path, pictures: list[Picture]) -> int:
     """Return the longest side at which all pictures stay within the page's budget, by the size of their files."""
-    shapes = [found.shape[:2] for one in pictures if (found := read(out, one.path)) is not None]
+    shapes = [pixels.shape[:2] for picture in pictures if (pixels := read(out, picture.path)) is not None]
     for side in SIDES:
         sizes = (height * width * min(1.0, side / max(height, width)) ** 2 for height, width in shapes)
         if 4 * sum(sizes) <= BUDGET_BYTES:
@@ -278,8 +285,8 @@ def study_page(record: Studies, out: Path, beside_report: bool = False, shown: S
     section if it was made already.
     """
     shown = shown or shelf_shown(record, out)
-    spent = [(name_of(one, shown.words), duration(one.seconds)) for one in record.studies]
-    total = [("all together", duration(sum(one.seconds for one in record.studies)))] if spent else []
+    spent = [(name_of(study, shown.words), duration(study.seconds)) for study in record.studies]
+    total = [("all together", duration(sum(study.seconds for study in record.studies)))] if spent else []
     return Layout().page(
         "study_page.html",
         shown.headline,
