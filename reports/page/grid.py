@@ -56,7 +56,7 @@ class Grid:
 EMPTY = Entry("–", tone="muted")
 
 
-def without_empty_columns(grid: Grid, always: int) -> Grid:
+def without_empty_columns(grid: Grid, always: int = 0) -> Grid:
     """Leave out the columns, from the place `always` on, in which nothing stands."""
     kept = [
         place for place in range(len(grid.columns)) if place < always or any(row[place] != EMPTY for row in grid.rows)

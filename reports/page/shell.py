@@ -56,16 +56,14 @@ def of_entry(entry: Entry, numeric: bool) -> Markup:
         attributes["said"] = value
     elif value is not None and math.isfinite(value):
         attributes["value"] = f"{value:.7g}"
-    parts = {name: known for name, part in entry.parts.items() if (known := _part(part)) is not None}
+    parts = {
+        name: part if isinstance(part, str) else float(f"{part:.7g}")
+        for name, part in entry.parts.items()
+        if part is not None and (isinstance(part, str) or math.isfinite(part))
+    }
     if parts:
         attributes["parts"] = as_json(parts)
     return _written(attributes) + of_runs(entry.runs)
-
-
-def _part(part: float | str | None) -> float | str | None:
-    if part is None or isinstance(part, str):
-        return part
-    return float(f"{part:.7g}") if math.isfinite(part) else None
 
 
 def of_runs(runs: Selection | None) -> Markup:
@@ -196,12 +194,8 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["breakable"] = breakable
-    made.filters["code"] = with_code
-    made.filters["cell_data"] = of_entry
-    made.filters["row_data"] = of_row
-    made.filters["as_json"] = as_json
-    made.filters["runs_data"] = of_runs
+    filters = {"cell_data": of_entry, "row_data": of_row, "runs_data": of_runs, "breakable": breakable}
+    made.filters.update(filters | {"code": with_code})
     return made
 
 

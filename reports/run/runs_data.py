@@ -62,12 +62,8 @@ def _cell(cell: CellRecord, differing: set[str]) -> dict[str, Any]:
     curve = sorted(cell.curve, key=lambda point: point.step)
     columns = {name: [_number(getattr(point, name)) for point in curve] for name in CURVES}
     return {
-        "scene": cell.scene,
-        "method": cell.method,
-        "seed": cell.seed,
-        "status": cell.status,
+        **{name: getattr(cell, name) for name in ("scene", "method", "seed", "status", "steps")},
         "reason": cell.reason or "",
-        "steps": cell.steps,
         "seconds": _number(cell.train_seconds),
         "scores": {name: _number(score) for name in SCORES if (score := cell.scores.get(name)) is not None},
         "warnings": cell.warnings,
@@ -79,11 +75,11 @@ def _cell(cell: CellRecord, differing: set[str]) -> dict[str, Any]:
 
 def settings_that_differ(cells: list[CellRecord]) -> dict[str, set[str]]:
     """Map scene → names of the settings that differ among its runs."""
-    by_scene: dict[str, list[dict[str, str]]] = {}
+    by_scene: dict[str, list[set[tuple[str, str]]]] = {}
     for cell in cells:
-        by_scene.setdefault(cell.scene, []).append(dict(flat(cell.settings)))
+        by_scene.setdefault(cell.scene, []).append(set(flat(cell.settings)))
     return {
-        scene: {name for name in set().union(*runs) if len({settings.get(name) for settings in runs}) > 1}
+        scene: {name for name, _ in runs[0].union(*runs) - runs[0].intersection(*runs)}
         for scene, runs in by_scene.items()
     }
 

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 from harness.records.study import Check, StudyRecord
 from reports.data.wording import NARROW, after, bare, counted, number, of_any_size, significant
 from reports.page import shell
-from reports.page.grid import EMPTY, Column, Entry, Grid
+from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 Tone = Literal["fails", "missed", "property", "passes", "measured", "unsettled", "absent", "spared"]
 
@@ -37,6 +37,7 @@ LOOKS: dict[Tone, Look] = {
 }
 """Tone → its look. Of several outcomes in one cell of the matrix the first of these is shown."""
 OWNERS = {"ours": "ours", "paper": "the paper’s form as printed", "usual": "the field’s usual form"}
+COLUMNS = ("study", "subject", "figure", "measured", "wanted", "outcome")
 SMALL_FACTOR = 2.0
 """The largest factor that is shown as a percentage."""
 
@@ -151,25 +152,28 @@ def checks_grid(
 
     Columns in which nothing would stand are left out; the reasons stand with the study itself.
     """
-    checks = [check for _, check in rows]
-    subjects, limits = any(check.subject for check in checks), any(check.limit is not None for check in checks)
-    columns = [Column("study", numeric=False)] if name_of else []
-    columns += [Column("subject", numeric=False)] if subjects else []
-    columns += [Column("figure", numeric=False), Column("measured")]
-    columns += [Column("wanted")] if limits else []
-    columns += [Column("outcome", numeric=False)] if limits or subjects else []
-    lines = []
-    for study, check in sorted(rows, key=lambda row: not row[1].is_broken):
-        tone = tone_of(check)
-        line = [Entry(name_of(study), link=anchor(study))] if name_of else []
-        line += [Entry(check.subject, OWNERS.get(check.owner, ""))] if subjects else []
-        line += [Entry(check.what or check.why, check.why if check.what and not name_of else "")]
-        ends = dict(zip(("low", "high"), check.spread or (), strict=False))
-        line += [Entry(figure_of(check), spread_of(check), parts=ends) if check.value is not None else EMPTY]
-        line += [Entry(wanted(check), tone="muted") if check.limit is not None else EMPTY] if limits else []
-        line += [Entry(outcome(check), repetitions(check), tone)] if limits or subjects else []
-        lines.append(line)
-    return Grid(title, columns, lines)
+    subjects = any(check.subject for _, check in rows)
+    judged = subjects or any(check.limit is not None for _, check in rows)
+    columns = [Column(label, numeric=label in ("measured", "wanted")) for label in COLUMNS]
+    lines = [
+        [
+            Entry(name_of(study), link=anchor(study)) if name_of else EMPTY,
+            Entry(check.subject, OWNERS.get(check.owner, "")) if subjects else EMPTY,
+            Entry(check.what or check.why, check.why if check.what and not name_of else ""),
+            _measured(check),
+            Entry(wanted(check), tone="muted") if check.limit is not None else EMPTY,
+            Entry(outcome(check), repetitions(check), tone_of(check)) if judged else EMPTY,
+        ]
+        for study, check in sorted(rows, key=lambda row: not row[1].is_broken)
+    ]
+    return without_empty_columns(Grid(title, columns, lines))
+
+
+def _measured(check: Check) -> Entry:
+    if check.value is None:
+        return EMPTY
+    ends = zip(("low", "high"), check.spread or (), strict=False)
+    return Entry(figure_of(check), spread_of(check), parts=dict(ends))
 
 
 def anchor(study: StudyRecord) -> str:

@@ -4,7 +4,7 @@ There is one table for each group of studies with the subjects that recur in it.
 column of one cell: it stands below the row of its study instead.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from harness.records.study import Check, Studies, StudyRecord
 from reports.drawing.palette import KNOWN, MUTED, OTHERS, Pen
@@ -30,8 +30,7 @@ LEAST_COLUMNS = 12
 """The least width of the marks of one owner: its name stands above them."""
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """The outcome of one study on one subject, the gravest of what was measured."""
 
     subject: str
@@ -44,8 +43,7 @@ class Cell:
     """Every outcome in full."""
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     name: str
     anchor: str
     title: str
@@ -57,8 +55,7 @@ class Row:
     """The subjects without a column."""
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     title: str
     subjects: list[tuple[str, str]]
     """The column and whose form it is."""
