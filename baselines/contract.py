@@ -170,7 +170,7 @@ class DensityField(Protocol):
 
     @property
     def pointwise(self) -> bool:
-        """Whether a point's density does not depend on the other points of the chunk."""
+        """Return whether a point's density does not depend on the other points of the chunk."""
 
     def density(self, x: Points) -> Densities: ...
     def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:

@@ -27,7 +27,7 @@ class OccupancyGrid:
         self.density = torch.full((cells**3,), torch.inf, device=box.lower.device)
         self.occupied = torch.ones(cells**3, dtype=torch.bool, device=box.lower.device)
         self.emptied = False
-        """Whether the last refresh found no occupied cell; the mask is then full again."""
+        """Return whether the last refresh found no occupied cell; the mask is then full again."""
 
     def at(self, x: Float[Tensor, "*points 3"]) -> Bool[Tensor, "*points"]:
         """Return whether the cell around each point is occupied; points outside the box belong to its nearest cell."""

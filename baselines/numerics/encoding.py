@@ -73,7 +73,7 @@ def fourier_features(x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]
 
 
 def recurrence_is_accurate(base: float, bands: int) -> bool:
-    """Whether no band's worst error at |x| <= 1 in float32 exceeds 2.5 times that of a sine of its own.
+    """Return whether no band's worst error at |x| <= 1 in float32 exceeds 2.5 times that of a sine of its own.
 
     Both grow like the frequency: sines round f π x, the recurrences hand errors on to higher bands. At ten bands
     1.1e-4 for base 2 (sine 1.1e-4) and 2.2e-5 for φ (sine 1.1e-5). Other bases have no recurrence at all.

@@ -146,7 +146,7 @@ def _in_address(host: str) -> str:
 
 
 def _has_screen() -> bool:
-    """Whether there is a screen; elsewhere a browser that runs in the terminal would be opened."""
+    """Return whether there is a screen; elsewhere a browser that runs in the terminal would be opened."""
     return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 

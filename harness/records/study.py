@@ -91,7 +91,7 @@ class Check(Record, frozen=True, tag="check"):
 
     @property
     def must_hold(self) -> bool:
-        """Whether it would fail the run."""
+        """Return whether it would fail the run."""
         return self.owner == "ours"
 
     @property
@@ -197,7 +197,7 @@ class StudyRecord(Record, frozen=True):
 
     @property
     def cut_short(self) -> bool:
-        """Whether it failed, or had to leave something out because its time was over."""
+        """Return whether it failed, or had to leave something out because its time was over."""
         return any(check.id in CUT_SHORT for check in self.checks)
 
     @property
@@ -248,12 +248,12 @@ class Studies(Record, frozen=True):
 
     @property
     def is_complete(self) -> bool:
-        """Whether everything that was to be measured was."""
+        """Return whether everything that was to be measured was."""
         return self.finished and not any(study.cut_short for study in self.studies)
 
     @property
     def is_quick(self) -> bool:
-        """Whether it was measured at sizes at which no figure means anything."""
+        """Return whether it was measured at sizes at which no figure means anything."""
         return bool(self.settings.get("quick"))
 
 

@@ -78,7 +78,7 @@ class BudgetedTrainer(ABC):
 
     @property
     def _is_traced(self) -> bool:
-        """Whether the trace takes note of the next step."""
+        """Return whether the trace takes note of the next step."""
         return (self.step + 1) % TRACE_EVERY == 0 or self.step == 0
 
     def _count(self, loss: float, norms: tuple[float, float], evaluations: int, rays: int) -> None:

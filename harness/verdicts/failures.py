@@ -41,7 +41,7 @@ class FailureRate:
 
 @dataclass(frozen=True)
 class FailureComparison:
-    """Whether two methods fail equally often, paired by scene and seed (McNemar, exact)."""
+    """Return whether two methods fail equally often, paired by scene and seed (McNemar, exact)."""
 
     method: str
     against: str

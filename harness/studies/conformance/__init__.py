@@ -1,1 +1,1 @@
-"""Whether a method keeps the contract of the catalogue."""
+"""Checks of the contract that every method of the catalogue keeps."""

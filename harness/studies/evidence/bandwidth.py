@@ -1,4 +1,4 @@
-"""Whether the φ encoding's effect comes from the golden ratio, or from how far its frequencies reach."""
+"""A study of whether the φ encoding's effect comes from the golden ratio, or from how far its frequencies reach."""
 
 from collections.abc import Iterator
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Whether the PSNR ceiling that a view set states agrees with independent renders."""
+"""A study of whether the PSNR ceiling that a view set states agrees with independent renders."""
 
 import math
 import statistics

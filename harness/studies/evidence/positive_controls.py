@@ -78,7 +78,7 @@ class Loss:
 
     @property
     def is_found(self) -> bool:
-        """Whether the loss is called worse over all scenes or on one of them, and better nowhere.
+        """Return whether the loss is called worse over all scenes or on one of them, and better nowhere.
 
         These are two families at 5 %, each of which calls a false loss one in at most half as many studies: together in
         at most 5 %.

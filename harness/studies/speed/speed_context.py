@@ -56,7 +56,7 @@ class SpeedContext(StudyContext):
 
     @property
     def matrix_units(self) -> bool:
-        """Whether this is the kind of machine that the higher targets are set for: a CPU with AMX."""
+        """Return whether this is the kind of machine that the higher targets are set for: a CPU with AMX."""
         return self.device.type == "cpu" and has_amx() and self.precision == "bfloat16"
 
     def target(self, with_matrix_units: float, without: float) -> float | None:
