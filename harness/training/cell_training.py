@@ -1,6 +1,7 @@
 """One cell in training: it steps, scores at checkpoints, is kept on its way, and ends in a record."""
 
 import json
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,9 +90,11 @@ def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet)
 
 
 def _same(before: Any, now: Any) -> bool:
-    if isinstance(now, str):
-        return bool(before == now)
-    return np.shape(before) == np.shape(now) and np.allclose(before, now, rtol=SAME, atol=SAME)
+    if isinstance(before, list) and isinstance(now, list):
+        return len(before) == len(now) and all(map(_same, before, now))
+    if isinstance(before, int | float) and isinstance(now, int | float):
+        return math.isclose(before, now, rel_tol=SAME, abs_tol=SAME)
+    return bool(before == now)
 
 
 def _short(value: Any) -> Any:

@@ -78,6 +78,17 @@ def test_a_folder_may_be_moved_and_last_bits_may_differ(own: Path, tmp_path: Pat
     assert finished_on(tmp_path, [KEY], moved) == 1
 
 
+@pytest.mark.parametrize(("name", "recorded"), [("far", lambda far: far * (1 + 1.1e-6)), ("width", str)])
+def test_a_number_beyond_the_last_bits_and_one_of_another_kind_are_refused(
+    own: Path, tmp_path: Path, name: str, recorded: Callable[[float], object]
+) -> None:
+    views = read_view_set(own)
+    facts = view_set_facts(views)
+    write_cell(tmp_path, replace(diverged(*KEY), settings={"view_set": facts | {name: recorded(facts[name])}}))
+    with pytest.raises(InputError, match=rf"\({name} was"):
+        finished_on(tmp_path, [KEY], views)
+
+
 def test_what_an_earlier_version_did_not_record_is_no_difference(ball: ViewSet, tmp_path: Path) -> None:
     known = {name: value for name, value in view_set_facts(ball).items() if name not in ("content", "near", "far")}
     for settings in ({"view_set": known}, {}):
