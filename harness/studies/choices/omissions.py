@@ -22,6 +22,7 @@ from harness.execution.ground_truth import read_views, scenes_output
 from harness.execution.progress import Progress
 from harness.plan.profiles import Machine, Plan
 from harness.records.cells import CellRecord, LeftOut, SceneRecord
+from harness.run_folder.earlier_run import UNMEASURED
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
 from harness.verdicts.statistics import PairedDifference, paired_difference
 from scenes.modelling.needs import PARTS, Unit, needs_of
@@ -128,11 +129,11 @@ def verify_run(
     folders: dict[str, Path],
 ) -> list[SceneRecord]:
     """Return `scenes` with what leaving out saved and changed, by one method."""
-    trained = {cell.method for cell in cells if cell.status == "done"}
+    done = {cell.method for cell in cells if cell.status == "done"}
+    trained = [name for name in plan.methods if name in done]  # those that explain a result do not count
     if not trained:
         return scenes
-    method = "nerf" if "nerf" in trained else next(name for name in plan.methods if name in trained)
-    one_method = replace(plan, methods=(method,))
+    one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
     omissions, _ = verified(one_method, folders, out, machine.workers, show.line, device_here(machine))
     for omission in too_costly(omissions):
         show.line(f"left out at too high a price: {omission.line}")
@@ -146,8 +147,7 @@ def too_costly(omissions: list[Omission]) -> list[Omission]:
 
 def filled(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
     """Return the `rows` of one scene with what was measured on it."""
-    names = ("seconds_saved", "difference", "interval", "clock", "verdict")
-    measured = {omission.name: {name: getattr(omission, name) for name in names} for omission in omissions}
+    measured = {omission.name: {name: getattr(omission, name) for name in UNMEASURED} for omission in omissions}
     return [structs.replace(row, **measured.get(row.name, {})) for row in rows]
 
 

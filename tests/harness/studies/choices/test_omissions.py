@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import torch
 
+from harness.execution.progress import Quiet
 from harness.plan.needed import LEFT_OUT_BY, for_scene, kept
-from harness.plan.profiles import Plan, planned
+from harness.plan.profiles import Machine, Plan, planned
 from harness.plan.schedule import Budget
-from harness.records.cells import LeftOut
+from harness.records.cells import LeftOut, unscored
 from harness.studies.choices.arms import Arm, CellArms, CellTask, Ended, Rerendered, trained_cell
 from harness.studies.choices.omissions import (
     cell_tasks,
@@ -21,6 +22,7 @@ from harness.studies.choices.omissions import (
     omissions_of,
     too_costly,
     verifiable,
+    verify_run,
 )
 from harness.verdicts.statistics import paired_difference
 from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
@@ -232,3 +234,9 @@ def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
     assert torch.equal(torch.from_numpy(forced.test.rgba[0]), torch.from_numpy(plain.test.rgba[0]))
     assert needs_of(forced)["view_direction"].needed is False
     assert needs_of(plain) == {}
+
+
+def test_without_a_trained_method_of_the_plan_nothing_is_tried(tmp_path: Path) -> None:
+    explaining = unscored("ball", "qnerf_printed", 0, "done", "")
+    cells = [unscored("ball", "nerf", 0, "diverged", "loss"), explaining]
+    assert verify_run(ball_plan(), Machine("cpu", 1, 1), tmp_path, Quiet(), cells, [], {}) == []
