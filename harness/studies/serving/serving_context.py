@@ -37,16 +37,13 @@ TRAIN_VIEWS = 8
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sizes of the measurements: renderings that are timed, and hits of every level around each; views of a camera
-    path, and seeds of a walk; views that are requested by a key of the pose alone, and steps of further training;
-    scenes on which attention is examined, views of each, repeats of every refinement, and of every picture with its
-    samples shared out.
+    """The sizes of the measurements: renderings that are timed, and hits of every level around each; views that are
+    requested by a key of the pose alone, and steps of further training; scenes on which attention is examined, views
+    of each, repeats of every refinement, and of every picture with its samples shared out; bins of the reference.
     """
 
     rounds: int = 20
     hits: int = 5
-    orbit: int = 12
-    walks: int = 20
     confused: int = 3
     extra_steps: int = 10
     scenes: int = 3
@@ -57,7 +54,7 @@ class Sizes:
 
 
 FULL = Sizes()
-QUICK = Sizes(3, 2, 4, 3, 2, 2, 1, 1, 1, 1, 64)
+QUICK = Sizes(3, 2, 2, 2, 1, 1, 1, 1, 64)
 """Sizes at which no figure means anything, to try the studies themselves."""
 
 
