@@ -90,9 +90,9 @@ def parser() -> argparse.ArgumentParser:
 
 def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table: dict[str, Command]) -> None:
     for name, command in table.items():
-        parser = commands.add_parser(name, help=command.help)
-        command.add_options(parser)
-        parser.allow_abbrev = False  # `--with` is no `--without`
+        added = commands.add_parser(name, help=command.help)
+        command.add_options(added)
+        added.allow_abbrev = False  # `--with` is no `--without`
 
 
 def parsed(arguments: list[str]) -> argparse.Namespace:

@@ -126,15 +126,8 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         with claimed(out, plan, machine, options.resume, show.line):
             point_latest_to(out)
             shown = also_written(options, out, show)
-            code = run(
-                plan,
-                out,
-                options.view_sets,
-                machine,
-                options.line,
-                shown,
-                *_afterwards(options, plan, machine, out, shown),
-            )
+            afterwards = _afterwards(options, plan, machine, out, shown)
+            code = run(plan, out, options.view_sets, machine, options.line, shown, *afterwards)
     except InputError:
         if before is not None and latest_folder() is None:  # its folder was given up again
             point_latest_to(before)

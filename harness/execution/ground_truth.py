@@ -52,7 +52,7 @@ def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Lite
 
     Raises `InputError` for any fault of the folder.
     """
-    all_views = read_view_set(
+    stored = read_view_set(
         folder,
         resolution=views.resolution,
         splits=("train", scored_on),
@@ -62,7 +62,7 @@ def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Lite
         scratch=scratch,
         region=views.region,
     )
-    return with_needs(all_views, views.need, views.no_need)
+    return with_needs(stored, views.need, views.no_need)
 
 
 def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:

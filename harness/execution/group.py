@@ -58,10 +58,14 @@ def run_group(
             on_cell(cell)
 
 
+def missing_methods(task: GroupTask) -> tuple[str, ...]:
+    """Return the methods of the group that have no record yet."""
+    return tuple(name for name in task.methods if not cell_path(task.out, task.scene, name, task.seed).exists())
+
+
 def failed_cells(task: GroupTask, reason: str) -> list[CellRecord]:
     """Write a record of status `error` for each method of the group that has none yet."""
-    missing = [name for name in task.methods if not cell_path(task.out, task.scene, name, task.seed).exists()]
-    cells = [unscored(task.scene, method, task.seed, "error", reason) for method in missing]
+    cells = [unscored(task.scene, method, task.seed, "error", reason) for method in missing_methods(task)]
     for cell in cells:
         write_cell(task.out, cell)
     return cells

@@ -12,7 +12,7 @@ from harness.execution.cluster.mailbox import Files, Handle, Key, Mailbox, Messa
 from harness.execution.cluster.node_work import GroupOrder, group_on_node
 from harness.execution.cluster.room import Room, needs_of
 from harness.execution.cluster.view_set_files import Listing, listed
-from harness.execution.group import failed_cells
+from harness.execution.group import failed_cells, missing_methods
 from harness.execution.local_executor import Event
 from harness.machine.provenance import versions
 from harness.plan.group_task import GroupTask
@@ -92,7 +92,7 @@ def _run(tasks: list[GroupTask], commit: str, head: Head[Look]) -> Iterator[Even
     room = Room(needs_of(tasks[0].threads, tasks[0].device))
 
     def submit(task: GroupTask, attempt: int) -> None:
-        missing = _missing(task)
+        missing = missing_methods(task)
         given = replace(task, methods=missing)
         order = GroupOrder(given, attempt, listings[task.view_set], versions(), commit, _unfinished(given))
         reference = ray.remote(group_on_node).options(**_resources(task)).remote(order, mailbox, files)
@@ -121,10 +121,10 @@ def _run(tasks: list[GroupTask], commit: str, head: Head[Look]) -> Iterator[Even
                 # everything that it delivered before its end has arrived by now
                 yield from told()
                 del running[reference]
-                if lost is None or not _missing(attempt.task):
+                if lost is None or not missing_methods(attempt.task):
                     yield Event(attempt.task, share=1.0)
                 elif attempt.attempt < MOST_ATTEMPTS:
-                    left = len(_missing(attempt.task))
+                    left = len(missing_methods(attempt.task))
                     kept = len(attempt.task.methods) - left
                     yield Event(attempt.task, notice=_notice(attempt, lost, left, kept))
                     submit(attempt.task, attempt.attempt + 1)
@@ -162,10 +162,6 @@ def _resources(task: GroupTask) -> dict[str, Any]:
         "max_retries": 0,
         "scheduling_strategy": "SPREAD",
     }
-
-
-def _missing(task: GroupTask) -> tuple[str, ...]:
-    return tuple(name for name in task.methods if not cell_path(task.out, task.scene, name, task.seed).exists())
 
 
 def _unfinished(task: GroupTask) -> dict[str, bytes]:
@@ -232,7 +228,7 @@ def _lost(reference: Any) -> str | None:
 
 
 def _notice(attempt: _Running, lost: str, left: int, kept: int) -> str:
-    kept_files = _kept_files(replace(attempt.task, methods=_missing(attempt.task)))
+    kept_files = _kept_files(replace(attempt.task, methods=missing_methods(attempt.task)))
     known = f", {len(kept_files)} of them kept on their way" if kept_files else ""
     has = f"; {kept} of its cells had ended and are kept" if kept else ""
     return (

@@ -10,6 +10,7 @@ from msgspec import structs
 
 from harness.execution.executors import device_here, run_groups
 from harness.execution.ground_truth import view_set_folders
+from harness.execution.group import missing_methods
 from harness.execution.local_executor import run_locally
 from harness.execution.progress import Progress
 from harness.execution.run_record import measured_at_paper_size, scene_record
@@ -112,11 +113,7 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
     for key in [key for key, cell in kept.items() if cell.status in ("error", "not_available")]:  # tried again
         cell_path(out, *key).unlink()
         del kept[key]
-    unfinished = [
-        replace(task, methods=tuple(name for name in task.methods if (task.scene, name, task.seed) not in kept))
-        for task in tasks
-    ]
-    missing = [task for task in unfinished if task.methods]
+    missing = [replace(task, methods=methods) for task in tasks if (methods := missing_methods(task))]
     cells = list(kept.values())
     elsewhere = made_elsewhere(cells, origin, out)
     if elsewhere and (missing or code_apart(cells)):
