@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Literal, Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 
@@ -89,6 +89,8 @@ class Box:
 
     lower: Float[Tensor, " 3"]
     upper: Float[Tensor, " 3"]
+    hull: Bool[Tensor, "cells cells cells"] | None = None
+    """The cells of the box in which something may be, if silhouettes tell: the others are known to be empty."""
 
     def to_unit(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
         """Map world coordinates to box coordinates in [0, 1]³."""

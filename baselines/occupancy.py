@@ -1,13 +1,14 @@
 """The non-empty cells of the scene's box: empty ones need no network evaluation.
 
-All methods have the same grid, each of its own density. It starts full; nothing is left out before it has been
-measured, and a ray always keeps some random samples outside of it (`baselines.rendering`), so what was deleted by
-mistake can come back.
+All methods have the same grid, each of its own density. It starts as the hull of the box, full where there is none;
+nothing within is left out before it has been measured, and a ray always keeps some random samples there
+(`baselines.rendering`), so what was deleted by mistake can come back.
 """
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
+from torch.nn.functional import adaptive_max_pool3d
 
 from baselines.contract import Box, RadianceField
 
@@ -24,25 +25,37 @@ class OccupancyGrid:
         self.cells = cells
         self.box = box
         self.opacity_threshold = opacity_threshold
-        self.density = torch.full((cells**3,), torch.inf, device=box.lower.device)
-        self.occupied = torch.ones(cells**3, dtype=torch.bool, device=box.lower.device)
+        self.within = _resampled(box.hull, cells, box.lower.device)
+        """[cells³]: the cells that are not known to be empty."""
+        self.occupied = self.within.clone()
+        self.density = torch.where(self.within, torch.inf, 0.0)
         self.emptied = False
-        """Return whether the last refresh found no occupied cell; the mask is then full again."""
+        """Return whether the last refresh found no occupied cell; the mask is then what it began as."""
 
     def at(self, x: Float[Tensor, "*points 3"]) -> Bool[Tensor, "*points"]:
         """Return whether the cell around each point is occupied; points outside the box belong to its nearest cell."""
+        return self.occupied[self._cell(x)]
+
+    def among(self, x: Float[Tensor, "*points 3"], chance: Float[Tensor, "*points"], share: float) -> Tensor:
+        """Return `at`, and besides a random `share` of the points that are not known to be empty, bool [*points];
+        `chance` is uniform in [0, 1).
+        """
+        cell = self._cell(x)
+        return self.occupied[cell] | (self.within[cell] & (chance < share))
+
+    def _cell(self, x: Float[Tensor, "*points 3"]) -> Int[Tensor, "*points"]:
         index = (self.box.to_unit(x) * self.cells).long().clamp_(0, self.cells - 1)
-        flat = (index[..., 0] * self.cells + index[..., 1]) * self.cells + index[..., 2]
-        return self.occupied[flat]
+        return (index[..., 0] * self.cells + index[..., 1]) * self.cells + index[..., 2]
 
     @torch.no_grad()
     def refresh(self, field: RadianceField, share: float, generator: torch.Generator) -> int:
-        """Measure a random `share` of the cells, each at one random point; returns the number of evaluations."""
-        count = self.cells**3
-        if share >= 1.0:
-            chosen = torch.arange(count)
-        else:
-            chosen = torch.randperm(count, generator=generator)[: max(1, int(share * count))]
+        """Measure a random `share` of the cells that are not known to be empty, each at one random point; returns the
+        number of evaluations.
+        """
+        chosen = torch.nonzero(self.within)[:, 0].cpu()
+        if share < 1.0:
+            some = torch.randperm(len(chosen), generator=generator)[: max(1, int(share * len(chosen)))]
+            chosen = chosen[some]
         corner = torch.stack([chosen // self.cells**2, chosen // self.cells % self.cells, chosen % self.cells], dim=-1)
         jitter = torch.rand(corner.shape, generator=generator)
         x = self.box.from_unit(((corner + jitter) / self.cells).to(self.density.device))
@@ -62,9 +75,16 @@ class OccupancyGrid:
         """
         thickness = float((self.box.upper - self.box.lower).max()) / self.cells
         opacity = -torch.expm1(-self.density * thickness)
-        seen = opacity > self.opacity_threshold * opacity.max()
+        seen = self.within & (opacity > self.opacity_threshold * opacity[self.within].max())
         self.emptied = not bool(seen.any())
-        self.occupied = torch.ones_like(self.occupied) if self.emptied else seen
+        self.occupied = self.within.clone() if self.emptied else seen
 
     def occupied_share(self) -> float:
         return float(self.occupied.float().mean())
+
+
+def _resampled(hull: Tensor | None, cells: int, device: torch.device) -> Bool[Tensor, " cells**3"]:
+    """Return the cells³ of which some part lies in an occupied cell of `hull`; all of them if there are none."""
+    if hull is None or not bool(hull.any()):
+        return torch.ones(cells**3, dtype=torch.bool, device=device)
+    return adaptive_max_pool3d(hull.float()[None], cells).bool().reshape(-1).to(device)

@@ -115,10 +115,11 @@ def _march(
     lengths = rule.lengths(t, t_edges)
     keep = lengths > 0
     if grid is not None:
-        occupied = grid.at(x)
         if generator is not None and sampling.exploration > 0.0:
             u = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
-            occupied = occupied | (u < sampling.exploration)
+            occupied = grid.among(x, u, sampling.exploration)
+        else:
+            occupied = grid.at(x)
         keep = keep & rule.bins_with(occupied)
     view = field.encode_directions(rays.directions)
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()

@@ -55,7 +55,6 @@ def add_plan_options(command: argparse.ArgumentParser) -> None:
     add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")
     add("--need", nargs="+", metavar="NAME", help="parts to have whatever a scene needs: view_direction outside_box …")
     add("--no-need", nargs="+", metavar="NAME", help="parts to leave out whatever a scene needs")
-    add("--ray-attention", metavar="none|gradients", help="how the pixels of a batch are chosen (default: all alike)")
     add_scene_options(command)
     add_shared(command, "--view-sets")
 
@@ -198,7 +197,7 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
     from harness.plan.profiles import planned
 
     amount = ("scenes", "methods", "seeds", "budget_steps", "budget_seconds", "resolution")
-    given = {name: getattr(options, name) for name in (*amount, "without", "need", "no_need", "ray_attention")}
+    given = {name: getattr(options, name) for name in (*amount, "without", "need", "no_need")}
     precision = None if options.precision == "auto" else options.precision
     plan = planned(options.profile, **given, **scene_source(options), precision=precision)
     if options.command != "run":  # what explains a run's result is no part of other measurements

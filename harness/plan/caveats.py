@@ -4,7 +4,7 @@ from pathlib import Path
 
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
-from harness.plan.settings import ATTENDED_SHARE, TrainSettings
+from harness.plan.settings import TrainSettings
 from scenes.modelling.needs import PARTS
 from scenes.view_sets.foreign import source_of
 
@@ -71,13 +71,11 @@ def deviations(plan: Plan) -> list[str]:
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
             "says what it costs on eight scenes."
         )
-    if train.ray_attention != "none":
+    if train.covered_share:
         rows.append(
-            f"Rays of training are chosen by attention (Eq. 7): {ATTENDED_SHARE:.0%} of each batch by the gradients of "
-            "the training images, region by region and the same for all methods, the others from all pixels alike. The "
-            "loss is the mean over the batch as it is, so that edges weigh more in it than in the scores; and where "
-            "more rays meet matter a step evaluates more points. It is a different comparison from that of other runs. "
-            "The paper does not say how its rays are chosen."
+            f"{train.covered_share:.0%} of the rays of a batch go through covered pixels of the training images, or near "
+            "them, the same for all methods; the others go anywhere. The loss is the mean over the batch as it is, so "
+            "that the object weighs more in it than in the scores. The paper does not say how its rays are chosen."
         )
     if "voxels_drjit" in plan.methods:
         grid = train.voxels

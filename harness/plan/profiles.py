@@ -15,7 +15,7 @@ from harness.plan.defaults import KEPT_EVERY
 from harness.plan.group_task import GroupTask
 from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.plan.schedule import Budget
-from harness.plan.settings import RAY_ATTENTION, GridSettings, ScoreSettings, TrainSettings, ViewSettings, VoxelSettings
+from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings, VoxelSettings
 from scenes.catalog.entries import CATALOG as SCENES
 from scenes.catalog.entries import CLASSICS, RUNGS, STRESS
 from scenes.catalog.scene_file import check_scene_file, name_of_file
@@ -267,13 +267,12 @@ def planned(
     without: list[str] | None = None,
     need: list[str] | None = None,
     no_need: list[str] | None = None,
-    ray_attention: str | None = None,
 ) -> Plan:
     """Return a profile with the user's changes; raises `InputError` naming the option, the value and the known ones.
 
     `precision` None keeps the profile's; `without` names accelerations to switch off. `need` and `no_need` force
     parts in and out, whatever a scene needs: `need` also stands for switching off the acceleration that leaves it out.
-    `ray_attention` None keeps the profile's. `region` bounds the visible geometry of the images of `view_set`.
+    `region` bounds the visible geometry of the images of `view_set`.
     """
     from harness.plan.plugins import method_names, require_methods
 
@@ -320,11 +319,6 @@ def planned(
         plan = replace(plan, views=replace(plan.views, resolution=resolution))
     if precision is not None:
         plan = replace(plan, train=replace(plan.train, precision=precision))
-    if ray_attention is not None:
-        if ray_attention not in RAY_ATTENTION:
-            known = " ".join(RAY_ATTENTION)
-            raise InputError(f"--ray-attention: unknown {ray_attention!r}; known: {known}")
-        plan = replace(plan, train=replace(plan.train, ray_attention=ray_attention))
     if without is not None:
         off = known_names("--without", without, [extra.name for extra in fields(Accelerations)])
         plan = replace(plan, train=replace(plan.train, accelerations=plan.train.accelerations.without(off)))

@@ -1,17 +1,25 @@
 """Settings of training, sampling and scoring: small frozen groups, equal for all methods of a comparison."""
 
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, NetworkSize, Precision
 from scenes.view_sets.source import Region
 
-RayAttention = Literal["none", "gradients"]
-RAY_ATTENTION: tuple[RayAttention, ...] = get_args(RayAttention)
-ATTENDED_SHARE = 0.5
-"""The share of a batch that attention draws; the rest is drawn evenly, so that no pixel has less than half of its usual
-chance.
-"""
+OptimiserName = Literal["adam", "soap", "muon"]
+
+
+@dataclass(frozen=True)
+class OptimiserSettings:
+    """The optimiser of the networks, the same for every method."""
+
+    name: OptimiserName = "adam"
+    betas: tuple[float, float] = (0.9, 0.999)
+    """The decay of the means of gradients and of their squares, per step; Muon has the first, as its momentum, for
+    matrices and both for the rest.
+    """
+    renewed_every: int = 10
+    """The steps from one renewal of SOAP's bases to the next."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +76,11 @@ class TrainSettings:
     first_bins: int = 64
     """The bins per ray before the step from which the occupancy grid is in use."""
     fine_bins: int = 128
+    covered_share: float = 0.0
+    """The share of a batch's rays that go through covered pixels; the others go anywhere. The loss then weighs the
+    object more than its background, the same for all methods.
+    """
+    optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
     learning_rate: float = 5e-4
     last_learning_rate: float = 5e-5
     warm_up_steps: int = 0
@@ -80,10 +93,6 @@ class TrainSettings:
     grid: GridSettings = field(default_factory=GridSettings)
     accelerations: Accelerations = EVERY_ACCELERATION
     voxels: VoxelSettings = field(default_factory=VoxelSettings)
-    ray_attention: RayAttention = "none"
-    """The choice of the pixels of a batch: all alike, or by attention (`baselines.numerics.attention`), the same for
-    all methods. Off by default: it is a different comparison.
-    """
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,11 @@
 """Pixels → rays of one pinhole camera; (seed, step) → the ray batch that every method gets.
 
-The pixel-centre and axis convention of `CONVENTIONS.md` lives here alone. Pixels are drawn evenly, or half of them by
-attention (Eq. 7 over the regions of all images at once), a map that is made of the images alone, so that every method
-of a comparison gets the same rays.
+The pixel-centre and axis convention of `CONVENTIONS.md` lives here alone. Pixels are drawn evenly, or most of them where
+the images are covered: a choice made of the images alone, so that every method of a comparison gets the same rays.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +14,8 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from baselines.contract import Rays
-from baselines.numerics.attention.maps import from_gradients
-from baselines.numerics.attention.priorities import shares
-from baselines.numerics.attention.regions import Regions
 from harness.plan.seeds import generator_for
-from harness.plan.settings import ATTENDED_SHARE, RayAttention
+from scenes.view_sets.hull import covered
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import over_white
 
@@ -113,51 +109,10 @@ class Camera:
         return self.cameras(device).all_rays(0)
 
 
-REGIONS_ACROSS = 25
-"""The regions along the width of a training image, at least as wide as a pixel: 4 pixels of 100, 32 of 800."""
-
-
-@dataclass(frozen=True)
-class AttendedPixels:
-    """A distribution over the pixels of all images."""
-
-    regions: Regions
-    until: np.ndarray
-    """The chance of all regions up to and including this one, float64 [images · regions]; a region's is its pixels'
-    share of the attention (Eq. 7's priority over φ).
-    """
-
-    @staticmethod
-    def by_gradients(images: Iterable[np.ndarray]) -> "AttendedPixels":
-        """Make the distribution of straight RGBA images [height, width, 4] over white, read one at a time."""
-        attention = []
-        for rgba in images:
-            height, width = rgba.shape[:2]
-            regions = Regions(height, width, max(1, width // REGIONS_ACROSS))
-            attention.append(from_gradients(regions, over_white(rgba)) * regions.rays)
-        everything = np.concatenate(attention)
-        # images of one colour alone are equal attention: each pixel has the same chance, not each region
-        chance = shares(everything if everything.max() > 0.0 else np.tile(regions.rays, len(attention)))
-        until = np.cumsum(chance)
-        return AttendedPixels(regions, until / until[-1])
-
-    def draw(self, count: int, generator: torch.Generator) -> Int[Tensor, " count"]:
-        """Draw pixels numbered through all images row by row, as `ImageStack.pixels` takes them."""
-        u = torch.rand(3, count, generator=generator, dtype=torch.float64).numpy()
-        image, region = np.divmod(np.searchsorted(self.until, u[0], side="right"), self.regions.count)
-        row, column = np.divmod(region, self.regions.columns)
-        top, left = row * self.regions.tile, column * self.regions.tile
-        rows = np.minimum(self.regions.tile, self.regions.height - top)
-        columns = np.minimum(self.regions.tile, self.regions.width - left)
-        row, column = top + (u[1] * rows).astype(np.int64), left + (u[2] * columns).astype(np.int64)
-        return torch.from_numpy((image * self.regions.height + row) * self.regions.width + column)
-
-
-def mixed(attended: AttendedPixels, pixels: int, count: int, seed: int | str, step: int) -> Int[Tensor, " count"]:
-    """Draw the pixels of a batch out of `pixels`: `ATTENDED_SHARE` by attention, then the others uniformly."""
-    generator = generator_for(seed, step, "attended batch")
-    by_attention = attended.draw(int(count * ATTENDED_SHARE), generator)
-    return torch.cat([by_attention, torch.randint(pixels, (count - len(by_attention),), generator=generator)])
+MARGIN = 0.02
+"""The distance from covered pixels, in widths of a picture, within which a pixel counts as covered: background that is
+seen from there is what an outline is learnt from.
+"""
 
 
 Batch = tuple[Rays, Float[Tensor, "rays 3"]]
@@ -166,18 +121,19 @@ Batch = tuple[Rays, Float[Tensor, "rays 3"]]
 class Batches:
     """Random pixels of all training views, on the device of the cameras. Holds one batch and no image."""
 
-    def __init__(self, cameras: Cameras, rgba: ImageStack, attention: RayAttention = "none") -> None:
+    def __init__(self, cameras: Cameras, rgba: ImageStack, covered_share: float = 0.0) -> None:
         """Store `rgba` [views, height, width, 4]: straight alpha, display colour. Raises `ValueError` if it is not.
 
-        With `attention` `none` all pixels are alike; with `gradients` half of a batch is drawn by the gradients of the
-        images, which are read once, here.
+        `covered_share` of a batch are drawn evenly from the covered pixels of all images and those near by, the others
+        from all pixels.
         """
         expected = (len(cameras), cameras.height, cameras.width, 4)
         if rgba.shape != expected:
             raise ValueError(f"images {rgba.shape}, the cameras need {expected}")
         self.cameras = cameras
         self.rgba = rgba
-        self._attended = AttendedPixels.by_gradients(rgba) if attention == "gradients" else None
+        self.covered_share = covered_share
+        self._covered = covered_pixels(rgba) if covered_share else np.zeros(0, dtype=np.int64)
         self._last: tuple[tuple[int | str, int, int], Batch] | None = None
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
@@ -193,13 +149,22 @@ class Batches:
         return lambda step: self.batch(seed, step, count)
 
     def _drawn(self, seed: int | str, step: int, count: int) -> Batch:
-        pixels = math.prod(self.rgba.shape[:3])
-        if self._attended is None:
-            index = torch.randint(pixels, (count,), generator=generator_for(seed, step, "batch"))
-        else:
-            index = mixed(self._attended, pixels, count, seed, step)
+        generator = generator_for(seed, step, "batch")
+        on_object = round(self.covered_share * count) if len(self._covered) else 0
+        index = torch.randint(math.prod(self.rgba.shape[:3]), (count - on_object,), generator=generator)
+        if on_object:
+            place = torch.randint(len(self._covered), (on_object,), generator=generator)
+            index = torch.cat([torch.from_numpy(self._covered[place.numpy()]), index])
         colours = torch.from_numpy(over_white(self.rgba.pixels(index.numpy())))
         device = self.cameras.camera_to_world.device
         index = index.to(device)
         width, size = self.cameras.width, self.cameras.width * self.cameras.height
         return self.cameras.rays(index // size, index % width, index % size // width), colours.to(device)
+
+
+def covered_pixels(rgba: ImageStack) -> np.ndarray:
+    """Return the pixels int64 [n] that are covered or near one that is, numbered through all images row by row."""
+    _, height, width, _ = rgba.shape
+    margin = max(1, round(MARGIN * width))
+    places = [np.flatnonzero(covered(image[..., 3], margin)) + k * height * width for k, image in enumerate(rgba)]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *places])

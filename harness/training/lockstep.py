@@ -39,7 +39,7 @@ def train_group(
     `on_notice`.
     """
     device, stream = torch.device(task.device), stream_of(task.scene, task.seed)
-    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.ray_attention)
+    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.covered_share)
     batch_at = batches.stream(stream, task.train.rays)
     shared = box_of(views, device), task.train, task.budget, stream, device, needs_view_direction(views)
     floor = evaluate.floor_psnr(views)
@@ -103,8 +103,9 @@ def turns(active: list[T]) -> Iterator[list[T]]:
 
 
 def box_of(views: ViewSet, device: torch.device) -> Box:
-    """Return the box in which everything visible lies."""
-    return Box(*(torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds))
+    """Return the box in which everything visible lies, with the hull of the training silhouettes."""
+    lower, upper = (torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds)
+    return Box(lower, upper, torch.from_numpy(views.hull))
 
 
 def stream_of(scene: str, seed: int) -> str:
@@ -139,7 +140,7 @@ def trained_alone(
     """
     settings = for_scene(settings, views)
     cameras = evaluate.cameras_of(views, views.train, device)
-    batch_at = Batches(cameras, views.train.rgba, settings.ray_attention).stream(stream, settings.rays)
+    batch_at = Batches(cameras, views.train.rgba, settings.covered_share).stream(stream, settings.rays)
     box, directed = box_of(views, device), needs_view_direction(views)
     learner = learner_for(method, box, settings, budget, stream, device, directed)
     learner.warm_up(*batch_at(0))

@@ -2,7 +2,6 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -24,6 +23,7 @@ from harness.plan.seeds import generator_for
 from harness.plan.settings import TrainSettings
 from harness.training.checkpoints import OCCUPIED
 from harness.training.learner import Clipping
+from harness.training.optimisers import Optimiser, optimiser_of
 
 LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
 """The factor of the loss in the backward pass alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
@@ -125,7 +125,7 @@ class BudgetedTrainer(ABC):
 
 
 class Trainer(BudgetedTrainer):
-    """A trainer of a method that is a field of torch: fused steps of Adam, and an occupancy grid."""
+    """A trainer of a method that is a field of torch: its optimiser, and an occupancy grid."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,11 +148,11 @@ class Trainer(BudgetedTrainer):
             self.grid = OccupancyGrid(settings.grid.cells, self.box, settings.grid.opacity_threshold)
 
     @cached_property
-    def optimiser(self) -> torch.optim.Optimizer:
-        """Return the optimiser, made when it is first needed: it imports torch's compiler, seconds that rendering need
-        not wait.
+    def optimiser(self) -> Optimiser:
+        """Return the optimiser, made when it is first needed: torch's own import its compiler, seconds that rendering
+        need not wait.
         """
-        return torch.optim.Adam(self.fields.parameters(), lr=self.settings.learning_rate, fused=True)
+        return optimiser_of(self.fields.parameters(), self.settings.optimiser)
 
     @property
     def field(self) -> Any:
@@ -162,7 +162,7 @@ class Trainer(BudgetedTrainer):
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Run one forward and backward pass that changes nothing: allocations and kernel choices, outside the clock."""
         self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
-        self.optimiser.zero_grad(set_to_none=True)
+        self.fields.zero_grad(set_to_none=True)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Take one step on one batch, on the clock.
@@ -172,16 +172,14 @@ class Trainer(BudgetedTrainer):
         with self.clock.running():
             self._refresh_grid()
             rate = self._learning_rate()
-            for group in self.optimiser.param_groups:
-                group["lr"] = rate
             with training_step([self.coarse, self.fine] if self.fine else [self.coarse]):
                 loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
                 if not math.isfinite(loss_value := loss.item()):
                     where = "loss" if _all_finite(self._weights()) else self._first_not_finite("weight")
                     raise Diverged(self.step, where)
                 norms = self._clipped_gradient(loss)
-                self.optimiser.step()
-            self.optimiser.zero_grad(set_to_none=True)
+                self.optimiser.step(rate)
+            self.fields.zero_grad(set_to_none=True)
             if not _all_finite(self._weights()):
                 raise Diverged(self.step, self._first_not_finite("weight"))
         self._count(loss_value, norms, rendering.network_evaluations, len(rays))
@@ -220,22 +218,10 @@ class Trainer(BudgetedTrainer):
         self.step = step
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
-        state = self.optimiser.state_dict()["state"]
-        return {f"{weight}.{name}": value for weight, moments in state.items() for name, value in moments.items()}
+        return self.optimiser.tensors()
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
-        remembered: dict[int, dict[str, Tensor]] = defaultdict(dict)
-        for key, value in tensors.items():
-            number, name = key.split(".")
-            remembered[int(number)][name] = value
-        state: dict[int, dict[str, Tensor]] = {}
-        for place, weight in enumerate(self.fields.parameters()):
-            if given := remembered.get(place):
-                # with the strides of the weight: a fused step ignores them
-                moments = {name: torch.empty_like(weight).copy_(given[name]) for name in ("exp_avg", "exp_avg_sq")}
-                state[place] = {"step": given["step"], **moments}
-        groups = self.optimiser.state_dict()["param_groups"]
-        self.optimiser.load_state_dict({"state": state, "param_groups": groups})
+        self.optimiser.restore(tensors)
 
     def _sampling(self) -> Sampling:
         grid = self.settings.grid

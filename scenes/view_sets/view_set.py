@@ -14,6 +14,7 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ import numpy as np
 
 from scenes.files.errors import InputError
 from scenes.view_sets.foreign import source_of
+from scenes.view_sets.hull import hull
 from scenes.view_sets.image_stack import ImageStack, require_room
 from scenes.view_sets.images import read_channels
 from scenes.view_sets.manifest import NAME, DamagedViewSet, checked, read_manifest
@@ -88,6 +90,11 @@ class ViewSet:
     def focal(self) -> float:
         """Return the focal length in pixels."""
         return 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
+
+    @cached_property
+    def hull(self) -> np.ndarray:
+        """The cells of `bounds` in which something may be, bool [96, 96, 96] (`scenes.view_sets.hull`)."""
+        return _hull_of(self.train, self.bounds, self.focal)
 
 
 def read_view_set(
@@ -270,6 +277,10 @@ class _Reader:
                 f"{file}: {width} × {height} pixels, but views before it have {self.stored[1]} × {self.stored[0]}; "
                 "all images of a view set must have one size"
             )
+
+
+def _hull_of(train: Split, bounds: np.ndarray, focal: float) -> np.ndarray:
+    return hull(bounds, (image[..., 3] for image in train.rgba), train.camera_to_world, focal)
 
 
 def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:

@@ -1,0 +1,87 @@
+"""The optimisers by name. Each takes one step from the gradients that lie in the weights, and is kept with its cell."""
+
+from collections.abc import Callable, Iterable
+from typing import Protocol
+
+import torch
+from torch import Tensor, nn
+
+from harness.plan.settings import OptimiserName, OptimiserSettings
+from harness.training.soap import Soap
+
+
+class Optimiser(Protocol):
+    """An optimiser of a field's weights."""
+
+    def step(self, rate: float) -> None:
+        """Take one step with that learning rate; a zero gradient is a gradient, and none is finite for want of one."""
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return the complete state by name, in no order."""
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        """Restore what `tensors` returned; raises any error for the state of other weights."""
+
+
+class TorchOptimisers:
+    """Optimisers of torch, each over weights of its own, as one."""
+
+    def __init__(self, *parts: torch.optim.Optimizer) -> None:
+        self.parts = parts
+
+    def step(self, rate: float) -> None:
+        for part in self.parts:
+            for group in part.param_groups:
+                group["lr"] = rate
+            part.step()
+
+    def tensors(self) -> dict[str, Tensor]:
+        return {
+            f"{number}.{weight}.{name}": value
+            for number, part in enumerate(self.parts)
+            for weight, state in part.state_dict()["state"].items()
+            for name, value in state.items()
+        }
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        for number, part in enumerate(self.parts):
+            weights = [weight for group in part.param_groups for weight in group["params"]]
+            state: dict[int, dict[str, Tensor]] = {}
+            for key, value in tensors.items():
+                of, place, name = key.split(".")
+                if int(of) == number:
+                    weight = weights[int(place)]
+                    # with the strides of the weight: a fused step ignores them
+                    moment = torch.empty_like(weight).copy_(value) if value.shape == weight.shape != () else value
+                    state.setdefault(int(place), {})[name] = moment
+            part.load_state_dict({"state": state, "param_groups": part.state_dict()["param_groups"]})
+
+
+def _adam(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
+    return TorchOptimisers(torch.optim.Adam(weights, betas=settings.betas, fused=True))
+
+
+def _muon(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
+    """Return Muon for matrices; it takes no others, which Adam has. Both take steps of about the same size."""
+    matrices = [weight for weight in weights if weight.ndim == 2]
+    others = [weight for weight in weights if weight.ndim != 2]
+    muon = torch.optim.Muon(
+        matrices, momentum=settings.betas[0], weight_decay=0.0, adjust_lr_fn="match_rms_adamw"
+    )
+    return TorchOptimisers(muon, torch.optim.Adam(others, betas=settings.betas, fused=True))
+
+
+def _soap(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
+    return Soap(weights, settings.betas, settings.renewed_every)
+
+
+OPTIMISERS: dict[OptimiserName, Callable[[list[nn.Parameter], OptimiserSettings], Optimiser]] = {
+    "adam": _adam,
+    "soap": _soap,
+    "muon": _muon,
+}
+
+
+def optimiser_of(weights: Iterable[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
+    """Return a fresh optimiser of these weights."""
+    return OPTIMISERS[settings.name](list(weights), settings)
