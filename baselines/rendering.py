@@ -39,7 +39,9 @@ class Sampling:
     clip_to_box: bool = True
     """Whether rays are cut to the box; listing-4 quadrature needs its last point at `far`."""
     early_stop: bool = False
-    """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it."""
+    """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it, and one in
+    training does not ask for what the occupancy grid hides.
+    """
     exploration: float = 0.0
     """The share of unoccupied points that are evaluated all the same (training alone)."""
 
@@ -115,11 +117,13 @@ def _march(
     lengths = rule.lengths(t, t_edges)
     keep = lengths > 0
     if grid is not None:
-        if generator is not None and sampling.exploration > 0.0:
+        cell = grid.cell(x)
+        occupied = grid.occupied[cell]
+        if generator is not None:
+            if sampling.early_stop:
+                occupied = occupied & ~grid.hidden(cell, lengths)
             u = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
-            occupied = grid.among(x, u, sampling.exploration)
-        else:
-            occupied = grid.at(x)
+            occupied = occupied | (grid.within[cell] & (u < sampling.exploration))
         keep = keep & rule.bins_with(occupied)
     view = field.encode_directions(rays.directions)
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()

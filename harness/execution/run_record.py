@@ -55,6 +55,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneReco
         near=views.near,
         far=views.far,
         bounds=views.bounds.tolist(),
+        hull_share=float(views.hull.mean()),
         psnr_ceiling=ceiling,
         psnr_floor=floor_psnr(views),
         rendered={key: manifest[key] for key in kept if key in manifest},

@@ -210,6 +210,8 @@ class SceneRecord(Record, frozen=True):
     rendered: dict[str, Any]
     """How it was rendered: variant, spp, seconds, integrator, versions; empty for a view set from elsewhere."""
     left_out: list[LeftOut]
+    hull_share: float | None = None
+    """The share of the box that the silhouettes of the training views leave; 1 where they say nothing."""
 
     @property
     def costs_more(self) -> bool:

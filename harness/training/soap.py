@@ -15,6 +15,10 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 EPSILON = 1e-8
+LEAST = 1e-3
+"""What is added to every eigenvalue, in their mean: gradients of a few steps span no whole space, and in the rest of it
+the bases would be of rounding errors, another one on every processor. They stay what they were there, or the axes.
+"""
 LARGEST_SIDE = 1024
 """The longest side that has a factor of its own; a longer one, a table of features, keeps the identity for a basis."""
 
@@ -41,7 +45,7 @@ class _Side:
         estimates = torch.einsum("kij,kil,klj->kj", self.basis, self.factor, self.basis)
         order = torch.argsort(estimates, dim=-1, descending=True, stable=True)
         sorted_basis = torch.gather(self.basis, 2, order[:, None].expand_as(self.basis))
-        q, r = torch.linalg.qr(self.factor @ sorted_basis)
+        q, r = torch.linalg.qr(self.factor @ sorted_basis + self._least() * sorted_basis)
         # a QR decomposition is unique but for signs
         signs = torch.where(torch.diagonal(r, dim1=-2, dim2=-1) < 0, -1.0, 1.0)
         self.basis.copy_(q * signs[:, None])
@@ -49,9 +53,16 @@ class _Side:
 
     def start(self) -> None:
         """Take the eigenvectors themselves, each with its largest component positive."""
-        vectors = torch.linalg.eigh(self.factor).eigenvectors.flip(-1)
+        side = self.factor.shape[-1]
+        ties = torch.linspace(1.0, 0.0, side, dtype=torch.float64, device=self.factor.device)
+        parted = self.factor.double() + torch.diag_embed(self._least()[..., 0] * ties)
+        vectors = torch.linalg.eigh(parted).eigenvectors.flip(-1)
         largest = torch.gather(vectors, 1, vectors.abs().argmax(dim=1, keepdim=True))
         self.basis.copy_(torch.where(largest < 0, -vectors, vectors))
+
+    def _least(self) -> Float[Tensor, "weights 1 1"]:
+        """Return what is added to every eigenvalue."""
+        return LEAST * torch.diagonal(self.factor, dim1=-2, dim2=-1).mean(dim=-1)[:, None, None]
 
 
 @dataclass

@@ -211,7 +211,7 @@ def source_of(path: Path) -> Source:
                 missing = split == "val" and not transforms_file(path, split).exists()
                 return None if missing else read_transforms(path, split)
 
-            return Source(path.resolve().name, frames, _rgba, BLENDER_REGION)
+            return Source(path.resolve().name, frames, _rgba, BLENDER_REGION, bounds_assumed=True)
         if (path / nerfstudio.NAME).is_file():
             return read_nerfstudio(path)
         raise InputError(f"{path}: no view set; {KNOWN}")

@@ -68,6 +68,8 @@ class Source:
     """The region as the format gives it; what is missing is found from the cameras (`scenes.view_sets.source`)."""
     notes: tuple[str, ...] = ()
     """The assumptions made, one sentence each: a user who trains on it should know them."""
+    bounds_assumed: bool = False
+    """Whether the region's bounds are a habit of the format's users and not a fact of the file."""
 
 
 ASK = "say where the scene lies with --bounds X0 Y0 Z0 X1 Y1 Z1"

@@ -22,7 +22,7 @@ import numpy as np
 
 from scenes.files.errors import InputError
 from scenes.view_sets.foreign import source_of
-from scenes.view_sets.hull import hull
+from scenes.view_sets.hull import carved, hull
 from scenes.view_sets.image_stack import ImageStack, require_room
 from scenes.view_sets.images import read_channels
 from scenes.view_sets.manifest import NAME, DamagedViewSet, checked, read_manifest
@@ -113,7 +113,8 @@ def read_view_set(
 
     `splits` that are not named are left empty, and so is a `val` that does not exist; counts take evenly spread subsets
     and never exceed the number of views. Depth and normals are read for the splits in `geometry`. `bounds` [2, 3] and
-    `region` overrule what the manifest or the format says, or the region found from the cameras. The decoded images, 16
+    `region` overrule what the manifest or the format says. Bounds that no file states, a habit of the format or found
+    from the cameras, are cut to what the silhouettes of the training views leave (`scenes.view_sets.hull`). The decoded images, 16
     bytes per pixel and as much again for geometry, go to files without a name in `scratch`, which should be on a disk
     (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy, for anything missing, malformed,
     damaged or not supported, and where `scratch` has no room.
@@ -146,6 +147,9 @@ def read_view_set(
         raise InputError(f"{folder}: no view is left to read; ask for at least one")
     given = Region(None if bounds is None else tuple(np.ravel(bounds).tolist())).over(region or Region())
     box, near, far = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
+    assumed = given.bounds is None and not manifest and (source.bounds_assumed or source.region.bounds is None)
+    if assumed and (seen := read.get("train")):
+        box = carved(box, _hull_of(seen, box, 0.5 * reader.size[1] / math.tan(0.5 * fov)))
     empty = Split((), np.zeros((0, 4, 4)), ImageStack((*reader.size, 4)))
     if not manifest:
         for name, frames in chosen.items():

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from baselines.contract import Box
-from baselines.occupancy import DECAY, OccupancyGrid
+from baselines.occupancy import DECAY, HIDDEN, OccupancyGrid
 from baselines.rendering import Sampling, render_rays
 from tests.baselines.analytic import AnalyticField, ball, cube, gaussian, homogeneous, rays_at
 
@@ -83,8 +83,8 @@ def test_order_of_cells_is_that_of_lookups() -> None:
     density = torch.where(torch.rand(CELLS**3, generator=generator()) < 0.5, 100.0, 0.0)
     grid = refreshed(cell_by_cell(density))
     assert torch.equal(grid.occupied, density > 0)
-    assert torch.equal(grid.at(centres()), density > 0)
-    assert torch.equal(grid.at(centres().reshape(CELLS, CELLS, CELLS, 3)).flatten(), density > 0)
+    assert torch.equal(grid.occupied[grid.cell(centres())], density > 0)
+    assert torch.equal(grid.occupied[grid.cell(centres().reshape(CELLS, CELLS, CELLS, 3))].flatten(), density > 0)
 
 
 def test_a_box_with_unequal_sides_and_an_offset() -> None:
@@ -92,15 +92,15 @@ def test_a_box_with_unequal_sides_and_an_offset() -> None:
     grid = refreshed(AnalyticField(lambda x: 100.0 * (x[:, 1] > -2.5).to(x.dtype)), box=box)
     x = box.from_unit(torch.rand(2000, 3, generator=generator()))
     clear = (x[:, 1] + 2.5).abs() > 3.0 / CELLS
-    assert torch.equal(grid.at(x)[clear], x[clear][:, 1] > -2.5)
+    assert torch.equal(grid.occupied[grid.cell(x[clear])], x[clear][:, 1] > -2.5)
 
 
 def test_points_outside_of_the_box_belong_to_the_nearest_cell() -> None:
     density = torch.zeros(CELLS**3)
     density[0], density[-1] = 100.0, 100.0
     grid = refreshed(cell_by_cell(density))
-    assert grid.at(torch.tensor([[-1.0, -1.0, -1.0], [-9.0, -9.0, -9.0], [1.0, 1.0, 1.0], [9.0, 9.0, 9.0]])).all()
-    assert not grid.at(torch.tensor([[0.0, 0.0, 0.0], [9.0, -9.0, 9.0]])).any()
+    assert grid.occupied[grid.cell(torch.tensor([[-1.0, -1.0, -1.0], [-9.0, -9.0, -9.0], [1.0, 1.0, 1.0], [9.0, 9.0, 9.0]]))].all()
+    assert not grid.occupied[grid.cell(torch.tensor([[0.0, 0.0, 0.0], [9.0, -9.0, 9.0]]))].any()
 
 
 @pytest.mark.parametrize("random", [False, True])
@@ -211,3 +211,47 @@ def test_number_of_evaluations() -> None:
     assert grid.refresh(field, 1.0, generator()) == 64
     assert grid.refresh(field, 0.25, generator()) == 16
     assert grid.refresh(field, 1e-6, generator()) == 1
+
+
+def half_hull() -> Box:
+    """`BOX`, of which nothing but x > 0 may hold anything."""
+    hull = torch.zeros(CELLS, CELLS, CELLS, dtype=torch.bool)
+    hull[CELLS // 2 :] = True
+    return replace(BOX, hull=hull)
+
+
+def test_nothing_outside_of_the_hull_is_evaluated_measured_or_brought_back() -> None:
+    box, field = half_hull(), AnalyticField(homogeneous(100.0))
+    within = centres()[:, 0] > 0
+    grid = OccupancyGrid(CELLS, box, THRESHOLD)
+    assert torch.equal(grid.occupied, within)
+    source = generator()
+    assert grid.refresh(field, 1.0, source) == int(within.sum())
+    assert torch.equal(grid.occupied, within)
+    grid = OccupancyGrid(CELLS, box, THRESHOLD)
+    grid.refresh(AnalyticField(homogeneous(0.0)), 1.0, source)
+    assert grid.emptied
+    assert torch.equal(grid.occupied, within)
+    assert bool(torch.isfinite(grid.density).all())
+
+
+@pytest.mark.parametrize("cells", [5, 8, 16, 24, 32])
+def test_a_hull_of_another_fineness_loses_no_cell(cells: int) -> None:
+    hull = torch.rand(CELLS, CELLS, CELLS, generator=generator()) < 0.02
+    grid = OccupancyGrid(cells, replace(BOX, hull=hull), THRESHOLD)
+    inside = centres()[hull.flatten()]
+    for corner in torch.cartesian_prod(*[torch.tensor([-0.49, 0.49])] * 3):
+        assert grid.occupied[grid.cell(inside + corner * SIDE)].all()
+
+
+def test_bins_behind_what_the_grid_measured_as_opaque_are_hidden_and_those_before_are_not() -> None:
+    slab = AnalyticField(lambda x: 1000.0 * ((x[:, 0] > -0.25) & (x[:, 0] < 0.0)).to(x.dtype))
+    grid = refreshed(slab)
+    x = torch.stack([torch.linspace(-0.99, 0.99, 200), torch.full((200,), 0.1), torch.full((200,), 0.1)], dim=-1)
+    lengths = torch.full((1, 200), 2.0 / 200)
+    hidden = grid.hidden(grid.cell(x)[None], lengths)[0]
+    inside = torch.cumsum(((x[:, 0] > -0.25) & (x[:, 0] < 0.0)) * 10.0, dim=0)
+    assert not hidden[inside <= HIDDEN].any()
+    assert hidden[inside > HIDDEN + 20.0].all()
+    assert not refreshed(AnalyticField(homogeneous(HIDDEN / 2.0 - 0.1))).hidden(grid.cell(x)[None], lengths).any()
+    assert not OccupancyGrid(CELLS, BOX, THRESHOLD).hidden(grid.cell(x)[None], lengths).any()  # nothing was measured

@@ -5,8 +5,7 @@ import pytest
 import torch
 
 from harness.plan.seeds import generator_for
-from harness.plan.settings import RayAttention
-from harness.training.batches import Batches, Cameras
+from harness.training.batches import Batches, Cameras, covered_pixels
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import over_white
 from tests.harness.ball import pose
@@ -56,32 +55,37 @@ def test_batches_are_those_of_all_views_composited_in_memory_to_the_bit() -> Non
         assert torch.equal(rays.origins, direct.origins)
 
 
-def patterned(attention: RayAttention) -> Batches:
-    """As `batches`, with a third view that alone has gradients."""
-    rgba = np.ones((VIEWS, HEIGHT, WIDTH, 4), np.float32)
-    rgba[2, ..., 1] = np.arange(WIDTH) % 2
-    return Batches(cameras(), ImageStack.of(rgba), attention)
+def one_dot(share: float) -> Batches:
+    """Three images, 100 pixels wide, with one covered pixel in the last of them; the number of a pixel is its colour."""
+    size = 100
+    rgba = np.zeros((VIEWS, size, size, 4), np.float32)
+    rgba[2, 50, 60, 3] = 1.0
+    views = Cameras.of(np.array([pose(0.7 * i, 0.3) for i in range(VIEWS)]), size, size, 60.0, 2.0, 6.0)
+    return Batches(views, ImageStack.of(rgba), share)
 
 
-def test_with_attention_half_of_the_rays_go_where_the_training_images_change() -> None:
-    some = patterned("gradients")
-    rays, colours = some.batch(5, 1, 2000)
-    third = cameras().all_rays(2).origins[0]
-    from_third = (rays.origins == third).all(dim=-1)
-    assert bool(from_third[:1000].all())
-    assert 0.25 < float(from_third[1000:].float().mean()) < 0.42
-    origins = {tuple(origin) for origin in rays.origins[1000:].tolist()}
-    assert len(origins) == VIEWS  # nothing is out of reach
-    assert len(colours) == 2000
+def test_four_rays_in_five_go_through_covered_pixels_or_near_them_and_the_others_anywhere() -> None:
+    some = one_dot(0.8)
+    assert sorted(covered_pixels(some.rgba)) == [
+        20_000 + row * 100 + column for row in range(48, 53) for column in range(58, 63)
+    ]
+    rays = some.batch(5, 1, 5000)[0]
+    from_third = (rays.origins == cameras().all_rays(2).origins[0]).all(dim=-1)
+    assert bool(from_third[:4000].all())
+    assert len({tuple(d) for d in rays.directions[:4000].tolist()}) == 25
+    assert 0.27 < float(from_third[4000:].float().mean()) < 0.40
+    assert len({tuple(d) for d in rays.directions[4000:].tolist()}) > 900
 
 
-def test_attended_batches_depend_on_seed_and_step_alone() -> None:
-    first = patterned("gradients").batch(5, 1, 64)[0]
-    some = patterned("gradients")
-    some.batch(5, 2, 64)
-    assert torch.equal(some.batch(5, 1, 64)[0].directions, first.directions)
-    assert not torch.equal(some.batch(6, 1, 64)[0].directions, first.directions)
-    assert not torch.equal(patterned("none").batch(5, 1, 64)[0].directions, first.directions)
+def test_images_with_nothing_covered_are_drawn_from_evenly() -> None:
+    empty = ImageStack.of(np.zeros((VIEWS, HEIGHT, WIDTH, 4), np.float32))
+    assert len(Batches(cameras(), empty, 0.8).batch(0, 0, 40)[1]) == 40
+
+
+def test_where_all_is_covered_every_pixel_has_the_same_chance() -> None:
+    given = batches().rgba
+    drawn = np.bincount(numbers(Batches(cameras(), given, 0.8), 0, 0, 60_000), minlength=PIXELS)
+    assert 850 < drawn.min() <= drawn.max() < 1150
 
 
 def test_images_that_the_cameras_did_not_take_are_refused() -> None:

@@ -1,0 +1,159 @@
+"""SOAP against the paper's algorithm written down plainly; every optimiser: no NaN, and the same bits after a pause."""
+
+import math
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from harness.plan.settings import OptimiserSettings
+from harness.training.optimisers import OPTIMISERS, optimiser_of
+from harness.training.soap import LARGEST_SIDE, LEAST, Soap
+
+BETAS, EVERY = (0.9, 0.99), 3
+
+
+def weights(*shapes: tuple[int, ...], dtype: torch.dtype = torch.float64) -> list[nn.Parameter]:
+    source = torch.Generator().manual_seed(4)
+    return [nn.Parameter(torch.randn(shape, generator=source, dtype=dtype)) for shape in shapes]
+
+
+def gradient(like: Tensor, step: int) -> Tensor:
+    source = torch.Generator().manual_seed(100 * step + like.numel())
+    scale = torch.logspace(0, -3, like.shape[-1] if like.ndim else 1, dtype=like.dtype)
+    return torch.randn(like.shape, generator=source, dtype=like.dtype) * (scale if like.ndim else 1.0)
+
+
+def least(factor: Tensor) -> Tensor:
+    return LEAST * torch.diagonal(factor).mean()
+
+
+def axes(side: int) -> Tensor:
+    return torch.diag(torch.linspace(1.0, 0.0, side, dtype=torch.float64))
+
+
+def plain_soap(weight: Tensor, steps: int, rate: float) -> Tensor:
+    """Algorithm 3 of the paper with the authors' order of things, for one matrix, with no thought for speed."""
+    w = weight.detach().clone()
+    m, n = w.shape
+    left, right, first, second = torch.zeros(m, m), torch.zeros(n, n), torch.zeros(m, n), torch.zeros(m, n)
+    left, right, first, second = (t.double() for t in (left, right, first, second))
+    u = v = torch.zeros(0)
+    for t in range(steps):
+        g = gradient(w, t)
+        left = BETAS[1] * left + (1 - BETAS[1]) * g @ g.T
+        right = BETAS[1] * right + (1 - BETAS[1]) * g.T @ g
+        if t == 0:
+            u, v = (torch.linalg.eigh(f + least(f) * axes(len(f))).eigenvectors.flip(1) for f in (left, right))
+            continue
+        turned = u.T @ g @ v
+        first = BETAS[0] * first + (1 - BETAS[0]) * turned
+        second = BETAS[1] * second + (1 - BETAS[1]) * turned**2
+        size = rate * math.sqrt(1 - BETAS[1] ** t) / (1 - BETAS[0] ** t)
+        w = w - size * u @ (first / (second.sqrt() + 1e-8)) @ v.T
+        if t % EVERY == 0:
+            whole = u @ first @ v.T
+            for axis, factor in ((0, left), (1, right)):
+                basis = u if axis == 0 else v
+                order = torch.argsort(torch.diagonal(basis.T @ factor @ basis), descending=True)
+                second = second.index_select(axis, order)
+                new = torch.linalg.qr((factor + least(factor) * torch.eye(len(factor))) @ basis[:, order]).Q
+                u, v = (new, v) if axis == 0 else (u, new)
+            first = u.T @ whole @ v
+    return w
+
+
+def take(optimiser: object, some: list[nn.Parameter], steps: range, rate: float = 0.01) -> None:
+    for step in steps:
+        for weight in some:
+            weight.grad = gradient(weight.detach(), step)
+        optimiser.step(rate)  # type: ignore[attr-defined]
+
+
+def test_stacked_soap_is_the_plain_one_for_each_matrix() -> None:
+    some = weights((5, 7), (5, 7), (7, 5), (1, 7), (4, 4))
+    expected = [plain_soap(weight, 20, 0.01) for weight in some]
+    take(Soap(some, BETAS, EVERY), some, range(20))
+    for weight, plain in zip(some, expected, strict=True):
+        torch.testing.assert_close(weight.detach(), plain, rtol=1e-7, atol=1e-7)
+
+
+def test_what_is_no_matrix_gets_the_steps_of_adam_after_the_first() -> None:
+    some, others = weights((6,), (), (2, 3, 4)), weights((6,), (), (2, 3, 4))
+    soap, adam = Soap(some, BETAS, EVERY), optimiser_of(others, OptimiserSettings("adam", BETAS))
+    take(soap, some, range(1))
+    take(soap, some, range(1, 30))
+    take(adam, others, range(1, 30))
+    for mine, theirs in zip(some, others, strict=True):
+        torch.testing.assert_close(mine.detach(), theirs.detach(), rtol=1e-4, atol=1e-5)
+
+
+def test_in_the_eigenbasis_a_rotated_problem_is_solved_with_the_same_steps() -> None:
+    """Adam's steps depend on the axes; after the factors have begun, those of SOAP turn with the gradient."""
+    source = torch.Generator().manual_seed(9)
+    turn = torch.linalg.qr(torch.randn(5, 5, generator=source, dtype=torch.float64)).Q
+
+    def apart(name: str) -> float:
+        """How far the ways of a matrix and of a turned one part, as a share of the way."""
+        (plain,), (turned,) = weights((5, 7)), weights((5, 7))
+        turned.data = turn @ turned.data
+        ways = [optimiser_of([weight], OptimiserSettings(name, BETAS, EVERY)) for weight in (plain, turned)]  # type: ignore[arg-type]
+        for step in range(12):
+            plain.grad = gradient(plain.detach(), step)
+            turned.grad = turn @ plain.grad
+            for way in ways:
+                way.step(0.01)
+        way = plain.detach() - weights((5, 7))[0].detach()
+        return float((turn.T @ turned.detach() - plain.detach()).norm() / way.norm())
+
+    assert apart("soap") < 0.08
+    assert apart("adam") > 0.2
+
+
+@pytest.mark.parametrize("name", list(OPTIMISERS))
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_zero_constant_and_rank_one_gradients_leave_finite_weights(name: str, dtype: torch.dtype) -> None:
+    some = weights((6, 9), (6, 9), (1, 9), (9,), (), dtype=dtype)
+    optimiser = optimiser_of(some, OptimiserSettings(name, BETAS, EVERY))  # type: ignore[arg-type]
+    for step in range(40):
+        for weight in some:
+            kind = step // 10
+            weight.grad = torch.zeros_like(weight) if kind in (0, 2) else torch.full_like(weight, 10.0 ** (2 - 4 * kind))
+        optimiser.step(0.01)
+        assert all(bool(torch.isfinite(weight).all()) for weight in some)
+    if name == "soap":  # nothing moves while every gradient is zero
+        fresh = weights((6, 9), dtype=dtype)
+        still = Soap(fresh, BETAS, EVERY)
+        fresh[0].grad = torch.zeros_like(fresh[0])
+        for _ in range(7):
+            still.step(0.1)
+        assert torch.equal(fresh[0].detach(), weights((6, 9), dtype=dtype)[0].detach())
+
+
+@pytest.mark.parametrize("name", list(OPTIMISERS))
+def test_one_that_was_restored_takes_the_same_steps_to_the_bit(name: str) -> None:
+    settings = OptimiserSettings(name, BETAS, EVERY)  # type: ignore[arg-type]
+    shapes = (6, 9), (9, 6), (6, 9), (9,), ()
+    whole, parted = weights(*shapes, dtype=torch.float32), weights(*shapes, dtype=torch.float32)
+    take(optimiser_of(whole, settings), whole, range(17))
+    first = optimiser_of(parted, settings)
+    take(first, parted, range(8))
+    kept = {key: value.clone() for key, value in first.tensors().items()}
+    second = optimiser_of(parted, settings)
+    second.restore(kept)
+    take(second, parted, range(8, 17))
+    assert all(torch.equal(mine, theirs) for mine, theirs in zip(whole, parted, strict=True))
+
+
+def test_state_of_other_weights_is_refused() -> None:
+    kept = Soap(weights((6, 9)), BETAS, EVERY).tensors()
+    with pytest.raises((RuntimeError, KeyError)):
+        Soap(weights((9, 6)), BETAS, EVERY).restore(kept)
+
+
+def test_a_side_too_long_for_a_factor_keeps_its_axes() -> None:
+    (table,) = weights((LARGEST_SIDE + 1, 2))
+    soap = Soap([table], BETAS, EVERY)
+    assert not any("left" in name for name in soap.tensors())
+    take(soap, [table], range(5))
+    assert bool(torch.isfinite(table).all())

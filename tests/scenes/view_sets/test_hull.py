@@ -1,0 +1,67 @@
+"""The hull of silhouettes: it holds what was seen, little else, and one bad mask takes nothing away."""
+
+import numpy as np
+import pytest
+
+from scenes.view_sets.hull import CELLS, carved, covered, hull
+from tests.harness.ball import pose
+
+SIZE, FOCAL = 100, 139.0
+BOX = np.array([[-1.5, -1.5, -1.5], [1.5, 1.5, 1.5]])
+RADIUS = 0.4
+CENTRE = np.array([0.3, -0.2, 0.1])
+POSES = np.array([pose(2.4 * i, -0.9 + 1.8 * i / 39) for i in range(40)])
+
+
+def silhouette(camera: np.ndarray) -> np.ndarray:
+    """The alpha of a ball, ray by ray."""
+    row, column = np.indices((SIZE, SIZE)) + 0.5
+    d = np.stack([(column - 0.5 * SIZE) / FOCAL, -(row - 0.5 * SIZE) / FOCAL, -np.ones((SIZE, SIZE))], axis=-1)
+    d = (d / np.linalg.norm(d, axis=-1, keepdims=True)) @ camera[:3, :3].T
+    to_centre = CENTRE - camera[:3, 3]
+    along = d @ to_centre
+    return (to_centre @ to_centre - along**2 < RADIUS**2).astype(np.float32)
+
+
+ALPHAS = [silhouette(camera) for camera in POSES]
+
+
+def distances(cells: int = CELLS) -> np.ndarray:
+    """From the middle of each cell of `BOX` to that of the ball."""
+    axis = (np.arange(cells) + 0.5) / cells * 3.0 - 1.5
+    return np.linalg.norm(np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1) - CENTRE, axis=-1)
+
+
+def test_the_hull_of_a_ball_holds_it_and_little_else() -> None:
+    occupied = hull(BOX, ALPHAS, POSES, FOCAL)
+    cell = 3.0 / CELLS
+    assert occupied[distances() < RADIUS + 0.5 * cell].all()
+    # a pixel at the distance of the ball is 0.03 wide; views of half a sphere leave little corners
+    assert not occupied[distances() > RADIUS + 6 * cell].any()
+    assert RADIUS < carved(BOX, occupied)[1, 0] - CENTRE[0] < RADIUS + 6 * cell
+    assert np.all(carved(BOX, occupied)[0] < CENTRE - RADIUS)
+
+
+@pytest.mark.parametrize("bad", [0, 1])
+def test_a_mask_in_fifty_may_be_wrong(bad: int) -> None:
+    poses = np.concatenate([POSES, POSES[:10]])
+    alphas = [np.zeros((SIZE, SIZE))] * (bad + 1) + (ALPHAS + ALPHAS[:10])[bad + 1 :]
+    occupied = hull(BOX, alphas, poses, FOCAL)
+    assert bool(occupied[distances() < RADIUS].all()) == (bad == 0)
+
+
+def test_what_no_view_judges_is_kept() -> None:
+    behind = hull(BOX + np.array([0.0, 0.0, 50.0]), ALPHAS[:1], POSES[:1], FOCAL)
+    assert behind.all()
+    assert np.array_equal(carved(BOX, np.zeros((4, 4, 4), bool)), BOX)
+
+
+def test_images_without_transparency_leave_the_whole_box() -> None:
+    assert hull(BOX, [np.ones((SIZE, SIZE))] * len(POSES), POSES, FOCAL, cells=24).all()
+
+
+def test_a_pixel_counts_as_covered_up_to_the_margin() -> None:
+    alpha = np.zeros((9, 9))
+    alpha[4, 4] = 1.0 / 255
+    assert np.array_equal(covered(alpha, 2).nonzero(), np.ones((9, 9))[2:7, 2:7].nonzero() + np.array([[2], [2]]))
+    assert not covered(np.full((3, 3), 0.4 / 255), 1).any()
