@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 LEAST_SEEDS = 3
 """The fewest seeds with which omissions are verified: the interval of two is six times as wide."""
-PROFILES = ("smoke", "reduced", "stress", "ladder", "full")
+PROFILES = ("smoke", "reduced", "stress", "ladder", "converged", "full")
 
 
 def add_run_options(run: argparse.ArgumentParser) -> None:
@@ -52,6 +52,11 @@ def add_plan_options(command: argparse.ArgumentParser) -> None:
     precisions = ("auto", "float32", "bfloat16", "float16")
     why = "of matrix products alone (default: the profile's, where the processor has such products)"
     add("--precision", default="auto", choices=precisions, help=why)
+    add(
+        "--optimiser",
+        choices=("adam", "soap", "muon"),
+        help="of all methods, with its own rates (default: the profile's)",
+    )
     add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")
     add("--need", nargs="+", metavar="NAME", help="parts to have whatever a scene needs: view_direction outside_box …")
     add("--no-need", nargs="+", metavar="NAME", help="parts to leave out whatever a scene needs")
@@ -197,7 +202,7 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
     from harness.plan.profiles import planned
 
     amount = ("scenes", "methods", "seeds", "budget_steps", "budget_seconds", "resolution")
-    given = {name: getattr(options, name) for name in (*amount, "without", "need", "no_need")}
+    given = {name: getattr(options, name) for name in (*amount, "without", "need", "no_need", "optimiser")}
     precision = None if options.precision == "auto" else options.precision
     plan = planned(options.profile, **given, **scene_source(options), precision=precision)
     if options.command != "run":  # what explains a run's result is no part of other measurements

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
-from harness.plan.settings import TrainSettings
+from harness.plan.settings import OPTIMISER_TITLES, TrainSettings
 from scenes.modelling.needs import PARTS
 from scenes.view_sets.foreign import source_of
 
@@ -58,6 +58,11 @@ def deviations(plan: Plan) -> list[str]:
             f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g}, as the original "
             "NeRF's does; the paper prints one rate."
         )
+    if train.optimiser != paper.optimiser:
+        rows.append(
+            f"The optimiser is {OPTIMISER_TITLES[train.optimiser.name]} with β {train.optimiser.betas[0]:g} and "
+            f"{train.optimiser.betas[1]:g}, the same for all methods; the paper trains with Adam, β 0.9 and 0.999."
+        )
     if train.precision != "float32":
         rows.append(
             f"Matrix products run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "
@@ -73,8 +78,8 @@ def deviations(plan: Plan) -> list[str]:
         )
     if train.covered_share:
         rows.append(
-            f"{train.covered_share:.0%} of the rays of a batch go through covered pixels of the training images, or near "
-            "them, the same for all methods; the others go anywhere. The loss is the mean over the batch as it is, so "
+            f"{train.covered_share:.0%} of the rays of a batch go through covered pixels of the training images, or "
+            "near them, the same for all methods; the others go anywhere. The loss is the mean over the batch as it is, so "
             "that the object weighs more in it than in the scores. The paper does not say how its rays are chosen."
         )
     if "voxels_drjit" in plan.methods:

@@ -3,6 +3,8 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from harness.plan.settings import TrainSettings
 from scenes.modelling.needs import Needs, needs_of
 
@@ -35,8 +37,26 @@ def for_scene(train: TrainSettings, views: "ViewSet") -> TrainSettings:
     """
     needs = needs_of(views)
     sampling = tuple(name for name in ("outside_box", "empty_space", "behind_opaque") if _is(needs, name, True))
-    train = kept(train, sampling)
+    train = at_scale(kept(train, sampling), views)
     return replace(train, fine_bins=0) if _is(needs, "fine_pass", False) else train
+
+
+LEAST_CELLS, MOST_CELLS = 16, 128
+LEAST_BINS, MOST_BINS = 24, 256
+
+
+def at_scale(train: TrainSettings, views: "ViewSet") -> TrainSettings:
+    """Return `train` with the cells and bins that are given per pixel counted for the box of these views."""
+    centre, longest = views.bounds.mean(axis=0), float((views.bounds[1] - views.bounds[0]).max())
+    distance = float(np.linalg.norm(views.train.camera_to_world[:, :3, 3] - centre, axis=-1).mean())
+    pixels = longest * views.focal / distance
+    if train.grid.per_pixel is not None and train.grid.cells:
+        cells = min(max(round(train.grid.per_pixel * pixels), LEAST_CELLS), MOST_CELLS)
+        train = replace(train, grid=replace(train.grid, cells=cells))
+    if train.bins_per_pixel is not None:
+        bins = min(max(round(train.bins_per_pixel * pixels), LEAST_BINS), MOST_BINS)
+        train = replace(train, bins=bins)
+    return train
 
 
 def _is(needs: Needs, name: str, needed: bool) -> bool:

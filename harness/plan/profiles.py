@@ -15,7 +15,15 @@ from harness.plan.defaults import KEPT_EVERY
 from harness.plan.group_task import GroupTask
 from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.plan.schedule import Budget
-from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings, VoxelSettings
+from harness.plan.settings import (
+    GridSettings,
+    OptimiserName,
+    OptimiserSettings,
+    ScoreSettings,
+    TrainSettings,
+    ViewSettings,
+    VoxelSettings,
+)
 from scenes.catalog.entries import CATALOG as SCENES
 from scenes.catalog.entries import CLASSICS, RUNGS, STRESS
 from scenes.catalog.scene_file import check_scene_file, name_of_file
@@ -169,18 +177,27 @@ without the part of its density that Listing 2 lacks.
 COMPARED = ("nerf", "nerf_matched", "qnerf")
 """The methods of every default run: the bandwidth control beside the two methods of the paper."""
 
+TUNED: dict[OptimiserName, dict[str, Any]] = {
+    "adam": {"optimiser": OptimiserSettings("adam"), "learning_rate": 2e-2, "last_learning_rate": 1e-3},
+    "soap": {"optimiser": OptimiserSettings("soap", (0.9, 0.99)), "learning_rate": 1e-2, "last_learning_rate": 5e-4},
+    "muon": {"optimiser": OptimiserSettings("muon", (0.95, 0.99)), "learning_rate": 1e-2, "last_learning_rate": 5e-4},
+}
+"""Map optimiser → the settings of short runs with it, by the sweep in docs/learning_rates.json, for all methods."""
+
 REDUCED_TRAINING = TrainSettings(
     network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),
     rays=512,
     bins=32,
-    first_bins=16,
+    bins_per_pixel=0.4,
+    first_bins=24,
+    rendered_bins=64,
     fine_bins=0,
-    learning_rate=2e-2,
-    last_learning_rate=1e-3,
+    covered_share=0.8,
+    **TUNED["soap"],
     warm_up_steps=50,
     precision="bfloat16",
-    grid=GridSettings(cells=48, first_step=100, every=25),
-    voxels=VoxelSettings(finest=64, bins=96),
+    grid=GridSettings(cells=48, first_step=100, every=25, per_pixel=0.6),
+    voxels=VoxelSettings(finest=64, bins=96, rate_factor=40.0),
 )
 
 SHORT_TRAINING = replace(
@@ -213,7 +230,7 @@ PROFILES: dict[str, Plan] = {
         seeds=(0, 1, 2),
         budget=Budget(steps=1000, seconds=None),
         train=REDUCED_TRAINING,
-        score=ScoreSettings(checkpoints=4, earliest=0.1, chunk=2048),
+        score=ScoreSettings(checkpoints=4, earliest=0.125, chunk=2048),
         views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
         extras=(Extra(EXPLAINED, EXPLAINING, (0, 1, 2)), Extra(EXPLAINED, tuple(LADDER), (0,))),
     ),
@@ -236,6 +253,23 @@ PROFILES: dict[str, Plan] = {
         train=SHORT_TRAINING,
         score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=2048, stored_views=1),
         views=ViewSettings(resolution=40, train=20, val=0, test=4, spp_train=16, spp_test=32),
+    ),
+    "converged": Plan(
+        profile="converged",
+        scenes=tuple(CLASSICS),
+        methods=COMPARED,
+        seeds=(0, 1, 2),
+        budget=Budget(steps=4000, seconds=None),
+        train=replace(
+            REDUCED_TRAINING,
+            rays=1024,
+            bins_per_pixel=0.8,
+            rendered_bins=96,
+            warm_up_steps=100,
+            grid=replace(REDUCED_TRAINING.grid, per_pixel=1.2, every=50, share=0.1),
+        ),
+        score=ScoreSettings(checkpoints=5, earliest=0.0625, chunk=2048),
+        views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
     ),
     "full": Plan(
         profile="full",
@@ -264,15 +298,17 @@ def planned(
     render_limit: float | None = None,
     region: Region | None = None,
     precision: Precision | None = None,
+    optimiser: OptimiserName | None = None,
     without: list[str] | None = None,
     need: list[str] | None = None,
     no_need: list[str] | None = None,
 ) -> Plan:
     """Return a profile with the user's changes; raises `InputError` naming the option, the value and the known ones.
 
-    `precision` None keeps the profile's; `without` names accelerations to switch off. `need` and `no_need` force
-    parts in and out, whatever a scene needs: `need` also stands for switching off the acceleration that leaves it out.
-    `region` bounds the visible geometry of the images of `view_set`.
+    `precision` and `optimiser` None keep the profile's; another optimiser comes with the rates of `TUNED`. `without`
+    names accelerations to switch off. `need` and `no_need` force parts in and out, whatever a scene needs: `need` also
+    stands for switching off the acceleration that leaves it out. `region` bounds the visible geometry of the images of
+    `view_set`.
     """
     from harness.plan.plugins import method_names, require_methods
 
@@ -319,6 +355,8 @@ def planned(
         plan = replace(plan, views=replace(plan.views, resolution=resolution))
     if precision is not None:
         plan = replace(plan, train=replace(plan.train, precision=precision))
+    if optimiser is not None and optimiser != plan.train.optimiser.name:
+        plan = replace(plan, train=replace(plan.train, **TUNED[optimiser]))
     if without is not None:
         off = known_names("--without", without, [extra.name for extra in fields(Accelerations)])
         plan = replace(plan, train=replace(plan.train, accelerations=plan.train.accelerations.without(off)))

@@ -7,6 +7,7 @@ from baselines.contract import EVERY_ACCELERATION, Accelerations, NetworkSize, P
 from scenes.view_sets.source import Region
 
 OptimiserName = Literal["adam", "soap", "muon"]
+OPTIMISER_TITLES: dict[OptimiserName, str] = {"adam": "Adam", "soap": "SOAP (arXiv 2409.11321)", "muon": "Muon"}
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,10 @@ class GridSettings:
     """The least share of the densest cell's loss that a ray must lose in a cell for it to be occupied."""
     exploration: float = 0.01
     """The share of the unoccupied points that training evaluates all the same."""
+    per_pixel: float | None = None
+    """The cells per pixel of the box's longest side as a view shows it, in place of `cells` once a view set is known
+    (`harness.plan.needed.at_scale`).
+    """
 
 
 @dataclass(frozen=True)
@@ -73,8 +78,14 @@ class TrainSettings:
     network: NetworkSize = field(default_factory=NetworkSize)
     rays: int = 1024
     bins: int = 64
+    bins_per_pixel: float | None = None
+    """The bins per pixel of the box's longest side, in place of `bins` once a view set is known."""
     first_bins: int = 64
     """The bins per ray before the step from which the occupancy grid is in use."""
+    rendered_bins: int | None = None
+    """The bins per ray of pictures; None: those of training. Where the grid leaves out most of them, and none has a
+    gradient, more cost little.
+    """
     fine_bins: int = 128
     covered_share: float = 0.0
     """The share of a batch's rays that go through covered pixels; the others go anywhere. The loss then weighs the

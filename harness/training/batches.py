@@ -1,7 +1,8 @@
 """Pixels → rays of one pinhole camera; (seed, step) → the ray batch that every method gets.
 
-The pixel-centre and axis convention of `CONVENTIONS.md` lives here alone. Pixels are drawn evenly, or most of them where
-the images are covered: a choice made of the images alone, so that every method of a comparison gets the same rays.
+The pixel-centre and axis convention of `CONVENTIONS.md` lives here alone. Pixels are drawn evenly, or most of
+them where the images are covered: a choice made of the images alone, so that every method of a comparison gets the same
+rays.
 """
 
 import math

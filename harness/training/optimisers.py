@@ -65,9 +65,7 @@ def _muon(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser
     """Return Muon for matrices; it takes no others, which Adam has. Both take steps of about the same size."""
     matrices = [weight for weight in weights if weight.ndim == 2]
     others = [weight for weight in weights if weight.ndim != 2]
-    muon = torch.optim.Muon(
-        matrices, momentum=settings.betas[0], weight_decay=0.0, adjust_lr_fn="match_rms_adamw"
-    )
+    muon = torch.optim.Muon(matrices, momentum=settings.betas[0], weight_decay=0.0, adjust_lr_fn="match_rms_adamw")
     return TorchOptimisers(muon, torch.optim.Adam(others, betas=settings.betas, fused=True))
 
 

@@ -223,12 +223,14 @@ class Trainer(BudgetedTrainer):
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
         self.optimiser.restore(tensors)
 
-    def _sampling(self) -> Sampling:
+    def _sampling(self, training: bool = False) -> Sampling:
+        """Return the sampling of a picture, or that of a step of `training`."""
         grid = self.settings.grid
         # also without the grid, so that switching it off changes nothing but the omission
         settled = grid.cells == 0 or self.whole_rays or self.step > grid.first_step
+        bins = self.settings.bins if settled else self.settings.first_bins
         return Sampling(
-            bins=self.settings.bins if settled else self.settings.first_bins,
+            bins=bins if training else max(bins, self.settings.rendered_bins or bins),
             fine_bins=self.settings.fine_bins,
             quadrature=self.quadrature,
             clip_to_box=self.settings.accelerations.clipping and not self.whole_rays,
@@ -240,7 +242,7 @@ class Trainer(BudgetedTrainer):
         self, rays: Rays, generator: torch.Generator | None, first: int = 0, bins: int | None = None
     ) -> Rendering:
         rays.require_finite()
-        sampling = self._sampling()
+        sampling = self._sampling(training=generator is not None)
         if bins is not None:
             sampling = replace(sampling, bins=bins, fine_bins=round(sampling.fine_bins * bins / sampling.bins))
         try:

@@ -99,7 +99,9 @@ def test_points_outside_of_the_box_belong_to_the_nearest_cell() -> None:
     density = torch.zeros(CELLS**3)
     density[0], density[-1] = 100.0, 100.0
     grid = refreshed(cell_by_cell(density))
-    assert grid.occupied[grid.cell(torch.tensor([[-1.0, -1.0, -1.0], [-9.0, -9.0, -9.0], [1.0, 1.0, 1.0], [9.0, 9.0, 9.0]]))].all()
+    assert grid.occupied[
+        grid.cell(torch.tensor([[-1.0, -1.0, -1.0], [-9.0, -9.0, -9.0], [1.0, 1.0, 1.0], [9.0, 9.0, 9.0]]))
+    ].all()
     assert not grid.occupied[grid.cell(torch.tensor([[0.0, 0.0, 0.0], [9.0, -9.0, 9.0]]))].any()
 
 

@@ -19,11 +19,9 @@ def test_the_ablation_is_left_to_the_ledger_which_knows_what_lies_beside() -> No
     assert not any("ablation" in one for one in not_tested(replace(PROFILES["reduced"], methods=("nerf", "qnerf"))))
 
 
-def test_rays_chosen_by_attention_are_a_deviation_that_is_said() -> None:
-    plan = PROFILES["reduced"]
-    said = [one for one in deviations(plan) if "chosen by attention" in one]
-    assert said == []
-    attended = replace(plan, train=replace(plan.train, ray_attention="gradients"))
-    (sentence,) = (one for one in deviations(attended) if "chosen by attention" in one)
-    assert "50% of each batch" in sentence
-    assert "different comparison" in sentence
+def test_rays_through_covered_pixels_are_a_deviation_that_is_said() -> None:
+    plan = PROFILES["full"]
+    assert not any("covered pixels" in sentence for sentence in deviations(plan))
+    chosen = replace(plan, train=replace(plan.train, covered_share=0.7))
+    (sentence,) = (sentence for sentence in deviations(chosen) if "covered pixels" in sentence)
+    assert sentence.startswith("70% of the rays")

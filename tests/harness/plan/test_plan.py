@@ -36,7 +36,6 @@ from scenes.files.errors import InputError
         ({"budget_seconds": math.inf}, ["--budget-seconds inf"]),
         ({"resolution": 0}, ["--resolution 0", "between 8 and 4096"]),
         ({"resolution": 10**6}, ["--resolution 1000000"]),
-        ({"ray_attention": "edges"}, ["--ray-attention", "'edges'", "none gradients"]),
         ({"scenes": ["lego"], "view_set": [Path("x")]}, ["--scenes and --view-set exclude each other"]),
     ],
 )
@@ -105,8 +104,6 @@ def test_options_change_what_they_name_and_nothing_else(ball_folder: Path) -> No
         ({"budget_steps": 7}, {"budget"}),
         ({"resolution": 16}, {"views"}),
         ({"precision": "float32"}, {"train"}),
-        ({"ray_attention": "gradients"}, {"train"}),
-        ({"ray_attention": "none"}, set()),
         ({"view_set": [ball_folder]}, {"view_set", "scenes"}),
     ]
     for options, expected in changes:

@@ -56,7 +56,7 @@ def test_batches_are_those_of_all_views_composited_in_memory_to_the_bit() -> Non
 
 
 def one_dot(share: float) -> Batches:
-    """Three images, 100 pixels wide, with one covered pixel in the last of them; the number of a pixel is its colour."""
+    """Three images, 100 pixels wide, with one covered pixel in the last of them."""
     size = 100
     rgba = np.zeros((VIEWS, size, size, 4), np.float32)
     rgba[2, 50, 60, 3] = 1.0

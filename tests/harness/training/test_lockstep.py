@@ -141,17 +141,17 @@ def test_all_methods_get_the_same_batches_and_take_turns(
     assert [one[0] for one in rounds] == [*THREE, *THREE], "who goes first changes"
 
 
-@pytest.mark.parametrize("attention", ["none", "gradients"])
+@pytest.mark.parametrize("share", [0.0, 0.8])
 def test_all_methods_get_the_rays_that_the_settings_choose(
-    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attention: Any
+    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: float
 ) -> None:
     cameras = evaluate.cameras_of(ball, ball.train, CPU)
-    expected = Batches(cameras, ball.train.rgba, attention).batch("ball/0", 1, TRAIN.rays)
+    expected = Batches(cameras, ball.train.rgba, share).batch("ball/0", 1, TRAIN.rays)
     seen: list[tuple[int, torch.Tensor, torch.Tensor]] = []
     watched(monkeypatch, lambda learner, rays, colours: seen.append((learner.step, rays.directions, colours)))
-    train = replace(TRAIN, ray_attention=attention)
+    train = replace(TRAIN, covered_share=share)
     cells = group(ball, tmp_path, ("nerf", "qnerf"), budget=Budget(3, None), train=train)
-    assert {cell.settings["train"]["ray_attention"] for cell in cells.values()} == {attention}
+    assert {cell.settings["train"]["covered_share"] for cell in cells.values()} == {share}
     trained_alone("nerf", ball, "ball/0", train, Budget(3, None), CPU)
     second = [(directions, colours) for step, directions, colours in seen if step == 1]
     assert len(second) == 3

@@ -118,7 +118,9 @@ def test_zero_constant_and_rank_one_gradients_leave_finite_weights(name: str, dt
     for step in range(40):
         for weight in some:
             kind = step // 10
-            weight.grad = torch.zeros_like(weight) if kind in (0, 2) else torch.full_like(weight, 10.0 ** (2 - 4 * kind))
+            weight.grad = (
+                torch.zeros_like(weight) if kind in (0, 2) else torch.full_like(weight, 10.0 ** (2 - 4 * kind))
+            )
         optimiser.step(0.01)
         assert all(bool(torch.isfinite(weight).all()) for weight in some)
     if name == "soap":  # nothing moves while every gradient is zero
