@@ -150,7 +150,7 @@ class Soap:
             size = rate * math.sqrt(1.0 - self.betas[1] ** self.taken) / (1.0 - self.betas[0] ** self.taken)
             for group, g in zip(self._groups, gradients, strict=True):
                 moved = group.back(self._direction(group.first, group.second, group.into(g)))
-                torch._foreach_add_(group.weights, list(moved.unbind()), alpha=-size)
+                torch._foreach_add_(list[Tensor](group.weights), list(moved.unbind()), alpha=-size)
             if self._others:
                 g = torch.cat([_gradient(weight).reshape(-1) for weight in self._others])
                 parts = self._direction(self._first, self._second, g).split([w.numel() for w in self._others])
