@@ -1,7 +1,7 @@
 """The optimisers by name. Each takes one step from the gradients that lie in the weights, and is kept with its cell."""
 
 from collections.abc import Callable, Iterable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
@@ -10,6 +10,7 @@ from harness.plan.settings import OptimiserName, OptimiserSettings
 from harness.training.soap import Soap
 
 
+@runtime_checkable
 class Optimiser(Protocol):
     """An optimiser of a field's weights."""
 
