@@ -79,8 +79,9 @@ def deviations(plan: Plan) -> list[str]:
     if train.covered_share:
         rows.append(
             f"{train.covered_share:.0%} of the rays of a batch go through covered pixels of the training images, or "
-            "near them, the same for all methods; the others go anywhere. The loss is the mean over the batch as it is, "
-            "so that the object weighs more in it than in the scores. The paper does not say how its rays are chosen."
+            "near them, the same for all methods; the others go anywhere. The loss is the mean over the batch as it "
+            "is, so that the object weighs more in it than in the scores. The paper does not say how its rays are "
+            "chosen."
         )
     if "voxels_drjit" in plan.methods:
         grid = train.voxels
