@@ -214,7 +214,7 @@ def test_scores_between_checkpoints_are_linear_in_log_time() -> None:
     bridged = replace(scored, curve=[curve[0], checkpoint(2, 10.0, None), checkpoint(3, 100.0, 20.0)])
     assert score_on_curve(bridged, "psnr", "seconds", 10.0) == pytest.approx(15.0)
     assert score_on_curve(bridged, "ssim", "seconds", 10.0) is None
-    assert score_on_curve(scored, "flip", "step", 1.0) is None, "a metric of the end alone is on no curve"
+    assert score_on_curve(scored, "flip", "steps", 1.0) is None, "a metric of the end alone is on no curve"
 
 
 def test_a_method_that_ended_before_the_other_was_first_scored_cannot_be_compared_at_equal_time() -> None:
