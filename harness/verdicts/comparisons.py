@@ -98,7 +98,7 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
 
 
 def budgets_of(cells: Iterable[CellRecord]) -> tuple[Budget, ...]:
-    """Return the budgets that `cells` can be compared at: core seconds where every one that trained has counted them."""
+    """Return the budgets that `cells` can be compared at: core seconds if every one that trained has counted them."""
     counted = all(cell.train_core_seconds is not None for cell in cells if cell.steps)
     return ("steps", "seconds", "core_seconds") if counted else ("steps", "seconds")
 

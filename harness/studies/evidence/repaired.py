@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from baselines.catalog import CATALOG
 from baselines.methods.repaired import CANDIDATES, EXCLUDED
 from baselines.numerics.encoding import PHI
-from harness.records.cells import CellRecord
+from harness.records.cells import Budget, CellRecord
 from harness.records.study import Check, Effect, Table, check
-from harness.records.cells import Budget
 from harness.studies.choices.repair_search import Search, read_search
 from harness.studies.evidence.contrasts import (
     amount,
