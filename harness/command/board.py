@@ -62,7 +62,8 @@ def _curve(writer: "SummaryWriter", curve: list[Checkpoint]) -> None:
     for point in curve:
         for name in ALONG_TRAINING:
             _scalar(writer, f"test/{name}", getattr(point, name), point.step, point.seconds)
-        _scalar(writer, "test/network_evaluations", point.network_evaluations, point.step, point.seconds)
+        for name in ("network_evaluations", "core_seconds"):
+            _scalar(writer, f"test/{name}", getattr(point, name), point.step, point.seconds)
         if point.density is None:
             continue
         edges = np.asarray(point.density["edges"])

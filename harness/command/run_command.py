@@ -105,6 +105,7 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
     from harness.execution.run import run
     from harness.records.cells import read_cells
     from harness.run_folder.output_folder import claimed, fresh_folder, latest_folder, point_latest_to
+    from harness.verdicts.last_doubling import in_words, last_doublings
     from scenes.files.errors import InputError
 
     checked(options)
@@ -136,7 +137,10 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         if before is not None and latest_folder() is None:  # its folder was given up again
             point_latest_to(before)
         raise
-    counts = Counter(cell.status for cell in read_cells(out))
+    cells = list(read_cells(out))
+    for row in last_doublings(cells, list(plan.methods)):
+        show.line(in_words(row))
+    counts = Counter(cell.status for cell in cells)
     outcome = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
     show.line(f"{outcome}; records in {out / 'records'}")
     return code

@@ -245,7 +245,8 @@ def cell_line(cell: "CellRecord") -> str:
         return f"{name}: {cell.status.upper()}, {cell.reason}"
     psnr = cell.scores.get("psnr")
     score = "identical images" if psnr is None else f"{psnr:.2f} dB"
-    return f"{name}: {score} after {cell.steps} steps, {cell.train_seconds:.1f} s"
+    cores = "" if cell.train_core_seconds is None else f", {cell.train_core_seconds:.1f} core s"
+    return f"{name}: {score} after {cell.steps} steps, {cell.train_seconds:.1f} s{cores}"
 
 
 def chosen_progress(quiet: bool) -> Progress:

@@ -1,4 +1,4 @@
-"""Training seconds of one method: only the time between `start` and `stop` counts."""
+"""Training time of one method, by the wall and by the processor: only what is between `start` and `stop` counts."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -8,22 +8,34 @@ import torch
 
 
 class Stopwatch:
-    """A stopwatch of wall seconds that waits for launched work before each reading."""
+    """A stopwatch that waits for launched work before each reading.
 
-    def __init__(self, device: torch.device, clock: Callable[[], float] = time.perf_counter) -> None:
+    It counts `seconds` of the wall and `core_seconds`: the processor time of all threads of this process, system calls
+    and threads that spin included. Work on a GPU is no processor time: there `core_seconds` are the host's alone.
+    """
+
+    def __init__(
+        self,
+        device: torch.device,
+        clock: Callable[[], float] = time.perf_counter,
+        core_clock: Callable[[], float] = time.process_time,
+    ) -> None:
         self._synchronise = torch.cuda.synchronize if device.type == "cuda" else _nothing
         self._clock = clock
+        self._core_clock = core_clock
         self.seconds = 0.0
+        self.core_seconds = 0.0
 
     @contextmanager
     def running(self) -> Iterator[None]:
         self._synchronise()
-        began = self._clock()
+        began, core_began = self._clock(), self._core_clock()
         try:
             yield
         finally:
             self._synchronise()
             self.seconds += self._clock() - began
+            self.core_seconds += self._core_clock() - core_began
 
 
 def _nothing() -> None:

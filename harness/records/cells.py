@@ -19,6 +19,8 @@ from harness.records.json_record import (
 from harness.records.metric_table import ALONG_TRAINING, METRICS
 
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
+Budget = Literal["steps", "seconds", "core_seconds"]
+"""What two methods are given equal amounts of: training steps, wall seconds or core seconds, each on its own clock."""
 
 
 class Estimate(Record, frozen=True):
@@ -49,7 +51,7 @@ class Comparison(Record, frozen=True):
     method: str
     against: str
     metric: str
-    budget: Literal["steps", "seconds"]
+    budget: Budget
     difference: float | None
     interval: tuple[float, float] | None
     """Taken, as every field that `Estimate` has too, from the estimate that speaks for the row."""
@@ -119,6 +121,10 @@ class Checkpoint(ScoresAlong):
     alpha: float | None = None
     """The amplifier's α and β (Listing 2) where the method has them."""
     beta: float | None = None
+    core_seconds: float | None = None
+    """The processor seconds of the same work, by all threads of the process (on a GPU the host's alone); None in older
+    records.
+    """
 
 
 class ViewScore(ViewScores):
@@ -182,6 +188,8 @@ class CellRecord(Record, frozen=True):
     """States that a reader must know: empty collapse, billboard (train far above test), below the floor."""
     settings: dict[str, Any]
     provenance: dict[str, Any]
+    train_core_seconds: float | None = None
+    """The processor seconds of training, as `Checkpoint.core_seconds`."""
     pictures: str | None = None
     """The file of its saved renders (`harness.records.pictures`) relative to `OUT/records`; None if there is none."""
     files: dict[str, str] = field(default_factory=dict)

@@ -46,6 +46,7 @@ class Place(Record, frozen=True):
     steps: float | None
     groups: list[int]
     """The numbers of its groups, from 1; empty against a baseline."""
+    core_seconds: float | None = None
 
 
 class Ranking(Record, frozen=True):

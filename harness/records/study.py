@@ -13,7 +13,7 @@ from typing import Any, Literal
 import msgspec
 from msgspec import field
 
-from harness.records.cells import Estimate, Verdict
+from harness.records.cells import Budget, Estimate, Verdict
 from harness.records.json_record import DamagedRecord, Record, as_promised, finite_or_none, load_record, write_record
 
 SCHEMA = 2
@@ -116,7 +116,7 @@ class Effect(Record, frozen=True, tag="effect"):
     """A scene's name, or `all`."""
     metric: str
     """psnr, ssim, …"""
-    budget: Literal["steps", "seconds"]
+    budget: Budget
     difference: float | None
     interval: tuple[float, float] | None
     """The 95 % interval of this comparison alone."""

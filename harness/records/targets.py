@@ -7,14 +7,14 @@ This module imports modules of records alone, as reports read it.
 from pathlib import Path
 from typing import Literal
 
-from harness.records.cells import Estimate, Verdict, records_folder
+from harness.records.cells import Budget, Estimate, Verdict, records_folder
 from harness.records.json_record import Record, read_record, write_record
 
 TARGETS_SCHEMA = 1
 TARGETS_FILE = "targets.json"
 
-Axis = Literal["steps", "seconds"]
-"""The axis of time: training steps, or training seconds of the run's own clock."""
+Axis = Budget
+"""The axis of time: training steps, or wall or core seconds of training."""
 
 
 class Reach(Record, frozen=True):
@@ -75,7 +75,7 @@ class TargetComparison(Record, frozen=True):
     smallest_detectable: float | None
     """The true saving in per cent that such a sample would find in 80 % of repetitions."""
     difference: float | None
-    """The difference of the mean restricted times, `method` − `against`, in steps or seconds."""
+    """The difference of the mean restricted times, `method` − `against`, in steps, seconds or core seconds."""
     difference_interval: tuple[float, float] | None
     """The 95 % interval of this comparison alone."""
     pairs: int

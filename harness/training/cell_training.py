@@ -280,6 +280,7 @@ class CellTraining:
         return Checkpoint(
             step=trainer.step,
             seconds=trainer.clock.seconds,
+            core_seconds=trainer.clock.core_seconds,
             network_evaluations=trainer.network_evaluations,
             density=evaluate.density_histogram(trainer, self.occupied),
             **scores,
@@ -315,6 +316,7 @@ class CellTraining:
             reason=reason,
             steps=trainer.step,
             train_seconds=trainer.clock.seconds,
+            train_core_seconds=trainer.clock.core_seconds,
             scores=scores,
             curve=self.curve,
             views=rows,

@@ -3,7 +3,7 @@
 A cell in the middle of its training is a file as well (`harness.records.snapshot`). Random draws depend on a cell's
 seed and step alone (`harness.plan.seeds`), so weights, optimiser, occupancy grid, counters and the scores so far are
 all that has to be kept. On a CPU, a cell that is resumed from its file ends in the bits of one that was never
-interrupted; its clock goes on as well, from where it stood.
+interrupted; its clocks go on as well, from where they stood.
 """
 
 import hashlib
@@ -112,6 +112,7 @@ def training_state(learner: "Learner") -> Unfinished:
     listing: dict[str, Any] = {
         "step": learner.step,
         "seconds": learner.clock.seconds,
+        "core_seconds": learner.clock.core_seconds,
         "network_evaluations": learner.network_evaluations,
         "usual_norm": learner.clipping.usual_norm,
         "clipped_steps": learner.clipping.clipped_steps,
@@ -138,6 +139,7 @@ def restore_training(learner: "Learner", kept: Unfinished) -> None:
         learner.grid.density = tensors("grid")["density"]
         learner.grid.emptied = listing["grid_emptied"]
     learner.clock.seconds = listing["seconds"]
+    learner.clock.core_seconds = listing["core_seconds"]
     learner.network_evaluations = listing["network_evaluations"]
     learner.clipping.usual_norm = listing["usual_norm"]
     learner.clipping.clipped_steps = listing["clipped_steps"]

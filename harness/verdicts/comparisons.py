@@ -1,13 +1,14 @@
-"""Paired comparisons of cells, at equal steps and at equal time."""
+"""Paired comparisons of cells: at equal steps, at equal time, and at equal time of the processor."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from harness.records.cells import CellRecord, Comparison, Estimate
+from harness.records.cells import Budget, CellRecord, Comparison, Estimate
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.verdicts.failures import judgeable
 from harness.verdicts.paper import TABLE4
@@ -16,7 +17,10 @@ from harness.verdicts.statistics import estimate, on_one_scene, on_these_scenes,
 FEWEST_SEEDS = 3
 """The fewest seeds that give a verdict on a single scene."""
 
-Budget = Literal["steps", "seconds"]
+SPENT: dict[Budget, str] = {"steps": "steps", "seconds": "train_seconds", "core_seconds": "train_core_seconds"}
+"""Map budget → the field of a cell that holds how much of it was spent."""
+AT: dict[Budget, str] = {"steps": "step", "seconds": "seconds", "core_seconds": "core_seconds"}
+"""Map budget → the field of a checkpoint that holds how much of it was spent until then."""
 Key = tuple[str, str, int]
 
 NO_ESTIMATE = Estimate(None, None, 1, "inconclusive", None, None)
@@ -68,13 +72,12 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
     cells on all.
     """
     by_key, _, seeds = keyed(cells)
-    rows = []
+    along, rows = budgets_of(cells), []
     for method, against in duels(methods):
         where = scenes_of(cells, method, against)
         shared = [scene for scene in where if scene != "all"]
         for name, metric in METRICS.items():
-            budgets: tuple[Budget, ...] = ("steps", "seconds") if metric.along_training else ("steps",)
-            for budget in budgets:
+            for budget in along if metric.along_training else along[:1]:
                 table = differences(by_key, shared, seeds, method, against, name, budget)
                 for scene in where:
                     family = family_of(name, scene, len(table))
@@ -92,6 +95,12 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
                         )
                     )
     return rows
+
+
+def budgets_of(cells: Iterable[CellRecord]) -> tuple[Budget, ...]:
+    """Return the budgets that `cells` can be compared at: core seconds if every one that trained has counted them."""
+    counted = all(cell.train_core_seconds is not None for cell in cells if cell.steps)
+    return ("steps", "seconds", "core_seconds") if counted else ("steps", "seconds")
 
 
 def duels(methods: list[str]) -> list[tuple[str, str]]:
@@ -161,23 +170,24 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
 def scores_at(
     first: CellRecord | None, second: CellRecord | None, name: str, budget: Budget
 ) -> tuple[float | None, float | None]:
-    """Return a metric of two cells: at the steps that both have done, or at the training time of the quicker one."""
+    """Return a metric of two cells: at the steps that both have done, or at the time that the quicker one spent."""
     if first is None or second is None or not (judgeable(first) and judgeable(second)):
         return None, None
     if budget == "steps" and first.steps == second.steps:
         return first.scores.get(name), second.scores.get(name)
-    axis: Literal["step", "seconds"] = "step" if budget == "steps" else "seconds"
-    at = min(first.steps, second.steps) if budget == "steps" else min(first.train_seconds, second.train_seconds)
-    return score_on_curve(first, name, axis, at), score_on_curve(second, name, axis, at)
+    spent = [getattr(cell, SPENT[budget]) for cell in (first, second)]
+    if None in spent:
+        return None, None
+    return score_on_curve(first, name, budget, min(spent)), score_on_curve(second, name, budget, min(spent))
 
 
-def score_on_curve(cell: CellRecord, name: str, axis: Literal["step", "seconds"], at: float) -> float | None:
+def score_on_curve(cell: CellRecord, name: str, budget: Budget, at: float) -> float | None:
     """Return a metric of a cell's curve, linear in the logarithm of steps or seconds between checkpoints.
 
     The result is None before the first checkpoint, and for a metric that is scored at the end alone.
     """
-    scored = [(getattr(point, axis), getattr(point, name, None)) for point in cell.curve]
-    points = [(position, value) for position, value in scored if value is not None]
+    scored = [(getattr(point, AT[budget]), getattr(point, name, None)) for point in cell.curve]
+    points = [(position, value) for position, value in scored if position is not None and value is not None]
     if not points or at < points[0][0]:
         return None
     positions = [math.log(position) for position, _ in points]

@@ -161,7 +161,15 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
     groups = _groups([table.methods[row] for row in order], pairs) if baseline is None else [[] for _ in order]
     scenes = np.isfinite(table.values).any(axis=2).sum(axis=1)
     places = [
-        Place(table.methods[row], float(means[row]), int(scenes[row]), table.seconds[row], table.steps[row], of)
+        Place(
+            method=table.methods[row],
+            mean=float(means[row]),
+            scenes=int(scenes[row]),
+            seconds=table.seconds[row],
+            steps=table.steps[row],
+            groups=of,
+            core_seconds=table.core_seconds[row],
+        )
         for row, of in zip(order, groups, strict=True)
     ]
     return Ranking(places, pairs, len(duels))

@@ -17,8 +17,8 @@ from harness.records.json_record import LARGEST_FILE, load_json
 from harness.records.metric_table import METRICS, PRIMARY
 from scenes.files.errors import InputError
 
-SYNONYMS = {"train_seconds": "seconds", "total_train_time": "seconds"}
-"""The names that nerfbaselines and our own summary have for the column `seconds`."""
+SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
+"""The names that nerfbaselines and our own summary have for the columns `seconds` and `core_seconds`."""
 FORMS = (
     "JSON must be a list of rows {scene, method, psnr, …}, {cells: such rows}, {method, scenes: {scene: {metric: "
     "value}}} or a result file of nerfbaselines"
@@ -185,7 +185,7 @@ def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
     return {**data["metrics"], **seconds, "scene": scene, "method": method}
 
 
-KEYS = ("scene", "method", "seed", "steps", "seconds")
+KEYS = ("scene", "method", "seed", "steps", "seconds", "core_seconds")
 """The columns that are no metric."""
 LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
 LOWER |= {"lpips", "rmse", "mse", "mae", "fid", "kid", "dists", "chamfer"}
@@ -214,6 +214,7 @@ class ResultTable:
     """The scores, [methods, scenes, seeds], NaN where there is none."""
     seconds: list[float | None]
     """The mean training seconds of each method."""
+    core_seconds: list[float | None]
     steps: list[float | None]
     notes: list[str]
     """The notes for a reader on how it was read."""
@@ -236,7 +237,7 @@ def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence
         )
     flat = np.asarray(np.ravel_multi_index(codes, shape))
     _refuse_duplicates(flat, rows)
-    scores, seconds, steps = (_numbers(rows, name) for name in (chosen, "seconds", "steps"))
+    scores, *spent = (_numbers(rows, name) for name in (chosen, "seconds", "core_seconds", "steps"))
     values = np.full(shape, np.nan)
     values.ravel()[flat] = scores
     there = np.isfinite(values)
@@ -249,6 +250,7 @@ def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence
         raise InputError(
             f"{source}: has {len(scenes)} scene with results; how much scenes differ is not known below two"
         )
+    seconds, core_seconds, steps = ([_mean(each[codes[0] == place]) for place in methods] for each in spent)
     notes = [f"{name}: no result at all, left out." for name, has in zip(known[0], has_method, strict=True) if not has]
     if others := [name for name in metrics if name != chosen]:
         notes.append(f"Other metrics in the table, not judged here (--metric): {', '.join(others)}.")
@@ -261,8 +263,9 @@ def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence
         scenes=[known[1][place] for place in scenes],
         seeds=known[2],
         values=values[has_method][:, has_scene],
-        seconds=[_mean(seconds[codes[0] == place]) for place in methods],
-        steps=[_mean(steps[codes[0] == place]) for place in methods],
+        seconds=seconds,
+        core_seconds=core_seconds,
+        steps=steps,
         notes=notes + note,
     )
 

@@ -18,7 +18,18 @@ from msgspec.structs import replace
 
 from harness.records.cells import CellRecord, Estimate, Verdict
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
-from harness.verdicts.comparisons import FEWEST_SEEDS, NO_ESTIMATE, Key, duels, family_of, fields_of, scenes_of
+from harness.verdicts.comparisons import (
+    AT,
+    FEWEST_SEEDS,
+    NO_ESTIMATE,
+    SPENT,
+    Key,
+    budgets_of,
+    duels,
+    family_of,
+    fields_of,
+    scenes_of,
+)
 from harness.verdicts.statistics import (
     CONFIDENCE,
     PairedDifference,
@@ -35,7 +46,6 @@ SMALLEST_SAVING = 5.0
 """The saving in per cent of training time that matters: the paper prints 18 and 19."""
 LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
 """Map status → why a run was not seen to get there, whatever it scored before."""
-AXES: tuple[Axis, ...] = ("steps", "seconds")
 
 
 def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
@@ -48,15 +58,15 @@ def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
     target, declared = chosen_target([cell for cell in runs if cell.method == baseline], baseline)
     if target is None:
         return TargetsRecord(None, False, baseline, declared, [], [], [])
-    scenes = sorted({cell.scene for cell in runs})
-    reaches = [reach(cell, axis, target) for axis in AXES for cell in runs]
+    scenes, axes = sorted({cell.scene for cell in runs}), budgets_of(runs)
+    reaches = [reach(cell, axis, target) for axis in axes for cell in runs]
     curves = []
-    for axis, method, scene in product(AXES, methods, ["all", *scenes]):
+    for axis, method, scene in product(axes, methods, ["all", *scenes]):
         own = [each for each in reaches if (each.axis, each.method) == (axis, method) and scene in ("all", each.scene)]
         curves += [ReachCurve(method, scene, axis, *kaplan_meier(own))] if own else []
     comparisons = [
         compared(runs, method, against, axis, target, scene)
-        for axis in AXES
+        for axis in axes
         for method, against in duels(methods)
         for scene in scenes_of(runs, method, against)
     ]
@@ -93,7 +103,7 @@ def reach(cell: CellRecord, axis: Axis, target: float) -> Reach:
     """Return when `cell` first reached `target`, on a line over the logarithm of time between checkpoints."""
     points = scored(cell, axis)
     if cell.status != "done" or not points:
-        watched = points[-1][0] if points else float(cell.steps if axis == "steps" else cell.train_seconds)
+        watched = points[-1][0] if points else float(getattr(cell, SPENT[axis]) or 0.0)
         return Reach(cell.scene, cell.method, cell.seed, axis, watched, "never", LOST[cell.status])
     time, known = first_reached(points, target)
     why = f"ended at {points[-1][1]:.2f} dB" if known == "never" else ""
@@ -269,9 +279,9 @@ def _paired(
 
 
 def scored(cell: CellRecord, axis: Axis) -> list[tuple[float, float]]:
-    """Return (steps or seconds, PSNR) of the checkpoints that have one, in the order of training."""
-    points = [(float(point.step if axis == "steps" else point.seconds), point.psnr) for point in cell.curve]
-    return sorted((time, psnr) for time, psnr in points if psnr is not None and time > 0)
+    """Return (steps or seconds, PSNR) of the checkpoints that have both, in the order of training."""
+    points = [(getattr(point, AT[axis]), point.psnr) for point in cell.curve]
+    return sorted((float(time), psnr) for time, psnr in points if time and psnr is not None)
 
 
 def _cut(full: Reach, horizon: float) -> Reach:

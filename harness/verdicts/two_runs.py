@@ -70,8 +70,9 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
     _refuse_other_plans(runs, cells, outs)
     pairs = [(cells[0][key], cells[1][key]) for key in sorted(cells[0])]
     scored = [pair for pair in pairs if all(cell.scores.get("psnr") is not None for cell in pair)]
-    before, after = (compare(list(side.values()), list(runs[0].methods)) for side in cells)
-    rows = list(zip(before, after, strict=True))
+    before, after = (_keyed(compare(list(side.values()), list(runs[0].methods))) for side in cells)
+    # an older run has not counted core seconds
+    rows = [(row, after[key]) for key, row in before.items() if key in after]
     origins = {}
     for name in PLACE:
         ours, theirs = ({str(cell.provenance.get(name, "not recorded")) for cell in side.values()} for side in cells)
@@ -99,6 +100,10 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
             and theirs.difference is not None
         ],
     )
+
+
+def _keyed(rows: list[Comparison]) -> dict[tuple[str, ...], Comparison]:
+    return {(row.scene, row.method, row.against, row.metric, row.budget): row for row in rows}
 
 
 def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]], outs: tuple[Path, Path]) -> None:

@@ -6,10 +6,9 @@ from harness.verdicts.failures import Failures, failures
 from reports.claims.psnr_table import lines
 from reports.data.load import Records
 from reports.data.selection import behind_difference
-from reports.data.wording import NARROW, counted, number, signed
+from reports.data.wording import BUDGETS, NARROW, counted, number, signed
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
-BUDGETS = {"steps": "equal steps", "seconds": "equal training time"}
 SENSES = {"on_these_scenes": "on these scenes", "scenes_like_these": "on scenes like these"}
 EXPLAINED = (
     "On these scenes asks what another run with other seeds would say of the very scenes that were tried; its error "

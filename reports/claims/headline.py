@@ -8,15 +8,17 @@ bandwidth alone.
 from dataclasses import dataclass
 
 from harness.records.cells import Comparison
+from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
 from reports.data.table import average_of, cells_frame, shared_scenes
-from reports.data.wording import counted, interval, listed, number, signed
+from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
 
 BASELINE = "nerf"
 CONTROL = "nerf_matched"
 FAVOURITE = "qnerf"
 LOST = ("diverged", "error")
-BUDGETS = (("steps", "equal steps"), ("seconds", "equal training time"))
+TABULATED = tuple((budget, BUDGETS[budget]) for budget in ("steps", "seconds"))
+"""The budgets that differences stand at in tables, beside each other; those of the others are rows of their own."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def duels(records: Records, scene: str = "all") -> list[Duel]:
     """Return every contender against the baseline and against the control."""
     cast = roles(records)
     return [
-        Duel(method, rival, *(records.comparison(scene, method, rival, budget=budget) for budget, _ in BUDGETS))
+        Duel(method, rival, *(records.comparison(scene, method, rival, budget=budget) for budget, _ in TABULATED))
         for method in cast.contenders
         for rival in (cast.baseline, cast.control)
         if rival is not None and method != rival
@@ -133,7 +135,14 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
     if verdicts:  # the question that they answer (`reports.claims.estimands`)
         like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
         how.append("on scenes like these" if like else "on these scenes")
-    return "; ".join([f"{title} ({', '.join(how)})" if how else title, *losses])
+    rising = [_rising(records, [method, cast.baseline])] if verdicts else []
+    return "; ".join(filter(None, [f"{title} ({', '.join(how)})" if how else title, *rising, *losses]))
+
+
+def _rising(records: Records, methods: list[str]) -> str:
+    """Return `still rising by 0.9 dB a doubling`, of the method that rises more; nothing near convergence."""
+    gain = max((row.gain for row in last_doublings(records.cells, methods) if row.gain is not None), default=0.0)
+    return f"still rising by {number(gain, 1)} dB a doubling" if gain >= STILL_RISING else ""
 
 
 def _lost(records: Records, method: str) -> str:

@@ -1,10 +1,12 @@
 """PSNR scene by scene: every method with its spread, ceiling and floor, and the differences with their verdicts."""
 
 from collections import Counter
+from statistics import fmean
 
 from harness.records.cells import CellRecord, Comparison
 from harness.records.metric_table import metric_of
-from reports.claims.headline import BUDGETS, roles
+from harness.verdicts.last_doubling import LastDoubling, last_doublings
+from reports.claims.headline import TABULATED, roles
 from reports.data.load import Records
 from reports.data.selection import Selection, behind_difference
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
@@ -14,6 +16,11 @@ from reports.page.grid import EMPTY, Column, Entry, Grid
 TOGETHER = (
     "Where several are looked at together, the verdict is taken from the wider interval of them all: all of these hold "
     "the truth in 95 %."
+)
+SPENT = (
+    "Gain of the last doubling: PSNR at the end less that at half of the steps, while the learning rate still falls; "
+    "the mean over scenes with its 95 % interval. Core seconds are processor time of all threads in training alone (on "
+    "a GPU the host's), below them seconds of the wall."
 )
 FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
 
@@ -48,10 +55,36 @@ def scores_grid(records: Records) -> Grid:
         "The smaller line is PSNR on training views: a wide gap means that views were memorised. "
         "Reference-limited: within 1 dB of the ceiling that the noise of the ground truth sets."
     )
+    note += f" {SPENT}"
     shared, every = shared_scenes(frame, "psnr"), len(records.scenes)
     title = "mean" if len(shared) == every else f"mean of {len(shared)} of {every} scenes"
     totals = [row(title, shared)] if len(shared) > 1 else []
+    gains = map(gain_entry, last_doublings(records.cells, records.methods))
+    spent = [
+        spent_entry([cell for cell in records.cells if (cell.method, cell.status) == (method, "done")])
+        for method in records.methods
+    ]
+    for words, entries in (("gain of the last doubling, dB", gains), ("training of a cell", spent)):
+        totals.append([Entry(words), Entry(""), *entries, *[Entry("")] * (3 if printed else 1)])
     return Grid("Test PSNR", columns, [row(scene, [scene], scene) for scene in records.scenes], totals, note)
+
+
+def gain_entry(row: LastDoubling) -> Entry:
+    """Return what the last doubling of the steps brought a method, with its interval."""
+    low, high = row.interval or (None, None)
+    behind = Selection("", row.method, metric="psnr")
+    return Entry(signed(row.gain), interval(row.interval), "", row.gain, {"low": low, "high": high}, behind)
+
+
+def spent_entry(cells: list[CellRecord]) -> Entry:
+    """Return the mean core seconds of training, below them those of the wall; these alone if no others were counted."""
+    if not cells:
+        return EMPTY
+    wall, cores = fmean(cell.train_seconds for cell in cells), [cell.train_core_seconds for cell in cells]
+    known = [each for each in cores if each is not None]
+    if len(known) < len(cells):
+        return Entry(f"{number(wall, 1)} s", value=wall)
+    return Entry(f"{number(fmean(known), 1)} core s", f"{number(wall, 1)} s", value=fmean(known), parts={"wall": wall})
 
 
 def _level(values: list[float | None]) -> Entry:
@@ -101,7 +134,7 @@ def differences_grids(records: Records) -> list[Grid]:
     for method in cast.contenders:
         pairs = [
             (rival, name, words)
-            for name, words in BUDGETS
+            for name, words in TABULATED
             for rival in rivals
             if any(records.comparison(scene, method, rival, budget=name) for scene in [*records.scenes, "all"])
         ]

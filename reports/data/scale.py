@@ -6,7 +6,7 @@ from statistics import median
 from typing import Any
 
 from reports.data.load import Records
-from reports.data.wording import count, counted, duration, listed
+from reports.data.wording import count, counted, duration, listed, number
 
 PAPER_STEPS = 200_000
 PAPER_TRAINING = {"rays": 1024, "learning_rate": 5e-4}
@@ -26,14 +26,21 @@ class Fact:
 def facts(records: Records) -> list[Fact]:
     """Return resolution, steps, time, seeds, network: the top of the page, beside the paper's setting."""
     settings = records.run.settings
-    seconds = [cell.train_seconds for cell in records.cells if cell.status == "done"]
+    done = [cell for cell in records.cells if cell.status == "done"]
+    seconds, cores = [cell.train_seconds for cell in done], [cell.train_core_seconds for cell in done]
+    counted_cores = [each for each in cores if each is not None]
+    of_cores = f", {number(median(counted_cores), 1)} core s" if counted_cores else ""
     every = [
         Fact("profile", records.run.profile, "full"),
         Fact("scenes", count(len(records.scenes)), "8"),
         Fact("picture", _resolutions(records), "800 × 800 px"),
         Fact("views", _views(records), "100 train, 200 test"),
         Fact("steps", _steps(records), count(PAPER_STEPS)),
-        Fact("training time", f"{duration(median(seconds))} a cell (median)" if seconds else "", "4.2 h to 30 dB"),
+        Fact(
+            "training time",
+            f"{duration(median(seconds))} a cell (median){of_cores}" if seconds else "",
+            "4.2 h to 30 dB",
+        ),
         Fact("seeds", count(len(records.run.seeds)), "not stated"),
         Fact("network", _network(records), "8 × 256"),
         Fact("rays a step", setting(settings, "train", "rays"), "1\u202f024"),

@@ -21,7 +21,7 @@ class Selection:
     metric: str = ""
     """The name of a score, or `TARGET`."""
     budget: str = ""
-    """The budget, `steps` or `seconds`, of a difference or of the way to the target."""
+    """The budget, `steps`, `seconds` or `core_seconds`, of a difference or of the way to the target."""
     seed: int | None = None
     step: int | None = None
 

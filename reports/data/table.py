@@ -54,6 +54,7 @@ def curves_frame(records: Records) -> pd.DataFrame:
             "status": cell.status,
             "step": point.step,
             "seconds": point.seconds,
+            "core_seconds": point.core_seconds,
             "rays": _times(point.step, cell.properties.get("rays_per_step")),
             "evaluations": point.network_evaluations,
             "flops": _times(
@@ -64,7 +65,7 @@ def curves_frame(records: Records) -> pd.DataFrame:
         for cell in records.cells
         for point in sorted(cell.curve, key=lambda point: point.step)
     ]
-    numbers = ("seconds", "rays", "evaluations", "flops", *ALONG_TRAINING)
+    numbers = ("seconds", "core_seconds", "rays", "evaluations", "flops", *ALONG_TRAINING)
     columns = ["scene", "method", "seed", "status", "step", *numbers]
     return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, "float64"))
 

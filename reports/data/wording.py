@@ -12,6 +12,8 @@ UNTESTED: Verdict = "not tested"
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 
+BUDGETS = {"steps": "equal steps", "seconds": "equal training time", "core_seconds": "equal core seconds"}
+"""Map budget of a comparison → what the compared methods had the same of."""
 NOTHING = "–"
 """The text for a missing number."""
 MINUS = "−"

@@ -1,4 +1,4 @@
-"""Learning curves: test PSNR against steps and seconds, and work–precision diagrams of every error against every cost.
+"""Learning curves: test PSNR against steps and time, and work–precision diagrams of every error against every cost.
 
 Both go one way: records → a frame of checkpoints → traces → panels. Every seed is thin, the mean of the finished ones
 thick, a cross stands where a run ended early. Where both axes are logarithmic, means are geometric, and a band reaches
@@ -50,6 +50,7 @@ class Level(NamedTuple):
 
 COSTS = (
     Choice("seconds", "training seconds"),
+    Choice("core_seconds", "core seconds"),
     Choice("rays", "rays"),
     Choice("evaluations", "network evaluations"),
     Choice("flops", "training FLOPs"),
@@ -59,11 +60,11 @@ ERRORS = tuple(
     for metric in sorted(METRICS.values(), key=lambda metric: metric.higher_is_better)
     if metric.error
 )
-AXES = {"step": "training step", "seconds": "training seconds"}
+AXES = {"step": "training step", "seconds": "training seconds", "core_seconds": "core seconds"}
 
 
 def convergence(records: Records, axis: str) -> list[Panel]:
-    """Draw test PSNR against `step` or `seconds`: a panel for each scene, the mean over several scenes first."""
+    """Draw test PSNR against one of `AXES`: a panel for each scene, the mean over several scenes first."""
     curves = curves_frame(records)
     chosen = points_of(curves.assign(x=curves[axis], y=curves["psnr"]))
     colours, panels = colours_of(records.methods), []

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from reports.claims.headline import BUDGETS, roles
+from reports.claims.headline import TABULATED, roles
 from reports.data.load import Records
 from reports.data.selection import behind_difference
 from reports.data.wording import interval, signed
@@ -24,7 +24,7 @@ def difference_panels(records: Records) -> list[Panel]:
     drawn = [
         _differences_panel(records, method, rival, budget, words)
         for method in cast.contenders[:1]
-        for budget, words in BUDGETS
+        for budget, words in TABULATED
         for rival in rivals
     ]
     return with_common_limits([panel for panel in drawn if panel is not None], "x")
@@ -113,6 +113,7 @@ FIGURES = (
     ),
     Drawn("steps", "convergence", lambda records: convergence(records, "step"), "At equal steps"),
     Drawn("seconds", "convergence", lambda records: convergence(records, "seconds"), "At equal training time"),
+    Drawn("core-seconds", "convergence", lambda records: convergence(records, "core_seconds"), "At equal core seconds"),
     Drawn(
         "reach",
         "reaching",
@@ -120,7 +121,6 @@ FIGURES = (
         "Share of runs that have reached it",
         "Kaplan–Meier estimate over all runs of a method. A tick: a run that ended below the target. A cross: one "
         "that diverged or failed, which never gets there.",
-        wide=True,
     ),
     Drawn(
         "reach-scene",

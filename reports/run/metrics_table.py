@@ -10,7 +10,7 @@ from reports.claims.psnr_table import FAILURES, TOGETHER, difference_entry, loss
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import average_of, cells_frame, shared_scenes, spread_of
-from reports.data.wording import count, duration, interval, listed, number, signed, significant
+from reports.data.wording import BUDGETS, count, duration, interval, listed, number, signed, significant
 from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 
@@ -59,7 +59,7 @@ def comparisons_grid(records: Records) -> Grid:
             "all scenes" if comparison.scene == "all" else comparison.scene,
             f"{comparison.method} − {comparison.against}",
             metric.label,
-            "steps" if comparison.budget == "steps" else "time",
+            BUDGETS[comparison.budget].removeprefix("equal "),
         ]
         detected = Entry(number(least, metric.digits_of_difference), value=least)
         rows.append([*map(Entry, words), difference_entry(comparison), detected, Entry(str(comparison.pairs))])

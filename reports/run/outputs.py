@@ -1,6 +1,6 @@
 """Several outputs side by side → outputs.html: each against the first, cell by cell, judged as methods are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +10,11 @@ from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.verdicts.comparisons import Budget, Judgement, differences, family_of, judged
 from reports.claims.claim_list import claims
-from reports.claims.headline import BUDGETS
-from reports.claims.psnr_table import lines, losses, tone_of
+from reports.claims.headline import TABULATED
+from reports.claims.psnr_table import lines, losses, spent_entry, tone_of
 from reports.data.load import Records
 from reports.data.table import cells_frame, curves_frame, spread_of
-from reports.data.wording import counted, interval, listed, number, signed
+from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
 from reports.drawing.figure import plots, with_common_limits
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Panel, Trace
@@ -199,7 +199,7 @@ def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Gr
     shown = [
         (versus, budget, words)
         for versus in others
-        for budget, words in BUDGETS
+        for budget, words in TABULATED
         if versus.same_clock or budget == "steps"
     ]
     columns = [Column("scene", numeric=False), *(Column(output.letter, small=output.name) for output in outputs)]
@@ -258,17 +258,17 @@ def _by_output(
 
 
 def seconds_grid(outputs: list[Output]) -> Grid:
-    """Tabulate mean training seconds of the finished cells by each clock, without a verdict."""
+    """Tabulate mean training seconds of the finished cells, by the wall and of the processor, without a verdict."""
     rows = []
     for method in methods_of(outputs):
         row = [Entry(method)]
         for output in outputs:
-            spent = [c.train_seconds for c in output.records.cells if (c.method, c.status) == (method, "done")]
-            mean = f"{number(float(np.mean(spent)), 1)} s" if spent else ""
-            row.append(Entry(mean, counted(len(spent), "cell")) if spent else EMPTY)
+            done = [cell for cell in output.records.cells if (cell.method, cell.status) == (method, "done")]
+            spent = spent_entry(done)
+            row.append(replace(spent, small=lines(spent.small, counted(len(done), "cell"))) if done else EMPTY)
         rows.append(row)
     note = "Means over the finished cells of each output."
-    return _by_output("Training seconds a cell", "method", outputs, rows, True, note)
+    return _by_output("Training time a cell", "method", outputs, rows, True, note)
 
 
 def verdicts_grid(outputs: list[Output]) -> Grid:
@@ -283,7 +283,7 @@ def verdicts_grid(outputs: list[Output]) -> Grid:
     ]
     rows = [
         [
-            Entry(f"{method} − {rival}", f"at {dict(BUDGETS)[budget]}"),
+            Entry(f"{method} − {rival}", f"at {BUDGETS[budget]}"),
             *(
                 Entry(
                     signed(comparison.difference),

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from harness.records.cells import CellRecord
 from harness.records.json_record import finite_or_none, plain, write_json
 from harness.records.metric_table import METRICS
+from harness.verdicts.last_doubling import last_doublings
 from reports.claims.claim_list import claims
 from reports.claims.estimands import found_failures
 from reports.claims.headline import headline
@@ -56,6 +57,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
         "scenes": [
             {"scene": scene.name, **{name: getattr(scene, name) for name in ABOUT_SCENE}} for scene in run.scenes
         ],
+        "last_doubling": [asdict(row) for row in last_doublings(records.cells, records.methods)],
         "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells)],
         "comparisons": [plain(comparison) for comparison in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(found_failures(records)),
@@ -77,13 +79,17 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
     curve = {
         "steps": [point.step for point in cell.curve],
         "seconds": [point.seconds for point in cell.curve],
+        "core_seconds": [point.core_seconds for point in cell.curve],
         "network_evaluations": [point.network_evaluations for point in cell.curve],
     }
     curve |= {name: [finite_or_none(getattr(point, name)) for point in cell.curve] for name in ("psnr", "rmse_linear")}
     return {
         **{
             name: getattr(cell, name)
-            for name in ("scene", "method", "seed", "status", "reason", "steps", "train_seconds")
+            for name in (
+                *("scene", "method", "seed", "status", "reason"),
+                *("steps", "train_seconds", "train_core_seconds"),
+            )
         },
         **{name: finite_or_none(cell.scores.get(name)) for name in dict.fromkeys(scores)},
         "curve": curve,
@@ -105,8 +111,9 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json", beside)
     written = [folder / "summary.json"]
-    over_time = [diagram for diagram in diagrams(records) if diagram.cost.name == "seconds"]
-    errors = [panel for diagram in over_time if diagram.measure.name == "rmse_linear" for panel in diagram.panels]
+    over_time = [diagram for diagram in diagrams(records) if diagram.cost.name in ("seconds", "core_seconds")]
+    errors = [panel for diagram in over_time if diagram.name == "rmse_linear-seconds" for panel in diagram.panels]
+    # by the wall and of the processor, side by side where both are known
     everywhere = [replace(diagram.panels[0], title=diagram.measure.label) for diagram in over_time]
     ladder = next(iter(ladder_panel(records)), None)
     key = key_of_methods(records)

@@ -18,9 +18,9 @@ from statistics import fmean, stdev
 from typing import Any
 
 from harness.records.study import Studies, read_studies
-from reports.claims.estimands import BUDGETS, SENSES, between
+from reports.claims.estimands import SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
-from reports.data.wording import VERDICTS, counted, interval, listed, number, signed, significant
+from reports.data.wording import BUDGETS, VERDICTS, counted, interval, listed, number, signed, significant
 
 Run = dict[str, Any]
 """The content of a published JSON file that is no record of studies."""

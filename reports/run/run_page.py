@@ -49,7 +49,9 @@ TABLES = {
 """Title → id and table of a section that is a single one."""
 CONVERGENCE = (
     "Thin: one seed. Thick: mean of the finished seeds. A cross: where a run diverged. Dashed: the floor (copying the "
-    "nearest training view) and, where it is near, the ceiling (noise of the ground truth)."
+    "nearest training view) and, where it is near, the ceiling (noise of the ground truth). "
+    "Core seconds: processor time of all threads in training alone, on a GPU the host's; a shared machine changes it "
+    "less than the wall."
 )
 WORK = (
     "Lower and further left is better. Thin: one seed. Thick: the geometric mean of the finished seeds, over all "

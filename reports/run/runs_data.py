@@ -13,7 +13,7 @@ from reports.run.density import is_histogram
 
 RUN_SCRIPTS = ("density.js",)
 """The further scripts that the page of a run needs."""
-CURVES = ("step", "seconds", *ALONG_TRAINING, "alpha", "beta")
+CURVES = ("step", "seconds", "core_seconds", *ALONG_TRAINING, "alpha", "beta")
 """The values of a checkpoint."""
 DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside", "after_outside")
 
@@ -21,7 +21,7 @@ DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside",
 def runs_data(records: Records) -> dict[str, Any]:
     """Return scores and curves in columns, one list per name, so that no name is repeated a thousand times."""
     differing = settings_that_differ(records.cells)
-    compared = {(cell.scene, cell.seed) for cell in of_whole_groups(records.cells, list(records.run.methods))}
+    compared = {(cell.scene, cell.seed) for cell in of_whole_groups(records.cells, records.run.main_methods)}
     return {
         "scenes": records.scenes,
         "methods": records.methods,
@@ -45,7 +45,7 @@ def runs_data(records: Records) -> dict[str, Any]:
 
 
 def _targets(records: Records) -> dict[str, Any]:
-    """Return how soon each run reached the target: scene → method → seed → steps or seconds → time and what is known of
+    """Return how soon each run reached the target: scene → method → seed → axis of time → time and what is known of
     it.
     """
     record = records.targets
@@ -65,6 +65,7 @@ def _cell(cell: CellRecord, differing: set[str]) -> dict[str, Any]:
         **{name: getattr(cell, name) for name in ("scene", "method", "seed", "status", "steps")},
         "reason": cell.reason or "",
         "seconds": _number(cell.train_seconds),
+        "core_seconds": _number(cell.train_core_seconds),
         "scores": {name: _number(score) for name in SCORES if (score := cell.scores.get(name)) is not None},
         "warnings": cell.warnings,
         "differing": {name: value for name, value in sorted(flat(cell.settings)) if name in differing},

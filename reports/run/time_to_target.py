@@ -11,10 +11,12 @@ from reports.drawing.palette import colours_of
 from reports.drawing.traces import Kind, Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
-AXES: dict[Axis, tuple[str, str]] = {
-    "steps": ("training step", "fewer steps"),
-    "seconds": ("training seconds", "less training time"),
+AXES: dict[Axis, tuple[str, str, str]] = {
+    "steps": ("training step", "fewer steps", "steps"),
+    "seconds": ("training seconds", "less training time", "s"),
+    "core_seconds": ("core seconds", "fewer core seconds", "core s"),
 }
+"""Map axis → its label, the head of a saving along it, and its unit."""
 AT_RISK = 5
 """The number of watched runs below which the curve over all scenes ends."""
 BEFORE = 1.6
@@ -34,7 +36,7 @@ def _target(record: TargetsRecord) -> str:
 
 
 def reach_panels(records: Records, scenes: list[str]) -> list[Panel]:
-    """Draw the share of runs that have reached the target against steps and against seconds, scene by scene."""
+    """Draw the share of runs that have reached the target against every axis of time, scene by scene."""
     record = records.targets
     if record is None or record.target is None:
         return []
@@ -71,8 +73,7 @@ def _reach_panel(records: Records, record: TargetsRecord, scene: str, axis: Axis
     title, label = "all scenes" if everywhere else scene, f"share of runs at {_target(record)}"
     ends = "; ".join(f"{curve.method} {curve.share[-1]:.0%} by {curve.time[-1]:.4g}" for curve in curves)
     alt = f"{title}: {label} against {AXES[axis][0]}. {ends}."
-    size = (4.6, 3.0) if everywhere else (3.7, 2.6)
-    return Panel(title, AXES[axis][0], label, (*outlines, *marks), alt, "log", y_limits=(-0.05, 1.05), size=size)
+    return Panel(title, AXES[axis][0], label, (*outlines, *marks), alt, "log", y_limits=(-0.05, 1.05), size=(3.7, 2.6))
 
 
 def is_lost(reach: Reach) -> bool:
@@ -102,21 +103,21 @@ def notes(record: TargetsRecord) -> list[str]:
 
 
 def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
-    """Tabulate one row per pair of methods (and scene), steps and seconds beside each other."""
+    """Tabulate one row per pair of methods (and scene), the axes of time beside each other."""
     pairs = dict.fromkeys(
         (saving.scene, saving.method, saving.against) for saving in record.comparisons if saving.scene in scenes
     )
     if not pairs:
         return None
-    everywhere = scenes == ["all"]
-    rows = []
+    everywhere, rows = scenes == ["all"], []
+    # an older run has not counted core seconds
+    axes = [axis for axis in AXES if axis != "core_seconds" or any(row.axis == axis for row in record.comparisons)]
     for scene, method, against in sorted(pairs, key=lambda pair: scenes.index(pair[0])):
-        savings = [record.comparison(scene, method, against, axis) for axis in AXES]
+        savings = [record.comparison(scene, method, against, axis) for axis in axes]
         row = [Entry(method, f"against {against}")] + ([] if everywhere else [Entry(scene)])
-        rows.append([*row, *map(saving_entry, savings), *map(detectable_entry, savings)])
+        rows.append([*row, *map(saving_entry, savings)])
     columns = [Column("method", numeric=False)] + ([] if everywhere else [Column("scene", numeric=False)])
-    columns += [Column(words) for _, words in AXES.values()]
-    columns += [Column("could detect", small=words) for words in ("steps", "time")]
+    columns += [Column(AXES[axis][1]) for axis in axes]
     note = (
         "Percentage saved of the time to the target, or to the horizon where that comes first (geometric mean over "
         "pairs; negative: slower), with the 95 % interval that the verdict is taken from. Where runs were cut short by "
@@ -131,7 +132,7 @@ def saving_entry(saving: TargetComparison | None) -> Entry:
     if saving is None:
         return EMPTY
     censored = [
-        f"{words}: {count(many)} of {counted(saving.pairs, 'run')} of {method}"
+        f"{words}:\n{count(many)} of {counted(saving.pairs, 'run')} of {method}"
         for words, pair in (("not within the time watched", saving.never), ("there at once", saving.earlier))
         for method, many in zip((saving.method, saving.against), pair, strict=True)
         if many
@@ -141,21 +142,17 @@ def saving_entry(saving: TargetComparison | None) -> Entry:
         censored += [
             f"to the target itself {signed(end, 1)}{NARROW}% {words}" for end, words in ends if end is not None
         ]
-        censored.append(f"horizon {number(saving.horizon, 0)} {'steps' if saving.axis == 'steps' else 's'}")
+        censored.append(f"horizon {number(saving.horizon, 0)} {AXES[saving.axis][2]}")
+    least = saving.smallest_detectable
+    could = "" if least is None else f"could detect {number(least, 0)}{NARROW}%"
     aside = f"{counted(saving.unpaired, 'pair')} not judged" if saving.unpaired else ""
     pair = None if saving.saving is None else saving.simultaneous or saving.interval
     low, high = pair or (None, None)
     return Entry(
         "–" if saving.saving is None else f"{signed(saving.saving, 1)}{NARROW}%",
-        lines(interval(pair, 1), saving.verdict, *censored, aside),
+        lines(interval(pair, 1), saving.verdict, could, *censored, aside),
         saving.verdict,
         saving.saving,
-        {} if saving.saving is None else {"low": low, "high": high},
+        {} if saving.saving is None else {"low": low, "high": high, "could detect": least},
         behind_saving(saving),
     )
-
-
-def detectable_entry(saving: TargetComparison | None) -> Entry:
-    if saving is None or saving.smallest_detectable is None:
-        return EMPTY
-    return Entry(f"{number(saving.smallest_detectable, 0)}{NARROW}%", tone="muted")

@@ -58,6 +58,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         Column("could find"),
         Column(f"less {rival}", small="on these scenes"),
         Column("training"),
+        Column("core seconds"),
         Column("steps"),
     ]
     rows = []
@@ -75,7 +76,10 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(verdict_words(estimate.verdict), tone=estimate.verdict) if estimate else EMPTY,
                 Entry(number(record, least)) if least is not None else EMPTY,
                 difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
-                Entry(duration(place.seconds)) if place.seconds is not None else EMPTY,
+                *(
+                    Entry(duration(spent)) if spent is not None else EMPTY
+                    for spent in (place.seconds, place.core_seconds)
+                ),
                 Entry(f"{place.steps:,.0f}") if place.steps is not None else EMPTY,
             ]
         )

@@ -61,6 +61,7 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
             Checkpoint(
                 step=step,
                 seconds=round(step * 0.02 * SLOWNESS[method], 3),
+                core_seconds=round(step * 0.034 * SLOWNESS[method], 3),
                 network_evaluations=step * 16_000,
                 psnr=psnr,
                 rmse_linear=round(1.3 * 10 ** (-psnr / 20), 5),
@@ -86,6 +87,7 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
         reason=None,
         steps=STEPS[-1],
         train_seconds=curve[-1].seconds,
+        train_core_seconds=curve[-1].core_seconds,
         scores=scores,
         curve=curve,
         views=[ViewScore("r_12", scores["psnr_ceiling"], psnr=final, **of_view)],

@@ -45,7 +45,8 @@ def column(view, section, place):
 
 def test_a_table_is_saved_as_csv_with_the_numbers_of_the_records(view, records):
     rows = rows_of(saved(view, tools(view, "psnr"), "CSV"))
-    assert [row["scene"] for row in rows] == ["chair", HOSTILE, "mean"]
+    gain, spent = "gain of the last doubling, dB", "training of a cell"
+    assert [row["scene"] for row in rows] == ["chair", HOSTILE, "mean", gain, spent]
     for method in records.methods:
         scores = [cell.scores["psnr"] for cell in records.cells_of("chair", method)]
         assert float(rows[0][method]) == pytest.approx(sum(scores) / len(scores), rel=1e-6)

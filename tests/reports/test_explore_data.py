@@ -135,6 +135,8 @@ def test_every_run_is_there_with_what_sets_it_apart(tmp_path):
     first, cell = found["cells"][0], records.cells[0]
     assert first["scores"]["psnr"] == pytest.approx(cell.scores["psnr"], rel=1e-5)
     assert first["curve"]["step"] == [point.step for point in cell.curve]
+    assert first["curve"]["core_seconds"] == pytest.approx([point.core_seconds for point in cell.curve], rel=1e-5)
+    assert first["core_seconds"] == pytest.approx(cell.train_core_seconds, rel=1e-5)
     assert "alpha" not in first["curve"]
     assert first["differing"] == {}
     assert first["file"] == "records/cells/chair.nerf.0.json"
@@ -150,6 +152,14 @@ def test_runs_of_a_group_that_is_not_whole_say_so(tmp_path):
         ("chair", "nerf_matched", 1),
         ("chair", "qnerf", 1),
     ]
+
+
+def test_methods_of_single_scenes_do_not_make_a_group_less_than_whole(tmp_path):
+    def planned(run):
+        return replace(run, methods={**run.methods, "extra": "on one scene"}, settings={"methods": list(run.methods)})
+
+    records = read_records(write_fake_run(tmp_path / "run", pictures=False, change=planned))
+    assert not any("whole" in cell for cell in runs_data(records)["cells"])
 
 
 def test_histograms_leave_out_what_is_the_same_and_carry_the_true_occupancy(tmp_path):

@@ -38,7 +38,7 @@ def test_one_pair_of_error_and_cost_is_seen_and_the_reader_chooses_which(browser
         view.get_by_text(words, exact=True).first.click()
     assert view.evaluate(seen) == ["choice ssim-evaluations"]
     view.keyboard.press("ArrowLeft")
-    assert view.evaluate(seen) == ["choice ssim-seconds"], "by keyboard as well"
+    assert view.evaluate(seen) == ["choice ssim-core_seconds"], "by keyboard as well"
     assert noise == []
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Float
 
 from harness.records import metric_table
-from harness.records.cells import CellRecord
+from harness.records.cells import Budget, CellRecord
 from harness.records.study import Effect, Series
-from harness.verdicts.comparisons import Budget, family_of, judged, keyed, score_on_curve
+from harness.verdicts.comparisons import family_of, judged, keyed, score_on_curve
 from harness.verdicts.failures import judgeable
 
 METRICS = ("psnr", "ssim")
@@ -78,7 +78,7 @@ def scores_together(
         if budget == "seconds" and step is None:
             value = score_on_curve(cell, metric, "seconds", at)
         else:
-            value = cell.scores.get(metric) if at == cell.steps else score_on_curve(cell, metric, "step", at)
+            value = cell.scores.get(metric) if at == cell.steps else score_on_curve(cell, metric, "steps", at)
         return math.nan if value is None else value
 
     return np.array([score(cell) for cell in cells])

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from baselines.catalog import CATALOG
 from baselines.methods.repaired import CANDIDATES, EXCLUDED
 from baselines.numerics.encoding import PHI
-from harness.records.cells import CellRecord
+from harness.records.cells import Budget, CellRecord
 from harness.records.study import Check, Effect, Table, check
 from harness.studies.choices.repair_search import Search, read_search
 from harness.studies.evidence.contrasts import (
@@ -21,7 +21,7 @@ from harness.studies.evidence.contrasts import (
 )
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
-from harness.verdicts.comparisons import Budget, keyed
+from harness.verdicts.comparisons import keyed
 
 REPAIRED = "qnerf_repaired"
 CONTROLS = {

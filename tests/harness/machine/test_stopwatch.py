@@ -1,5 +1,7 @@
 """What is between start and stop counts, and nothing else."""
 
+import time
+
 import pytest
 import torch
 
@@ -16,15 +18,33 @@ class FakeClock:
 
 def test_what_is_outside_does_not_count() -> None:
     clock = FakeClock()
-    watch = Stopwatch(torch.device("cpu"), clock)
+    processor = FakeClock()
+    watch = Stopwatch(torch.device("cpu"), clock, processor)
     clock.now += 1000
+    processor.now += 2000
     with watch.running():
         clock.now += 2
+        processor.now += 3.5
     clock.now += 5000
+    processor.now += 10000
     with watch.running():
         clock.now += 0.5
+        processor.now += 1
     clock.now += 1
-    assert watch.seconds == 2.5
+    assert (watch.seconds, watch.core_seconds) == (2.5, 4.5)
+
+
+def test_the_clocks_are_of_the_wall_and_of_the_processor() -> None:
+    watch = Stopwatch(torch.device("cpu"))
+    with watch.running():
+        began = time.process_time()
+        while time.process_time() - began < 0.02:
+            pass
+    assert watch.core_seconds >= 0.02
+    spent = watch.core_seconds
+    with watch.running():
+        time.sleep(0.05)
+    assert watch.core_seconds - spent < 0.05 < watch.seconds
 
 
 def test_a_step_that_fails_still_counts() -> None:

@@ -95,14 +95,14 @@ json_values = st.recursive(
 checkpoints = st.fixed_dictionaries(
     {
         "step": st.integers(0), "seconds": finite, "network_evaluations": st.integers(0), "psnr": maybe,
-        "rmse_linear": maybe, "ssim": maybe, "alpha": maybe, "beta": maybe,
+        "rmse_linear": maybe, "ssim": maybe, "alpha": maybe, "beta": maybe, "core_seconds": maybe,
         "density": st.none() | st.dictionaries(text, st.lists(finite, max_size=3), max_size=3),
     }
 )  # fmt: skip
 cells = st.fixed_dictionaries(
     {
         "seed": st.integers(0, 9), "status": st.sampled_from(["done", "diverged", "error", "not_available"]),
-        "reason": st.none() | text, "steps": st.integers(0), "train_seconds": finite,
+        "reason": st.none() | text, "steps": st.integers(0), "train_seconds": finite, "train_core_seconds": maybe,
         "scores": st.dictionaries(text, maybe, max_size=3),
         "trace": st.dictionaries(text, st.lists(maybe, max_size=3), max_size=3),
         "parameters": st.dictionaries(text, st.integers(), max_size=3),
@@ -168,7 +168,10 @@ def test_a_record_with_pictures_of_the_former_kind_still_opens(tmp_path: Path) -
 
 
 def test_a_whole_number_is_a_number_and_what_was_added_later_may_be_missing(tmp_path: Path) -> None:
-    older = (lambda data: data.pop("files"), lambda data: data["curve"][0].pop("flip"))
+    older = (
+        lambda data: [data.pop(name) for name in ("files", "train_core_seconds")],
+        lambda data: [data["curve"][0].pop(name) for name in ("flip", "core_seconds")],
+    )
     path = damage(tmp_path, lambda data: [data.update(train_seconds=3), *(change(data) for change in older)])
     assert read_cell(path) == replace(one_cell(), train_seconds=3.0)
 

@@ -56,8 +56,8 @@ def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
 
 def without_time(cell: CellRecord) -> CellRecord:
     """What must be equal to the bit; no clock ever runs twice alike."""
-    curve = [replace(point, seconds=0.0) for point in cell.curve]
-    return replace(cell, train_seconds=0.0, curve=curve, provenance={})
+    curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
+    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, curve=curve, provenance={})
 
 
 def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[float]]) -> None:
@@ -69,6 +69,7 @@ def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[f
         assert len(cell.curve) == SCORE.checkpoints
         assert [point.step for point in cell.curve] == [6, 12, 24]
         assert cell.curve[-1].seconds == cell.train_seconds > 0
+        assert cell.curve[-1].core_seconds == cell.train_core_seconds > 0
         assert [a.seconds < b.seconds for a, b in zip(cell.curve, cell.curve[1:], strict=False)] == [True, True]
         assert set(cell.trace) == set(TRACED)
         assert [view.view for view in cell.views] == ["test/r_0", "test/r_1", "test/r_2"]

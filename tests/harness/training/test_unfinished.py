@@ -100,13 +100,16 @@ def test_a_stopped_group_ends_in_the_bits_of_one_that_was_not(
         assert "resumed_at" not in expected[method].provenance
 
 
-def test_its_clock_goes_on_from_where_it_stood(ball: ViewSet, stopped: Path) -> None:
+def test_its_clocks_go_on_from_where_they_stood(ball: ViewSet, stopped: Path) -> None:
     path = unfinished_path(stopped, "ball", "nerf", 0)
     kept = read_unfinished(path)
-    write_unfinished(path, replace(kept, listing={**kept.listing, "seconds": 1000.0}))
+    write_unfinished(path, replace(kept, listing={**kept.listing, "seconds": 1000.0, "core_seconds": 3000.0}))
     cells, _ = train(ball, stopped)
     assert 1000 < cells["nerf"].train_seconds < 1100
     assert 0 < cells["qnerf"].train_seconds < 100
+    assert 3000 < cells["nerf"].train_core_seconds < 3300
+    assert cells["nerf"].curve[-1].core_seconds == cells["nerf"].train_core_seconds
+    assert 0 < cells["qnerf"].train_core_seconds < 300
 
 
 @pytest.mark.slow

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from harness.records.cells import CellRecord, Comparison
+from harness.records.cells import CellRecord, Comparison, unscored
 from harness.records.metric_table import METRICS
-from harness.verdicts.comparisons import compare, differences, family_of, judged, keyed, score_on_curve
+from harness.verdicts.comparisons import budgets_of, compare, differences, family_of, judged, keyed, score_on_curve
 from tests.harness.cells import cell, checkpoint, diverged
 
 
@@ -43,6 +43,34 @@ def test_equal_steps_compare_final_scores_and_equal_time_reads_the_slower_where_
     rows = [row for row in compare(many, ["nerf", "qnerf"]) if row.scene == "lego" and row.metric == "psnr"]
     assert of(rows, budget="steps").verdict == "better"
     assert of(rows, budget="seconds").verdict == "worse", "who wins may differ"
+
+
+def with_cores(cell: CellRecord, threads: float) -> CellRecord:
+    """The same run by so many busy threads."""
+    curve = [replace(point, core_seconds=threads * point.seconds) for point in cell.curve]
+    return replace(cell, curve=curve, train_core_seconds=threads * cell.train_seconds)
+
+
+def test_equal_core_seconds_are_read_where_the_one_that_spent_less_ended() -> None:
+    cells = [with_cores(quick("nerf", 0, 24.0), 4.0), with_cores(slow("qnerf", 0, 27.0), 1.0)]
+    rows = compare(cells, ["nerf", "qnerf"])
+    # nerf after 200 core seconds lies log(200 / 40) / log(400 / 40) of the way from 20 to 24 dB
+    at_200 = 20 + 4 * math.log(5) / math.log(10)
+    found = of(rows, scene="lego", metric="psnr", budget="core_seconds")
+    assert found.difference == pytest.approx(27 - at_200)
+    along = {name for name, metric in METRICS.items() if metric.along_training}
+    assert {row.metric for row in rows if row.budget == "core_seconds"} == along < set(METRICS)
+
+
+def test_where_a_run_has_not_counted_core_seconds_there_is_no_such_comparison() -> None:
+    cells = [with_cores(quick("nerf", 0, 24.0), 1.0), slow("qnerf", 0, 27.0)]
+    assert budgets_of(cells) == ("steps", "seconds")
+    assert {row.budget for row in compare(cells, ["nerf", "qnerf"])} == {"steps", "seconds"}
+    assert differences(*keyed(cells), "qnerf", "nerf", "psnr", "core_seconds") == {
+        "lego": pytest.approx([math.nan], nan_ok=True)
+    }
+    never = unscored("lego", "qnerf", 0, "error", "disk full")
+    assert "core_seconds" in budgets_of([cells[0], never]), "one that never trained has none to count"
 
 
 def test_the_direction_of_a_metric_is_minded() -> None:
@@ -214,7 +242,7 @@ def test_scores_between_checkpoints_are_linear_in_log_time() -> None:
     bridged = replace(scored, curve=[curve[0], checkpoint(2, 10.0, None), checkpoint(3, 100.0, 20.0)])
     assert score_on_curve(bridged, "psnr", "seconds", 10.0) == pytest.approx(15.0)
     assert score_on_curve(bridged, "ssim", "seconds", 10.0) is None
-    assert score_on_curve(scored, "flip", "step", 1.0) is None, "a metric of the end alone is on no curve"
+    assert score_on_curve(scored, "flip", "steps", 1.0) is None, "a metric of the end alone is on no curve"
 
 
 def test_a_method_that_ended_before_the_other_was_first_scored_cannot_be_compared_at_equal_time() -> None:

@@ -19,7 +19,7 @@ def table_of(values: np.ndarray, **more: object) -> ResultTable:
     names = [[f"{kind}{place}" for place in range(many)] for kind, many in (("m", methods), ("s", scenes))]
     of_seeds = [str(seed) for seed in range(seeds)] if seeds > 1 else [""]
     none: list[float | None] = [None] * methods
-    made = ResultTable("t.csv", "psnr", True, *names, of_seeds, values, none, none, [])
+    made = ResultTable("t.csv", "psnr", True, *names, of_seeds, values, none, none, none, [])
     return replace(made, **more)  # type: ignore[arg-type]
 
 

@@ -48,6 +48,22 @@ def test_what_is_known_of_a_run() -> None:
     assert (reach(unscored, "steps", 22).known, reach(unscored, "steps", 22).why) == ("never", "has no score")
 
 
+def test_core_seconds_are_an_axis_where_every_run_has_counted_them() -> None:
+    cells = [run(method, 0, [20, 24, 26], pace=0.1) for method in ("nerf", "qnerf")]
+    counted = [
+        replace(
+            cell,
+            curve=[replace(point, core_seconds=3 * point.seconds) for point in cell.curve],
+            train_core_seconds=3 * cell.train_seconds,
+        )
+        for cell in cells
+    ]
+    assert {row.axis for row in targets(counted, ["nerf", "qnerf"]).reaches} == {"steps", "seconds", "core_seconds"}
+    assert {row.axis for row in targets([counted[0], cells[1]], ["nerf", "qnerf"]).comparisons} == {"steps", "seconds"}
+    by_wall, by_cores = (reach(counted[0], axis, 22.0).time for axis in ("seconds", "core_seconds"))
+    assert by_cores == pytest.approx(3 * by_wall)
+
+
 @pytest.mark.parametrize(
     ("best", "target"),
     [

@@ -14,7 +14,7 @@ from scenes.files.errors import InputError
 
 ROWS: list[dict[str, Any]] = [
     {"scene": scene, "method": method, "seed": seed, "psnr": 20.0 + 3 * a + b + 0.1 * seed, "lpips": 0.1}
-    | {"seconds": 7.5}
+    | {"seconds": 7.5, "train_core_seconds": 12.5}
     for a, scene in enumerate(("lego", "ship", "mic"))
     for b, method in enumerate(("ours", "theirs"))
     for seed in (0, 1)
@@ -61,7 +61,7 @@ def test_every_form_gives_the_same_numbers(form: str, tmp_path: Path) -> None:
         [[20.0 + 3 * a + b + 0.1 * seed for seed in (0, 1)] for a in range(3)] for b in range(2)
     ]
     assert (table.metric, table.higher_is_better) == ("psnr", True)
-    assert (table.seconds, table.steps) == ([7.5, 7.5], [None, None])
+    assert (table.seconds, table.core_seconds, table.steps) == ([7.5, 7.5], [12.5, 12.5], [None, None])
     assert any("lpips" in note for note in table.notes)
 
 

@@ -69,6 +69,18 @@ def test_the_same_output_again_differs_in_nothing(first: Path, capsys: pytest.Ca
     assert json.loads((first / "x.json").read_text())["all"]["rms"] == 0
 
 
+def test_verdicts_that_an_older_output_lacks_are_left_out(first: Path, tmp_path: Path) -> None:
+    cells = [
+        replace(cell, curve=[replace(point, core_seconds=2.0) for point in cell.curve], train_core_seconds=2.0)
+        for cell in cells_of(1.0)
+    ]
+    again = two_runs(first, output(tmp_path / "counted", cells))
+    same = two_runs(first, first)
+    assert [change.compared for change in again.changed] == [change.compared for change in same.changed]
+    counted = two_runs(tmp_path / "counted", tmp_path / "counted")
+    assert counted.changed[0].compared > same.changed[0].compared
+
+
 def test_a_cell_lost_in_one_is_named(first: Path, tmp_path: Path) -> None:
     cells = cells_of(1.0)
     cells[-1] = diverged("b", "qnerf", 2)

@@ -6,6 +6,11 @@ const runs = (() => {
     scene: "scene", method: "method", seed: "seed", step: "step",
     against: "runs.against", metric: "runs.metric", budget: "runs.budget",
   };
+  // What two runs are compared at: in words, the column of a curve, and what a whole run spent of it.
+  const BUDGETS = {
+    steps: ["steps", "step", "steps"], seconds: ["training time", "seconds", "seconds"],
+    core_seconds: ["core seconds", "core_seconds", "core_seconds"],
+  };
   const WORDS = { done: "finished", diverged: "diverged", error: "failed", not_available: "not available" };
   const APART = "not compared: the group is not whole";
   const body = element("div", { class: "content" });
@@ -42,11 +47,11 @@ const runs = (() => {
   const score = (cell, name) => (cell.status === "done" ? cell.scores[name] ?? null : null);
   const unitOf = ({ unit }) => (unit ? ` ${unit}` : "");
 
-  // A metric of two runs: at the steps that both did, or at the training time that the quicker one took.
+  // A metric of two runs: at the steps that both did, or at the time that the quicker one took.
   function scoresAt(first, second, name, budget) {
     if (first.status !== "done" || second?.status !== "done") return [null, null];
-    if (budget !== "seconds" && first.steps === second.steps) return [score(first, name), score(second, name)];
-    const [axis, length] = budget === "seconds" ? ["seconds", "seconds"] : ["step", "steps"];
+    const [, axis, length] = BUDGETS[budget] ?? BUDGETS.steps;
+    if (axis === "step" && first.steps === second.steps) return [score(first, name), score(second, name)];
     const at = Math.min(first[length], second[length]);
     return [onCurve(first, name, axis, at), onCurve(second, name, axis, at)];
   }
@@ -94,7 +99,7 @@ const runs = (() => {
     const several = new Set(known.map(({ cell }) => cell.scene)).size > 1 ? " over scenes of the means over seeds" : "";
     const mean = known.length > 0 && `Mean${several}: ${numbers.signed(meanOf(known), digits)}${unitOf(metric)}, from ${known.length} of ${compared.length} pairs.`;
     return [
-      grid(`${metric.label}, ${one.budget === "seconds" ? "at equal training time" : "at equal steps"}`,
+      grid(`${metric.label}, ${`at equal ${(BUDGETS[one.budget] ?? BUDGETS.steps)[0]}`}`,
         ["scene", "seed", one.method, one.against, "difference"],
         rows.map(({ cell, a, b, aside, value }) =>
           [cell.scene, String(cell.seed), numbers.fixed(a, digits), numbers.fixed(b, digits), aside ?? numbers.signed(value, digits)])),
@@ -106,13 +111,13 @@ const runs = (() => {
   function reachOf(cell, axis) {
     const [time, known] = data.reached?.[cell?.scene]?.[cell?.method]?.[cell?.seed]?.[axis] ?? [null, ""];
     if (time === null || cell.status === "error") return WORDS[cell?.status] ?? numbers.NOTHING;
-    const words = axis === "seconds" ? numbers.seconds(time) : numbers.brief(Math.round(time));
+    const words = axis === "steps" ? numbers.brief(Math.round(time)) : numbers.seconds(time);
     return `${{ never: "not within ", earlier: "by " }[known] ?? ""}${words}`;
   }
 
   function times(one) {
-    const axis = one.budget === "seconds" ? "seconds" : "steps";
-    const label = `${axis === "seconds" ? "training time" : "training steps"} to ${numbers.fixed(data.target, 1)} dB`;
+    const axis = one.budget in BUDGETS ? one.budget : "steps";
+    const label = `${axis === "steps" ? "training steps" : BUDGETS[axis][0]} to ${numbers.fixed(data.target, 1)} dB`;
     return [
       grid(label, ["scene", "seed", one.method, one.against],
         pairsOf(one).map(([ours, theirs]) => [ours.scene, String(ours.seed), reachOf(ours, axis), reachOf(theirs, axis)])),
@@ -144,6 +149,7 @@ const runs = (() => {
     const scores = [...data.metrics, ...others.map(([label, name, digits]) => ({ label, name, digits, unit: "dB" }))];
     const facts = [
       ["steps", numbers.grouped(cell.steps)], ["training time", numbers.seconds(cell.seconds)],
+      ...(cell.core_seconds === null ? [] : [["core seconds", numbers.brief(cell.core_seconds)]]),
       ...scores.filter(({ name }) => cell.scores[name] !== undefined)
         .map((each) => [each.label, `${numbers.fixed(cell.scores[each.name], each.digits)}${unitOf(each)}`]),
       ...Object.entries(cell.differing), ["record", cell.file],

@@ -95,9 +95,8 @@ def tasks(ball_folder: Path, out: Path, seeds: int, score: ScoreSettings, **chan
 
 def without_place(cell: CellRecord) -> CellRecord:
     """Nor time."""
-    return replace(
-        cell, train_seconds=0.0, curve=[replace(point, seconds=0.0) for point in cell.curve], provenance={}
-    )  # fmt: skip
+    curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
+    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, curve=curve, provenance={})
 
 
 def not_on_the_drivers_disk(*parts: Any) -> GroupOrder:

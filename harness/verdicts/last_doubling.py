@@ -1,0 +1,62 @@
+"""How far from convergence: the PSNR that the last doubling of the steps brought.
+
+The checkpoint at half of the steps belongs to a run whose learning rate still falls. What that fall brings is part of
+the gain, so that a run of half the budget would end above it, and twice the budget may bring less than the gain.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.records.cells import CellRecord
+from harness.verdicts.comparisons import judged, keyed, score_on_curve
+from harness.verdicts.failures import judgeable
+
+STILL_RISING = 0.3
+"""The gain in dB from which a method counts as still rising."""
+
+
+@dataclass(frozen=True)
+class LastDoubling:
+    """What the last doubling of the steps brought a method, in dB of test PSNR."""
+
+    method: str
+    gain: float | None
+    """The mean over scenes of the means over seeds; None if no cell has it."""
+    interval: tuple[float, float] | None
+    """95 %, as that of a difference: on scenes like these if there are several, else over the seeds of the one."""
+    cells: int
+
+
+def gain_of_last_doubling(cell: CellRecord) -> float | None:
+    """Return the PSNR at the end less that at half of the steps, which is interpolated in the logarithm of steps.
+
+    The gain is None for a cell that cannot be judged, and if no checkpoint lies at or below half of its steps.
+    """
+    if not judgeable(cell) or not cell.curve or cell.curve[-1].psnr is None:
+        return None
+    half = score_on_curve(cell, "psnr", "steps", cell.steps / 2)
+    return None if half is None else cell.curve[-1].psnr - half
+
+
+def last_doublings(cells: list[CellRecord], methods: list[str]) -> list[LastDoubling]:
+    by_key, scenes, seeds = keyed(cells)
+    gains = {key: gain_of_last_doubling(cell) for key, cell in by_key.items()}
+
+    def of_method(method: str) -> LastDoubling:
+        table = {
+            scene: np.array([gains.get((scene, method, seed)) for seed in seeds], dtype=np.float64) for scene in scenes
+        }
+        mean = judged(table, "psnr", family=1)
+        return LastDoubling(method, mean.difference, mean.chosen.interval, mean.pairs)
+
+    return [of_method(method) for method in methods]
+
+
+def in_words(row: LastDoubling) -> str:
+    """Return a line of the terminal: `nerf: +0.91 dB [+0.62, +1.20] in its last doubling of steps`."""
+    if row.gain is None:
+        return f"{row.method}: what its last doubling of steps brought is not known"
+    ends = ", ".join(f"{end:+.2f}" for end in row.interval or ())
+    figures = f"{row.gain:+.2f} dB{f' [{ends}]' if ends else ''}".replace("-", "−")
+    return f"{row.method}: {figures} in its last doubling of steps{'; still rising' * (row.gain >= STILL_RISING)}"
