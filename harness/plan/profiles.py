@@ -112,8 +112,9 @@ class Plan:
         kept = {key: value for key, value in asdict(self).items() if key not in APART}
         if self.scene_file is None:
             del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are equal
-        if self.views.region is None:
-            del kept["views"]["region"]
+        for name in ("region", "ceiling_train_db", "ceiling_test_db"):
+            if getattr(self.views, name) is None:
+                del kept["views"][name]
         if not self.extras:
             del kept["extras"]
         if self.view_set is not None and len(self.view_set) == 1:
@@ -214,7 +215,16 @@ PROFILES: dict[str, Plan] = {
         budget=Budget(steps=1000, seconds=None),
         train=REDUCED_TRAINING,
         score=ScoreSettings(checkpoints=4, earliest=0.1, chunk=2048),
-        views=ViewSettings(resolution=100, train=100, val=5, test=15, spp_train=16, spp_test=64),
+        views=ViewSettings(
+            resolution=100,
+            train=100,
+            val=5,
+            test=15,
+            spp_train=64,
+            spp_test=256,
+            ceiling_train_db=30.0,
+            ceiling_test_db=45.0,
+        ),
         extras=(Extra(EXPLAINED, EXPLAINING, (0, 1, 2)), Extra(EXPLAINED, tuple(LADDER), (0,))),
     ),
     "stress": Plan(
