@@ -60,11 +60,16 @@ def _render(options: argparse.Namespace) -> None:
     from scenes.catalog.mitsuba_xml import notes
     from scenes.catalog.scene_file import scene_from_file
     from scenes.modelling.scene import Scene
+    from scenes.rendering.order import NoiseTarget
     from scenes.rendering.store import ensure_view_set
     from scenes.view_sets.manifest import read_manifest
 
     counts = {"train": options.train, "val": options.val, "test": options.test}
     spp = {"train": options.spp_train, "val": options.spp_val or options.spp_train, "test": options.spp_test}
+    ceilings = {"train": options.ceiling_train, "val": options.ceiling_val, "test": options.ceiling_test}
+    if ceilings["val"] is None:
+        ceilings["val"] = ceilings["train"]
+    asked = {split: spp[split] if db is None else NoiseTarget(db, spp[split]) for split, db in ceilings.items()}
     scenes: list[str | Scene] = [*options.names]
     if options.scene_file is not None:
         scenes.append(scene_from_file(options.scene_file))
@@ -74,7 +79,7 @@ def _render(options: argparse.Namespace) -> None:
         for note in [] if isinstance(scene, str) else notes(scene):
             event(note)
         path = ensure_view_set(
-            scene, resolution=options.resolution, counts=counts, spp=spp, cache_folder=options.view_sets,
+            scene, resolution=options.resolution, counts=counts, spp=asked, cache_folder=options.view_sets,
             variant=options.variant, progress=event, integrator=options.integrator, say=event,
         )  # fmt: skip
         seconds = round(time.perf_counter() - started, 3)
@@ -138,6 +143,8 @@ def _parser() -> argparse.ArgumentParser:
     for split, count, spp in (("train", 100, 64), ("val", 0, None), ("test", 25, 256)):
         render.add_argument(f"--{split}", type=int, default=count, metavar="N", help=f"{split} views")
         render.add_argument(f"--spp-{split}", type=int, default=spp, metavar="N", help="samples a pixel")
+        ceiling = "PSNR that the noise may allow; as many samples as that takes, --spp at most"
+        render.add_argument(f"--ceiling-{split}", type=float, metavar="DB", help=ceiling)
     render.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR")
     render.add_argument("--integrator", choices=("path", "volpath"), help="default: what the scene needs")
     export = commands.add_parser("export", help="write a view set as other trainers read it")

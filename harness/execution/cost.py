@@ -154,10 +154,9 @@ def rendering_seconds(plan: Plan, missing: int, cores: int) -> Range:
     """Return the rendering seconds on all cores, at best that much faster than on those of the measurement, or slower
     on fewer.
     """
-    views, scale = plan.views, MEGASAMPLE_CORES / cores
-    samples = (views.train + views.val) * views.spp_train + views.test * views.spp_test
-    megasamples = missing * samples * views.resolution**2 / 1e6
-    return scale * MEGASAMPLE[0] * megasamples, max(scale, 1.0) * MEGASAMPLE[1] * megasamples
+    scale = MEGASAMPLE_CORES / cores
+    low, high = (missing * samples * plan.views.resolution**2 / 1e6 for samples in plan.views.samples())
+    return scale * MEGASAMPLE[0] * low, max(scale, 1.0) * MEGASAMPLE[1] * high
 
 
 def serving_seconds(plan: Plan, paces: "list[Pace]", run: Range) -> Range:

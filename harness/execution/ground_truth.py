@@ -120,10 +120,13 @@ def is_cached(scene: str, views: ViewSettings, cache: Path) -> bool:
     """Return whether a scene of the catalogue need not be rendered, provided that the folder of its
     name is complete.
     """
+    from scenes.rendering.order import NoiseTarget
     from scenes.rendering.store import is_stored
 
     counts = {"train": views.train, "val": views.val, "test": views.test}
-    spp = {"train": views.spp_train, "val": views.spp_train, "test": views.spp_test}
+    most, ceilings = (views.spp_train, views.spp_test), (views.ceiling_train_db, views.ceiling_test_db)
+    train, test = (n if db is None else NoiseTarget(db, n) for n, db in zip(most, ceilings, strict=True))
+    spp = {"train": train, "val": train, "test": test}
     return is_stored(scene, views.resolution, counts, spp, cache, _forced_integrator(views))
 
 
@@ -154,7 +157,10 @@ class _Aborted(RuntimeError):
 def sizes_of(views: ViewSettings) -> list[str]:
     """Return the options of `python -m scenes render` that say how many views there are, and how large."""
     names = ("resolution", "train", "val", "test", "spp_train", "spp_test")
-    return [word for name in names for word in (f"--{name.replace('_', '-')}", str(getattr(views, name)))]
+    words = [word for name in names for word in (f"--{name.replace('_', '-')}", str(getattr(views, name)))]
+    ceilings = {"train": views.ceiling_train_db, "test": views.ceiling_test_db}
+    given = ((f"--ceiling-{split}", str(db)) for split, db in ceilings.items() if db is not None)
+    return [*words, *(word for pair in given for word in pair)]
 
 
 def _render(

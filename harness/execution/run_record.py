@@ -44,7 +44,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneReco
     ceiling = None if noise is None else finite_or_none(float(np.mean([psnr_from_mse(float(each)) for each in noise])))
     keep_truth(out, scene, views, task.score.stored_views)
     manifest = views.rendered
-    kept = ("variant", "integrator", "spp", "seconds", "versions", "digest")
+    kept = ("variant", "integrator", "spp", "noise_target", "seconds", "versions", "digest")
     return SceneRecord(
         name=scene,
         title=views.title,

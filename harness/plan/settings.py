@@ -1,5 +1,6 @@
 """Settings of training, sampling and scoring: small frozen groups, equal for all methods of a comparison."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -121,6 +122,10 @@ class ScoreSettings:
     """The number of test views kept as pictures for the report."""
 
 
+NEEDED, NEEDED_DB, NEEDED_SLOPE_DB = (95, 400), 45.0, 12.0
+"""The samples per pixel that the classics need for such a ceiling, least and most, and what ten times as many gain."""
+
+
 @dataclass(frozen=True)
 class ViewSettings:
     """The ground truth to render, and the parts that are taken to be needed of it."""
@@ -130,10 +135,26 @@ class ViewSettings:
     val: int = 100
     test: int = 200
     spp_train: int = 256
+    """The samples per pixel of training and validation views; the most, if there is a ceiling."""
     spp_test: int = 256
+    ceiling_train_db: float | None = None
+    """The PSNR that the noise of these views may allow, in place of a number of samples
+    (`scenes.rendering.samples`).
+    """
+    ceiling_test_db: float | None = None
     need: tuple[str, ...] = ()
     """The parts that are kept whatever the scene says (`harness.plan.needed.FORCEABLE`)."""
     no_need: tuple[str, ...] = ()
     """The parts that are left out whatever the scene says."""
     region: Region | None = None
     """The region of the visible geometry, as the user gives it for images that are not ours."""
+
+    def samples(self) -> tuple[float, float]:
+        """Return the samples per pixel of all views together: of the classic scene that needs fewest, and most."""
+        views, ceilings = (self.train + self.val, self.test), (self.ceiling_train_db, self.ceiling_test_db)
+        low = high = 0.0
+        for count, most, db in zip(views, (self.spp_train, self.spp_test), ceilings, strict=True):
+            share = math.inf if db is None else 10 ** ((db - NEEDED_DB) / NEEDED_SLOPE_DB)
+            least, many = (min(most, needed * share) for needed in NEEDED)
+            low, high = low + count * least, high + count * many
+        return low, high

@@ -80,7 +80,7 @@ def work_of(plan: Plan) -> Work:
     cells, first_seed = len(plan.cells()), len(plan.scenes) * len(plan.methods)
     kept = first_seed * score.checkpoints + (cells - first_seed) + len(plan.scenes)
     all_views = len(plan.scenes) * (views.train + views.val + views.test)
-    spp = (views.train + views.val) * views.spp_train + views.test * views.spp_test
+    spp = views.samples()[1]
     return Work(
         training=plan.budget.steps * step,
         scoring=scored * pixels * a_ray,

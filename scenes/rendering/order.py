@@ -1,7 +1,8 @@
 """The order of a rendering, and the hash that names it in the cache."""
 
 import importlib.metadata
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,17 @@ from scenes.view_sets.viewpoints import FOV_X_RADIANS, SPLITS, all_poses, evenly
 
 
 @dataclass(frozen=True)
+class NoiseTarget:
+    """The noise that a split may have, in place of a number of samples (`scenes.rendering.samples`)."""
+
+    ceiling_db: float
+    """The PSNR of an image with that noise against one without."""
+    most: int
+    """The most samples per pixel, whatever noise is left then."""
+    least: int = 4
+
+
+@dataclass(frozen=True)
 class Order:
     """A view set to be rendered, checked."""
 
@@ -26,7 +38,7 @@ class Order:
     """The similarity that normalised it."""
     resolution: int
     counts: dict[str, int]
-    spp: dict[str, int]
+    spp: Mapping[str, int | NoiseTarget]
     integrator: str | None = None
     """The integrator, `path` or `volpath`, whatever the scene needs."""
 
@@ -37,7 +49,10 @@ class Order:
         return chosen, everything[chosen]
 
     def digest(self, variant: str) -> str:
-        """Return the hexadecimal hash of everything that the images depend on."""
+        """Return the hexadecimal hash of everything that the images depend on.
+
+        With a `NoiseTarget` that is what is asked for; the hash of the images has the numbers of samples in its place.
+        """
         from scenes.rendering.render import OWN_SCENES_VERSION, RENDERER_VERSION  # does not import Mitsuba by itself
 
         scene = self.scene
@@ -57,7 +72,7 @@ class Order:
                 "normalised": similarity_facts(self.similarity),
                 "resolution": self.resolution,
                 "fov": FOV_X_RADIANS,
-                "spp": self.spp,
+                "spp": {split: spp if isinstance(spp, int) else asdict(spp) for split, spp in self.spp.items()},
                 "viewpoints": {split: self.poses(split)[0] for split in SPLITS},
                 "cameras": {split: self.poses(split)[1] for split in SPLITS},
             }

@@ -239,14 +239,19 @@ def render_views(
         finite = np.isfinite(a).all(-1) & np.isfinite(b).all(-1) & np.isfinite(depth) & np.isfinite(normal).all(-1)
         if not finite.all():
             raise RenderError(f"{name}: {int((~finite).sum())} of {finite.size} pixels are not finite; mend the scene")
-        display_a, display_b = (over_white(display_from_linear(half)).astype(np.float64) for half in (a, b))
         yield RenderedView(
             rgba=((a + b) / 2).astype(np.float32),
             variance=((a - b) ** 2 / 4).astype(np.float32),
             depth=depth.astype(np.float32),
             normal=normal.astype(np.float32),
-            noise_mse=float(np.mean((display_a - display_b) ** 2) / 4),
+            noise_mse=display_noise(a, b),
         )
+
+
+def display_noise(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the mean square noise of the mean of two independent estimates [h, w, 4], in display colour over white."""
+    display_a, display_b = (over_white(display_from_linear(half)).astype(np.float64) for half in (a, b))
+    return float(np.mean((display_a - display_b) ** 2) / 4)
 
 
 def even_spp(spp: int) -> int:

@@ -8,7 +8,7 @@ import platform
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +25,7 @@ from scenes.modelling.needs import as_rows, left_out, needs
 from scenes.modelling.normalise import fitted, normalised
 from scenes.modelling.scene import Scene
 from scenes.rendering.occupancy import with_occupancy
-from scenes.rendering.order import Order, similarity_facts, versions
+from scenes.rendering.order import NoiseTarget, Order, similarity_facts, versions
 from scenes.rendering.variant import VARIANTS, Variant, choose_variant, known_variant
 from scenes.view_sets.images import write_channels, write_png
 from scenes.view_sets.manifest import check_all, note, salvaged, write_manifest
@@ -65,6 +65,8 @@ def standings(counts: dict[str, int], spp: dict[str, int], kept: Collection[str]
 
 LARGEST_RESOLUTION = 4096
 LARGEST_SPP = 1 << 16
+CEILINGS = (10.0, 100.0)
+"""The PSNR in dB that the noise of a view may be asked to allow."""
 
 Progress = Callable[[Standing], None]
 """A callback, called once all is loaded, and after each rendered view."""
@@ -75,7 +77,7 @@ def ensure_view_set(
     *,
     resolution: int,
     counts: dict[str, int],
-    spp: dict[str, int],
+    spp: Mapping[str, int | NoiseTarget],
     cache_folder: Path | str,
     variant: str | None = None,
     progress: Progress | None = None,
@@ -85,7 +87,8 @@ def ensure_view_set(
     """Return the folder of the rendered view set, from the cache if it is there and complete, else rendered now.
 
     A scene of the catalogue goes by its name, a user's own (`scenes.catalog.scene_file`) is passed itself.
-    `counts` and `spp` (samples per pixel, 2 or more) are given for train, val and test. With `variant` None a set that
+    `counts` and `spp` (samples per pixel, 2 or more, or the noise that they may leave) are given for train, val and
+    test. With `variant` None a set that
     any variant rendered will do; if none is there, the fastest that works renders it. Several processes may ask for
     the same set at once. `say` receives what is wrong with a cached one. Raises `InputError` for a bad request or
     a folder that cannot be written.
@@ -130,7 +133,7 @@ def check_resolution(resolution: int) -> None:
 
 
 def is_stored(
-    scene_name: str, resolution: int, counts: dict[str, int], spp: dict[str, int], cache_folder: Path,
+    scene_name: str, resolution: int, counts: dict[str, int], spp: Mapping[str, int | NoiseTarget], cache_folder: Path,
     integrator: str | None = None,
 ) -> bool:  # fmt: skip
     """Return whether a folder of the view set's name exists; arguments and errors are those of `ensure_view_set`, which
@@ -140,16 +143,22 @@ def is_stored(
     return any(_folder(cache_folder, order, name).is_dir() for name in VARIANTS)
 
 
-def checked_order(scene_name: str | Scene, resolution: int, counts: dict[str, int], spp: dict[str, int]) -> Order:
+def checked_order(
+    scene_name: str | Scene, resolution: int, counts: dict[str, int], spp: Mapping[str, int | NoiseTarget]
+) -> Order:
     """Return the order; raises `InputError` that names the value and the remedy."""
     scene = scene_named(scene_name) if isinstance(scene_name, str) else scene_name
     check_resolution(resolution)
-    for option, given, smallest, largest in (("--", counts, 0, None), ("--spp-", spp, 2, LARGEST_SPP)):
+    most = {split: asked.most if isinstance(asked, NoiseTarget) else asked for split, asked in spp.items()}
+    for option, given, smallest, largest in (("--", counts, 0, None), ("--spp-", most, 2, LARGEST_SPP)):
         if set(given) != set(SPLITS):
             raise InputError(f"{option}train {option}val {option}test: {given}: give one number each")
         for split, value in given.items():
             if value < smallest or (largest is not None and value > largest):
                 raise InputError(f"{option}{split} {value}: choose {smallest} to {largest or 'what there is'}")
+    for split, asked in spp.items():
+        if isinstance(asked, NoiseTarget) and not CEILINGS[0] <= asked.ceiling_db <= CEILINGS[1]:
+            raise InputError(f"--ceiling-{split} {asked.ceiling_db:g}: choose {CEILINGS[0]:g} to {CEILINGS[1]:g} dB")
     order = Order(
         scene,
         *(fitted(scene) if scene.file is not None and scene.load is None else normalised(scene)),
@@ -185,6 +194,7 @@ def write_view_set(
 ) -> None:
     """Render into an empty folder, but for views that are valid in one of `donors`; the manifest is written last."""
     from scenes.rendering.render import LoadedScene, render_views, seed_from
+    from scenes.rendering.samples import chosen_samples
 
     scene, size, started = order.scene, order.resolution, time.perf_counter()
     loaded = LoadedScene(
@@ -197,11 +207,13 @@ def write_view_set(
             f"{scene.file}: reaches from {low} to {high}, nearer to the cameras, {RADIUS:.4g} from the origin, "
             f"than near, {scene.near:g}; scale it to fit"
         )
-    digest = order.digest(variant.name)
     placed = {split: order.poses(split) for split in SPLITS}
+    spp, chosen = chosen_samples(loaded, order.spp, {split: poses for split, (_, poses) in placed.items()})
+    # of the numbers that were chosen: where another machine chooses others, its images are others
+    digest = replace(order, spp=spp).digest(variant.name)
     names_of = {split: [f"{split}/r_{number}" for number in range(order.counts[split])] for split in SPLITS}
     kept = salvaged(folder, list(donors), digest, [name for names in names_of.values() for name in names])
-    standing = standings(order.counts, order.spp, kept)
+    standing = standings(order.counts, spp, kept)
     if progress:
         progress(next(standing))
     facts_of = dict(kept)
@@ -217,7 +229,7 @@ def write_view_set(
         missing = [names[place] for place in places]
         seeds = [seed_from(scene.name, split, int(viewpoints[place])) for place in places]
         began = time.perf_counter()
-        rendered = render_views(loaded, poses[places], order.spp[split], seeds, missing)
+        rendered = render_views(loaded, poses[places], spp[split], seeds, missing)
         for name, view in zip(missing, rendered, strict=True):
             write_png(folder / f"{name}.png", display_from_linear(view.rgba))
             channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
@@ -267,7 +279,8 @@ def write_view_set(
         "resolution": order.resolution,
         "counts": order.counts,
         "empty_splits": [split for split in SPLITS if not order.counts[split]],
-        "spp": {split: loaded.actual_spp(order.spp[split]) for split in SPLITS},
+        "spp": {split: loaded.actual_spp(spp[split]) for split in SPLITS},
+        "noise_target": chosen,
         "max_depth": scene.max_depth,
         "emitters_seen": scene.emitters_seen,
         "normalised": similarity_facts(loaded.placement or order.similarity),

@@ -299,7 +299,7 @@ def _of_rendering(cells: list[CellArms], name: str) -> Omission:
 
 def _of_integrator(plan: Plan, scene: str) -> Omission:
     views = plan.views
-    samples = ((views.train + views.val) * views.spp_train + views.test * views.spp_test) * views.resolution**2
+    samples = round(fmean(views.samples()) * views.resolution**2)
     count, spp = min(INTEGRATOR_VIEWS, views.test), max(views.spp_test, INTEGRATOR_SPP)
     return omission_of_integrators(compared_integrators(scene, views.resolution, count, spp), samples)
 

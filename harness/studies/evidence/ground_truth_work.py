@@ -30,8 +30,8 @@ FITTED_FROM = 4
 is not noise alone.
 """
 ROOMS_DB = (1.0, 3.0)
-TEST_SPP = PROFILES["reduced"].views.spp_test
-"""The samples per pixel of the test views in the profile `reduced`."""
+TEST_DB = PROFILES["reduced"].views.ceiling_test_db or 0.0
+"""The ceiling of the test views in the profile `reduced`."""
 SLOPE = -0.5
 SLOPE_BAR = 0.1
 """The amount by which the error of a scene may fall more slowly than Monte Carlo must."""
@@ -197,10 +197,12 @@ def room(noises: Sequence[Noise], scores: dict[str, float]) -> Iterator[Found]:
     if len(lost) < len(needed):
         near, far = (max(counts[place] or 0.0 for counts in needed.values() if None not in counts) for place in (0, 1))
         where = f" on {len(needed) - len(lost)} of {len(needed)} scenes" if lost else ""
-        limited = ", so such scores are limited by the method" if far < TEST_SPP else ""
+        best = max(score for scene, score in scores.items() if scene in needed and scene not in lost)
+        limited = ", so such scores are limited by the method" if best + ROOMS_DB[1] < TEST_DB else ""
         yield (
             f"For a ceiling {ROOMS_DB[0]:g} dB above the best score at hand at most {near:.2g} samples a pixel are "
-            f"needed{where} and for {ROOMS_DB[1]:g} dB {far:.2g}; test views have {TEST_SPP}{limited}."
+            f"needed{where} and for {ROOMS_DB[1]:g} dB {far:.2g}; test views get as many as {TEST_DB:g} dB take"
+            f"{limited}."
         )
     if lost:
         yield (

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from harness.execution import ground_truth
-from harness.execution.ground_truth import render_view_sets, usual_limit
+from harness.execution.ground_truth import render_view_sets, sizes_of, usual_limit
 from harness.execution.progress import RenderProgress
 from harness.plan.settings import ViewSettings
 from scenes.files.errors import InputError
@@ -158,3 +158,16 @@ def test_a_renderer_that_the_system_kills_is_told_as_such(tmp_path: Path, render
     renderer(said(0), "kill -9 $$")
     with pytest.raises(InputError, match=r"mine.py: view train/r_0 was ended by signal 9 \(SIGKILL\), .*memory runs"):
         rendered(tmp_path)
+
+
+def test_ceilings_are_handed_on_and_fixed_numbers_have_none() -> None:
+    assert not any(word.startswith("--ceiling") for word in sizes_of(VIEWS))
+    words = sizes_of(replace(VIEWS, ceiling_train_db=30.0, ceiling_test_db=45.5))
+    assert words[-4:] == ["--ceiling-train", "30.0", "--ceiling-test", "45.5"]
+    assert words[:-4] == sizes_of(VIEWS), "the numbers are the most"
+
+
+def test_the_samples_of_a_plan_lie_between_those_of_the_easiest_and_the_hardest_scene() -> None:
+    assert VIEWS.samples() == (8.0, 8.0)
+    needed = replace(VIEWS, spp_train=64, spp_test=256, ceiling_train_db=33.0, ceiling_test_db=45.0)
+    assert needed.samples() == pytest.approx((2 * 9.5 + 2 * 95, 2 * 40 + 2 * 256))

@@ -1,0 +1,145 @@
+"""The number of samples that a noise target takes: closed forms, limits, and one that is rendered."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes.files.errors import InputError
+from scenes.rendering import samples
+from scenes.rendering.order import NoiseTarget
+from scenes.rendering.samples import PILOT_SPP, PILOT_VIEWS, chosen_samples, noise_curve, samples_for
+from scenes.view_sets.manifest import read_manifest
+
+Render = Callable[..., Path]
+TARGET = NoiseTarget(40.0, most=256)
+"""A mean square error of 1e-4."""
+
+
+def at_pilots(a: float, b: float) -> tuple[float, float]:
+    few, more = (a / n + b / n**1.5 for n in PILOT_SPP)
+    return few, more
+
+
+@pytest.mark.parametrize(("a", "b"), [(2e-3, 0.0), (0.0, 3e-2), (4e-3, 1e-2), (0.0, 0.0)])
+def test_the_curve_goes_through_both_and_is_found_again(a: float, b: float) -> None:
+    assert noise_curve(*at_pilots(a, b)) == pytest.approx((a, b), abs=1e-12)
+
+
+@pytest.mark.parametrize("few", [0.0, 1e-3, 4.1e-3, 1.0], ids=["rising", "flat", "almost 1/n", "falling fast"])
+def test_what_is_no_such_curve_keeps_the_larger_number(few: float) -> None:
+    a, b = noise_curve(few, 1e-3)
+    assert min(a, b) >= 0.0
+    assert at_pilots(a, b)[1] == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "spp"),
+    [
+        (0.0, 0.0, 4),  # black, or without noise
+        (1e-4, 0.0, 4),
+        (9.9e-3, 0.0, 112),  # 99 samples: 2 · 7 · 7 are too few, 2 · 7 · 8 are enough
+        (9.8e-3, 0.0, 98),
+        (0.0, 1e-4 * 50**1.5 * (1 - 1e-12), 50),
+        (0.0, 1e-4 * 50**1.5 * (1 + 1e-6), 60),
+        (1.0, 0.0, 256),  # out of reach
+    ],
+)
+def test_the_least_number_that_is_enough(a: float, b: float, spp: int) -> None:
+    assert samples_for(TARGET, *at_pilots(a, b)) == spp
+
+
+def test_limits_hold() -> None:
+    assert samples_for(NoiseTarget(40.0, most=256, least=30), 0.0, 0.0) == 32
+    assert samples_for(NoiseTarget(40.0, most=2), 1.0, 1.0) == 2
+    assert samples_for(NoiseTarget(40.0, most=4), 0.0, 0.0) == 4
+
+
+class Noisy:
+    """A scene whose views are grey with Gaussian noise of variance `of[x of the camera]` / samples."""
+
+    def __init__(self, *of: float) -> None:
+        self.of, self.asked = of, list[tuple[float, int]]()
+
+    def colour(self, camera: np.ndarray, spp: int, seed: int) -> np.ndarray:
+        place = int(camera[0, 3])
+        self.asked.append((place, spp))
+        noise = np.random.default_rng(seed).normal(0.0, (self.of[place] / spp) ** 0.5, (32, 32, 4))
+        return np.full((32, 32, 4), [0.2, 0.2, 0.2, 1.0]) + noise * [1.0, 1.0, 1.0, 0.0]
+
+
+def cameras(*places: int) -> np.ndarray:
+    poses = np.tile(np.eye(4), (len(places), 1, 1))
+    poses[:, 0, 3] = places
+    return poses
+
+
+def choose(scene: Noisy, spp: dict[str, int | NoiseTarget], poses: dict[str, np.ndarray]) -> tuple[dict, dict]:
+    return chosen_samples(scene, spp, poses)  # type: ignore[arg-type]
+
+
+def test_each_target_has_its_own_views_and_equal_ones_share() -> None:
+    scene = Noisy(1e-4, 1e-3)
+    numbers, facts = choose(
+        scene,
+        {"train": TARGET, "val": TARGET, "test": NoiseTarget(40.0, 512)},
+        {"train": cameras(*[0] * 40), "val": cameras(), "test": cameras(1)},
+    )
+    assert numbers["train"] == numbers["val"] < numbers["test"]
+    assert set(facts) == {"train", "test"}, "an empty split is not told of"
+    assert sorted(set(scene.asked)) == [(place, n // 2) for place in (0, 1) for n in PILOT_SPP]
+    assert len(scene.asked) == 2 * len(PILOT_SPP) * (PILOT_VIEWS + 1), "a split of one view has one"
+    # noise of display colour: variance / samples times the squared slope of sRGB at 0.2
+    slope = 1.055 / 2.4 * 0.2 ** (1 / 2.4 - 1)
+    for split, variance in (("train", 1e-4), ("test", 1e-3)):
+        for n, mse in zip(PILOT_SPP, facts[split]["pilot_mse"].values(), strict=True):
+            assert mse == pytest.approx(slope**2 * variance / n, rel=0.1)
+    assert facts["test"]["ceiling_db"] == 40.0
+    assert (facts["test"]["most"], facts["test"]["least"]) == (512, 4)
+
+
+def test_no_view_is_rendered_where_there_is_no_choice() -> None:
+    scene = Noisy(1.0)
+    fixed, low = 17, NoiseTarget(40.0, most=3)
+    numbers, facts = choose(
+        scene, {"train": fixed, "val": TARGET, "test": low}, {"train": cameras(0), "val": cameras(), "test": cameras(0)}
+    )
+    assert numbers == {"train": 17, "val": 4, "test": 3}
+    assert "pilot_mse" not in facts["test"]
+    assert scene.asked == []
+
+
+def test_a_render_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(samples.RenderError, match="not finite"):
+        choose(Noisy(np.nan), {"train": TARGET}, {"train": cameras(0)})
+
+
+def test_a_view_set_has_the_ceiling_and_says_how_it_was_chosen(render_tiny: Render, tmp_path: Path) -> None:
+    asked = {"train": NoiseTarget(35.0, 1024), "val": 4, "test": NoiseTarget(42.0, 1024)}
+    manifest = read_manifest(render_tiny(tmp_path, spp=asked))
+    noise = {
+        split: np.mean([facts["noise_mse"] for name, facts in manifest["views"].items() if name.startswith(split)])
+        for split in ("train", "test")
+    }
+    for split, mse in noise.items():
+        assert 4 < manifest["spp"][split] < 1024
+        assert -10 * np.log10(mse) == pytest.approx(asked[split].ceiling_db, abs=1.5)
+    assert set(manifest["noise_target"]) == {"train", "test"}
+    assert manifest["noise_target"]["test"]["ceiling_db"] == 42.0
+    numbers = {"train": manifest["spp"]["train"], "val": 4, "test": manifest["spp"]["test"]}
+    plain = read_manifest(render_tiny(tmp_path, spp=numbers))
+    assert plain["digest"] == manifest["digest"], "the images are the same"
+    assert plain["files"]["test/r_0.exr"] == manifest["files"]["test/r_0.exr"]
+    folders = {path.name for path in tmp_path.iterdir()}
+    assert len(folders) == 2, "which the cache does not know before"
+    render_tiny(tmp_path, spp=asked | {"test": NoiseTarget(42.0, 1023)})
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_ceiling_out_of_range_is_refused(render_tiny: Render, tmp_path: Path) -> None:
+    for db in (5.0, 101.0, float("nan")):
+        with pytest.raises(InputError, match=r"--ceiling-test .*choose 10 to 100 dB"):
+            render_tiny(tmp_path / "cache", spp={"train": 4, "val": 4, "test": NoiseTarget(db, 64)})
+    with pytest.raises(InputError, match="--spp-test 1:"):
+        render_tiny(tmp_path / "cache", spp={"train": 4, "val": 4, "test": NoiseTarget(45.0, 1)})
