@@ -180,7 +180,7 @@ COMPARED = ("nerf", "nerf_matched", "qnerf")
 
 TUNED: dict[OptimiserName, dict[str, Any]] = {
     "adam": {"optimiser": OptimiserSettings("adam"), "learning_rate": 2e-2, "last_learning_rate": 1e-3},
-    "soap": {"optimiser": OptimiserSettings("soap", (0.9, 0.99)), "learning_rate": 1e-2, "last_learning_rate": 5e-4},
+    "soap": {"optimiser": OptimiserSettings("soap", (0.9, 0.99)), "learning_rate": 1.5e-2, "last_learning_rate": 1e-3},
     "muon": {"optimiser": OptimiserSettings("muon", (0.95, 0.99)), "learning_rate": 1e-2, "last_learning_rate": 5e-4},
 }
 """Map optimiser → the settings of short runs with it, by the sweep in docs/learning_rates.json, for all methods."""
@@ -198,7 +198,7 @@ REDUCED_TRAINING = TrainSettings(
     warm_up_steps=50,
     precision="bfloat16",
     grid=GridSettings(cells=48, first_step=100, every=25, per_pixel=0.6),
-    voxels=VoxelSettings(finest=64, bins=96, rate_factor=40.0),
+    voxels=VoxelSettings(finest=64, bins=96, rate_factor=27.0),
 )
 
 REDUCED_VIEWS = ViewSettings(
@@ -211,8 +211,8 @@ REDUCED_VIEWS = ViewSettings(
     ceiling_train_db=36.0,
     ceiling_test_db=45.0,
 )
-"""The views of scores about 30 dB: noise of the test views is 3 % of such an error. A fifth of that of the training views
-goes into it (lego: 0.8 dB are lost with 26 dB in place of 33).
+"""The views of scores about 30 dB: noise of the test views is 3 % of such an error. A fifth of that of the training
+views goes into it (lego: 0.8 dB are lost with 26 dB in place of 33).
 """
 
 SHORT_TRAINING = replace(
