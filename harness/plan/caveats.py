@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
+from baselines.numerics.optimisers import OPTIMISER_TITLES
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
-from harness.plan.settings import OPTIMISER_TITLES, TrainSettings
+from harness.plan.settings import TrainSettings
 from scenes.modelling.needs import PARTS
 from scenes.view_sets.foreign import source_of
 

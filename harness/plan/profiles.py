@@ -11,14 +11,13 @@ from typing import Any, Literal
 from baselines.catalog import CATALOG as METHODS
 from baselines.contract import Accelerations, NetworkSize, Precision
 from baselines.methods.ablations import LADDER
+from baselines.numerics.optimisers import OptimiserName, OptimiserSettings
 from harness.plan.defaults import KEPT_EVERY
 from harness.plan.group_task import GroupTask
 from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.plan.schedule import Budget
 from harness.plan.settings import (
     GridSettings,
-    OptimiserName,
-    OptimiserSettings,
     ScoreSettings,
     TrainSettings,
     ViewSettings,

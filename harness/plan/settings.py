@@ -2,26 +2,10 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, NetworkSize, Precision
+from baselines.numerics.optimisers import OptimiserSettings
 from scenes.view_sets.source import Region
-
-OptimiserName = Literal["adam", "soap", "muon"]
-OPTIMISER_TITLES: dict[OptimiserName, str] = {"adam": "Adam", "soap": "SOAP (arXiv 2409.11321)", "muon": "Muon"}
-
-
-@dataclass(frozen=True)
-class OptimiserSettings:
-    """The optimiser of the networks, the same for every method."""
-
-    name: OptimiserName = "adam"
-    betas: tuple[float, float] = (0.9, 0.999)
-    """The decay of the means of gradients and of their squares, per step; Muon has the first, as its momentum, for
-    matrices and both for the rest.
-    """
-    renewed_every: int = 10
-    """The steps from one renewal of SOAP's bases to the next."""
 
 
 @dataclass(frozen=True)

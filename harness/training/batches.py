@@ -16,9 +16,9 @@ from torch import Tensor
 
 from baselines.contract import Rays
 from harness.plan.seeds import generator_for
-from scenes.view_sets.hull import covered
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import over_white
+from scenes.view_sets.source import covered
 
 
 @dataclass(frozen=True)

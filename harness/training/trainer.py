@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from baselines.contract import Box, FieldSpec, Precision, Rays, Rendering
 from baselines.field import field_of, training_step
 from baselines.numerics.checks import BadDensity
+from baselines.numerics.optimisers import Optimiser, optimiser_of
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
 from harness.machine.stopwatch import Stopwatch
@@ -23,7 +24,6 @@ from harness.plan.seeds import generator_for
 from harness.plan.settings import TrainSettings
 from harness.training.checkpoints import OCCUPIED
 from harness.training.learner import Clipping
-from harness.training.optimisers import Optimiser, optimiser_of
 
 LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
 """The factor of the loss in the backward pass alone. Below 6e-8 a float16 is 0, and the gradient of one sample of

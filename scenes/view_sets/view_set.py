@@ -22,7 +22,6 @@ import numpy as np
 
 from scenes.files.errors import InputError
 from scenes.view_sets.foreign import source_of
-from scenes.view_sets.hull import carved, hull
 from scenes.view_sets.image_stack import ImageStack, require_room
 from scenes.view_sets.images import read_channels
 from scenes.view_sets.manifest import NAME, DamagedViewSet, checked, read_manifest
@@ -34,7 +33,7 @@ from scenes.view_sets.pixels import (
     display_from_linear,
     over_white,
 )
-from scenes.view_sets.source import Region, Source, completed, region_in
+from scenes.view_sets.source import Region, Source, carved, completed, hull, region_in
 from scenes.view_sets.transforms import Frames, transforms_file
 from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
 
@@ -93,7 +92,7 @@ class ViewSet:
 
     @cached_property
     def hull(self) -> np.ndarray:
-        """The cells of `bounds` in which something may be, bool [96, 96, 96] (`scenes.view_sets.hull`)."""
+        """The cells of `bounds` in which something may be, bool [96, 96, 96] (`scenes.view_sets.source`)."""
         return _hull_of(self.train, self.bounds, self.focal)
 
 
@@ -114,9 +113,8 @@ def read_view_set(
     `splits` that are not named are left empty, and so is a `val` that does not exist; counts take evenly spread subsets
     and never exceed the number of views. Depth and normals are read for the splits in `geometry`. `bounds` [2, 3] and
     `region` overrule what the manifest or the format says. Bounds that no file states, a habit of the format or found
-    from the cameras, are cut to what the silhouettes of the training views leave (`scenes.view_sets.hull`). The decoded
-    images, 16 bytes per pixel and as much again for geometry, go to files without a name in `scratch`, which should be
-    on a disk (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy, for anything missing,
+    from the cameras, are cut to what the silhouettes of the training views leave (`hull`). The decoded images, 16 bytes
+    per pixel and as much again for geometry, go to files without a name in `scratch`, which should be on a disk (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy, for anything missing,
     malformed, damaged or not supported, and where `scratch` has no room.
     """
     folder = Path(folder)

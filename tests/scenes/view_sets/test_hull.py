@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenes.view_sets.hull import CELLS, carved, covered, hull
+from scenes.view_sets.source import CELLS, carved, covered, hull
 from tests.harness.ball import pose
 
 SIZE, FOCAL = 100, 139.0

@@ -6,9 +6,8 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from harness.plan.settings import OptimiserSettings
-from harness.training.optimisers import OPTIMISERS, optimiser_of
-from harness.training.soap import LARGEST_SIDE, LEAST, Soap
+from baselines.numerics.optimisers import OPTIMISERS, OptimiserSettings, optimiser_of
+from baselines.numerics.soap import LARGEST_SIDE, LEAST, Soap
 
 BETAS, EVERY = (0.9, 0.99), 3
 

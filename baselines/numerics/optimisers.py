@@ -1,13 +1,29 @@
 """The optimisers by name. Each takes one step from the gradients that lie in the weights, and is kept with its cell."""
 
 from collections.abc import Callable, Iterable
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
 
-from harness.plan.settings import OptimiserName, OptimiserSettings
-from harness.training.soap import Soap
+from baselines.numerics.soap import Soap
+
+OptimiserName = Literal["adam", "soap", "muon"]
+OPTIMISER_TITLES: dict[OptimiserName, str] = {"adam": "Adam", "soap": "SOAP (arXiv 2409.11321)", "muon": "Muon"}
+
+
+@dataclass(frozen=True)
+class OptimiserSettings:
+    """The optimiser of the networks, the same for every method."""
+
+    name: OptimiserName = "adam"
+    betas: tuple[float, float] = (0.9, 0.999)
+    """The decay of the means of gradients and of their squares, per step; Muon has the first, as its momentum, for
+    matrices and both for the rest.
+    """
+    renewed_every: int = 10
+    """The steps from one renewal of SOAP's bases to the next."""
 
 
 @runtime_checkable
