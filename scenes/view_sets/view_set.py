@@ -114,8 +114,9 @@ def read_view_set(
     and never exceed the number of views. Depth and normals are read for the splits in `geometry`. `bounds` [2, 3] and
     `region` overrule what the manifest or the format says. Bounds that no file states, a habit of the format or found
     from the cameras, are cut to what the silhouettes of the training views leave (`hull`). The decoded images, 16 bytes
-    per pixel and as much again for geometry, go to files without a name in `scratch`, which should be on a disk (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy, for anything missing,
-    malformed, damaged or not supported, and where `scratch` has no room.
+    per pixel and as much again for geometry, go to files without a name in `scratch`, which should be on a disk
+    (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy, for anything missing, malformed,
+    damaged or not supported, and where `scratch` has no room.
     """
     folder = Path(folder)
     manifest = read_manifest(folder) if folder.is_dir() else {}
