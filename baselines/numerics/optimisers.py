@@ -71,6 +71,8 @@ class TorchOptimisers:
                     # with the strides of the weight: a fused step ignores them
                     moment = torch.empty_like(weight).copy_(value) if value.shape == weight.shape != () else value
                     state.setdefault(int(place), {})[name] = moment
+            if len({frozenset(named) for named in state.values()}) > 1:
+                raise ValueError("the state of some weights lacks what that of others has")
             part.load_state_dict({"state": state, "param_groups": part.state_dict()["param_groups"]})
 
 

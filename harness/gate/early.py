@@ -15,7 +15,6 @@ import torch
 from msgspec import structs
 
 from baselines import fused_network
-from baselines.contract import Box
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import FACTORS, STARTS, Start
 from harness.gate.limits import NONE_DIFFERS, Limit, judge
@@ -155,7 +154,7 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision, fused: bool) -> 
         for cameras in (evaluate.cameras_of(views, split, cpu) for split in (views.train, views.test))
     )
     box = box_of(views, cpu)
-    box = Box(box.lower.to(kind.dtype), box.upper.to(kind.dtype))
+    box = replace(box, lower=box.lower.to(kind.dtype), upper=box.upper.to(kind.dtype))
     learner = Trainer(start.method, box, settings, Budget(STEPS, None), STREAM, cpu)
     for field in (learner.coarse, learner.fine):
         if field is not None:
@@ -165,7 +164,7 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision, fused: bool) -> 
             learner.coarse.amplifier.alpha.fill_(1.2)
             learner.coarse.amplifier.beta.fill_(1.3)
             learner.coarse.density_head.weight.mul_(4.0)
-    batch_at = Batches(train, views.train.rgba).stream(STREAM, settings.rays)
+    batch_at = Batches(train, views.train.rgba, settings.covered_share).stream(STREAM, settings.rays)
     looked_at = test.all_rays(0).chosen(torch.arange(0, test.width * test.height, PIXELS_APART))
     losses, renders = [], {}
     for _ in steps(learner, batch_at, at_step(kind.steps)):

@@ -181,7 +181,7 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
     """Train in turn on the same batches, each until its own time is spent: what slows the machine slows them all."""
     settings, stream = for_scene(plan.train, views), stream_of(scene, seed)
     cameras = evaluate.cameras_of(views, views.train, device)
-    batch_at = Batches(cameras, views.train.rgba).stream(stream, settings.rays)
+    batch_at = Batches(cameras, views.train.rgba, settings.covered_share).stream(stream, settings.rays)
     box, directed = box_of(views, device), needs_view_direction(views)
     active: list[Learner] = []
     for method in plan.methods:

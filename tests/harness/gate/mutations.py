@@ -16,7 +16,7 @@ from torch import Tensor
 
 from baselines import amplifiers, composition, field, held_mean, occupancy, rendering
 from baselines.contract import Box
-from baselines.numerics import amplifier, encoding, quadrature
+from baselines.numerics import amplifier, encoding, quadrature, soap
 from harness.gate import early
 from harness.gate.gates import STARTS
 from harness.gate.references import USUAL, Courses, References, read_references
@@ -79,10 +79,6 @@ def _after_init(patch: Patch, kind: Any, then: Callable[[Any], None]) -> None:
     patch.setattr(kind, "__init__", init)
 
 
-def _adam(patch: Patch, **changed: Any) -> None:
-    patch.setattr(torch.optim, "Adam", partial(torch.optim.Adam, **changed))
-
-
 def _cameras(patch: Patch, side: str) -> None:
     usual = evaluate.cameras_of
 
@@ -107,6 +103,10 @@ def _network(patch: Patch, **changed: Any) -> None:
     _training(patch, network=replace(profiles.PROFILES["reduced"].train.network, **changed))
 
 
+def _betas(patch: Patch, *betas: float) -> None:
+    _training(patch, optimiser=replace(TRAIN.optimiser, betas=betas))
+
+
 def _points(patch: Patch, random: float, middle: float) -> None:
     def points_in_bins(t_edges: Tensor, generator: torch.Generator | None) -> Tensor:
         left, right = t_edges[:, :-1], t_edges[:, 1:]
@@ -127,6 +127,7 @@ def _normalised(self: Box, x: Tensor) -> Tensor:
 
 
 TRAIN = profiles.PROFILES["reduced"].train
+BETAS = TRAIN.optimiser.betas
 MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
     ("encoding", "base φ", "× 1.01"): lambda patch: _ladder(patch, "phi"),
     ("encoding", "base 2", "× 1.01"): lambda patch: _ladder(patch, "base2"),
@@ -155,9 +156,10 @@ MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
     ("optimiser", "learning rate", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 2),
     ("optimiser", "last learning rate", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 3),
     ("optimiser", "steps of the warm-up", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 4),
-    ("optimiser", "Adam's β₁", "× 1.01"): lambda patch: _adam(patch, betas=(0.9 * MORE, 0.999)),
-    ("optimiser", "Adam's 1 − β₂", "× 1.01"): lambda patch: _adam(patch, betas=(0.9, 1.0 - 0.001 * MORE)),
-    ("optimiser", "Adam's ε", "× 1.01"): lambda patch: _adam(patch, eps=1e-8 * MORE),
+    ("optimiser", "SOAP's β₁", "× 1.01"): lambda patch: _betas(patch, MORE * BETAS[0], BETAS[1]),
+    ("optimiser", "SOAP's 1 − β₂", "× 1.01"): lambda patch: _betas(patch, BETAS[0], 1.0 - MORE * (1.0 - BETAS[1])),
+    ("optimiser", "SOAP's ε", "× 1.01"): lambda patch: _scaled(patch, soap, "EPSILON"),
+    ("optimiser", "least eigenvalue of SOAP's factors", "× 1.01"): lambda patch: _scaled(patch, soap, "LEAST"),
     ("optimiser", "norm that is clipped to", "× 1.01"): lambda patch: _after_init(
         patch, Clipping, lambda self: setattr(self, "norm", MORE * self.norm)
     ),
@@ -172,6 +174,10 @@ MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
     ("sampling", "random place in a bin", "× 1.01"): lambda patch: _points(patch, MORE, 0.5),
     ("sampling", "exploration", "× 1.01"): lambda patch: _grid(patch, exploration=MORE * TRAIN.grid.exploration),
     ("sampling", "occupancy threshold", "× 1.01"): lambda patch: _argument(patch, trainer, "OccupancyGrid", 2),
+    ("sampling", "share of the rays through covered pixels", "× 1.01"): lambda patch: _training(
+        patch, covered_share=MORE * TRAIN.covered_share
+    ),
+    ("sampling", "depth that hides what is behind", "× 1.01"): lambda patch: _scaled(patch, occupancy, "HIDDEN"),
     ("sampling", "decay of the occupancy", "× 1.01"): lambda patch: _scaled(patch, occupancy, "DECAY"),
     ("quadrature", "middle of a bin", "× 1.01"): lambda patch: _points(patch, 1.0, 0.5 * MORE),
     ("quadrature", "optical depth", "× 1.01"): lambda patch: _depth(patch),

@@ -66,7 +66,7 @@ def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
         "amplifier": {torch.float32},
         "products": {field.DTYPES[precision]},
     }
-    state = [value for group in learner.optimiser.state.values() for value in group.values()]
+    state = list(learner.optimiser.tensors().values())
     assert {weight.dtype for weight in learner.fields.parameters()} == dtypes_of(tuple(state)) == {torch.float32}
 
 
@@ -105,7 +105,7 @@ def gradient_of(precision: Precision, faint: float) -> Tensor:
     def noted(*_: Any) -> None:
         found.append(torch.cat([weight.grad.flatten() for weight in learner.fields.parameters()]))  # type: ignore[union-attr]
 
-    learner.optimiser.register_step_pre_hook(noted)
+    learner.optimiser.step = noted  # type: ignore[method-assign]
     with torch.no_grad():
         seen = learner.render(rays, 256).colour
     learner.train_on(rays, seen + faint)
@@ -174,8 +174,8 @@ def test_a_weight_that_a_step_makes_infinite_is_named_at_that_step(monkeypatch: 
     learner = trained("float32", 2)
     step = learner.optimiser.step
 
-    def too_far() -> None:
-        step()
+    def too_far(rate: float) -> None:
+        step(rate)
         with torch.no_grad():
             learner.coarse.density_net[1].bias[3] = math.inf
 
@@ -208,9 +208,13 @@ def spiked(factor: float, at: int, **changes: float) -> tuple[list[float], list[
     usual: list[float] = []
     for weight in learner.fields.parameters():
         weight.register_hook(lambda gradient: gradient * factor if learner.step == at else gradient)
-    learner.optimiser.register_step_pre_hook(
-        lambda *_: given.append(float(torch.nn.utils.get_total_norm([w.grad for w in learner.fields.parameters()])))  # type: ignore[misc]
-    )
+    step_of = learner.optimiser.step
+
+    def noting(rate: float) -> None:
+        given.append(float(torch.nn.utils.get_total_norm([w.grad for w in learner.fields.parameters()])))  # type: ignore[misc]
+        step_of(rate)
+
+    learner.optimiser.step = noting  # type: ignore[method-assign]
     for step in range(at + 3):
         learner.train_on(*rays_and_colours(seed=step))
         assert learner.clipping.usual_norm is not None

@@ -157,7 +157,7 @@ def test_a_damaged_byte_is_found_and_its_cell_begins_again(
     [
         lambda listing, tensors: listing.pop("curve"),
         lambda listing, tensors: listing.update(due=9),
-        lambda listing, tensors: tensors.pop("optimiser.0.exp_avg"),
+        lambda listing, tensors: tensors.pop("optimiser.0.0.exp_avg"),
         lambda listing, tensors: tensors.update({"trained.coarse.other": np.zeros(3, np.float32)}),
     ],
 )
