@@ -54,11 +54,13 @@ def former(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_run_is_resumed_where_a_cell_is_missing_and_reported(former: Path) -> None:
+def test_a_run_of_other_settings_is_not_gone_on_with_and_is_reported(
+    former: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     cells = former / "run/records/cells"
     kept = (cells / "ball.nerf.0.json").read_bytes()
-    (cells / "ball.qnerf.0.json").unlink()
-    assert main(OPTIONS) == 0
+    assert main(OPTIONS) == 2
+    assert "train.learning_rate was 0.02, is 0.015" in capsys.readouterr().err
     assert (cells / "ball.nerf.0.json").read_bytes() == kept, "what is finished stays as it is"
     assert [cell.status for cell in read_cells(former / "run")] == ["done", "done"]
     assert report(["run", "--quiet"]) == 0

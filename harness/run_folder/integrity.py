@@ -108,7 +108,7 @@ def plan_of_cells(out: Path, plan: Plan) -> list[str]:
     return sentences
 
 
-TRAINED_WITH = ("network", "rays", "bins", "learning_rate", "last_learning_rate", "warm_up_steps", "precision")
+TRAINED_WITH = ("network", "rays", "covered_share", "learning_rate", "last_learning_rate", "warm_up_steps", "precision")
 """The training settings that no scene changes."""
 
 

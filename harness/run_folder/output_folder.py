@@ -199,8 +199,15 @@ def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> str | Non
 
 def differences(before: dict[str, Any], now: dict[str, Any]) -> str:
     """Return in words the keys whose values changed; empty if none did."""
-    changed = sorted(key for key in {*before, *now} if before.get(key) != now.get(key))
-    return "; ".join(f"{key} was {before.get(key)}, is {now.get(key)}" for key in changed)
+    return "; ".join(_differences("", before, now))
+
+
+def _differences(within: str, before: Any, now: Any) -> list[str]:
+    if not (isinstance(before, dict) and isinstance(now, dict)):
+        return [] if before == now else [f"{within} was {before}, is {now}"]
+    inner = f"{within}." if within else ""
+    keys = sorted({*before, *now})
+    return [line for key in keys for line in _differences(f"{inner}{key}", before.get(key), now.get(key))]
 
 
 def _load_plan(path: Path) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from tests.harness.trained_runs import in_this_process
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("--profile tiny", "unknown profile 'tiny'; known profiles: smoke reduced stress ladder full"),
+        ("--profile tiny", "unknown profile 'tiny'; known profiles: smoke reduced stress ladder converged full"),
         ("--scenes lego teapot", "unknown 'teapot'; known: "),
         ("--methods nerf gnerf", "unknown 'gnerf'; known: nerf nerf_matched qnerf"),
         ("--methods nerf nerf", "named twice"),

@@ -19,7 +19,7 @@ from scenes.files.errors import InputError
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"profile": "huge"}, ["--profile", "'huge'", "smoke reduced stress ladder full"]),
+        ({"profile": "huge"}, ["--profile", "'huge'", "smoke reduced stress ladder converged full"]),
         ({"scenes": ["lego", "teapot"]}, ["--scenes", "'teapot'", "chair", "ship"]),
         ({"scenes": [""]}, ["--scenes", "''", "lego"]),
         ({"methods": ["nerf", "gnerf"]}, ["--methods", "'gnerf'", "nerf_matched", "qnerf_theorem"]),
