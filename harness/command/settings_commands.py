@@ -51,12 +51,13 @@ def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
     workers = available_cores() if device.type == "cpu" else 1
 
     def line(row: SweepRow) -> str:
-        return f"{row.scene} {row.method} at {row.learning_rate:g}: {_decibels(row.psnr_val)} on validation views"
+        arm = f"{row.optimiser} at {row.learning_rate:g}, {row.covered_share:.0%} covered"
+        return f"{row.scene} {row.method}, {arm}: {_decibels(row.psnr_val)} on validation views"
 
     folders = _folders(options, plan, show)
     rows = _shown(sweep(plan, folders, options.out.parent, workers, device.type), line, show)
     result = _written(options.out, as_json(rows, plan))
-    show.line(f"best: {result['best']}")
+    show.line(f"best: {result['means'][0]}; of each method {result['best']}")
     return 0
 
 

@@ -14,11 +14,12 @@ import numpy as np
 import torch
 
 from baselines.contract import Precision
+from baselines.numerics.optimisers import OptimiserName
 from harness.execution.ground_truth import read_views
 from harness.machine.stopping import in_workers
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import kept
-from harness.plan.profiles import Plan
+from harness.plan.profiles import TUNED, Plan
 from harness.plan.settings import TrainSettings
 from harness.training import evaluate
 from harness.training.batches import Cameras
@@ -43,8 +44,12 @@ class Arm:
     """None: as planned."""
     position_bands: int | None = None
     """None: as planned; 0: raw coordinates alone."""
+    optimiser: OptimiserName | None = None
+    """None: as planned; else with the rates of `harness.plan.profiles.TUNED`."""
     rate: float = 1.0
     """The factor of the learning rates, first and last alike."""
+    covered_share: float | None = None
+    """None: as planned."""
     rendered_with: tuple[str, ...] = ()
     """The needs that are put back, one at a time, to render the same weights again."""
 
@@ -83,6 +88,8 @@ class Ended:
     psnr: float | None
     """The mean over the views that are scored; None if training diverged."""
     train_seconds: float = 0.0
+    core_seconds: float = 0.0
+    """The processor time of training."""
     render_seconds: float = 0.0
     """The seconds of rendering all of these views."""
     rerendered: dict[str, Rerendered] = field(default_factory=dict)
@@ -129,6 +136,10 @@ def _settings(train: TrainSettings, arm: Arm) -> TrainSettings:
         train = replace(train, precision=arm.precision)
     if arm.position_bands is not None:
         train = replace(train, network=replace(train.network, position_bands=arm.position_bands))
+    if arm.optimiser is not None:
+        train = replace(train, **TUNED[arm.optimiser])
+    if arm.covered_share is not None:
+        train = replace(train, covered_share=arm.covered_share)
     rates = {name: getattr(train, name) * arm.rate for name in ("learning_rate", "last_learning_rate")}
     return kept(replace(train, **rates), arm.need)
 
@@ -152,7 +163,7 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
         again = {}
         if isinstance(trainer, Trainer):
             again = {name: _rerendered(trainer, name, cameras, plan.score.chunk) for name in arm.rendered_with}
-        return Ended(psnr, trainer.clock.seconds, watch.seconds, again)
+        return Ended(psnr, trainer.clock.seconds, trainer.clock.core_seconds, watch.seconds, again)
     except Diverged:
         return Ended(None)
 
