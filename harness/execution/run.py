@@ -70,6 +70,9 @@ def run(
         tasks = plan.tasks(folders, machine, out)
         first_of_scene = tasks[: len(plan.scenes)]
         scenes = [scene_record(task, keys) for task in first_of_scene]
+        for scene in scenes if plan.view_set else ():
+            box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
+            show.line(f"view set {scene.name}: box {box}; its silhouettes leave {scene.hull_share:.0%} of it")
     scenes = with_measured(scenes, earlier)
     origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
     origin |= record.provenance | notices_of(earlier)

@@ -201,7 +201,9 @@ def provenance(records: Records) -> shell.Groups:
     for scene in run.scenes:
         split = ", ".join(f"{many} {split}" for split, many in scene.views.items() if many)
         rendered = [f"{name} {value}" for name, value in flat(scene.rendered)]
-        sets.append((scene.name, "; ".join([scene.view_set, split, *rendered])))
+        corners = " to ".join(f"({', '.join(f'{x:.3g}' for x in corner)})" for corner in scene.bounds)
+        hull = "" if scene.hull_share is None else f", of which the silhouettes leave {scene.hull_share:.0%}"
+        sets.append((scene.name, "; ".join([scene.view_set, split, f"box {corners}{hull}", *rendered])))
     groups = [
         ("Run", [("command", run.command), *phases]),
         ("Settings", flat(run.settings)),
