@@ -69,9 +69,11 @@ def deviations(plan: Plan) -> list[str]:
             "float32. docs/precision.json holds four cells of a shorter run in float32 and bfloat16."
         )
     if train.grid.cells and train.accelerations.grid:
+        per_pixel = train.grid.per_pixel
+        fineness = f"{train.grid.cells}³ cells" if per_pixel is None else f"{per_pixel:g} cells per pixel of the box"
         rows.append(
-            f"Empty space is skipped by an occupancy grid of {train.grid.cells}³ cells from step "
-            f"{train.grid.first_step} on: one grid for each method, of its own density, all with the same rules. A "
+            "Cells of the box that the silhouettes of the training images show to be empty are never evaluated. Other "
+            f"empty space is skipped by an occupancy grid of {fineness} from step {train.grid.first_step} on: one grid for each method, of its own density, all with the same rules. A "
             f"cell is left out where a ray loses less than {train.grid.opacity_threshold:.0%} of what it loses in the "
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
             "says what it costs on eight scenes."
