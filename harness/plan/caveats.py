@@ -73,7 +73,8 @@ def deviations(plan: Plan) -> list[str]:
         fineness = f"{train.grid.cells}³ cells" if per_pixel is None else f"{per_pixel:g} cells per pixel of the box"
         rows.append(
             "Cells of the box that the silhouettes of the training images show to be empty are never evaluated. Other "
-            f"empty space is skipped by an occupancy grid of {fineness} from step {train.grid.first_step} on: one grid for each method, of its own density, all with the same rules. A "
+            f"empty space is skipped by an occupancy grid of {fineness} from step {train.grid.first_step} on: one grid "
+            "for each method, of its own density, all with the same rules. A "
             f"cell is left out where a ray loses less than {train.grid.opacity_threshold:.0%} of what it loses in the "
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
             "says what it costs on eight scenes."
