@@ -180,6 +180,41 @@ def ledger(run: Run) -> str:
     return f"Of {len(run['claims'])} statements of the paper: {verdicts}." if run["claims"] else ""
 
 
+def doubling(run: Run) -> str:
+    """State what the last doubling of the steps brought each method, and what training cost."""
+    rows = {gained["method"]: gained for gained in run.get("last_doubling", [])}
+    named = [
+        f"`{method}` {signed(rows[method]['gain'])} dB ({between(rows[method]['interval'])})"
+        for method in main_methods(run)
+        if method in rows and rows[method]["gain"] is not None
+    ]
+    spent = [cell.get("train_core_seconds") for cell in run["cells"] if cell["method"] == BASELINE]
+    known = [seconds for seconds in spent if seconds is not None]
+    cost = f" A cell of `{BASELINE}` takes {fmean(known):.0f} core seconds of training." if known else ""
+    return f"The last doubling of the steps brought {listed(named)}.{cost}" if named else ""
+
+
+def learning(swept: Run) -> str:
+    """Tabulate the means of a sweep over its scenes and methods, the best optimiser first."""
+    arms: dict[tuple[str, float, float], list[Run]] = {}
+    for row in swept["rows"]:
+        arms.setdefault((row["optimiser"], row["learning_rate"], row["covered_share"]), []).append(row)
+    averaged = [
+        (fmean(row["psnr_val"] for row in rows), *arm, fmean(row["core_seconds"] for row in rows))
+        for arm, rows in arms.items()
+        if all(row["psnr_val"] is not None for row in rows)
+    ]
+    scenes, methods = (dict.fromkeys(row[key] for row in swept["rows"]) for key in ("scene", "method"))
+    head = ("optimiser", "learning rate", "rays through covered pixels", "PSNR of validation views, dB", "core seconds")
+    lines = [
+        (name, f"{rate:g}", f"{share:.0%}" if share else "as they come", number(psnr), number(seconds, 0))
+        for psnr, name, rate, share, seconds in sorted(averaged, reverse=True)
+    ]
+    named = listed([f"`{name}`" for name in methods])
+    what = f"Means over {listed(list(scenes))} and {named}, one seed that no verdict uses:"
+    return f"{what}\n\n{table(head, lines)}"
+
+
 def processors(run: Run) -> str:
     """State how far the same plan and seeds move on another processor."""
     changed = next(change for change in run["changed"] if change["sense"] == "scenes_like_these")
@@ -291,6 +326,8 @@ BLOCKS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "why": (RUN, why),
     "further methods": (RUN, further),
     "failures": (RUN, failed),
+    "last doubling": (RUN, doubling),
+    "learning": ("learning_rates.json", learning),
     "ledger": (RUN, ledger),
     "processors": ("reduced/processors.json", processors),
     "environment": ("environment.json", environment),
