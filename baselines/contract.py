@@ -25,6 +25,10 @@ class Accelerations:
     """Whether rendering without gradients leaves a ray once it is opaque (not where density depends on the chunk)."""
     directions: bool = True
     """Whether scenes that look the same from all sides get no view direction."""
+    hidden: bool = True
+    """Whether training evaluates nothing behind what the grid measured as opaque (not where density depends on the
+    chunk).
+    """
 
     def without(self, names: tuple[str, ...]) -> "Accelerations":
         """Return a copy with the named ones switched off; raises `ValueError` naming the known ones."""

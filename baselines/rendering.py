@@ -39,8 +39,10 @@ class Sampling:
     clip_to_box: bool = True
     """Whether rays are cut to the box; listing-4 quadrature needs its last point at `far`."""
     early_stop: bool = False
-    """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it, and one in
-    training does not ask for what the occupancy grid hides.
+    """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it."""
+    hidden: bool = False
+    """Whether a ray in training does not ask for what the occupancy grid hides (`OccupancyGrid.hidden`), if density
+    allows it.
     """
     exploration: float = 0.0
     """The share of unoccupied points that are evaluated all the same (training alone)."""
@@ -120,7 +122,7 @@ def _march(
         cell = grid.cell(x)
         occupied = grid.occupied[cell]
         if generator is not None:
-            if sampling.early_stop:
+            if sampling.hidden and field.pointwise:  # else the points that are left out would change the others
                 occupied = occupied & ~grid.hidden(cell, lengths)
             u = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
             occupied = occupied | (grid.within[cell] & (u < sampling.exploration))

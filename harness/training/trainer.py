@@ -235,6 +235,7 @@ class Trainer(BudgetedTrainer):
             quadrature=self.quadrature,
             clip_to_box=self.settings.accelerations.clipping and not self.whole_rays,
             early_stop=self.settings.accelerations.early_stop and self.quadrature == "midpoint",
+            hidden=self.settings.accelerations.hidden and self.quadrature == "midpoint",
             exploration=self.settings.grid.exploration,
         )
 

@@ -257,3 +257,21 @@ def test_bins_behind_what_the_grid_measured_as_opaque_are_hidden_and_those_befor
     assert hidden[inside > HIDDEN + 20.0].all()
     assert not refreshed(AnalyticField(homogeneous(HIDDEN / 2.0 - 0.1))).hidden(grid.cell(x)[None], lengths).any()
     assert not OccupancyGrid(CELLS, BOX, THRESHOLD).hidden(grid.cell(x)[None], lengths).any()  # nothing was measured
+
+
+@pytest.mark.parametrize("pointwise", [True, False])
+def test_hidden_points_are_left_out_of_training_alone_and_only_of_densities_of_their_own(pointwise: bool) -> None:
+    """Listing 2 takes its mean over the points of a call: without the hidden ones training would see another field."""
+    field = AnalyticField(ball(1000.0, 0.8))
+    grid, rays = refreshed(field), rays_at(0.3, 100, dtype=torch.float32)
+    field.pointwise = pointwise
+
+    def evaluated(hidden: bool, source: torch.Generator | None) -> int:
+        sampling = Sampling(bins=64, hidden=hidden)
+        return render_rays(field, None, rays, BOX, sampling, grid, WHITE, source).network_evaluations
+
+    whole = evaluated(False, generator(3))
+    assert evaluated(True, None) == evaluated(False, None)
+    assert (evaluated(True, generator(3)) < 0.6 * whole) == pointwise
+    if not pointwise:
+        assert evaluated(True, generator(3)) == whole

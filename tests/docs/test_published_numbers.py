@@ -169,3 +169,36 @@ def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
 
     text = block("failures", changed(tmp_path / "lost", lost))
     assert "in 3 of 24 runs (95 % interval 3 to 32 %)" in text
+
+
+def test_the_best_optimiser_of_a_sweep_stands_first_and_one_that_diverged_is_left_out(tmp_path: Path) -> None:
+    def arm(name: str, share: float, *scores: float | None) -> list[dict[str, Any]]:
+        common = {"optimiser": name, "learning_rate": 0.01, "covered_share": share, "method": "nerf"}
+        return [common | {"scene": f"s{i}", "psnr_val": psnr, "core_seconds": 20.0} for i, psnr in enumerate(scores)]
+
+    rows = [*arm("adam", 0.8, 28.0, 26.0), *arm("soap", 0.8, 29.0, 28.0), *arm("soap", 0.0, 27.0, 25.0)]
+    data = {"rows": [*rows, *arm("muon", 0.8, 40.0, None)], "settings": {"density_units": {}}}
+    (tmp_path / "learning_rates.json").write_text(json.dumps(data), encoding="utf-8")
+    told = block("learning", tmp_path).splitlines()
+    assert told[0].startswith("Means over s0 and s1 and `nerf`")
+    assert told[-3:] == [
+        "| soap | 0.01 | 80% | 28.50 | 20 |",
+        "| adam | 0.01 | 80% | 27.00 | 20 |",
+        "| soap | 0.01 | as they come | 26.00 | 20 |",
+    ]
+    assert not any("muon" in line for line in told)
+
+
+def test_what_the_last_doubling_brought_is_told_of_the_main_methods(tmp_path: Path) -> None:
+    def with_gains(data: dict[str, Any]) -> None:
+        data["last_doubling"] = [
+            {"method": name, "gain": 1.234, "interval": [1.0, 1.5], "cells": 24} for name in ("nerf", "another")
+        ]
+        for cell in data["cells"]:
+            cell["train_core_seconds"] = 21.4
+
+    told = block("last doubling", changed(tmp_path, with_gains))
+    assert told == (
+        "The last doubling of the steps brought `nerf` +1.23 dB (+1.00 to +1.50). "
+        "A cell of `nerf` takes 21 core seconds of training."
+    )

@@ -213,8 +213,6 @@ def test_the_digest_of_the_code_is_of_every_source_that_renders(
 
 
 NOT_RENDERING = {
-    "baselines.numerics.optimisers",
-    "baselines.numerics.soap",
     "harness.machine.stopwatch",
     "harness.plan.plugins",
     "harness.plan.schedule",

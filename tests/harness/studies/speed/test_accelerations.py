@@ -13,6 +13,7 @@ from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings
 from harness.studies.choices.arms import Arm, CellTask, trained_cell
 from harness.studies.choices.equivalence import Change, ScorePair, arms_of, as_json, pairs_of
+from harness.training import lockstep
 from harness.training.trainer import Trainer
 from harness.verdicts.statistics import paired_difference
 from scenes.files.errors import InputError
@@ -91,11 +92,16 @@ def ball_plan() -> Plan:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["nerf", "qnerf_repaired"])
 @pytest.mark.parametrize("change", ["grid", "precision"])
-def test_final_scores_are_equivalent(change: Change, method: str, tmp_path: Path) -> None:
+def test_final_scores_are_equivalent(
+    change: Change, method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Four paired seeds; the 95 % interval lies within ± 1 dB (docs/equivalence.json has the profile's own scale).
 
-    `qnerf` shows background alone on this scene with most seeds, whatever is changed.
+    `qnerf` shows background alone on this scene with most seeds, whatever is changed. The box has no hull: of ten small
+    views it leaves so much less to learn in the first steps that these 200 are another training.
     """
+    whole = lockstep.box_of
+    monkeypatch.setattr(lockstep, "box_of", lambda views, device: replace(whole(views, device), hull=None))
     plan, view_set = ball_plan(), write_ball(tmp_path / "ball")
     arms = arms_of(plan, [change])
     tasks = [CellTask("ball", method, seed, view_set, tmp_path, plan, arms) for seed in range(4)]
