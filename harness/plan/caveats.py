@@ -51,7 +51,7 @@ def deviations(plan: Plan) -> list[str]:
             f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g} after "
             f"{train.warm_up_steps} steps of warm-up, with {train.rays} rays a step (paper: {paper.learning_rate:g}, "
             f"{paper.rays} rays): a short run would hardly begin otherwise. It is the same for all methods; "
-            "docs/learning_rates.json holds a sweep of optimisers and rates for three methods on validation views."
+            "`python -m harness study sweep` tries optimisers and rates for each on validation views."
         )
     elif train.last_learning_rate != paper.learning_rate:
         rows.append(

@@ -182,7 +182,7 @@ TUNED: dict[OptimiserName, dict[str, Any]] = {
     "soap": {"optimiser": OptimiserSettings("soap", (0.9, 0.99)), "learning_rate": 1.5e-2, "last_learning_rate": 1e-3},
     "muon": {"optimiser": OptimiserSettings("muon", (0.95, 0.99)), "learning_rate": 1e-2, "last_learning_rate": 5e-4},
 }
-"""Map optimiser → the settings of short runs with it, by the sweep in docs/learning_rates.json, for all methods."""
+"""Map optimiser → the settings of short runs with it, for all methods (`python -m harness study sweep`)."""
 
 REDUCED_TRAINING = TrainSettings(
     network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),
