@@ -88,11 +88,11 @@ class Ended:
     psnr: float | None
     """The mean over the views that are scored; None if training diverged."""
     train_seconds: float = 0.0
-    core_seconds: float = 0.0
-    """The processor time of training."""
     render_seconds: float = 0.0
     """The seconds of rendering all of these views."""
     rerendered: dict[str, Rerendered] = field(default_factory=dict)
+    core_seconds: float = 0.0
+    """The processor time of training."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
         again = {}
         if isinstance(trainer, Trainer):
             again = {name: _rerendered(trainer, name, cameras, plan.score.chunk) for name in arm.rendered_with}
-        return Ended(psnr, trainer.clock.seconds, trainer.clock.core_seconds, watch.seconds, again)
+        return Ended(psnr, trainer.clock.seconds, watch.seconds, again, trainer.clock.core_seconds)
     except Diverged:
         return Ended(None)
 
