@@ -16,9 +16,11 @@ SEED = 1_000
 """A seed that no verdict uses."""
 FACTORS = (0.5, 1.0, 2.0)
 """The factors of the rates of each optimiser (`harness.plan.profiles.TUNED`), first and last alike."""
-ARMS = {
-    **{(name, factor, None): Arm(optimiser=name, rate=factor) for name in TUNED for factor in FACTORS},
-    **{(name, 1.0, 0.0): Arm(optimiser=name, covered_share=0.0) for name in ("adam", "soap")},
+RATES = [(name, factor, None) for name in TUNED for factor in FACTORS]
+ANYWHERE: list[tuple[OptimiserName, float, float]] = [("adam", 1.0, 0.0), ("soap", 1.0, 0.0)]
+ARMS: dict[tuple[OptimiserName, float, float | None], Arm] = {
+    (name, factor, share): Arm(optimiser=name, rate=factor, covered_share=share)
+    for name, factor, share in (*RATES, *ANYWHERE)
 }
 """Map (optimiser, factor, share of the rays through covered pixels) → the arm; None: the share as planned."""
 

@@ -84,7 +84,7 @@ def test_another_plan_is_not_gone_on_with(tmp_path: Path, plan: Plan) -> None:
 def test_another_machine_has_other_clocks(tmp_path: Path, plan: Plan) -> None:
     out = with_results(tmp_path / "run", plan)
     for other in (replace(MACHINE, threads=2), replace(MACHINE, device="cuda"), replace(MACHINE, workers=1)):
-        with pytest.raises(InputError, match="machine.threads was 1, is 2"):
+        with pytest.raises(InputError, match=r"machine\.\w+ was"):
             claim(out, plan, other, resume=True)
 
 
@@ -92,7 +92,7 @@ def test_a_run_goes_on_from_a_cluster_on_one_machine_and_back(tmp_path: Path, pl
     out = with_results(tmp_path / "run", plan)
     for executor, workers in (("ray", 64), ("ray", 8), ("local", 1)):
         claim(out, plan, Machine("cpu", workers, MACHINE.threads, executor), resume=True)
-    with pytest.raises(InputError, match="machine.threads was 1, is 2"):
+    with pytest.raises(InputError, match=r"machine\.threads was 1, is 2"):
         claim(out, plan, Machine("cpu", 64, 2, "ray"), resume=True)
 
 
