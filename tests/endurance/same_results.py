@@ -16,8 +16,8 @@ SAME_JSON = (
 CLOCKS = ("train_seconds", "seconds", "train_core_seconds", "core_seconds", "phases")
 CLOCKS += ("provenance", "files", "digest", "command", "checksum")
 """Keys left out wherever they stand: clocks, how and where a run was made, and digests of files with clocks in them."""
-BY_TIME = "seconds"
-"""Comparisons at this budget, or on this axis, depend on the clock."""
+BY_TIME = {"seconds", "core_seconds"}
+"""Comparisons at these budgets, or on these axes, depend on a clock."""
 ABOUT_CLOCKS = ("Cores of their own for all timed cells", "Clocks in one piece")
 """How sentences of a run begin that say how busy the machine was, and what was interrupted."""
 
@@ -57,4 +57,4 @@ def _timeless(value: Any) -> Any:
 def _is_by_time(row: Any) -> bool:
     if isinstance(row, str):
         return row.startswith(ABOUT_CLOCKS)
-    return isinstance(row, dict) and BY_TIME in (row.get("budget"), row.get("axis"))
+    return isinstance(row, dict) and not BY_TIME.isdisjoint((row.get("budget"), row.get("axis")))
