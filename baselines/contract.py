@@ -25,6 +25,8 @@ class Accelerations:
     """Whether rendering without gradients leaves a ray once it is opaque (not where density depends on the chunk)."""
     directions: bool = True
     """Whether scenes that look the same from all sides get no view direction."""
+    hull: bool = True
+    """Whether nothing is sampled outside the hull of the training images' silhouettes."""
     hidden: bool = True
     """Whether training evaluates nothing behind what the grid measured as opaque (not where density depends on the
     chunk).

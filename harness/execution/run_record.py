@@ -11,12 +11,14 @@ from baselines.field import NetworkField
 from harness.execution.ground_truth import read_views
 from harness.machine.provenance import core_module_lines
 from harness.plan.group_task import GroupTask
+from harness.plan.needed import needs_here
 from harness.records.cells import LeftOut, SceneRecord
 from harness.records.json_record import finite_or_none
 from harness.training.cell_training import finished_on
 from harness.training.evaluate import floor_psnr
 from harness.training.metrics import psnr_from_mse
 from harness.training.saved_renders import drop_truth, keep_truth
+from scenes.modelling.needs import left_out
 
 
 def measured_at_paper_size(method: str) -> dict[str, Any]:
@@ -44,6 +46,8 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneReco
     ceiling = None if noise is None else finite_or_none(float(np.mean([psnr_from_mse(float(each)) for each in noise])))
     keep_truth(out, scene, views, task.score.stored_views)
     manifest = views.rendered
+    rows = {row.get("name", row["what"]): row for row in manifest.get("left_out", [])}
+    rows = {row["name"]: row for row in left_out(needs_here(task.train, views))} | rows
     kept = ("variant", "integrator", "spp", "noise_target", "seconds", "versions", "digest")
     return SceneRecord(
         name=scene,
@@ -59,7 +63,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneReco
         psnr_ceiling=ceiling,
         psnr_floor=floor_psnr(views),
         rendered={key: manifest[key] for key in kept if key in manifest},
-        left_out=[_left_out(row) for row in manifest.get("left_out", [])],
+        left_out=[_left_out(row) for row in rows.values()],
     )
 
 

@@ -190,7 +190,7 @@ REDUCED_TRAINING = TrainSettings(
     bins=32,
     bins_per_pixel=0.4,
     first_bins=24,
-    rendered_bins=64,
+    rendered_bins=48,
     fine_bins=0,
     covered_share=0.8,
     **TUNED["soap"],
@@ -399,6 +399,8 @@ def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
         train = replace(train, fine_bins=0)
     if "empty_space" in out and not train.grid.cells:
         train = replace(train, grid=GridSettings())
+    if "background_rays" in out and not train.covered_share:
+        train = replace(train, covered_share=REDUCED_TRAINING.covered_share)
     return replace(plan, train=train, views=replace(plan.views, need=everything, no_need=out))
 
 

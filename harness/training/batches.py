@@ -18,7 +18,7 @@ from baselines.contract import Rays
 from harness.plan.seeds import generator_for
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import over_white
-from scenes.view_sets.source import covered
+from scenes.view_sets.source import covered_pixels
 
 
 @dataclass(frozen=True)
@@ -110,12 +110,6 @@ class Camera:
         return self.cameras(device).all_rays(0)
 
 
-MARGIN = 0.02
-"""The distance from covered pixels, in widths of a picture, within which a pixel counts as covered: background that is
-seen from there is what an outline is learnt from.
-"""
-
-
 Batch = tuple[Rays, Float[Tensor, "rays 3"]]
 
 
@@ -161,11 +155,3 @@ class Batches:
         index = index.to(device)
         width, size = self.cameras.width, self.cameras.width * self.cameras.height
         return self.cameras.rays(index // size, index % width, index % size // width), colours.to(device)
-
-
-def covered_pixels(rgba: ImageStack) -> np.ndarray:
-    """Return the pixels int64 [n] that are covered or near one that is, numbered through all images row by row."""
-    _, height, width, _ = rgba.shape
-    margin = max(1, round(MARGIN * width))
-    places = [np.flatnonzero(covered(image[..., 3], margin)) + k * height * width for k, image in enumerate(rgba)]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *places])

@@ -145,7 +145,8 @@ class Trainer(BudgetedTrainer):
         self.quadrature = self.parts.quadrature if self.parts is not None else "midpoint"
         self.whole_rays = self.quadrature == "listing4"
         if settings.accelerations.grid and settings.grid.cells > 0 and not self.whole_rays:
-            self.grid = OccupancyGrid(settings.grid.cells, self.box, settings.grid.opacity_threshold)
+            box = self.box if settings.accelerations.hull else replace(self.box, hull=None)
+            self.grid = OccupancyGrid(settings.grid.cells, box, settings.grid.opacity_threshold)
 
     @cached_property
     def optimiser(self) -> Optimiser:

@@ -178,13 +178,23 @@ VERDICT_TONES = {"within its bound": "equivalent", "costs more": "failed", "inco
 
 
 def left_out_grid(records: Records) -> Grid:
-    """Tabulate the omissions that a scene allows; if that was verified, what they saved and changed."""
-    columns = [Column(name, numeric=False) for name in ("scene", "left out", "because")]
+    """Tabulate the omissions that scenes allow, by what is left out; if that was verified, what they saved and
+    changed on each. Scenes for which the same is left out for the same reason stand together.
+    """
+    alike: dict[LeftOut, list[str]] = {}
+    for scene in records.run.scenes:
+        for omission in scene.left_out:
+            alike.setdefault(omission, []).append(scene.name)
+    order = list(dict.fromkeys(omission.what for omission in alike))
+    every = len(records.run.scenes)
+    columns = [Column(name, numeric=False) for name in ("left out", "scene", "because")]
     columns += [Column("time saved"), Column("change in error"), Column("may cost"), Column("verdict", numeric=False)]
     rows = [
         [
-            Entry(scene.name, runs=Selection(scene.name)),
             Entry(omission.what, omission.concerns),
+            Entry(names[0], runs=Selection(names[0]))
+            if len(names) == 1
+            else Entry(f"all {every} scenes" if len(names) == every else ", ".join(names)),
             Entry(omission.reason),
             EMPTY
             if omission.seconds_saved is None
@@ -193,8 +203,7 @@ def left_out_grid(records: Records) -> Grid:
             Entry(f"{significant(omission.bound)} {omission.unit}") if omission.bound else EMPTY,
             Entry(omission.verdict, tone=VERDICT_TONES.get(omission.verdict, "")) if omission.verdict else EMPTY,
         ]
-        for scene in records.run.scenes
-        for omission in scene.left_out
+        for omission, names in sorted(alike.items(), key=lambda row: order.index(row[0].what))
     ]
     return without_empty_columns(Grid("Left out", columns, rows), always=3)
 

@@ -52,8 +52,12 @@ PARTS: dict[str, Part] = {
     "view_direction": Part("view-direction branch", "model", SMALLEST_DB, "dB"),
     "background_model": Part("background model", "model", 0.0, "colour"),
     "high_bands": Part("bands above the Nyquist limit", "model", SMALLEST_DB, "dB"),
+    "every_bin": Part("every second bin", "sampling", SMALLEST_DB, "dB"),
     "outside_box": Part("samples outside the box", "sampling", SMALLEST_DB, "dB"),
     "empty_space": Part("samples in empty space", "sampling", SMALLEST_DB, "dB"),
+    "outside_hull": Part("samples outside the silhouettes", "sampling", SMALLEST_DB, "dB"),
+    "behind_matter": Part("training samples behind matter", "sampling", SMALLEST_DB, "dB"),
+    "background_rays": Part("most rays through background", "sampling", SMALLEST_DB, "dB"),
     "fine_pass": Part("hierarchical (fine) pass", "sampling", SMALLEST_DB, "dB"),
     "linear_quadrature": Part("quadrature linear in τ", "sampling", SMALLEST_DB, "dB"),
     "behind_opaque": Part("samples behind opaque matter", "rendering", 1e-4, "colour"),
@@ -67,6 +71,9 @@ PARTS: dict[str, Part] = {
 `behind_opaque` is the transmittance at which a ray ends, times the largest display colour; 1/510 is half an 8-bit
 step. A part that no score depends on, or that is exact, has bound 0.
 """
+
+OF_TRAINING = ("every_bin", "outside_hull", "behind_matter", "background_rays")
+"""The parts that images and settings of training tell of, not a description (`harness.plan.needed.needs_here`)."""
 
 BINS = 64
 """The bins of a ray through the box, by which the τ of a bin is judged: the coarse pass of the original NeRF."""

@@ -4,6 +4,7 @@ what every camera sees, and the hull of the silhouettes, the cells of the box in
 `scenes.view_sets.foreign` finds the reader of a path.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from scenes.files.errors import InputError
+from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.transforms import Frames
 from scenes.view_sets.viewpoints import SPLITS
 
@@ -158,6 +160,20 @@ def covered(alpha: np.ndarray, pixels: int) -> np.ndarray:
     return maximum_filter(alpha >= LEAST_ALPHA, size=2 * pixels + 1, mode="constant", cval=False)
 
 
+EDGE = 0.02
+"""The distance from covered pixels, in widths of a picture, within which a pixel counts as covered: background that is
+seen from there is what an outline is learnt from.
+"""
+
+
+def covered_pixels(rgba: ImageStack) -> np.ndarray:
+    """Return the pixels int64 [n] that are covered or near one that is, numbered through all images row by row."""
+    _, height, width, _ = rgba.shape
+    margin = max(1, round(EDGE * width))
+    places = [np.flatnonzero(covered(image[..., 3], margin)) + k * height * width for k, image in enumerate(rgba)]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *places])
+
+
 def hull(
     bounds: np.ndarray, alphas: Iterable[np.ndarray], camera_to_world: np.ndarray, focal: float, cells: int = CELLS
 ) -> np.ndarray:
@@ -167,33 +183,67 @@ def hull(
     `alphas` are the images [h, w] of the poses [n, 4, 4] in OpenGL axes; `focal` is in pixels. A cell that a view does
     not see, behind the camera or beside the picture, is not judged by that view.
     """
-    lower, side = bounds[0], (bounds[1] - bounds[0]) / cells
+    side = (bounds[1] - bounds[0]) / cells
     reach = 0.5 * float(np.linalg.norm(side))
-    kept = np.arange(cells**3)
-    index = np.stack(np.unravel_index(kept, (cells,) * 3), axis=-1)
-    centre = (lower + (index + 0.5) * side).astype(np.float32)
-    misses = np.zeros(len(kept), dtype=np.int32)
     allowed = int(MISSES * len(camera_to_world))
+    blocks = _blocks(bounds, cells)
     for alpha, pose in zip(alphas, camera_to_world, strict=True):
-        height, width = alpha.shape
-        seen = (centre - pose[:3, 3].astype(np.float32)) @ pose[:3, :3].astype(np.float32)
-        depth = -seen[:, 2]
-        ahead = depth > 2.0 * reach
-        if not ahead.any():
-            continue
-        scale = focal / np.where(ahead, depth, np.inf)
-        column, row = seen[:, 0] * scale + 0.5 * width, 0.5 * height - seen[:, 1] * scale
-        inside = ahead & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        # the nearest cell of all is the largest in the picture
-        widened = covered(alpha, int(np.ceil(reach * focal / (depth[ahead].min() - reach) + MARGIN)))
-        place = np.where(inside, row, 0).astype(np.int64) * width + np.where(inside, column, 0).astype(np.int64)
-        misses += inside & ~widened.ravel()[place]
-        left = misses <= allowed
-        if not left.all():
-            kept, centre, misses = kept[left], centre[left], misses[left]
+        rotation, origin = pose[:3, :3].T.astype(np.float32), pose[:3, 3:].astype(np.float32)
+        silhouettes: dict[int, np.ndarray] = {}
+        for block in blocks:
+            x, y, z = rotation @ (block.centres - origin)
+            depth = -z
+            ahead = depth > 2.0 * reach
+            if not ahead.any():
+                continue
+            # the nearest cell of all is the largest in the picture
+            pixels = int(np.ceil(reach * focal / (depth[ahead].min() - reach) + MARGIN))
+            if pixels not in silhouettes:
+                silhouettes[pixels] = ~np.pad(covered(alpha, pixels), 1, constant_values=True)
+            scale = focal / np.where(ahead, depth, np.inf)
+            height, width = alpha.shape
+            column = np.clip(x * scale + (0.5 * width + 1), 0, width + 1).astype(np.int32)
+            row = np.clip((0.5 * height + 1) - y * scale, 0, height + 1).astype(np.int32)
+            block.misses += silhouettes[pixels].ravel()[row * (width + 2) + column] & ahead
+            block.drop(block.misses > allowed)
     occupied = np.zeros(cells**3, dtype=bool)
-    occupied[kept] = True
+    for block in blocks:
+        occupied[block.index] = True
     return occupied.reshape((cells,) * 3)
+
+
+@dataclass
+class _Block:
+    """Neighbouring cells of a hull that may still be occupied: so few that a view's work on them stays in the cache."""
+
+    index: np.ndarray
+    """Their numbers int [n] in the hull."""
+    centres: np.ndarray
+    """Their centres float32 [3, n]."""
+    misses: np.ndarray
+    """How many views see through each, int [n]."""
+
+    def drop(self, gone: np.ndarray) -> None:
+        if gone.any():
+            left = ~gone
+            self.index, self.centres, self.misses = self.index[left], self.centres[:, left], self.misses[left]
+
+
+BLOCK = 24
+"""The cells of a block along each axis, at most."""
+
+
+def _blocks(bounds: np.ndarray, cells: int) -> list[_Block]:
+    side = (bounds[1] - bounds[0]) / cells
+    starts = range(0, cells, BLOCK)
+    blocks = []
+    for corner in itertools.product(starts, starts, starts):
+        axes = [np.arange(first, min(first + BLOCK, cells)) for first in corner]
+        place = np.stack(np.meshgrid(*axes, indexing="ij")).reshape(3, -1)
+        centres = (bounds[0][:, None] + (place + 0.5) * side[:, None]).astype(np.float32)
+        index = (place[0] * cells + place[1]) * cells + place[2]
+        blocks.append(_Block(index, centres, np.zeros(len(index), dtype=np.int32)))
+    return blocks
 
 
 def carved(bounds: np.ndarray, occupied: np.ndarray) -> np.ndarray:

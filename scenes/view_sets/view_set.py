@@ -13,7 +13,7 @@ have readers of their own (`scenes.view_sets.foreign`).
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -93,7 +93,8 @@ class ViewSet:
     @cached_property
     def hull(self) -> np.ndarray:
         """The cells of `bounds` in which something may be, bool [96, 96, 96] (`scenes.view_sets.source`)."""
-        return _hull_of(self.train, self.bounds, self.focal)
+        alphas = (image[..., 3] for image in self.train.rgba)
+        return hull(self.bounds, alphas, self.train.camera_to_world, self.focal)
 
 
 def read_view_set(
@@ -146,9 +147,6 @@ def read_view_set(
         raise InputError(f"{folder}: no view is left to read; ask for at least one")
     given = Region(None if bounds is None else tuple(np.ravel(bounds).tolist())).over(region or Region())
     box, near, far = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
-    assumed = given.bounds is None and not manifest and (source.bounds_assumed or source.region.bounds is None)
-    if assumed and (seen := read.get("train")):
-        box = carved(box, _hull_of(seen, box, 0.5 * reader.size[1] / math.tan(0.5 * fov)))
     empty = Split((), np.zeros((0, 4, 4)), ImageStack((*reader.size, 4)))
     if not manifest:
         for name, frames in chosen.items():
@@ -156,7 +154,7 @@ def read_view_set(
             reader.content.update(np.ascontiguousarray(frames.camera_to_world, dtype=np.float64).tobytes())
     names = [f"{split}: {file.name}" for split, frames in chosen.items() for file in frames.files]
     pairs = repeated(np.concatenate([frames.camera_to_world for frames in chosen.values()]))
-    return ViewSet(
+    views = ViewSet(
         path=folder,
         name=manifest["scene"] if manifest else source.name,
         title=manifest["title"] if manifest else "",
@@ -174,6 +172,8 @@ def read_view_set(
         notes=source.notes,
         content=None if manifest else reader.content.hexdigest(),
     )
+    assumed = given.bounds is None and not manifest and (source.bounds_assumed or source.region.bounds is None)
+    return replace(views, bounds=carved(box, views.hull)) if assumed and "train" in read else views
 
 
 def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any]) -> Frames | None:
@@ -280,10 +280,6 @@ class _Reader:
                 f"{file}: {width} × {height} pixels, but views before it have {self.stored[1]} × {self.stored[0]}; "
                 "all images of a view set must have one size"
             )
-
-
-def _hull_of(train: Split, bounds: np.ndarray, focal: float) -> np.ndarray:
-    return hull(bounds, (image[..., 3] for image in train.rgba), train.camera_to_world, focal)
 
 
 def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:

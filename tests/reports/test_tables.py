@@ -107,7 +107,24 @@ def test_columns_that_no_scene_fills_are_left_out(tmp_path):
 
     out = write_fake_run(tmp_path / "run", pictures=False, change=unmeasured)
     grid = left_out_grid(read_records(out))
-    assert [column.label for column in grid.columns] == ["scene", "left out", "because"]
+    assert [column.label for column in grid.columns] == ["left out", "scene", "because"]
+
+
+def test_left_out_is_grouped_by_what_it_is(tmp_path):
+    """And what holds for every scene stands once."""
+
+    def two(run):
+        def told(number):
+            reasons = {"empty space": f"{number} of ten cells", "fine pass": "smooth"}
+            return [LeftOut(what, why, None, None, None) for what, why in reasons.items()]
+
+        return replace(run, scenes=[replace(one, left_out=told(k)) for k, one in enumerate(run.scenes)])
+
+    records = read_records(write_fake_run(tmp_path / "run", pictures=False, change=two))
+    names = [scene.name for scene in records.run.scenes]
+    rows = [[entry.text for entry in row] for row in left_out_grid(records).rows]
+    one_by_one = [["empty space", name, f"{number} of ten cells"] for number, name in enumerate(names)]
+    assert rows == [*one_by_one, ["fine pass", f"all {len(names)} scenes", "smooth"]]
 
 
 def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):

@@ -44,6 +44,8 @@ class Arm:
     """None: as planned."""
     position_bands: int | None = None
     """None: as planned; 0: raw coordinates alone."""
+    bins: float = 1.0
+    """The factor of the bins of training, a share of a pixel or a number."""
     optimiser: OptimiserName | None = None
     """None: as planned; else with the rates of `harness.plan.profiles.TUNED`."""
     rate: float = 1.0
@@ -74,9 +76,9 @@ class CellTask:
 class Rerendered:
     """The same weights, rendered again with something that had been left out."""
 
-    seconds: float
-    seconds_without: float
-    """The seconds that rendering the same views takes with it left out, the two timed in turns."""
+    core_seconds: float
+    core_seconds_without: float
+    """The processor time of rendering the same views with it left out, the two timed in turns."""
     largest_change: float
     """The largest change of a display colour."""
 
@@ -88,11 +90,11 @@ class Ended:
     psnr: float | None
     """The mean over the views that are scored; None if training diverged."""
     train_seconds: float = 0.0
-    render_seconds: float = 0.0
-    """The seconds of rendering all of these views."""
     rerendered: dict[str, Rerendered] = field(default_factory=dict)
     core_seconds: float = 0.0
     """The processor time of training."""
+    rendering_core_seconds: float = 0.0
+    """The processor time of rendering all of these views."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,9 @@ def _settings(train: TrainSettings, arm: Arm) -> TrainSettings:
         train = replace(train, precision=arm.precision)
     if arm.position_bands is not None:
         train = replace(train, network=replace(train.network, position_bands=arm.position_bands))
+    if arm.bins != 1.0:
+        per_pixel = train.bins_per_pixel
+        train = replace(train, bins=round(train.bins * arm.bins), bins_per_pixel=per_pixel and per_pixel * arm.bins)
     if arm.optimiser is not None:
         train = replace(train, **TUNED[arm.optimiser])
     if arm.covered_share is not None:
@@ -163,7 +168,8 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
         again = {}
         if isinstance(trainer, Trainer):
             again = {name: _rerendered(trainer, name, cameras, plan.score.chunk) for name in arm.rendered_with}
-        return Ended(psnr, trainer.clock.seconds, watch.seconds, again, trainer.clock.core_seconds)
+        clock = trainer.clock
+        return Ended(psnr, clock.seconds, again, clock.core_seconds, watch.core_seconds)
     except Diverged:
         return Ended(None)
 
@@ -181,4 +187,4 @@ def _rerendered(trainer: Trainer, name: str, cameras: Cameras, chunk: int) -> Re
                 colours[part] = evaluate.render_view(trainer, cameras, index, chunk).colour
         largest = max(largest, float(np.abs(colours["out"] - colours["in"]).max()))
     trainer.settings = settings["out"]
-    return Rerendered(watches["in"].seconds, watches["out"].seconds, largest)
+    return Rerendered(watches["in"].core_seconds, watches["out"].core_seconds, largest)

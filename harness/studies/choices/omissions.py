@@ -16,29 +16,42 @@ from typing import Any, Literal
 import numpy as np
 from msgspec import structs
 
+from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
+from baselines.composition import LADDERS
 from harness.execution.executors import device_here
 from harness.execution.ground_truth import read_views, scenes_output
 from harness.execution.progress import Progress
+from harness.plan.needed import needs_here, pixels_across
 from harness.plan.profiles import Machine, Plan
 from harness.records.cells import CellRecord, LeftOut, SceneRecord
 from harness.run_folder.earlier_run import UNMEASURED
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
 from harness.verdicts.statistics import PairedDifference, paired_difference
-from scenes.modelling.needs import PARTS, Unit, needs_of
+from scenes.modelling.needs import PARTS, Unit, needs_of, useful_bands
 from scenes.view_sets.view_set import ViewSet
 
 Verdict = Literal["within its bound", "costs more", "inconclusive"]
-TRAINED = ("view_direction", "outside_box", "empty_space", "fine_pass")
+TRAINED = (
+    "view_direction",
+    "outside_box",
+    "empty_space",
+    "outside_hull",
+    "behind_matter",
+    "background_rays",
+    "fine_pass",
+)
 """The needs whose omission changes what is trained."""
 RENDERED = ("behind_opaque",)
 """The needs whose omission changes how a trained method is rendered, and nothing else."""
 CONTROLS = {
     "no view_direction": ("view_direction", ""),
+    "Nyquist": ("high_bands", ""),
+    "half the bins": ("every_bin", ""),
     "no bands": ("high_bands", "every band of the encoding, the needed ones too"),
 }
-"""An arm that leaves something out although it is needed → its need, and what it is. The effect of the first may take
-long training to show; the second must cost visibly, or nothing here could.
+"""An arm that leaves out what a run keeps → its need, and what it is if it is more than that. The effect of the first
+may take long training to show; the last must cost visibly, or nothing here could.
 """
 INTEGRATOR_VIEWS = 6
 INTEGRATOR_SPP = 64
@@ -53,7 +66,9 @@ class Omission:
     method: str
     name: str
     seconds_saved: float | None
-    """The mean over seeds, on the clock that `clock` names; for `participating_media`, of rendering the view set."""
+    """The mean over seeds in core seconds of the work that `clock` names; for `participating_media`, seconds of
+    rendering the view set.
+    """
     clock: str
     difference: float | None
     """In dB, the test PSNR without the part minus that with it, so that a value below 0 is a loss. As a colour, the
@@ -187,17 +202,19 @@ def verifiable(views: ViewSet, plan: Plan, method: str) -> tuple[str, ...]:
     train, parts = plan.train, CATALOG[method].parts
     # a voxel grid has no such sampling, and Listing 4 takes every point of the whole ray
     sampled = parts is not None and parts.quadrature != "listing4"
+    everyones = ("view_direction", "background_rays")
     has = {
         "fine_pass": train.fine_bins > 0,
         "empty_space": train.grid.cells > 0 and train.accelerations.grid,
         "outside_box": train.accelerations.clipping,
         "behind_opaque": train.accelerations.early_stop,
+        "behind_matter": parts is not None and AMPLIFIERS[parts.amplifier]().pointwise,
     }
-    needs = needs_of(views)
+    needs = needs_here(train, views)
     return tuple(
         name
         for name in (*TRAINED, *RENDERED)
-        if name in needs and not needs[name].needed and has.get(name, True) and (sampled or name == "view_direction")
+        if name in needs and not needs[name].needed and has.get(name, True) and (sampled or name in everyones)
     )
 
 
@@ -211,14 +228,19 @@ def cell_tasks(
 ) -> list[CellTask]:
     """Return each cell of the plan with everything left out that its scene does not need, and again with each of these.
 
-    With `controls`, the first scene is also trained without bands, and without the view direction if it needs that.
+    With `controls`, also without what every run keeps: bands above the Nyquist limit and half of the bins; the first
+    scene without any band, and without the view direction if it needs that.
     """
     tasks = []
     for scene, method, seed in plan.cells():
         names = verifiable(views[scene], plan, method)
         arms = {PLANNED: Arm(rendered_with=tuple(name for name in names if name in RENDERED))}
         arms |= {name: Arm(need=(name,)) for name in names if name in TRAINED}
-        if controls and scene == plan.scenes[0] and CATALOG[method].parts is not None:
+        parts = CATALOG[method].parts
+        if controls and parts is not None:
+            bands = useful_bands(pixels_across(views[scene]) / 2, LADDERS[parts.encoding].base)
+            arms |= {"Nyquist": Arm(position_bands=bands), "half the bins": Arm(bins=0.5)}
+        if controls and parts is not None and scene == plan.scenes[0]:
             arms["no bands"] = Arm(position_bands=0)
             direction = needs_of(views[scene]).get("view_direction")
             if direction is not None and direction.needed:
@@ -261,7 +283,7 @@ def _of_training(cells: list[CellArms], name: str, without: str, with_it: str) -
     if any(a.psnr is None and b.psnr is not None for a, b in pairs):
         verdict = "costs more"  # a cell that ends for lack of the part is worth less than any score
     saved = [
-        b.train_seconds + b.render_seconds - a.train_seconds - a.render_seconds
+        b.core_seconds + b.rendering_core_seconds - a.core_seconds - a.rendering_core_seconds
         for a, b in pairs
         if a.psnr is not None and b.psnr is not None
     ]
@@ -287,7 +309,7 @@ def _of_rendering(cells: list[CellArms], name: str) -> Omission:
         cells[0].scene,
         cells[0].method,
         name,
-        seconds_saved=fmean(arm.seconds - arm.seconds_without for arm in again),
+        seconds_saved=fmean(arm.core_seconds - arm.core_seconds_without for arm in again),
         clock="rendering the test views",
         difference=largest,
         interval=None,

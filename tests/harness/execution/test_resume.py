@@ -43,7 +43,7 @@ def outcome_of(out: Path) -> dict[tuple[str, int], Any]:
             cell.status,
             cell.scores,
             cell.views,
-            [replace(point, seconds=0.0) for point in cell.curve],
+            [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve],
             cell.trace,
             cell.properties,
         )

@@ -144,7 +144,7 @@ def test_an_omission_that_costs_more_does_so_after_resuming(ball_folder: Path, t
     run = read_run(out)
     (scene,) = run.scenes
     measured = [replace(row, verdict="costs more", difference=-1.0, interval=(-1.2, -0.8)) for row in scene.left_out]
-    assert [row.name for row in measured] == ["view_direction"]
+    assert "view_direction" in {row.name for row in measured}
     write_run(out, replace(run, scenes=[replace(scene, left_out=measured)]))
     for _ in range(2):
         assert go_on(out, ball_folder, *forced, "--resume") == 3

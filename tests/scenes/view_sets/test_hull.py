@@ -32,12 +32,13 @@ def distances(cells: int = CELLS) -> np.ndarray:
     return np.linalg.norm(np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1) - CENTRE, axis=-1)
 
 
-def test_the_hull_of_a_ball_holds_it_and_little_else() -> None:
-    occupied = hull(BOX, ALPHAS, POSES, FOCAL)
-    cell = 3.0 / CELLS
-    assert occupied[distances() < RADIUS + 0.5 * cell].all()
+@pytest.mark.parametrize("cells", [CELLS, 50])
+def test_the_hull_of_a_ball_holds_it_and_little_else(cells: int) -> None:
+    occupied = hull(BOX, ALPHAS, POSES, FOCAL, cells)
+    cell = 3.0 / cells
+    assert occupied[distances(cells) < RADIUS + 0.5 * cell].all()
     # a pixel at the distance of the ball is 0.03 wide; views of half a sphere leave little corners
-    assert not occupied[distances() > RADIUS + 6 * cell].any()
+    assert not occupied[distances(cells) > RADIUS + 6 * cell].any()
     assert RADIUS < carved(BOX, occupied)[1, 0] - CENTRE[0] < RADIUS + 6 * cell
     assert np.all(carved(BOX, occupied)[0] < CENTRE - RADIUS)
 
@@ -54,6 +55,15 @@ def test_what_no_view_judges_is_kept() -> None:
     behind = hull(BOX + np.array([0.0, 0.0, 50.0]), ALPHAS[:1], POSES[:1], FOCAL)
     assert behind.all()
     assert np.array_equal(carved(BOX, np.zeros((4, 4, 4), bool)), BOX)
+
+
+def test_a_view_does_not_judge_what_lies_beside_its_picture() -> None:
+    """Views cut to a strip leave more than whole ones, and never less."""
+    whole = hull(BOX, ALPHAS, POSES, FOCAL, cells=50)
+    for strip in (np.s_[35:65, :], np.s_[:, 35:65]):
+        kept = hull(BOX, [alpha[strip] for alpha in ALPHAS], POSES, FOCAL, cells=50)
+        assert (kept | ~whole).all()
+        assert kept.sum() > whole.sum()
 
 
 def test_images_without_transparency_leave_the_whole_box() -> None:

@@ -1,4 +1,4 @@
-"""O1 and O2: what half precision does to weights and optimiser, and what one spike of the gradient costs."""
+"""O1, O2 and O4: half precision of weights and optimiser, one spike of the gradient, badly conditioned matrices."""
 
 import math
 from collections.abc import Iterator
@@ -7,13 +7,16 @@ from itertools import accumulate
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from baselines.contract import Precision
 from baselines.numerics.amplifier import amplify_about_mean, softplus_density
 from baselines.numerics.encoding import encode
+from baselines.numerics.optimisers import OPTIMISERS, Optimiser, OptimiserName, optimiser_of
 from baselines.numerics.quadrature import QUADRATURES
-from harness.plan.schedule import Budget
+from harness.plan.profiles import TUNED
+from harness.plan.schedule import Budget, learning_rate
+from harness.plan.seeds import generator_for
 from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import CPU, STREAM, new_trainer, setup, train, trained
@@ -224,3 +227,58 @@ def _nan_gradient(context: StabilityContext) -> Check:
     what = "mistakes of two: step and tensor not named, weights not those before the step"
     count = float(misnamed) + float(not untouched)
     return check(what, count, high=0, why=message or "went on", subject="NaN gradient")
+
+
+SIDE, CONDITIONED_STEPS = 32, 400
+CONDITIONS = (1e1, 1e3, 1e6)
+"""The ratio of largest to least curvature along either side of the matrix."""
+
+
+def conditioned(context: StabilityContext) -> Iterator[Found]:
+    """O4: every optimiser on a quadratic loss of one matrix whose curvature lies along no axis, in float32 and in
+    float64. The loss is ½ ⟨W − W*, A (W − W*) B⟩ with symmetric A and B, and begins at about the mean curvature / 2.
+    """
+    count = 60 if context.quick else CONDITIONED_STEPS
+    rows: Rows = []
+    for condition in CONDITIONS:
+        for name in OPTIMISERS:
+            (single, optimiser), (double, _) = (
+                descended(name, condition, count, dtype) for dtype in (torch.float32, torch.float64)
+            )
+            rows.append([f"{condition:g}", name, single, double])
+            subject = f"{name}, condition {condition:g}"
+            what = f"relative difference of the loss of float64 after {count} steps"
+            yield check(what, abs(single / double - 1.0), high=0.25, subject=subject)
+            if bases := [value for key, value in optimiser.tensors().items() if key.endswith("_basis")]:
+                what = "largest entry of QᵀQ − 1 of a basis"
+                yield check(what, max(map(off_orthogonal, bases)), high=1e-5, subject=f"{subject}, bases")
+    title = f"The loss after {count} steps at the rates of short runs"
+    yield Table("conditioned", 8, title, ["condition of a side", "optimiser", "float32", "float64"], rows)
+
+
+def descended(name: OptimiserName, condition: float, count: int, dtype: torch.dtype) -> tuple[float, Optimiser]:
+    """Return the loss after `count` steps from 0, computed in float64, and the optimiser."""
+    curvature = torch.logspace(0.0, -math.log10(condition), SIDE, dtype=torch.float64)
+    left, right, target = (_rotation(number) for number in range(3))
+    a, b = ((axes * curvature) @ axes.mT for axes in (left, right))
+    weight, bias = nn.Parameter(torch.zeros(SIDE, SIDE, dtype=dtype)), nn.Parameter(torch.zeros(1, dtype=dtype))
+    bias.grad = torch.zeros_like(bias)
+    settings = TUNED[name]
+    optimiser = optimiser_of([weight, bias], settings["optimiser"])
+    for step in range(count):
+        weight.grad = (a @ (weight.detach().double() - target) @ b).to(dtype)
+        first, last = settings["learning_rate"], settings["last_learning_rate"]
+        optimiser.step(learning_rate(step / count, step, first, last, 0))
+    off = weight.detach().double() - target
+    return 0.5 * float((off * (a @ off @ b)).sum()), optimiser
+
+
+def off_orthogonal(bases: Tensor) -> float:
+    """Return the largest entry of QᵀQ − 1 over stacked bases [weights, side, side]."""
+    return float((bases.mT @ bases - torch.eye(bases.shape[-1], dtype=bases.dtype)).abs().max())
+
+
+def _rotation(number: int) -> Tensor:
+    """Return an orthogonal float64 matrix, always the same one for a number."""
+    values = torch.randn(SIDE, SIDE, dtype=torch.float64, generator=generator_for("rotation", number))
+    return torch.linalg.qr(values).Q

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from harness.execution.progress import Quiet
-from harness.plan.needed import LEFT_OUT_BY, for_scene, kept
+from harness.plan.needed import LEFT_OUT_BY, for_scene, kept, needs_here
 from harness.plan.profiles import Machine, Plan, planned
 from harness.plan.schedule import Budget
 from harness.records.cells import LeftOut, unscored
@@ -27,16 +27,21 @@ from harness.studies.choices.omissions import (
 from harness.verdicts.statistics import paired_difference
 from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
 from scenes.rendering.checks import in_blocks
+from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from tests.harness.ball import write_ball
 from tests.harness.tiny import SCORE, TRAIN, VIEWS
 
+BY_SILHOUETTES = ("outside_hull", "behind_matter", "background_rays")
 SOLID: Needs = {
     name: Need(name, name in ("fine_pass", "linear_quadrature", "depth_metric"), "as it is")
     for name in PARTS
-    if name != "high_bands"
+    if name not in ("high_bands", "every_bin", *BY_SILHOUETTES)
 }
 """A Lambertian surface without a medium."""
+
+
+COVERING = replace(TRAIN, covered_share=0.8)
 
 
 def known(views: ViewSet, needs: Needs) -> ViewSet:
@@ -91,16 +96,33 @@ def test_settings_follow_the_scene(ball: ViewSet) -> None:
 
 
 def test_only_what_makes_a_difference_is_tried(ball: ViewSet) -> None:
-    plan = ball_plan()
+    plan = replace(ball_plan(), train=COVERING)
     views = known(ball, SOLID)
-    assert verifiable(views, plan, "nerf") == ("view_direction", "outside_box", "empty_space", "behind_opaque")
-    assert verifiable(ball, plan, "nerf") == ()
-    dense = replace(plan, train=replace(TRAIN, grid=replace(TRAIN.grid, cells=0)))
-    assert "empty_space" not in verifiable(views, dense, "nerf")
-    clipped_no_more = replace(plan, train=kept(TRAIN, ("outside_box", "behind_opaque")))
+    of_scene = ("view_direction", "outside_box", "empty_space")
+    assert verifiable(views, plan, "nerf") == (*of_scene, *BY_SILHOUETTES, "behind_opaque")
+    assert verifiable(ball, plan, "nerf") == BY_SILHOUETTES, "silhouettes are known of anybody's images"
+    dense = replace(plan, train=replace(COVERING, grid=replace(TRAIN.grid, cells=0)))
+    assert verifiable(views, dense, "nerf") == ("view_direction", "outside_box", "background_rays", "behind_opaque")
+    assert "behind_matter" not in verifiable(views, plan, "qnerf"), "its density depends on the chunk"
+    clipped_no_more = replace(plan, train=kept(COVERING, ("outside_box", "behind_opaque", *BY_SILHOUETTES)))
     assert verifiable(views, clipped_no_more, "nerf") == ("view_direction", "empty_space")
     for method in ("voxels_drjit", "qnerf_listing4"):
-        assert verifiable(views, plan, method) == ("view_direction",), "what a method has not is not tried on it"
+        everyones = ("view_direction", "background_rays")
+        assert verifiable(views, plan, method) == everyones, "what a method has not is not tried on it"
+
+
+def test_silhouettes_tell_what_they_leave(ball: ViewSet) -> None:
+    """Nothing is left out of images without a background; what is forced in is needed."""
+    told = needs_here(COVERING, ball)
+    assert set(told) == set(BY_SILHOUETTES)
+    assert not any(need.needed for need in told.values())
+    assert f"{100 * ball.hull.mean():.0f} % of the box" in told["outside_hull"].reason
+    assert needs_here(COVERING, with_needs(ball, ("outside_hull",), ()))["outside_hull"].needed
+    opaque = ImageStack.of(np.concatenate([rgba[..., :3], np.ones_like(rgba[..., 3:])], -1) for rgba in ball.train.rgba)
+    full = replace(ball, train=replace(ball.train, rgba=opaque))
+    needed = {name for name, need in needs_here(COVERING, full).items() if need.needed}
+    assert needed == {"outside_hull", "background_rays"}
+    assert needs_here(replace(TRAIN, grid=replace(TRAIN.grid, cells=0)), ball) == {}
 
 
 def test_every_cell_has_an_arm_for_each_omission(ball: ViewSet, tmp_path: Path) -> None:
@@ -109,11 +131,14 @@ def test_every_cell_has_an_arm_for_each_omission(ball: ViewSet, tmp_path: Path) 
     assert task.arms == {
         "as planned": Arm(rendered_with=("behind_opaque",)),
         "outside_box": Arm(need=("outside_box",)),
-        "empty_space": Arm(need=("empty_space",)),
+        **{name: Arm(need=(name,)) for name in ("empty_space", "outside_hull", "behind_matter")},
     }
     (task,) = cell_tasks(ball_plan(), views, {"ball": tmp_path}, tmp_path, controls=True)
     assert task.arms["no view_direction"] == Arm(no_need=("view_direction",))
     assert task.arms["no bands"] == Arm(position_bands=0)
+    # 24 pixels and their 12 cycles: 2⁴ is enough
+    assert task.arms["Nyquist"] == Arm(position_bands=4)
+    assert task.arms["half the bins"] == Arm(bins=0.5)
 
 
 def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
@@ -126,21 +151,23 @@ def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
         "outside_box": Arm(need=("outside_box",)),
         "no direction": Arm(no_need=("view_direction",)),
         "no bands": Arm(position_bands=0),
+        "outside_hull": Arm(need=("outside_hull",)),
+        "half the bins": Arm(bins=0.5),
     }
     plan = replace(ball_plan(), budget=Budget(16, None))
     cell = trained_cell(CellTask("ball", "nerf", 0, write_ball(tmp_path / "ball"), tmp_path, plan, arms))
     as_planned, again, *others = cell.ended.values()
     assert again.psnr == as_planned.psnr
     assert all(arm.psnr is not None and arm.psnr != as_planned.psnr for arm in others)
-    assert all(arm.train_seconds > 0 and arm.render_seconds > 0 for arm in cell.ended.values())
+    assert all(arm.core_seconds > 0 and arm.rendering_core_seconds > 0 for arm in cell.ended.values())
     opaque = as_planned.rerendered["behind_opaque"]
     assert opaque.largest_change <= PARTS["behind_opaque"].bound
-    assert min(opaque.seconds, opaque.seconds_without) > 0.0
+    assert min(opaque.core_seconds, opaque.core_seconds_without) > 0.0
 
 
 def ended(psnr: float | None, seconds: float = 2.0, largest: float | None = None) -> Ended:
     again = {} if largest is None else {"behind_opaque": Rerendered(3.0, 1.0, largest)}
-    return Ended(psnr, seconds, 0.5, again)
+    return Ended(psnr, seconds, again, seconds, 0.5)
 
 
 def cells_with(*scores: tuple[float | None, float | None], largest: float = 5e-5) -> list[CellArms]:

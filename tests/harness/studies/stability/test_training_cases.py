@@ -9,6 +9,7 @@ import torch
 from baselines.amplifiers import AMPLIFIERS
 from baselines.numerics.checks import BadDensity
 from baselines.numerics.encoding import PHI
+from baselines.numerics.optimisers import OPTIMISERS
 from harness.records.study import Check, Picture, Series, Table
 from harness.studies.stability.fields import amplifier_cases, optimiser_cases, small_training, unit_cases
 from harness.studies.stability.rays import encoding_cases
@@ -24,7 +25,7 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> StabilityContext:
     return context_in(tmp_path_factory.mktemp("stability"), *METHODS)
 
 
-@pytest.mark.parametrize("case", ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", *SLOW])
+@pytest.mark.parametrize("case", ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", "O4", *SLOW])
 def test_every_case_says_something_of_every_subject(case: str, context: StabilityContext) -> None:
     small_training.trained.cache_clear()  # a case must not need another one before it
     made = findings(case, context)
@@ -219,6 +220,19 @@ def test_half_precision_weights_stand_still_or_break_as_arithmetic_says() -> Non
     assert [optimiser_cases._moved(torch.bfloat16, 1e-4, epsilon) for epsilon in (1e-8, 1e-4)] == [0.0, 0.0]
     assert optimiser_cases._moved(torch.float16, 0.0) == "the weight is nan"
     assert optimiser_cases._moved(torch.float16, 1e-5) == "the weight is -inf"
+
+
+def test_a_descent_is_that_of_its_curvature() -> None:
+    """SOAP goes further down than Adam, whose axes are not the loss's."""
+    losses = {
+        name: [optimiser_cases.descended(name, 1e3, count, torch.float64)[0] for count in (0, 400)]
+        for name in OPTIMISERS
+    }
+    assert losses["adam"][0] == losses["soap"][0] > losses["adam"][1]
+    assert losses["soap"][1] < 0.1 * losses["adam"][1]
+    unit = torch.eye(3)[None]
+    assert optimiser_cases.off_orthogonal(unit) == 0.0
+    assert optimiser_cases.off_orthogonal(2.0 * unit) == 3.0
 
 
 def test_a_spike_of_one_changes_nothing_and_a_large_one_what_follows_it(context: StabilityContext) -> None:
