@@ -4,8 +4,8 @@
     what `block(NAME, docs)` makes of docs/*.json
     <!-- end -->
 
-A block is empty if its file is not published, or was measured before all methods had one unit of density: its figures
-would be those of another program.
+A block is empty if a file of it is not published, or was measured before all methods had one unit of density: its
+figures would be those of another program.
 """
 
 import json
@@ -87,6 +87,56 @@ def differences(run: Run, budget: str = "steps") -> str:
         if (duel := row(run, "all", *pair, budget))
     ]
     return table((f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values())), rows)
+
+
+def training(run: Run) -> str:
+    """State what a cell was given: steps, rays, optimiser."""
+    train = run["settings"]["train"]
+    optimiser = train["optimiser"]["name"]
+    named = optimiser.upper() if optimiser == "soap" else optimiser.capitalize()
+    return f"{run['settings']['budget']['steps']} steps of {train['rays']} rays, {named}"
+
+
+def beside(run: Run, other: Run) -> str:
+    """Tabulate a second run of the same methods beside the default one: over all scenes if both have the same, else
+    scene by scene.
+    """
+    runs = (run, other)
+    names, others = ([scene["scene"] for scene in each["scenes"]] for each in runs)
+    common = [name for name in names if name in others]
+    whole = len(common) == len(names) == len(others)
+    sense, places = ("scenes_like_these", ["all"]) if whole else ("on_these_scenes", common)
+    rows: list[tuple[str, ...]] = []
+    verdicts = []
+    for place in places:
+        where = f", mean of {counted(len(common), 'scene')}" if whole else f" on {place}"
+        inside = common if whole else [place]
+        rows += [
+            (f"`{method}`{where}", *(_score(each, inside, method) for each in runs)) for method in main_methods(run)
+        ]
+        for pair in DUELS:
+            duels = [row(each, place, *pair) for each in runs]
+            if all(duels):
+                verdicts.append([duel[sense]["verdict"] for duel in duels if duel])
+                told = (f"{signed(duel['difference'])} dB, {estimate(duel, sense)}" for duel in duels if duel)
+                rows.append((f"`{pair[0]}` − `{pair[1]}`{'' if whole else where}", *told))
+    gains = [{gained["method"]: gained["gain"] for gained in each["last_doubling"]} for each in runs]
+    rows += [
+        (f"`{method}`, last doubling", *(f"{signed(gain[method])} dB" for gain in gains))
+        for method in main_methods(run)
+        if whole and all(gain.get(method) is not None for gain in gains)
+    ]
+    same = sum(len(set(pair)) == 1 for pair in verdicts)
+    words = "on scenes like these" if whole else "on single scenes"
+    head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
+    return f"{same} of {len(verdicts)} verdicts are the same.\n\n{table(head, rows)}\n\n{scale(other)}"
+
+
+def _score(run: Run, scenes: list[str], method: str) -> str:
+    """Format `28.34 dB, 23 core s`: the mean over scenes of the mean over seeds, and the mean cost of a cell."""
+    psnr = fmean(fmean(psnr_of(run, scene, method)) for scene in scenes)
+    cells = (cell for cell in run["cells"] if cell["method"] == method and cell["scene"] in scenes)
+    return f"{number(psnr)} dB, {fmean(cell['train_core_seconds'] for cell in cells):.0f} core s"
 
 
 def scores(run: Run) -> str:
@@ -317,8 +367,8 @@ def omission(effect: Run) -> str:
     return f"{change}: {effect['verdict']}, {number(effect['seconds_saved'], 1)} s saved"
 
 
-RUN = "reduced/summary.json"
-BLOCKS: dict[str, tuple[str, Callable[[Any], str]]] = {
+RUN = ("reduced/summary.json",)
+BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "scale": (RUN, scale),
     "result": (RUN, result),
     "equal time": (RUN, lambda run: differences(run, "seconds")),
@@ -327,17 +377,19 @@ BLOCKS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "further methods": (RUN, further),
     "failures": (RUN, failed),
     "last doubling": (RUN, doubling),
-    "learning": ("learning_rates.json", learning),
+    "late verdict": ((*RUN, "converged/summary.json"), beside),
+    "under Adam": ((*RUN, "adam/summary.json"), beside),
+    "learning": (("learning_rates.json",), learning),
     "ledger": (RUN, ledger),
-    "processors": ("reduced/processors.json", processors),
-    "environment": ("environment.json", environment),
-    "evidence": ("reduced/evidence.json", evidence),
-    "stability": ("stability.json", stability),
-    "speed": ("speed.json", speed),
-    "serving": ("reduced/serving.json", serving),
-    "left out": ("left_out.json", left_out),
+    "processors": (("reduced/processors.json",), processors),
+    "environment": (("environment.json",), environment),
+    "evidence": (("reduced/evidence.json",), evidence),
+    "stability": (("stability.json",), stability),
+    "speed": (("speed.json",), speed),
+    "serving": (("reduced/serving.json",), serving),
+    "left out": (("left_out.json",), left_out),
 }
-"""Name → the file below docs, and what is written of it."""
+"""Name → the files below docs, and what is written of them."""
 TIMELESS = ("processors", "environment", "speed")
 """The blocks that no unit of density changes."""
 MARKED = re.compile(r"<!-- numbers: ([\w ]+) -->\n(.*?)<!-- end -->", re.DOTALL)
@@ -348,15 +400,19 @@ def block(name: str, docs: Path) -> str:
 
     Settings of a run name the unit of density; the provenance of everything measured since has an instruction set.
     """
-    file, write = BLOCKS[name]
-    path = docs / file
+    files, write = BLOCKS[name]
+    measured = [_published(docs / file, timeless=name in TIMELESS) for file in files]
+    return "" if None in measured else write(*measured)
+
+
+def _published(path: Path, *, timeless: bool) -> Run | Studies | None:
     if not path.is_file():
-        return ""
-    data = json.loads(path.read_text(encoding="utf-8"))
+        return None
+    data: Run = json.loads(path.read_text(encoding="utf-8"))
     has_unit = "density_units" in data.get("settings", {}) or "instruction_set" in data.get("provenance", {})
-    if not has_unit and name not in TIMELESS:
-        return ""
-    return write(read_studies(path) if "studies" in data else data)
+    if not has_unit and not timeless:
+        return None
+    return read_studies(path) if "studies" in data else data
 
 
 def pages(root: Path) -> list[Path]:

@@ -202,3 +202,52 @@ def test_what_the_last_doubling_brought_is_told_of_the_main_methods(tmp_path: Pa
         "The last doubling of the steps brought `nerf` +1.23 dB (+1.00 to +1.50). "
         "A cell of `nerf` takes 21 core seconds of training."
     )
+
+
+def beside_the_default_run(tmp_path: Path, change: Callable[[dict[str, Any]], None]) -> list[str]:
+    published = changed(tmp_path, lambda data: None)
+    other = changed(tmp_path / "other", change) / "reduced"
+    other.rename(published / "converged")
+    return block("late verdict", published).splitlines()
+
+
+def test_a_late_verdict_stands_beside_the_early_one(tmp_path: Path) -> None:
+    def later(data: dict[str, Any]) -> None:
+        data["settings"]["budget"]["steps"] = 4000
+        data["settings"]["train"]["optimiser"]["name"] = "adam"
+        for duel in data["comparisons"]:
+            if (duel["scene"], duel["method"], duel["against"]) == ("all", "nerf_matched", "nerf"):
+                duel["scenes_like_these"]["verdict"] = "worse"
+        for cell in data["cells"]:
+            cell["psnr"], cell["train_core_seconds"] = 31.5 + cell["seed"], 200.0
+
+    told = beside_the_default_run(tmp_path, later)
+    assert told[0] == "2 of 3 verdicts are the same."
+    assert "1000 steps of 512 rays, SOAP | 4000 steps of 512 rays, Adam" in told[2]
+    rows = {line.split(" | ")[0]: line.split(" | ") for line in told[4:]}
+    early, late = rows["| `nerf`, mean of 8 scenes"][1:]
+    assert (early.split()[0], late) == (scores_of("nerf"), "32.50 dB, 200 core s |")
+    early, late = rows["| `nerf_matched` − `nerf`"][1:]
+    assert early.endswith("better")
+    assert late.endswith("worse |")
+    assert len(told) == 4 + 3 + 3 + 3 + 2
+
+
+def scores_of(method: str) -> str:
+    data = json.loads((ROOT / "docs" / "reduced" / "summary.json").read_text(encoding="utf-8"))
+    psnr = [cell["psnr"] for cell in data["cells"] if cell["method"] == method]
+    return f"{sum(psnr) / len(psnr):.2f}"
+
+
+def test_a_run_of_some_scenes_is_compared_on_each(tmp_path: Path) -> None:
+    def fewer(data: dict[str, Any]) -> None:
+        data["scenes"] = [scene for scene in data["scenes"] if scene["scene"] in ("mic", "lego")]
+
+    told = beside_the_default_run(tmp_path, fewer)
+    assert told[0] == "6 of 6 verdicts are the same."
+    assert [line.split(" | ")[0] for line in told[4:7]] == [f"| `{name}` on lego" for name in DUELISTS]
+    assert sum(" − " in line.split(" | ")[0] for line in told) == 6
+    assert not any("last doubling" in line for line in told)
+
+
+DUELISTS = ("nerf", "nerf_matched", "qnerf")
