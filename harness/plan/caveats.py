@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from baselines.amplifiers import AMPLIFIERS
+from baselines.catalog import CATALOG as METHODS
 from baselines.numerics.optimisers import OPTIMISER_TITLES
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
@@ -79,6 +81,14 @@ def deviations(plan: Plan) -> list[str]:
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
             "says what it costs on eight scenes."
         )
+        parts = {name: METHODS[name].parts for name in plan.methods if name in METHODS}
+        bound = [name for name, own in parts.items() if own and not AMPLIFIERS[own.amplifier]().pointwise]
+        if train.accelerations.hidden and bound:
+            rows.append(
+                "Points behind matter that the grid measured to be opaque are left out of training where a point's "
+                f"density is its own. That of {', '.join(bound)} depends on the other points of its call, so that all "
+                "are evaluated: its core seconds are the higher for it, and equal time counts against it."
+            )
     if train.covered_share:
         rows.append(
             f"{train.covered_share:.0%} of the rays of a batch go through covered pixels of the training images, or "

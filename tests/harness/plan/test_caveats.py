@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from harness.plan.caveats import deviations, not_tested
-from harness.plan.profiles import PROFILES
+from harness.plan.profiles import PROFILES, Plan, planned
 
 
 def test_the_control_is_named_only_where_it_takes_part() -> None:
@@ -25,3 +25,13 @@ def test_rays_through_covered_pixels_are_a_deviation_that_is_said() -> None:
     chosen = replace(plan, train=replace(plan.train, covered_share=0.7))
     (sentence,) = (sentence for sentence in deviations(chosen) if "covered pixels" in sentence)
     assert sentence.startswith("70% of the rays")
+
+
+def test_whoever_cannot_leave_out_hidden_points_is_named() -> None:
+    def told(plan: Plan) -> list[str]:
+        return [sentence for sentence in deviations(plan) if sentence.startswith("Points behind matter")]
+
+    (sentence,) = told(planned("reduced", methods=["nerf", "qnerf", "qnerf_theorem"]))
+    assert "That of qnerf depends on" in sentence
+    assert not told(planned("reduced", methods=["nerf", "qnerf_theorem"]))
+    assert not told(planned("reduced", without=["hidden"]))
