@@ -86,8 +86,8 @@ def deviations(plan: Plan) -> list[str]:
         if train.accelerations.hidden and bound:
             rows.append(
                 "Points behind matter that the grid measured to be opaque are left out of training where a point's "
-                f"density is its own. That of {', '.join(bound)} depends on the other points of its call, so that all "
-                "are evaluated: its core seconds are the higher for it, and equal time counts against it."
+                f"density is its own. In {', '.join(bound)} it depends on the other points of the call: all are "
+                "evaluated, which takes more core seconds and counts against the method at equal time."
             )
     if train.covered_share:
         rows.append(

@@ -31,7 +31,7 @@ def test_whoever_cannot_leave_out_hidden_points_is_named() -> None:
     def told(plan: Plan) -> list[str]:
         return [sentence for sentence in deviations(plan) if sentence.startswith("Points behind matter")]
 
-    (sentence,) = told(planned("reduced", methods=["nerf", "qnerf", "qnerf_theorem"]))
-    assert "That of qnerf depends on" in sentence
-    assert not told(planned("reduced", methods=["nerf", "qnerf_theorem"]))
+    (sentence,) = told(planned("reduced", methods=["nerf", "qnerf", "qnerf_repaired"]))
+    assert "In qnerf it depends on" in sentence
+    assert not told(planned("reduced", methods=["nerf", "qnerf_repaired"]))
     assert not told(planned("reduced", without=["hidden"]))
