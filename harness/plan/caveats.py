@@ -81,8 +81,8 @@ def deviations(plan: Plan) -> list[str]:
             "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
             "says what it costs on eight scenes."
         )
-        parts = {name: METHODS[name].parts for name in plan.methods if name in METHODS}
-        bound = [name for name, own in parts.items() if own and not AMPLIFIERS[own.amplifier]().pointwise]
+        trained = {name: METHODS[name].parts for name in plan.methods if name in METHODS}
+        bound = [name for name, own in trained.items() if own and not AMPLIFIERS[own.amplifier]().pointwise]
         if train.accelerations.hidden and bound:
             rows.append(
                 "Points behind matter that the grid measured to be opaque are left out of training where a point's "
