@@ -23,6 +23,7 @@ from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells
 from harness.studies import framework
 from harness.studies.evidence.evidence_studies import SHELF, STUDIES, TRAININGS_FOLDER
 from scenes.catalog.entries import CLASSICS
+from scenes.view_sets.source import Region
 
 SEARCHED = ("chair", "ship")
 """The scenes on whose validation views the repaired Q-NeRF was chosen; its verdict is taken from the others."""
@@ -47,6 +48,11 @@ COMBINATIONS = (
 )
 """Every combination of the three parts under both readings."""
 LADDERS = ("nerf", "nerf_matched", "nerf_phi_encoding", "nerf_phi_far", "nerf_base165")
+DENSITIES = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_repaired")
+"""Methods with every reading of density that a user would train."""
+THIN = ("ficus", "mic")
+"""Scenes of thin things, which most rays miss."""
+TEN = tuple(range(10))
 REPAIRED = ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip")
 
 
@@ -62,6 +68,8 @@ class Training:
     train_views: int = 100
     test_views: int = 15
     checkpoints: int = 3
+    half_side: float | None = None
+    """Half of the side of a cube about the origin in place of the scene's own box."""
 
 
 TRAININGS: dict[str, Training] = {
@@ -75,6 +83,10 @@ TRAININGS: dict[str, Training] = {
     "bandwidth_200": Training(LADDERS, TEXTURED, 400, resolution=200, train_views=60, test_views=3),
     "bandwidth_300": Training(LADDERS, TEXTURED, 400, resolution=300, train_views=60, test_views=3),
     "repaired": Training(REPAIRED, HELD_OUT, 400, seeds=(0, 1), checkpoints=4),
+    "box_own": Training(DENSITIES, tuple(CLASSICS), 200, seeds=TEN, checkpoints=1),
+    "box_1_5": Training(DENSITIES, THIN, 200, seeds=TEN, checkpoints=1, half_side=1.5),
+    "box_1_8": Training(DENSITIES, THIN, 200, seeds=TEN[:5], checkpoints=1, half_side=1.8),
+    "box_2_4": Training(DENSITIES, THIN, 200, seeds=TEN[:5], checkpoints=1, half_side=2.4),
 }
 
 
@@ -102,6 +114,8 @@ class EvidenceContext(framework.StudyContext):
         training, profile = TRAININGS[name], PROFILES["reduced"]
         size, seeds, steps = training.resolution, training.seeds, training.steps
         views = replace(profile.views, resolution=size, train=training.train_views, test=training.test_views)
+        if (half := training.half_side) is not None:
+            views = replace(views, region=Region((-half, -half, -half, half, half, half)))
         if self.quick:
             views = replace(views, resolution=12 + size // 25, train=6, val=2, test=2, spp_train=4, spp_test=4)
             seeds, steps = seeds[:2], 4

@@ -43,15 +43,20 @@ STUDIES: dict[str, Study] = catalogue(
            "Candidates were compared on validation views of two scenes with seeds of their own; the best at equal time "
            "is put to the test on the other six.",
            "repaired:repaired", 900, "repaired"),
+    _study("collapse", "Does a training end without a picture?",
+           "How often does a training diverge, end empty, or score below a copy of the nearest training view?",
+           "Five readings of density with ten seeds in the scenes' own boxes, and thin scenes in cubes of up to "
+           "twice their size; short trainings, as what collapses does so early.",
+           "collapse:collapse", 2000, "box_own", "box_1_5", "box_1_8", "box_2_4"),
     _study("rendering", "Error against time of rendering",
            "Which quadrature rule and which sampler reach an error first?",
            "One trained field, rendered with every rule and sampler at growing numbers of samples, against a rendering "
            "so fine that its own error does not show.",
-           "rendering_work:rendering_work", 120, "no_encoding"),
+           "work.rendering_work:rendering_work", 120, "no_encoding"),
     _study("ground_truth", "Error against time of the ground truth",
            "How much time does Mitsuba need for how little noise?",
            "One view of every scene at growing numbers of samples a pixel, against a render with many more.",
-           "ground_truth_work:ground_truth_work", 120),
+           "work.ground_truth_work:ground_truth_work", 120),
 )  # fmt: skip
 
 SHELF = Shelf("evidence", "studies", STUDIES, folders=(TRAININGS_FOLDER,), beside=True)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from harness.records.study import Check, Table
-from harness.studies.evidence.ground_truth_work import Noise, charts, noise_of, room, sentences, tabled
+from harness.studies.evidence.work.ground_truth_work import Noise, charts, noise_of, room, sentences, tabled
 
 SPP = [1, 4, 16, 64, 256]
 FLOOR = {"lego": 1e-4, "mic": 2e-4}

@@ -13,9 +13,9 @@ from baselines.occupancy import OccupancyGrid
 from harness.execution.progress import Quiet
 from harness.plan.profiles import Machine
 from harness.records.study import Check, Table
-from harness.studies.evidence import rendering_work as study
 from harness.studies.evidence.evidence_context import EvidenceContext
-from harness.studies.evidence.rendering_work import (
+from harness.studies.evidence.work import rendering_work as study
+from harness.studies.evidence.work.rendering_work import (
     SAMPLERS,
     EmptyOutside,
     Frame,

@@ -1,0 +1,1 @@
+"""Error against time: of rendering a field, and of the ground truth."""
