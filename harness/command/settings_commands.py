@@ -51,8 +51,12 @@ def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
     workers = available_cores() if device.type == "cpu" else 1
 
     def line(row: SweepRow) -> str:
-        arm = f"{row.optimiser} at {row.learning_rate:g}, {row.covered_share:.0%} covered"
-        return f"{row.scene} {row.method}, {arm}: {_decibels(row.psnr_val)} on validation views"
+        tried = row.tried
+        betas = " and ".join(f"{beta:g}" for beta in tried.betas)
+        rate = f"{tried.learning_rate:g} falling to {tried.last_learning_rate:g} ({tried.decay}), β {betas}"
+        where = f"{tried.covered_share:.0%} covered"
+        score = f"{_decibels(row.psnr_val)} on validation views"
+        return f"{row.scene} {row.method}, {tried.optimiser} at {rate}, {where}: {score}"
 
     folders = _folders(options, plan, show)
     rows = _shown(sweep(plan, folders, options.out.parent, workers, device.type), line, show)

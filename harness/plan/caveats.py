@@ -6,7 +6,7 @@ from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG as METHODS
 from baselines.numerics.optimisers import OPTIMISER_TITLES
 from harness.plan.profiles import Plan
-from harness.plan.schedule import Budget
+from harness.plan.schedule import Budget, Decay
 from harness.plan.settings import TrainSettings
 from scenes.modelling.needs import PARTS
 from scenes.view_sets.foreign import source_of
@@ -44,14 +44,17 @@ ALWAYS = [
 ]
 
 
+SHAPES: dict[Decay, str] = {"exponential": "exponentially", "linear": "linearly"}
+
+
 def deviations(plan: Plan) -> list[str]:
     """Return where this plan departs from the paper's printed text, and why; one sentence each."""
     train, paper = plan.train, TrainSettings()
     rows = list(ALWAYS)
     if (train.learning_rate, train.rays) != (paper.learning_rate, paper.rays):
         rows.append(
-            f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g} after "
-            f"{train.warm_up_steps} steps of warm-up, with {train.rays} rays a step (paper: {paper.learning_rate:g}, "
+            f"The learning rate falls {SHAPES[train.decay]} from {train.learning_rate:g} to "
+            f"{train.last_learning_rate:g} after {train.warm_up_steps} steps of warm-up, with {train.rays} rays a step (paper: {paper.learning_rate:g}, "
             f"{paper.rays} rays): a short run would hardly begin otherwise. It is the same for all methods; "
             "`python -m harness study sweep` tries optimisers and rates for each on validation views."
         )

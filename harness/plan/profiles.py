@@ -178,9 +178,24 @@ COMPARED = ("nerf", "nerf_matched", "qnerf")
 """The methods of every default run: the bandwidth control beside the two methods of the paper."""
 
 TUNED: dict[OptimiserName, dict[str, Any]] = {
-    "adam": {"optimiser": OptimiserSettings("adam"), "learning_rate": 2e-2, "last_learning_rate": 1e-3},
-    "soap": {"optimiser": OptimiserSettings("soap", (0.9, 0.99)), "learning_rate": 1.5e-2, "last_learning_rate": 1e-3},
-    "muon": {"optimiser": OptimiserSettings("muon", (0.95, 0.99)), "learning_rate": 1e-2, "last_learning_rate": 5e-4},
+    "adam": {
+        "optimiser": OptimiserSettings("adam", (0.9, 0.99)),
+        "learning_rate": 1e-2,
+        "last_learning_rate": 3e-4,
+        "decay": "linear",
+    },
+    "soap": {
+        "optimiser": OptimiserSettings("soap", (0.9, 0.99)),
+        "learning_rate": 1e-2,
+        "last_learning_rate": 3e-4,
+        "decay": "linear",
+    },
+    "muon": {
+        "optimiser": OptimiserSettings("muon", (0.95, 0.99)),
+        "learning_rate": 7e-3,
+        "last_learning_rate": 2e-4,
+        "decay": "linear",
+    },
 }
 """Map optimiser → the settings of short runs with it, for all methods (`python -m harness study sweep`)."""
 

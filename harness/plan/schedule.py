@@ -2,6 +2,9 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
+
+Decay = Literal["exponential", "linear"]
 
 
 @dataclass(frozen=True)
@@ -18,9 +21,10 @@ class Budget:
         return max(by_steps, by_seconds)
 
 
-def learning_rate(progress: float, step: int, first: float, last: float, warm_up_steps: int) -> float:
-    """Decay exponentially from `first` to `last` over the budget (the original's schedule), after a linear warm-up."""
-    decayed = first * (last / first) ** min(progress, 1.0)
+def learning_rate(progress: float, step: int, first: float, last: float, warm_up_steps: int, decay: Decay) -> float:
+    """Fall from `first` to `last` over the budget, after a linear warm-up; exponentially as the original NeRF's."""
+    spent = min(progress, 1.0)
+    decayed = first + (last - first) * spent if decay == "linear" else first * (last / first) ** spent
     return decayed * min(1.0, (step + 1) / (warm_up_steps + 1))
 
 

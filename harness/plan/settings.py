@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, NetworkSize, Precision
 from baselines.numerics.optimisers import OptimiserSettings
+from harness.plan.schedule import Decay
 from scenes.view_sets.source import Region
 
 
@@ -79,6 +80,8 @@ class TrainSettings:
     optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
     learning_rate: float = 5e-4
     last_learning_rate: float = 5e-5
+    decay: Decay = "exponential"
+    """The fall of the learning rate between the two. A linear one stays high for longer."""
     warm_up_steps: int = 0
     clip_norm: float = 1.0
     clip_ratio: float = 4.0

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.plan.profiles import Plan
+from harness.plan.settings import TrainSettings
 from harness.records.cells import (
     CellRecord,
     cell_path,
@@ -99,7 +100,8 @@ def plan_of_cells(out: Path, plan: Plan) -> list[str]:
                 if settings.get(name) is not None:
                     pairs[name] = settings[name], wanted[name]
             if (before := settings.get("train")) is not None:
-                pairs |= {key: (before.get(key), wanted["train"].get(key)) for key in TRAINED_WITH}
+                usual = asdict(TrainSettings())  # settings from before there was a choice lack it
+                pairs |= {key: (before.get(key, usual[key]), wanted["train"].get(key)) for key in TRAINED_WITH}
             sentences += [
                 f"{scene}.{method}.{seed}: {name} was {before}, is {now}"
                 for name, (before, now) in pairs.items()
@@ -108,7 +110,10 @@ def plan_of_cells(out: Path, plan: Plan) -> list[str]:
     return sentences
 
 
-TRAINED_WITH = ("network", "rays", "covered_share", "learning_rate", "last_learning_rate", "warm_up_steps", "precision")
+TRAINED_WITH = (
+    *("network", "rays", "covered_share", "precision"),
+    *("learning_rate", "last_learning_rate", "decay", "warm_up_steps"),
+)
 """The training settings that no scene changes."""
 
 

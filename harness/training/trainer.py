@@ -74,7 +74,7 @@ class BudgetedTrainer(ABC):
     def _learning_rate(self) -> float:
         settings = self.settings
         first, last = settings.learning_rate, settings.last_learning_rate
-        return learning_rate(self.progress, self.step, first, last, settings.warm_up_steps)
+        return learning_rate(self.progress, self.step, first, last, settings.warm_up_steps, settings.decay)
 
     @property
     def _is_traced(self) -> bool:

@@ -245,24 +245,27 @@ def doubling(run: Run) -> str:
 
 
 def learning(swept: Run) -> str:
-    """Tabulate the means of a sweep over its scenes and methods, the best optimiser first."""
-    arms: dict[tuple[str, float, float], list[Run]] = {}
+    """Tabulate the means of a sweep over its scenes and methods, the best settings first."""
+    arms: dict[tuple[str, ...], list[Run]] = {}
     for row in swept["rows"]:
-        arms.setdefault((row["optimiser"], row["learning_rate"], row["covered_share"]), []).append(row)
+        arms.setdefault(_settings_in_words(row["tried"]), []).append(row)
     averaged = [
-        (fmean(row["psnr_val"] for row in rows), *arm, fmean(row["core_seconds"] for row in rows))
+        (fmean(row["psnr_val"] for row in rows), arm, fmean(row["core_seconds"] for row in rows))
         for arm, rows in arms.items()
         if all(row["psnr_val"] is not None for row in rows)
     ]
     scenes, methods = (dict.fromkeys(row[key] for row in swept["rows"]) for key in ("scene", "method"))
-    head = ("optimiser", "learning rate", "rays through covered pixels", "PSNR of validation views, dB", "core seconds")
-    lines = [
-        (name, f"{rate:g}", f"{share:.0%}" if share else "as they come", number(psnr), number(seconds, 0))
-        for psnr, name, rate, share, seconds in sorted(averaged, reverse=True)
-    ]
+    head = ("optimiser", "β", "learning rate", "rays through covered pixels", "validation PSNR, dB", "core seconds")
+    lines = [(*arm, number(psnr), number(seconds, 0)) for psnr, arm, seconds in sorted(averaged, reverse=True)]
     named = listed([f"`{name}`" for name in methods])
     what = f"Means over {listed(list(scenes))} and {named}, one seed that no verdict uses:"
     return f"{what}\n\n{table(head, lines)}"
+
+
+def _settings_in_words(tried: Run) -> tuple[str, ...]:
+    rate = f"{tried['learning_rate']:g} to {tried['last_learning_rate']:g}, {tried['decay']}"
+    share = f"{tried['covered_share']:.0%}" if tried["covered_share"] else "as they come"
+    return tried["optimiser"], " / ".join(f"{beta:g}" for beta in tried["betas"]), rate, share
 
 
 def processors(run: Run) -> str:

@@ -20,6 +20,7 @@ from harness.machine.stopping import in_workers
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import kept
 from harness.plan.profiles import TUNED, Plan
+from harness.plan.schedule import Decay
 from harness.plan.settings import TrainSettings
 from harness.training import evaluate
 from harness.training.batches import Cameras
@@ -50,6 +51,10 @@ class Arm:
     """None: as planned; else with the rates of `harness.plan.profiles.TUNED`."""
     rate: float = 1.0
     """The factor of the learning rates, first and last alike."""
+    betas: tuple[float, float] | None = None
+    """None: those that the optimiser has."""
+    decay: Decay | None = None
+    """None: as planned."""
     covered_share: float | None = None
     """None: as planned."""
     rendered_with: tuple[str, ...] = ()
@@ -133,7 +138,8 @@ def weigh(pairs: Iterable[tuple[float | None, float | None]]) -> PairedDifferenc
     return paired_difference(np.array(differences)) if differences else None
 
 
-def _settings(train: TrainSettings, arm: Arm) -> TrainSettings:
+def settings_of(train: TrainSettings, arm: Arm) -> TrainSettings:
+    """Return the settings of a training as an arm changes them."""
     if arm.precision is not None:
         train = replace(train, precision=arm.precision)
     if arm.position_bands is not None:
@@ -143,6 +149,10 @@ def _settings(train: TrainSettings, arm: Arm) -> TrainSettings:
         train = replace(train, bins=round(train.bins * arm.bins), bins_per_pixel=per_pixel and per_pixel * arm.bins)
     if arm.optimiser is not None:
         train = replace(train, **TUNED[arm.optimiser])
+    if arm.betas is not None:
+        train = replace(train, optimiser=replace(train.optimiser, betas=arm.betas))
+    if arm.decay is not None:
+        train = replace(train, decay=arm.decay)
     if arm.covered_share is not None:
         train = replace(train, covered_share=arm.covered_share)
     rates = {name: getattr(train, name) * arm.rate for name in ("learning_rate", "last_learning_rate")}
@@ -163,7 +173,7 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
             yield view
 
     try:
-        trainer = trained_alone(task.method, views, stream, _settings(plan.train, arm), plan.budget, device)
+        trainer = trained_alone(task.method, views, stream, settings_of(plan.train, arm), plan.budget, device)
         psnr = evaluate.quick_scores(rendered(trainer), split)["psnr"]
         again = {}
         if isinstance(trainer, Trainer):

@@ -1,28 +1,44 @@
-"""The same small sweep of optimisers and learning rates for every method, on validation views and a seed of its own.
+"""The same small sweep of optimisers and their settings for every method, on validation views and a seed of its own.
 
 No method may get tuning that the others did not: what a profile sets for all must not be one method's favourite.
 """
 
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from statistics import fmean
 
 from baselines.numerics.optimisers import OptimiserName
 from harness.plan.profiles import TUNED, Plan
-from harness.studies.choices.arms import Arm, CellTask, trained_cells
+from harness.plan.schedule import Decay
+from harness.studies.choices.arms import Arm, CellTask, settings_of, trained_cells
 
 SEED = 1_000
 """A seed that no verdict uses."""
 FACTORS = (0.5, 1.0, 2.0)
 """The factors of the rates of each optimiser (`harness.plan.profiles.TUNED`), first and last alike."""
-RATES = [(name, factor, None) for name in TUNED for factor in FACTORS]
-ANYWHERE: list[tuple[OptimiserName, float, float]] = [("adam", 1.0, 0.0), ("soap", 1.0, 0.0)]
-ARMS: dict[tuple[OptimiserName, float, float | None], Arm] = {
-    (name, factor, share): Arm(optimiser=name, rate=factor, covered_share=share)
-    for name, factor, share in (*RATES, *ANYWHERE)
-}
-"""Map (optimiser, factor, share of the rays through covered pixels) → the arm; None: the share as planned."""
+ARMS = (
+    *(Arm(optimiser=name, rate=factor) for name in TUNED for factor in FACTORS),
+    Arm(optimiser="adam", betas=(0.9, 0.999)),
+    Arm(optimiser="soap", betas=(0.95, 0.95)),
+    Arm(optimiser="soap", betas=(0.9, 0.999)),
+    Arm(optimiser="muon", betas=(0.9, 0.99)),
+    *(Arm(optimiser=name, decay="exponential") for name in ("adam", "soap")),
+    *(Arm(optimiser=name, covered_share=0.0) for name in ("adam", "soap")),
+)
+"""Every optimiser at three rates, then one other setting at a time at the middle one."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """The settings of an arm."""
+
+    optimiser: OptimiserName
+    learning_rate: float
+    last_learning_rate: float
+    decay: Decay
+    betas: tuple[float, float]
+    covered_share: float
 
 
 @dataclass(frozen=True)
@@ -31,9 +47,7 @@ class SweepRow:
 
     scene: str
     method: str
-    optimiser: OptimiserName
-    learning_rate: float
-    covered_share: float
+    tried: Tried
     psnr_val: float | None
     core_seconds: float
 
@@ -43,50 +57,46 @@ def sweep(plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, dev
 
     Raises `InputError` for a view set without validation views.
     """
-    arms = {str(key): arm for key, arm in ARMS.items()}
+    arms = {str(number): arm for number, arm in enumerate(ARMS)}
     tasks = [
         CellTask(scene, method, SEED, folder, scratch, plan, arms, device, "val")
         for scene, folder in folders.items()
         for method in plan.methods
     ]
     for cell in trained_cells(tasks, workers):
-        for key in ARMS:
-            (name, factor, share), ended = key, cell.ended[str(key)]
-            rate = TUNED[name]["learning_rate"] * factor
-            share = plan.train.covered_share if share is None else share
-            yield SweepRow(cell.scene, cell.method, name, rate, share, ended.psnr, ended.core_seconds)
+        for name, arm in arms.items():
+            ended = cell.ended[name]
+            yield SweepRow(cell.scene, cell.method, tried_in(plan, arm), ended.psnr, ended.core_seconds)
 
 
-def means(rows: list[SweepRow], share: float) -> dict[tuple[str, float], float]:
-    """Map (optimiser, rate) → its mean over methods and scenes at that share of covered rays, the best first; a
-    diverged run counts as the worst.
-    """
-    scores: dict[tuple[str, float], list[float]] = defaultdict(list)
+def tried_in(plan: Plan, arm: Arm) -> Tried:
+    """Return the settings with which an arm trains."""
+    train = settings_of(plan.train, arm)
+    optimiser = train.optimiser
+    rates = train.learning_rate, train.last_learning_rate
+    return Tried(optimiser.name, *rates, train.decay, optimiser.betas, train.covered_share)
+
+
+def means(rows: list[SweepRow]) -> dict[Tried, float]:
+    """Map settings → the mean over methods and scenes, the best first; a diverged run counts as the worst."""
+    scores: dict[Tried, list[float]] = {}
     for row in rows:
-        if row.covered_share == share:
-            scores[row.optimiser, row.learning_rate].append(-1e3 if row.psnr_val is None else row.psnr_val)
-    averaged = {key: sum(values) / len(values) for key, values in scores.items()}
+        scores.setdefault(row.tried, []).append(-1e3 if row.psnr_val is None else row.psnr_val)
+    averaged = {tried: fmean(values) for tried, values in scores.items()}
     return dict(sorted(averaged.items(), key=lambda item: -item[1]))
 
 
-def best_rates(rows: list[SweepRow]) -> dict[str, dict[str, float]]:
-    """Map method → optimiser → the learning rate with the best mean over scenes."""
-    best: dict[str, dict[str, float]] = {}
-    for method in dict.fromkeys(row.method for row in rows):
-        mine = [row for row in rows if row.method == method]
-        ranked = means(mine, max(row.covered_share for row in mine))
-        best[method] = {name: rate for name, rate in reversed(ranked)}
-    return best
+def best_of_each(rows: list[SweepRow]) -> dict[str, Tried]:
+    """Map method → the settings with its best mean over scenes."""
+    methods = dict.fromkeys(row.method for row in rows)
+    return {method: next(iter(means([row for row in rows if row.method == method]))) for method in methods}
 
 
 def as_json(rows: list[SweepRow], plan: Plan) -> dict[str, object]:
-    ranked = means(rows, plan.train.covered_share)
     return {
         "seed": SEED,
         "settings": plan.settings(),
         "rows": [asdict(row) for row in rows],
-        "means": [
-            {"optimiser": name, "learning_rate": rate, "psnr_val": mean} for (name, rate), mean in ranked.items()
-        ],
-        "best": best_rates(rows),
+        "means": [{**asdict(tried), "psnr_val": mean} for tried, mean in means(rows).items()],
+        "best": {method: asdict(tried) for method, tried in best_of_each(rows).items()},
     }

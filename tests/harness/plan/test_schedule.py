@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from harness.plan.schedule import Budget, checkpoint_fractions, learning_rate
+from harness.plan.schedule import Budget, Decay, checkpoint_fractions, learning_rate
 
 
 @pytest.mark.parametrize(
@@ -24,16 +24,22 @@ def test_progress_is_the_share_of_what_ends_first(budget: Budget, step: int, sec
     assert budget.progress(step, seconds) == expected
 
 
-def test_the_learning_rate_decays_by_equal_factors() -> None:
-    rates = [learning_rate(i / 4, 1000, 1e-2, 1e-4, 0) for i in range(5)]
-    assert rates == pytest.approx([1e-2, 10**-2.5, 1e-3, 10**-3.5, 1e-4])
-    assert learning_rate(1.3, 1000, 1e-2, 1e-4, 0) == pytest.approx(1e-4)
+@pytest.mark.parametrize(
+    ("decay", "expected"),
+    [
+        ("exponential", [1e-2, 10**-2.5, 1e-3, 10**-3.5, 1e-4]),
+        ("linear", [1e-2, 7.525e-3, 5.05e-3, 2.575e-3, 1e-4]),
+    ],
+)
+def test_the_learning_rate_falls_by_equal_factors_or_equal_steps(decay: Decay, expected: list[float]) -> None:
+    assert [learning_rate(i / 4, 1000, 1e-2, 1e-4, 0, decay) for i in range(5)] == pytest.approx(expected)
+    assert learning_rate(1.3, 1000, 1e-2, 1e-4, 0, decay) == pytest.approx(1e-4)
 
 
 def test_the_warm_up_is_linear_and_never_zero() -> None:
-    rates = [learning_rate(0.0, step, 1.0, 0.1, 3) for step in range(6)]
+    rates = [learning_rate(0.0, step, 1.0, 0.1, 3, "exponential") for step in range(6)]
     assert rates == pytest.approx([0.25, 0.5, 0.75, 1.0, 1.0, 1.0])
-    assert learning_rate(0.0, 0, 1.0, 0.1, 0) == 1.0
+    assert learning_rate(0.0, 0, 1.0, 0.1, 0, "exponential") == 1.0
 
 
 def test_checkpoints_are_even_in_log_time_and_end_with_the_budget() -> None:

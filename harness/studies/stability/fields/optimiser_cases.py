@@ -268,7 +268,7 @@ def descended(name: OptimiserName, condition: float, count: int, dtype: torch.dt
     for step in range(count):
         weight.grad = (a @ (weight.detach().double() - target) @ b).to(dtype)
         first, last = settings["learning_rate"], settings["last_learning_rate"]
-        optimiser.step(learning_rate(step / count, step, first, last, 0))
+        optimiser.step(learning_rate(step / count, step, first, last, 0, settings["decay"]))
     off = weight.detach().double() - target
     return 0.5 * float((off * (a @ off @ b)).sum()), optimiser
 
