@@ -55,8 +55,8 @@ def deviations(plan: Plan) -> list[str]:
         rows.append(
             f"The learning rate falls {SHAPES[train.decay]} from {train.learning_rate:g} to "
             f"{train.last_learning_rate:g} after {train.warm_up_steps} steps of warm-up, with {train.rays} rays a step "
-            f"(paper: {paper.learning_rate:g}, {paper.rays} rays): a short run would hardly begin otherwise. It is the same for all methods; "
-            "`python -m harness study sweep` tries optimisers and rates for each on validation views."
+            f"(paper: {paper.learning_rate:g}, {paper.rays} rays): a short run would hardly begin otherwise. It is the "
+            "same for all methods; `python -m harness study sweep` tries optimisers and rates on validation views."
         )
     elif train.last_learning_rate != paper.learning_rate:
         rows.append(
