@@ -180,8 +180,8 @@ COMPARED = ("nerf", "nerf_matched", "qnerf")
 TUNED: dict[OptimiserName, dict[str, Any]] = {
     "adam": {
         "optimiser": OptimiserSettings("adam", (0.9, 0.99)),
-        "learning_rate": 1e-2,
-        "last_learning_rate": 3e-4,
+        "learning_rate": 2e-2,
+        "last_learning_rate": 6e-4,
         "decay": "linear",
     },
     "soap": {
@@ -192,8 +192,8 @@ TUNED: dict[OptimiserName, dict[str, Any]] = {
     },
     "muon": {
         "optimiser": OptimiserSettings("muon", (0.95, 0.99)),
-        "learning_rate": 7e-3,
-        "last_learning_rate": 2e-4,
+        "learning_rate": 1.4e-2,
+        "last_learning_rate": 4e-4,
         "decay": "linear",
     },
 }
@@ -205,7 +205,7 @@ REDUCED_TRAINING = TrainSettings(
     bins=32,
     bins_per_pixel=0.4,
     first_bins=24,
-    rendered_bins=48,
+    rendered_bins=64,
     fine_bins=0,
     covered_share=0.8,
     **TUNED["soap"],
