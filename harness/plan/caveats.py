@@ -68,6 +68,11 @@ def deviations(plan: Plan) -> list[str]:
             f"The optimiser is {OPTIMISER_TITLES[train.optimiser.name]} with β {train.optimiser.betas[0]:g} and "
             f"{train.optimiser.betas[1]:g}, the same for all methods; the paper trains with Adam, β 0.9 and 0.999."
         )
+    if train.average:
+        rows.append(
+            f"Scores are of the running mean of the weights (arXiv 2312.02696, power {train.average:g}), the same for "
+            "all methods of a network; the paper has none."
+        )
     if train.precision != "float32":
         rows.append(
             f"Matrix products run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "

@@ -210,6 +210,7 @@ REDUCED_TRAINING = TrainSettings(
     covered_share=0.8,
     **TUNED["soap"],
     warm_up_steps=50,
+    average=12.0,
     precision="bfloat16",
     grid=GridSettings(cells=48, first_step=100, every=25, per_pixel=0.6),
     voxels=VoxelSettings(finest=64, bins=96, rate_factor=27.0),

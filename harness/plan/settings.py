@@ -83,6 +83,10 @@ class TrainSettings:
     decay: Decay = "exponential"
     """The fall of the learning rate between the two. A linear one stays high for longer."""
     warm_up_steps: int = 0
+    average: float = 0.0
+    """The power of the running mean of the weights that is shown and kept in their place
+    (`baselines.numerics.weight_average`); 0: the weights themselves.
+    """
     clip_norm: float = 1.0
     clip_ratio: float = 4.0
     """The multiple of the usual norm of previous gradients to which a gradient is also clipped: a norm of 1 that

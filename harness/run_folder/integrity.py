@@ -112,7 +112,7 @@ def plan_of_cells(out: Path, plan: Plan) -> list[str]:
 
 TRAINED_WITH = (
     *("network", "rays", "covered_share", "precision"),
-    *("learning_rate", "last_learning_rate", "decay", "warm_up_steps"),
+    *("learning_rate", "last_learning_rate", "decay", "warm_up_steps", "average"),
 )
 """The training settings that no scene changes."""
 

@@ -247,27 +247,32 @@ class CellTraining:
             if self.trainer.progress < self.due[0]:
                 return None
             self.due = [share for share in self.due if self.trainer.progress < share]
-            rendered = evaluate.render_split(self.trainer, self.test, self.task.score.chunk)
-            images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
-            if self.due:
-                self.curve.append(self._checkpoint(images))
-                return None
-            rows: list[ViewScore] = []
-            opacities: list[np.floating[Any]] = []
-
-            def scored(image: evaluate.View) -> evaluate.View:
-                """Take note of a view: only one is in memory at a time."""
-                rows.append(evaluate.view_scores(image, self.views.test, len(rows)))
-                opacities.append(image.opacity.mean())
-                return image
-
-            self.curve.append(self._checkpoint(map(scored, images)))
-            return self._finished(rows, float(np.mean(opacities)))
+            with self.trainer.averaged():
+                return self._scored()
         except OSError:
             raise
         except Exception as error:
             # an error of ours costs its own cell, not the others of the group
             return self._failed(error, f"at step {self.trainer.step}")
+
+    def _scored(self) -> CellRecord | None:
+        """Score a checkpoint; returns the record if it is the last one."""
+        rendered = evaluate.render_split(self.trainer, self.test, self.task.score.chunk)
+        images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
+        if self.due:
+            self.curve.append(self._checkpoint(images))
+            return None
+        rows: list[ViewScore] = []
+        opacities: list[np.floating[Any]] = []
+
+        def scored(image: evaluate.View) -> evaluate.View:
+            """Take note of a view: only one is in memory at a time."""
+            rows.append(evaluate.view_scores(image, self.views.test, len(rows)))
+            opacities.append(image.opacity.mean())
+            return image
+
+        self.curve.append(self._checkpoint(map(scored, images)))
+        return self._finished(rows, float(np.mean(opacities)))
 
     def _failed(self, error: Exception, when: str) -> CellRecord:
         if isinstance(error, Diverged):

@@ -1,6 +1,7 @@
 """The interface of a method in training, whatever its kind; the loop that steps it; the clipping of gradients."""
 
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -103,6 +104,9 @@ class Learner(Stepped, Protocol):
         """Restore the state that `optimiser_tensors` returned, after `restore`."""
 
     def amplifier_scalars(self) -> dict[str, float | None]: ...
+
+    def averaged(self) -> AbstractContextManager[None]:
+        """Enclose what looks at the method in training, so that it sees what would be kept if training ended here."""
 
 
 L = TypeVar("L", bound=Stepped)

@@ -3,6 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,6 +16,7 @@ from baselines.contract import Box, FieldSpec, Precision, Rays, Rendering
 from baselines.field import field_of, training_step
 from baselines.numerics.checks import BadDensity
 from baselines.numerics.optimisers import Optimiser, optimiser_of
+from baselines.numerics.weight_average import WeightAverage
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
 from harness.machine.stopwatch import Stopwatch
@@ -31,6 +33,8 @@ LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16"
 """
 TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
 TRACE_EVERY = 20
+MEAN = "mean."
+"""The beginning of the names of the weights' running means, beside the state of the optimiser."""
 
 
 class Diverged(ArithmeticError):
@@ -96,6 +100,10 @@ class BudgetedTrainer(ABC):
         """Return α and β of the amplifier, None if the method has none."""
         return {"alpha": None, "beta": None}
 
+    def averaged(self) -> AbstractContextManager[None]:
+        """Enclose what looks at the method in training: at the running mean of its weights, if it has one."""
+        return nullcontext()
+
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         """Render all of `rays`, `chunk` at a time, at the midpoints of the bins; with `bins` of them per ray if that is
@@ -155,6 +163,16 @@ class Trainer(BudgetedTrainer):
         """
         return optimiser_of(self.fields.parameters(), self.settings.optimiser)
 
+    @cached_property
+    def average(self) -> WeightAverage | None:
+        """Return the running mean of the weights, begun with the first step that is taken."""
+        power = self.settings.average
+        return WeightAverage(self.fields.parameters(), power) if power else None
+
+    def averaged(self) -> AbstractContextManager[None]:
+        average = self.__dict__.get("average")  # none before the first step, and for what a checkpoint holds
+        return average.shown() if average else nullcontext()
+
     @property
     def field(self) -> Any:
         """The field that is rendered in the end (`baselines.field.field_of`)."""
@@ -166,7 +184,7 @@ class Trainer(BudgetedTrainer):
         self.fields.zero_grad(set_to_none=True)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Take one step on one batch, on the clock.
+        """Take one step on one batch, on the clock; the last one of the budget ends with the mean of the weights.
 
         Raises `Diverged`; the weights are then those before the step, unless it is one of them that is named.
         """
@@ -183,7 +201,11 @@ class Trainer(BudgetedTrainer):
             self.fields.zero_grad(set_to_none=True)
             if not _all_finite(self._weights()):
                 raise Diverged(self.step, self._first_not_finite("weight"))
+            if self.average:
+                self.average.observe()
         self._count(loss_value, norms, rendering.network_evaluations, len(rays))
+        if self.average and self.progress >= 1.0:
+            self.average.adopt()
 
     def amplifier_scalars(self) -> dict[str, float | None]:
         amplifier = getattr(self.field, "amplifier", None)
@@ -219,10 +241,14 @@ class Trainer(BudgetedTrainer):
         self.step = step
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
-        return self.optimiser.tensors()
+        means = self.average.tensors() if self.average else {}
+        return {**self.optimiser.tensors(), **{MEAN + name: value for name, value in means.items()}}
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
-        self.optimiser.restore(tensors)
+        means = {name.removeprefix(MEAN): value for name, value in tensors.items() if name.startswith(MEAN)}
+        if self.average:
+            self.average.restore(means)
+        self.optimiser.restore({name: value for name, value in tensors.items() if not name.startswith(MEAN)})
 
     def _sampling(self, training: bool = False) -> Sampling:
         """Return the sampling of a picture, or that of a step of `training`."""

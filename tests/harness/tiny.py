@@ -23,6 +23,7 @@ TRAIN = TrainSettings(
     learning_rate=1e-2,
     last_learning_rate=1e-3,
     warm_up_steps=5,
+    average=4.0,
     grid=GridSettings(cells=8, first_step=10, every=5),
 )  # fmt: skip
 SCORE = ScoreSettings(checkpoints=3, earliest=0.25, chunk=512, train_views=2, stored_views=1)

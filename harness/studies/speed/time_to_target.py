@@ -260,7 +260,8 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
         times = takewhile(lambda due: due < budget, accumulate(repeat(GROWTH), mul, initial=first))
 
         def colours_of(rays: Rays) -> Tensor:
-            return trainer.render(rays, plan.score.chunk).colour
+            with trainer.averaged():
+                return trainer.render(rays, plan.score.chunk).colour
 
         curve = follow(trainer, batch_at, colours_of, pixels, [*times, budget], highest)
         seconds = reached(curve, highest)

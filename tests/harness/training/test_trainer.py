@@ -202,8 +202,33 @@ def test_the_learning_rate_follows_the_schedule() -> None:
     learner.optimiser.step = rates.append  # type: ignore[method-assign]
     for step in range(24):
         learner.train_on(*rays_and_colours(seed=step))
-    assert rates == [learning_rate(step / 24, step, 1e-2, 1e-3, 5) for step in range(24)]
+    assert rates == [learning_rate(step / 24, step, 1e-2, 1e-3, 5, TRAIN.decay) for step in range(24)]
     assert learner.progress == 1.0
+
+
+def test_a_budget_ends_with_the_mean_of_its_weights_and_looking_at_it_before_changes_nothing() -> None:
+    plain = trainer(settings=replace(TRAIN, average=0.0))
+    learner, looked_at = trainer(), trainer()
+    mean = {name: value.double() for name, value in weights(plain).items()}
+    for step in range(1, BUDGET.steps or 0):
+        for each in (plain, learner, looked_at):
+            each.train_on(*rays_and_colours(seed=step))
+        assert same(weights(learner), weights(plain)), "training goes on from the weights, not from their mean"
+        share = 1.0 - (1.0 - 1.0 / step) ** (TRAIN.average + 1.0)
+        mean = {name: value + share * (weights(plain)[name] - value) for name, value in mean.items()}
+        with looked_at.averaged():
+            for name, value in weights(looked_at).items():
+                torch.testing.assert_close(value.double(), mean[name], atol=1e-6, rtol=1e-5)
+            looked_at.render(rays_and_colours()[0], 16)
+    for each in (learner, looked_at):
+        each.train_on(*rays_and_colours(seed=0))
+    assert learner.progress == 1.0
+    assert same(weights(learner), weights(looked_at))
+    plain.train_on(*rays_and_colours(seed=0))
+    assert not same(weights(learner), weights(plain))
+    ended = weights(learner)
+    with learner.averaged():
+        assert same(weights(learner), ended)
 
 
 def refreshes(learner: Trainer, monkeypatch: pytest.MonkeyPatch, steps: int) -> list[tuple[int, float]]:
