@@ -170,7 +170,8 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision, fused: bool) -> 
     for _ in steps(learner, batch_at, at_step(kind.steps)):
         losses.append(float(learner.last_loss or math.nan))
         if learner.step in kind.rendered_after:
-            seen = learner.render(looked_at, 2048)
+            with learner.averaged():
+                seen = learner.render(looked_at, 2048)
             renders[str(learner.step)] = torch.cat([seen.colour.flatten(), seen.depth]).tolist()
     return Course(losses, renders)
 

@@ -166,6 +166,9 @@ MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
     ("optimiser", "multiple of the usual norm", "× 1.01"): lambda patch: _after_init(
         patch, Clipping, lambda self: setattr(self, "ratio", MORE * self.ratio)
     ),
+    ("optimiser", "power of the mean of the weights", "× 1.01"): lambda patch: _training(
+        patch, average=MORE * TRAIN.average
+    ),
     ("sampling", "near", "× 1.01"): lambda patch: _cameras(patch, "near"),
     ("sampling", "far", "× 1.01"): lambda patch: _cameras(patch, "far"),
     ("sampling", "bins a ray", "+ 1"): lambda patch: _training(
