@@ -1,6 +1,6 @@
 """A running mean of weights, so that what is shown of a method in training does not depend on its last few steps.
 
-The mean over a fixed share of the past (power-function EMA of Karras et al. 2024, arXiv 2312.02696, § 3.1): after step t
+The mean over a fixed share of the past (Karras et al. 2024, arXiv 2312.02696, § 3.1: power function EMA): after step t
 
     mean ← mean + w (weights − mean),   w = 1 − (1 − 1/t)^(power + 1),
 
