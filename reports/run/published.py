@@ -298,6 +298,11 @@ def evidence(record: Studies) -> str:
     return "\n\n".join(["\n".join(answers), hold, *pictures])
 
 
+def collapse(record: Studies) -> str:
+    """State how often short trainings ended without a picture, in boxes of several sizes."""
+    return " ".join(answer for study in record.studies if study.info.id == "collapse" for answer in study.answers)
+
+
 def stability(record: Studies) -> str:
     """State how many checks came out how, by whose formula it is."""
     many = Counter((check.owner, check.status) for _, check in record.checks())
@@ -387,6 +392,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "processors": (("reduced/processors.json",), processors),
     "environment": (("environment.json",), environment),
     "evidence": (("reduced/evidence.json",), evidence),
+    "collapse": (("collapse.json",), collapse),
     "stability": (("stability.json",), stability),
     "speed": (("speed.json",), speed),
     "serving": (("reduced/serving.json",), serving),
