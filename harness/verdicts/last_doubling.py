@@ -1,6 +1,7 @@
 """How far from convergence: the PSNR that the last doubling of the steps brought.
 
-The checkpoint at half of the steps belongs to a run whose learning rate still falls. What that fall brings is part of
+The checkpoint at half of the steps belongs to a run whose learning rate still falls. Where the running mean of the
+weights is scored (`baselines.numerics.weight_average`) that hardly matters. Without it what the fall brings is part of
 the gain, so that a run of half the budget would end above it, and twice the budget may bring less than the gain.
 """
 
