@@ -131,14 +131,17 @@ def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reorderi
 
 
 def _settings(start: Start, fused: bool) -> TrainSettings:
-    """Return the default profile's settings, with a grid, a warm-up and a clipping that act within the first steps."""
+    """Return the default profile's settings, with a grid, a warm-up and both kinds of clipping that act within the
+    first steps, and a rate at which a density forms by then.
+    """
     usual = PROFILES["reduced"].train
     return replace(
         usual,
         precision="float32",
         rays=128,
         warm_up_steps=8,
-        clip_norm=0.1,
+        learning_rate=2e-2,
+        clip_norm=0.2,
         clip_ratio=1.5,
         bins=usual.bins // 2 if start.fine_bins else usual.bins,
         fine_bins=start.fine_bins,
