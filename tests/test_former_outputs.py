@@ -60,7 +60,7 @@ def test_a_run_of_other_settings_is_not_gone_on_with_and_is_reported(
     cells = former / "run/records/cells"
     kept = (cells / "ball.nerf.0.json").read_bytes()
     assert main(OPTIONS) == 2
-    assert "train.learning_rate was 0.02, is 0.015" in capsys.readouterr().err
+    assert "train.learning_rate was 0.02, is 0.01" in capsys.readouterr().err
     assert (cells / "ball.nerf.0.json").read_bytes() == kept, "what is finished stays as it is"
     assert [cell.status for cell in read_cells(former / "run")] == ["done", "done"]
     assert report(["run", "--quiet"]) == 0
