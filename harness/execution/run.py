@@ -20,6 +20,7 @@ from harness.machine.provenance import provenance
 from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
 from harness.plan.profiles import Machine, Plan
+from harness.plan.stated_omissions import with_stated
 from harness.records.cells import (
     CellRecord,
     RunRecord,
@@ -73,7 +74,7 @@ def run(
         for scene in scenes if plan.view_set else ():
             box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
             show.line(f"view set {scene.name}: box {box}; its silhouettes leave {scene.hull_share:.0%} of it")
-    scenes = with_measured(scenes, earlier)
+    scenes = with_stated(with_measured(scenes, earlier), plan)
     origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
     origin |= record.provenance | notices_of(earlier)
     record = structs.replace(record, provenance=origin, paper={**printed(), **measured_at_paper_size("qnerf")})

@@ -140,7 +140,7 @@ class LeftOut(Record, frozen=True):
     what: str
     reason: str
     seconds_saved: float | None
-    """None, as below, unless it was measured (`--verify-omissions`)."""
+    """None, as below, unless it was measured (`--verify-omissions`, or a published study)."""
     difference: float | None
     """Test PSNR without the part less that with it, in dB: a loss is negative. Or the largest change of colour."""
     interval: tuple[float, float] | None
@@ -157,6 +157,8 @@ class LeftOut(Record, frozen=True):
     """The work that `seconds_saved` are seconds of."""
     verdict: str = ""
     """One of "within its bound", "costs more" and "inconclusive"."""
+    study: str = ""
+    """The published study that measured it under the same settings; empty if this run did, or nothing."""
 
 
 class CellRecord(Record, frozen=True):
@@ -223,8 +225,8 @@ class SceneRecord(Record, frozen=True):
 
     @property
     def costs_more(self) -> bool:
-        """Tell whether something that was left out costs more than its bound."""
-        return any(row.verdict == "costs more" for row in self.left_out)
+        """Tell whether something that was left out costs, in this run, more than its bound."""
+        return any(row.verdict == "costs more" and not row.study for row in self.left_out)
 
 
 class RunRecord(Record, frozen=True):

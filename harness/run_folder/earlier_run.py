@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from harness.records.cells import LeftOut, RunRecord, SceneRecord, read_run
 from harness.records.json_record import DamagedRecord
 
-UNMEASURED: dict[str, Any] = dict(seconds_saved=None, difference=None, interval=None, clock="", verdict="")
+UNMEASURED: dict[str, Any] = dict(seconds_saved=None, difference=None, interval=None, clock="", verdict="", study="")
 """The fields of `LeftOut` that `--verify-omissions` fills in, before it does."""
 
 
@@ -41,7 +41,8 @@ def with_measured(scenes: list[SceneRecord], earlier: RunRecord | None) -> list[
 
 def _measured(row: LeftOut, before: list[LeftOut]) -> LeftOut:
     """Return the same omission under the same bound as it was measured before, if it was."""
-    return next((other for other in before if other.verdict and replace(other, **UNMEASURED) == row), row)
+    measured = (other for other in before if other.verdict and not other.study)
+    return next((other for other in measured if replace(other, **UNMEASURED) == row), row)
 
 
 def _views_of(scene: SceneRecord) -> tuple[object, ...]:

@@ -201,7 +201,9 @@ def left_out_grid(records: Records) -> Grid:
             else Entry(duration(omission.seconds_saved), omission.clock, "", omission.seconds_saved),
             _change(omission),
             Entry(f"{significant(omission.bound)} {omission.unit}") if omission.bound else EMPTY,
-            Entry(omission.verdict, tone=VERDICT_TONES.get(omission.verdict, "")) if omission.verdict else EMPTY,
+            Entry(omission.verdict, omission.study, VERDICT_TONES.get(omission.verdict, ""))
+            if omission.verdict
+            else EMPTY,
         ]
         for omission, names in sorted(alike.items(), key=lambda row: order.index(row[0].what))
     ]

@@ -162,7 +162,7 @@ def too_costly(omissions: list[Omission]) -> list[Omission]:
 
 def filled(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
     """Return the `rows` of one scene with what was measured on it."""
-    measured = {omission.name: {name: getattr(omission, name) for name in UNMEASURED} for omission in omissions}
+    measured = {one.name: {name: getattr(one, name, blank) for name, blank in UNMEASURED.items()} for one in omissions}
     return [structs.replace(row, **measured.get(row.name, {})) for row in rows]
 
 
