@@ -158,8 +158,8 @@ class Trainer(BudgetedTrainer):
 
     @cached_property
     def optimiser(self) -> Optimiser:
-        """Return the optimiser, made when it is first needed: torch's own import its compiler, seconds that rendering
-        need not wait.
+        """Return the optimiser, made in the warm-up: torch's own import its compiler, seconds that are no training, and
+        that rendering need not wait.
         """
         return optimiser_of(self.fields.parameters(), self.settings.optimiser)
 
@@ -179,7 +179,10 @@ class Trainer(BudgetedTrainer):
         return self.fine or self.coarse
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Run one forward and backward pass that changes nothing: allocations and kernel choices, outside the clock."""
+        """Run one forward and backward pass that changes nothing: imports, allocations and kernel choices, outside the
+        clock.
+        """
+        _ = self.optimiser
         self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
         self.fields.zero_grad(set_to_none=True)
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import torch
 
+from baselines.numerics.optimisers import Optimiser, optimiser_of
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.schedule import Budget, learning_rate
 from harness.plan.settings import GridSettings
@@ -59,6 +60,19 @@ def test_the_warm_up_changes_nothing_and_is_not_on_the_clock(method: str) -> Non
     assert (warmed.clock.seconds, warmed.step, warmed.network_evaluations) == (0.0, 0, 0)
     assert same(weights(plain), weights(warmed))
     assert same(weights(train(plain, 9)), weights(train(warmed, 9)))
+
+
+def test_the_optimiser_is_made_before_the_clock_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Adam's import takes 5 s."""
+    made = []
+    monkeypatch.setattr(
+        "harness.training.trainer.optimiser_of", lambda *given: made.append(given) or optimiser_of(*given)
+    )
+    learner = trainer()
+    learner.warm_up(*rays_and_colours(seed=3))
+    assert len(made) == 1
+    train(learner, 2)
+    assert len(made) == 1
 
 
 @every_kind
