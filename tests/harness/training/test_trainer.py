@@ -64,10 +64,13 @@ def test_the_warm_up_changes_nothing_and_is_not_on_the_clock(method: str) -> Non
 
 def test_the_optimiser_is_made_before_the_clock_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Adam's import takes 5 s."""
-    made = []
-    monkeypatch.setattr(
-        "harness.training.trainer.optimiser_of", lambda *given: made.append(given) or optimiser_of(*given)
-    )
+    made: list[object] = []
+
+    def counted(*given: Any) -> Optimiser:
+        made.append(given)
+        return optimiser_of(*given)
+
+    monkeypatch.setattr("harness.training.trainer.optimiser_of", counted)
     learner = trainer()
     learner.warm_up(*rays_and_colours(seed=3))
     assert len(made) == 1
