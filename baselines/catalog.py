@@ -38,6 +38,19 @@ class Method:
     """
 
 
+def _planes(spec: FieldSpec) -> Any:
+    """Return the field; the compiler that it needs is imported for it alone, here and below."""
+    from baselines.grids.planes import planes
+
+    return planes(spec)
+
+
+def _hash_grid(spec: FieldSpec) -> Any:
+    from baselines.grids.hash_grid import hash_grid
+
+    return hash_grid(spec)
+
+
 def parts_named(combination: str) -> str:
     """Return the parts that a name lists: nerf_phi_encoding_amplifier → φ encoding, amplifier."""
     words = combination.removeprefix("nerf_").replace("phi_", "φ ").replace("equation4", "amplifier of Eq. 4")
@@ -67,6 +80,8 @@ CATALOG: dict[str, Method] = {
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},
+    "planes": Method(None, "three planes of features at three resolutions, multiplied", make_field=_planes),
+    "hash_grid": Method(None, "features in hash tables at twelve resolutions", make_field=_hash_grid),
     "voxels_drjit": Method(
         None, "no network: voxels with density and spherical harmonics, differentiated by Dr.Jit", "voxels_drjit"
     ),

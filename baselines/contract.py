@@ -143,6 +143,7 @@ class NetworkSize:
 
 Precision = Literal["float32", "bfloat16", "float16"]
 """The precision of matrix multiplications alone: weights, encoding, amplifier and quadrature are always float32."""
+DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch.float16}
 
 
 @dataclass(frozen=True)

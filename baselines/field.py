@@ -20,6 +20,7 @@ from baselines.amplifiers import AMPLIFIERS, Amplifier, MeanAmplifier
 from baselines.catalog import Method
 from baselines.composition import LADDERS, Parts, encoding_bands, skip_layer
 from baselines.contract import (
+    DTYPES,
     EVERY_ACCELERATION,
     Accelerations,
     Box,
@@ -33,8 +34,6 @@ from baselines.contract import (
     uniform_weights,
 )
 from baselines.numerics.encoding import encode, feature_count
-
-DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch.float16}
 
 
 class NetworkField(nn.Module):

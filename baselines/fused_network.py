@@ -3,7 +3,8 @@
 Autograd keeps a copy of every intermediate and walks over all points once for each operation; here one block of
 points goes through all layers before the next one, activations are rectified where they lie, and weight gradients
 add up in place. It computes what `baselines.field` composes from single operations (its oracle in the tests): sums
-over points run in another order and nothing else differs. No gradient is formed for the encoded position.
+over points run in another order and nothing else differs. A gradient of the position is formed where it is wanted:
+learnt features have one, an encoded position has none.
 """
 
 from collections.abc import Callable
@@ -45,7 +46,8 @@ def evaluate(
     ray: Int[Tensor, " points"] | None,
     weights: list[Tensor],
 ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
-    """Return raw density and colour logits in float32 or better, differentiable once with respect to `weights`.
+    """Return raw density and colour logits in float32 or better, differentiable once with respect to `weights` and
+    `position`.
 
     Without a `view` the density alone is computed, without gradient. `ray` gives the row of `view` of each point.
     """
@@ -246,13 +248,15 @@ class _Evaluation(torch.autograd.Function):
         (g_raw, g_logits), net, kept = gradients, ctx.net, ctx.kept
         del ctx.net, ctx.kept
         blocks = _blocks(len(position), net.density[0].hidden.shape[0], kept.density[0])
+        g_position = torch.zeros_like(position, dtype=net.dtype) if ctx.needs_input_grad[1] else None
         shares = _side_by_side(
-            partial(_way_back, net, kept, position.to(net.dtype), view, ray, g_raw, g_logits), blocks
+            partial(_way_back, net, kept, position.to(net.dtype), view, ray, g_raw, g_logits, g_position), blocks
         )
         total = shares[0] if shares else _Gradients(net, len(view))
         for share in shares[1:]:
             total.add(share)
-        return None, None, None, None, *total.flat(view.to(net.sums))
+        g_position = None if g_position is None else g_position.to(position.dtype)
+        return None, g_position, None, None, *total.flat(view.to(net.sums))
 
 
 class _Gradients:
@@ -289,8 +293,10 @@ def _way_back(
     ray: Tensor,
     g_raw: Tensor,
     g_logits: Tensor,
+    g_position: Tensor | None,
     blocks: list[slice],
 ) -> _Gradients:
+    """Return the sums over `blocks`; `g_position` is filled, if there is one."""
     rectified = torch.ops.aten.threshold_backward.grad_input
     sums = _Gradients(net, len(view))
     largest = blocks[0].stop - blocks[0].start
@@ -309,10 +315,15 @@ def _way_back(
         into[:, 0] = g_raw[block]
         into[:, 1:] = g
         sums.heads.add(into, kept.density[-1][block], here)
+        if g_position is not None and net.heads.again is not None:
+            g_position[block].addmm_(into, net.heads.again)
         g = torch.mm(into, net.heads.hidden, out=buffers[0][:size])
         for index in reversed(range(len(net.density))):
             rectified(g, kept.density[index][block], 0.0, grad_input=g)
+            stage = net.density[index]
             sums.density[index].add(g, kept.density[index - 1][block] if index else here, here)
+            if g_position is not None and (to_position := stage.again if index else stage.hidden) is not None:
+                g_position[block].addmm_(g, to_position)
             if index:
-                g = torch.mm(g, net.density[index].hidden, out=buffers[(len(net.density) - index) % 2][:size])
+                g = torch.mm(g, stage.hidden, out=buffers[(len(net.density) - index) % 2][:size])
     return sums

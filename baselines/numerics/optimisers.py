@@ -26,6 +26,10 @@ class OptimiserSettings:
     """The steps from one renewal of SOAP's bases to the next."""
 
 
+LARGEST_SIDE = 1024
+"""The longest side of a matrix of a network; one with a longer side is a table of features."""
+
+
 @runtime_checkable
 class Optimiser(Protocol):
     """An optimiser of a field's weights."""
@@ -80,16 +84,43 @@ def _adam(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser
     return TorchOptimisers(torch.optim.Adam(weights, betas=settings.betas, fused=True))
 
 
+def _is_table(weight: nn.Parameter) -> bool:
+    """Return whether a weight is a table of features and not of a network: of more than two axes, or a long one."""
+    return weight.ndim > 2 or max(weight.shape, default=0) > LARGEST_SIDE
+
+
 def _muon(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
     """Return Muon for matrices; it takes no others, which Adam has. Both take steps of about the same size."""
-    matrices = [weight for weight in weights if weight.ndim == 2]
-    others = [weight for weight in weights if weight.ndim != 2]
+    matrices = [weight for weight in weights if weight.ndim == 2 and not _is_table(weight)]
+    others = [weight for weight in weights if weight.ndim != 2 or _is_table(weight)]
     muon = torch.optim.Muon(matrices, momentum=settings.betas[0], weight_decay=0.0, adjust_lr_fn="match_rms_adamw")
     return TorchOptimisers(muon, torch.optim.Adam(others, betas=settings.betas, fused=True))
 
 
+class Together:
+    """Optimisers, each over weights of its own, as one."""
+
+    def __init__(self, **parts: Optimiser) -> None:
+        self.parts = parts
+
+    def step(self, rate: float) -> None:
+        for part in self.parts.values():
+            part.step(rate)
+
+    def tensors(self) -> dict[str, Tensor]:
+        return {f"{of}/{name}": value for of, part in self.parts.items() for name, value in part.tensors().items()}
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        for of, part in self.parts.items():
+            mine = {name.removeprefix(f"{of}/"): value for name, value in tensors.items() if name.startswith(f"{of}/")}
+            part.restore(mine)
+
+
 def _soap(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
-    return Soap(weights, settings.betas, settings.renewed_every)
+    """Return SOAP for the weights of networks, and Adam for tables of features."""
+    tables = [weight for weight in weights if _is_table(weight)]
+    networks = Soap([weight for weight in weights if not _is_table(weight)], settings.betas, settings.renewed_every)
+    return Together(networks=networks, tables=_adam(tables, settings)) if tables else networks
 
 
 OPTIMISERS: dict[OptimiserName, Callable[[list[nn.Parameter], OptimiserSettings], Optimiser]] = {

@@ -19,8 +19,6 @@ LEAST = 1e-3
 """What is added to every eigenvalue, in their mean: gradients of a few steps span no whole space, and in the rest of it
 the bases would be of rounding errors, another one on every processor. They stay what they were there, or the axes.
 """
-LARGEST_SIDE = 1024
-"""The longest side that has a factor of its own; a longer one, a table of features, keeps the identity for a basis."""
 
 Stack = Float[Tensor, "weights rows columns"]
 Factor = Float[Tensor, "weights side side"]
@@ -34,9 +32,7 @@ class _Side:
     basis: Factor
 
     @staticmethod
-    def of(count: int, side: int, like: Tensor) -> "_Side | None":
-        if side > LARGEST_SIDE:
-            return None
+    def of(count: int, side: int, like: Tensor) -> "_Side":
         identity = torch.eye(side, dtype=like.dtype, device=like.device).repeat(count, 1, 1)
         return _Side(torch.zeros_like(identity), identity)
 
@@ -73,8 +69,8 @@ class _Group:
     first: Stack
     """The mean of the gradient in the bases; `second` that of its square."""
     second: Stack
-    left: _Side | None
-    right: _Side | None
+    left: _Side
+    right: _Side
 
     @staticmethod
     def of(weights: list[nn.Parameter]) -> "_Group":
@@ -86,37 +82,31 @@ class _Group:
     def state(self) -> dict[str, Tensor]:
         """Return the tensors that are kept, all of them stacks."""
         sides = {"left": self.left, "right": self.right}
-        factors = {f"{name}_factor": side.factor for name, side in sides.items() if side}
-        bases = {f"{name}_basis": side.basis for name, side in sides.items() if side}
+        factors = {f"{name}_factor": side.factor for name, side in sides.items()}
+        bases = {f"{name}_basis": side.basis for name, side in sides.items()}
         return {"first": self.first, "second": self.second, **factors, **bases}
 
     def into(self, g: Stack) -> Stack:
-        g = self.left.basis.mT @ g if self.left else g
-        return g @ self.right.basis if self.right else g
+        return self.left.basis.mT @ g @ self.right.basis
 
     def back(self, g: Stack) -> Stack:
-        g = self.left.basis @ g if self.left else g
-        return g @ self.right.basis.mT if self.right else g
+        return self.left.basis @ g @ self.right.basis.mT
 
     def observe(self, g: Stack, beta: float) -> None:
-        if self.left:
-            self.left.factor.lerp_(g @ g.mT, 1.0 - beta)
-        if self.right:
-            self.right.factor.lerp_(g.mT @ g, 1.0 - beta)
+        self.left.factor.lerp_(g @ g.mT, 1.0 - beta)
+        self.right.factor.lerp_(g.mT @ g, 1.0 - beta)
 
     def start(self) -> None:
-        for side in (self.left, self.right):
-            if side:
-                side.start()
+        self.left.start()
+        self.right.start()
 
     def renew(self) -> None:
         """Renew the bases: the mean of the gradient turns with them, that of its square is only sorted with them."""
         first = self.back(self.first)
         for side, axis in ((self.left, 1), (self.right, 2)):
-            if side:
-                order = side.renew()
-                order = order[:, :, None] if axis == 1 else order[:, None]
-                self.second.copy_(torch.gather(self.second, axis, order.expand_as(self.second)))
+            order = side.renew()
+            order = order[:, :, None] if axis == 1 else order[:, None]
+            self.second.copy_(torch.gather(self.second, axis, order.expand_as(self.second)))
         self.first.copy_(self.into(first))
 
 

@@ -34,11 +34,13 @@ CORNERS = 8
 
 def flops_per_evaluation(field: object) -> int | None:
     """Count the operations of one forward evaluation of `field` at one point, density and colour; None if it is neither
-    a network nor voxels, which interpolate one density, and so many coefficients of each of three colours.
+    a network, with the `operations` of an encoder before it, nor voxels, which interpolate one density, and so many
+    coefficients of each of three colours.
     """
     if isinstance(field, nn.Module):
         layers = [layer for layer in field.modules() if isinstance(layer, nn.Linear)]
-        return 2 * sum(layer.in_features * layer.out_features for layer in layers) or None
+        encoder = getattr(getattr(field, "encoder", None), "operations", 0)
+        return encoder + 2 * sum(layer.in_features * layer.out_features for layer in layers) or None
     coefficients = getattr(field, "coefficients", None)
     if coefficients is None:
         return None

@@ -9,8 +9,7 @@ from itertools import pairwise
 import torch
 
 from baselines.composition import skip_layer
-from baselines.contract import NetworkSize
-from baselines.field import DTYPES
+from baselines.contract import DTYPES, NetworkSize
 from baselines.numerics.encoding import feature_count
 from baselines.plain import PlainField, plain_step
 from harness.machine.device import keep_freed_memory, return_freed_memory

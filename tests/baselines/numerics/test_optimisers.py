@@ -6,8 +6,8 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from baselines.numerics.optimisers import OPTIMISERS, OptimiserSettings, optimiser_of
-from baselines.numerics.soap import LARGEST_SIDE, LEAST, Soap
+from baselines.numerics.optimisers import LARGEST_SIDE, OPTIMISERS, OptimiserSettings, optimiser_of
+from baselines.numerics.soap import LEAST, Soap
 
 BETAS, EVERY = (0.9, 0.99), 3
 
@@ -134,7 +134,7 @@ def test_zero_constant_and_rank_one_gradients_leave_finite_weights(name: str, dt
 @pytest.mark.parametrize("name", list(OPTIMISERS))
 def test_one_that_was_restored_takes_the_same_steps_to_the_bit(name: str) -> None:
     settings = OptimiserSettings(name, BETAS, EVERY)  # type: ignore[arg-type]
-    shapes = (6, 9), (9, 6), (6, 9), (9,), ()
+    shapes = (6, 9), (9, 6), (6, 9), (9,), (), (3, 4, 4, 2)
     whole, parted = weights(*shapes, dtype=torch.float32), weights(*shapes, dtype=torch.float32)
     take(optimiser_of(whole, settings), whole, range(17))
     first = optimiser_of(parted, settings)
@@ -152,9 +152,12 @@ def test_state_of_other_weights_is_refused() -> None:
         Soap(weights((9, 6)), BETAS, EVERY).restore(kept)
 
 
-def test_a_side_too_long_for_a_factor_keeps_its_axes() -> None:
-    (table,) = weights((LARGEST_SIDE + 1, 2))
-    soap = Soap([table], BETAS, EVERY)
-    assert not any("left" in name for name in soap.tensors())
-    take(soap, [table], range(5))
-    assert bool(torch.isfinite(table).all())
+@pytest.mark.parametrize("shape", [(LARGEST_SIDE + 1, 2), (3, 4, 4, 2)])
+def test_under_soap_tables_of_features_are_trained_by_adam(shape: tuple[int, ...]) -> None:
+    """And the network beside them as if it were alone."""
+    mixed, alone, table = weights((4, 5), shape), weights((4, 5)), weights((4, 5), shape)[1:]
+    take(optimiser_of(mixed, OptimiserSettings("soap", BETAS, EVERY)), mixed, range(5))
+    take(Soap(alone, BETAS, EVERY), alone, range(5))
+    take(optimiser_of(table, OptimiserSettings("adam", BETAS)), table, range(5))
+    assert torch.equal(mixed[0], alone[0])
+    assert torch.equal(mixed[1], table[0])

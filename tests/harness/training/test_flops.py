@@ -7,7 +7,7 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from baselines.catalog import CATALOG
-from baselines.contract import EVERY_ACCELERATION, NetworkSize
+from baselines.contract import EVERY_ACCELERATION, FieldSpec, NetworkSize
 from baselines.field import NetworkField
 from harness.studies.speed.throughput import step_flops
 from harness.training.cell_training import flops_per_evaluation
@@ -43,6 +43,15 @@ def test_the_paper_s_network_by_hand() -> None:
     density = 63 * 256 + 6 * 256 * 256 + (256 + 63) * 256
     colour = (256 + 27) * 128 + 128 * 128 + 128 * 3
     assert flops_per_evaluation(field_of("nerf", NetworkSize())) == 2 * (density + 256 + colour)
+
+
+@pytest.mark.parametrize(("method", "features", "encoder"), [("planes", 24, 24 * 26), ("hash_grid", 24, 24 * 16)])
+def test_learnt_features_by_hand(method: str, features: int, encoder: int) -> None:
+    """A weight and a sum for each of 12 corners, and two products; or of 8 corners."""
+    make = CATALOG[method].make_field
+    assert make is not None
+    network = 2 * (features * 64 + 64 + (64 + 27) * 64 + 64 * 3)
+    assert flops_per_evaluation(make(FieldSpec(SMALL, BOX, "float32", 0, True))) == encoder + network
 
 
 def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> None:

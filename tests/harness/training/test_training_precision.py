@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from baselines import field, rendering
-from baselines.contract import Precision, Rays
+from baselines.contract import DTYPES, Precision, Rays
 from baselines.numerics.quadrature import QUADRATURES
 from harness.plan.settings import GridSettings
 from harness.training import trainer as trainer_module
@@ -64,7 +64,7 @@ def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
         "encoding": {torch.float32},
         "quadrature": {torch.float32},
         "amplifier": {torch.float32},
-        "products": {field.DTYPES[precision]},
+        "products": {DTYPES[precision]},
     }
     state = list(learner.optimiser.tensors().values())
     assert {weight.dtype for weight in learner.fields.parameters()} == dtypes_of(tuple(state)) == {torch.float32}
@@ -80,7 +80,7 @@ def test_weights_move_by_less_than_reduced_precision_resolves(precision: Precisi
     train(learner, 10)
     moved = (bias.detach() - 1.0).abs()
     assert float(moved.max()) > 2e-5
-    assert bool((bias.detach().to(field.DTYPES[precision]) == 1.0).all()), "the test would see nothing"
+    assert bool((bias.detach().to(DTYPES[precision]) == 1.0).all()), "the test would see nothing"
 
 
 @every_reduced

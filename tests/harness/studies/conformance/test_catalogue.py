@@ -9,9 +9,13 @@ from harness.studies.conformance.subject import Subject
 from tests.harness.voxels import drjit_or_skip
 
 NETWORKS = [name for name, method in CATALOG.items() if method.kind == "network"]
-UNLIKE = {method.parts and (method.parts.amplifier, method.parts.quadrature): name for name, method in CATALOG.items()}
-"""One method of each amplifier and rule, and the voxels: in training another encoding or skip is the same code, and
-`test_finished` trains and restores every method."""
+UNLIKE = {
+    (method.parts.amplifier, method.parts.quadrature) if method.parts else name: name
+    for name, method in CATALOG.items()
+}
+"""One method of each amplifier and rule, and each that is not made of parts: in training another encoding or skip is
+the same code, and `test_finished` trains and restores every method.
+"""
 QUICK = ("two_passes",)
 
 

@@ -1,0 +1,1 @@
+"""Radiance fields whose features are learnt where they lie in space, read by a small network."""

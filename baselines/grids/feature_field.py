@@ -1,0 +1,108 @@
+"""Learnt features of points, and the small network that reads density and colour from them, as in instant-ngp (Müller
+et al. 2022, arXiv 2201.05989).
+"""
+
+import math
+from collections.abc import Iterable
+from typing import cast
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn.functional import relu, softplus
+
+from baselines import fused_network
+from baselines.amplifiers import DENSITY_BIAS
+from baselines.composition import DENSITY_SCALE
+from baselines.contract import DTYPES, Densities, FieldSpec, Points, Precision, RayOf, Views, uniform_weights
+from baselines.numerics.encoding import encode, feature_count
+
+WIDTH = 64
+"""The width of the network's two hidden layers."""
+DIRECTION_BANDS = 4
+
+
+class Decoder(nn.Module):
+    """Features → one hidden layer → density, and with the view direction another hidden layer → colour."""
+
+    def __init__(self, features: int, directions: int, width: int, precision: Precision, seed: int | str) -> None:
+        super().__init__()
+        self.dtype = DTYPES[precision]
+        self.density = nn.Linear(features, width)
+        self.density_head = nn.Linear(width, 1)
+        self.colour = nn.Linear(width + directions, width)
+        self.colour_head = nn.Linear(width, 3)
+        with torch.no_grad():
+            for name, weight in self.named_parameters():
+                if weight.ndim == 2:
+                    weight.copy_(uniform_weights(tuple(weight.shape), (6.0 / sum(weight.shape)) ** 0.5, seed, name))
+                else:
+                    weight.zero_()
+
+    def forward(
+        self, features: Float[Tensor, "points channels"], view: Views | None = None, ray: RayOf | None = None
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
+        """Return raw density and, with a view, colour logits, both float32."""
+        if view is not None or not torch.is_grad_enabled():
+            weights = [weight for layer in self._layers() for weight in (layer.weight, layer.bias)]
+            return fused_network.evaluate(fused_network.Layout(1, 1, self.dtype), features, view, ray, weights)
+        return self.composed(features, None, None)
+
+    def composed(
+        self, features: Float[Tensor, "points channels"], view: Views | None, ray: RayOf | None
+    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
+        """Compute the same in float32 from single operations."""
+        hidden = relu(self.density(features))
+        raw = self.density_head(hidden)[:, 0]
+        if view is None or ray is None:
+            return raw, None
+        return raw, self.colour_head(relu(self.colour(torch.cat([hidden, view[ray]], dim=-1))))
+
+    def _layers(self) -> Iterable[nn.Linear]:
+        return cast("tuple[nn.Linear, ...]", (self.density, self.density_head, self.colour, self.colour_head))
+
+
+class FeatureField(nn.Module):
+    """A radiance field of learnt features (`baselines.contract.TrainableField`)."""
+
+    pointwise = True
+    density_limit = math.inf
+
+    def __init__(self, spec: FieldSpec, encoder: nn.Module, features: int) -> None:
+        """Take an encoder of points −1 … 1 as `features` numbers each; what it holds is learnt."""
+        super().__init__()
+        self.box, self.view_dependent = spec.box, spec.view_dependent
+        self.density_unit = DENSITY_SCALE / spec.box.half_extent
+        self.encoder = encoder
+        directions = feature_count(3, DIRECTION_BANDS) if self.view_dependent else 0
+        self.decoder = Decoder(features, directions, WIDTH, spec.precision, spec.seed)
+
+    def parameter_counts(self) -> dict[str, int]:
+        """Count the learnt numbers: `encoder`, `decoder` and `total`."""
+        by_part = {name: sum(weight.numel() for weight in part.parameters()) for name, part in self.named_children()}
+        return {**by_part, "total": sum(by_part.values())}
+
+    def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views:
+        return encode(d, 2.0, DIRECTION_BANDS) if self.view_dependent else d[:, :0]
+
+    def density(self, x: Points) -> Densities:
+        return self._sigma(self.decoder(self._features(x))[0])
+
+    def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:
+        sigma = self.density(x)
+        return sigma, sigma
+
+    def density_and_colour(self, x: Points, view: Views, ray: RayOf) -> tuple[Densities, Float[Tensor, "points 3"]]:
+        raw, logits = self.decoder(self._features(x), view, ray)
+        return self._sigma(raw), torch.sigmoid(logits)
+
+    def _features(self, x: Points) -> Float[Tensor, "points features"]:
+        return self.encoder(self.box.normalised(x))
+
+    def _sigma(self, raw: Float[Tensor, " points"]) -> Densities:
+        return softplus(raw + DENSITY_BIAS) * self.density_unit
+
+
+def compiles_for(x: Float[Tensor, "points 3"]) -> bool:
+    """Return whether the kernels for the processor can take these points: float32, and without a gradient of theirs."""
+    return x.device.type == "cpu" and x.dtype == torch.float32 and not x.requires_grad

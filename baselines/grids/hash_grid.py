@@ -1,0 +1,71 @@
+"""Features in hash tables at many resolutions: instant-ngp (Müller et al. 2022, arXiv 2201.05989)."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from baselines.contract import FieldSpec, uniform_weights
+from baselines.grids.feature_field import FeatureField, compiles_for
+from baselines.grids.hash_kernel import CHANNELS, PRIMES, Encoded
+
+LEVELS, COARSEST, FINEST = 12, 16, 192
+"""The number of levels, and the cells along a side of the first and of the last: two a pixel of 100."""
+ENTRIES = 1 << 15
+"""The most entries of a level's table; a level with fewer nodes has one for each."""
+RATE = 3.0
+"""How many times as fast as the network's weights the features are learnt: a feature is RATE times what is stored."""
+SPREAD = 0.1
+"""The half-width of the first features. The paper's 1e-4 costs a short training the steps that it takes to leave 0."""
+
+
+def geometric(coarsest: int, finest: int, levels: int) -> tuple[int, ...]:
+    """Return the cells of each level, growing by one factor, as Eq. 2 and 3 of the paper."""
+    growth = (finest / coarsest) ** (1.0 / max(levels - 1, 1))
+    return tuple(round(coarsest * growth**level) for level in range(levels))
+
+
+class HashGrid(nn.Module):
+    """Points −1 … 1 to the features of each level, interpolated between eight nodes."""
+
+    def __init__(self, cells: tuple[int, ...], seed: int | str, entries: int = ENTRIES) -> None:
+        super().__init__()
+        self.cells = cells
+        self.tables = nn.ParameterList(
+            uniform_weights((min((size + 1) ** 3, entries), CHANNELS), SPREAD, seed, f"table.{level}.{size}") / RATE
+            for level, size in enumerate(cells)
+        )
+
+    @property
+    def operations(self) -> int:
+        """The multiplications and additions of one point: eight corners of each level."""
+        return CHANNELS * len(self.tables) * 2 * 8
+
+    def forward(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:
+        encode = Encoded.apply if compiles_for(x) else encoded
+        return RATE * encode(x, self.cells, *self.tables)
+
+
+def hash_grid(spec: FieldSpec, cells: tuple[int, ...] = geometric(COARSEST, FINEST, LEVELS)) -> FeatureField:
+    return FeatureField(spec, HashGrid(cells, spec.seed), CHANNELS * len(cells))
+
+
+def encoded(
+    x: Float[Tensor, "points 3"], cells: tuple[int, ...], *tables: Float[Tensor, "_ channels"]
+) -> Float[Tensor, "points features"]:
+    """Compute `baselines.grids.hash_kernel.Encoded` from operations of torch, differentiable by autograd."""
+    corners = torch.cartesian_prod(*[torch.arange(2, device=x.device)] * 3)
+    features = []
+    for size, table in zip(cells, tables, strict=True):
+        at = ((x + 1.0) * 0.5 * size).clamp(0.0, size)
+        low = at.long().clamp(max=size - 1)
+        inside = (at - low)[:, None]
+        nodes = low[:, None] + corners
+        weight = torch.where(corners.bool(), inside, 1.0 - inside).prod(dim=-1)
+        if (size + 1) ** 3 <= len(table):
+            entry = (nodes[..., 0] * (size + 1) + nodes[..., 1]) * (size + 1) + nodes[..., 2]
+        else:
+            factors = torch.tensor(PRIMES, device=x.device)
+            hashed = (nodes * factors) & 0xFFFFFFFF  # as unsigned 32-bit integers multiply
+            entry = (hashed[..., 0] ^ hashed[..., 1] ^ hashed[..., 2]) % len(table)
+        features.append((weight[..., None] * table[entry]).sum(dim=1))
+    return torch.cat(features, dim=-1)
