@@ -22,7 +22,18 @@ from harness.machine.device import available_cores, multiplies_bfloat16
 
 OUR_PACKAGES = ("harness", "scenes", "baselines")
 """The packages of ours that a cell needs, sent to every node."""
-CHECKED = ("torch", "numpy", "drjit", "OpenImageIO", "flip-evaluator", "scipy", "safetensors", "jaxtyping")
+CHECKED = (
+    "torch",
+    "numpy",
+    "numba",
+    "llvmlite",
+    "drjit",
+    "OpenImageIO",
+    "flip-evaluator",
+    "scipy",
+    "safetensors",
+    "jaxtyping",
+)
 """The packages of others that a cell's bits or scores may depend on. Mitsuba is needed only to render view sets."""
 PROGRAM = "this program"
 """The key of our own sources among `versions`."""
