@@ -386,6 +386,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "failures": (RUN, failed),
     "last doubling": (RUN, doubling),
     "late verdict": ((*RUN, "converged/summary.json"), beside),
+    "late equal time": (("converged/summary.json",), lambda run: differences(run, "seconds")),
     "under Adam": ((*RUN, "adam/summary.json"), beside),
     "learning": (("learning_rates.json",), learning),
     "ledger": (RUN, ledger),
