@@ -1,12 +1,13 @@
 """The interface between a method and the code that trains and renders it."""
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Literal, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float, Int
-from torch import Tensor
+from torch import Tensor, nn
 
 
 @dataclass(frozen=True)
@@ -216,3 +217,20 @@ def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name:
     digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=8).digest()
     generator = torch.Generator().manual_seed(int.from_bytes(digest, "little") >> 1)
     return (2.0 * torch.rand(shape, generator=generator, dtype=torch.float32) - 1.0) * bound
+
+
+def glorot(named: Iterable[tuple[str, nn.Parameter]], seed: int | str) -> None:
+    """Set Glorot-uniform matrices and zero biases, as the original NeRF."""
+    with torch.no_grad():
+        for name, parameter in named:
+            if parameter.ndim == 2:
+                bound = (6.0 / sum(parameter.shape)) ** 0.5
+                parameter.copy_(uniform_weights(tuple(parameter.shape), bound, seed, name))
+            else:
+                parameter.zero_()
+
+
+def counts_by_component(field: nn.Module) -> dict[str, int]:
+    """Count the weights of each child, with their `total`."""
+    counts = {name: sum(weight.numel() for weight in part.parameters()) for name, part in field.named_children()}
+    return {**counts, "total": sum(counts.values())}

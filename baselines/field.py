@@ -31,7 +31,8 @@ from baselines.contract import (
     Precision,
     RayOf,
     Views,
-    uniform_weights,
+    counts_by_component,
+    glorot,
 )
 from baselines.numerics.encoding import encode, feature_count
 
@@ -79,12 +80,12 @@ class NetworkField(nn.Module):
         self.amplifier = AMPLIFIERS[parts.amplifier]()
         self.density_unit = parts.density_unit(box)
         self.hidden_width = size.width
-        _initialise(self, seed)
+        # the amplifier keeps the paper's α and β
+        glorot((one for one in self.named_parameters() if not one[0].startswith("amplifier")), seed)
 
     def parameter_counts(self) -> dict[str, int]:
         """Count the weights by the components of Table 1."""
-        counts = {name: sum(weight.numel() for weight in part.parameters()) for name, part in self.named_children()}
-        return {**counts, "total": sum(counts.values())}
+        return counts_by_component(self)
 
     @property
     def pointwise(self) -> bool:
@@ -205,16 +206,3 @@ def _evenly_spread() -> Float[Tensor, "points 3"]:
 
 def _linears(layers: nn.ModuleList) -> list[nn.Linear]:
     return cast("list[nn.Linear]", list(layers))
-
-
-def _initialise(module: nn.Module, seed: int | str) -> None:
-    """Set Glorot-uniform weights and zero biases, as the original NeRF; the amplifier keeps the paper's α and β."""
-    with torch.no_grad():
-        for name, parameter in module.named_parameters():
-            if name.startswith("amplifier"):
-                continue
-            if parameter.ndim == 2:
-                bound = (6.0 / sum(parameter.shape)) ** 0.5
-                parameter.copy_(uniform_weights(tuple(parameter.shape), bound, seed, name))
-            else:
-                parameter.zero_()

@@ -14,7 +14,17 @@ from torch.nn.functional import relu, softplus
 from baselines import fused_network
 from baselines.amplifiers import DENSITY_BIAS
 from baselines.composition import DENSITY_SCALE
-from baselines.contract import DTYPES, Densities, FieldSpec, Points, Precision, RayOf, Views, uniform_weights
+from baselines.contract import (
+    DTYPES,
+    Densities,
+    FieldSpec,
+    Points,
+    Precision,
+    RayOf,
+    Views,
+    counts_by_component,
+    glorot,
+)
 from baselines.numerics.encoding import encode, feature_count
 
 WIDTH = 64
@@ -32,12 +42,7 @@ class Decoder(nn.Module):
         self.density_head = nn.Linear(width, 1)
         self.colour = nn.Linear(width + directions, width)
         self.colour_head = nn.Linear(width, 3)
-        with torch.no_grad():
-            for name, weight in self.named_parameters():
-                if weight.ndim == 2:
-                    weight.copy_(uniform_weights(tuple(weight.shape), (6.0 / sum(weight.shape)) ** 0.5, seed, name))
-                else:
-                    weight.zero_()
+        glorot(self.named_parameters(), seed)
 
     def forward(
         self, features: Float[Tensor, "points channels"], view: Views | None = None, ray: RayOf | None = None
@@ -79,8 +84,7 @@ class FeatureField(nn.Module):
 
     def parameter_counts(self) -> dict[str, int]:
         """Count the learnt numbers: `encoder`, `decoder` and `total`."""
-        by_part = {name: sum(weight.numel() for weight in part.parameters()) for name, part in self.named_children()}
-        return {**by_part, "total": sum(by_part.values())}
+        return counts_by_component(self)
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views:
         return encode(d, 2.0, DIRECTION_BANDS) if self.view_dependent else d[:, :0]

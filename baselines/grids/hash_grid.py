@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 from baselines.contract import FieldSpec, uniform_weights
 from baselines.grids.feature_field import FeatureField, compiles_for
-from baselines.grids.hash_kernel import CHANNELS, PRIMES, Encoded
+from baselines.grids.interpolation import PRIMES, TABLE_CHANNELS, Encoded
 
 LEVELS, COARSEST, FINEST = 12, 16, 192
 """The number of levels, and the cells along a side of the first and of the last: two a pixel of 100."""
@@ -31,14 +31,15 @@ class HashGrid(nn.Module):
         super().__init__()
         self.cells = cells
         self.tables = nn.ParameterList(
-            uniform_weights((min((size + 1) ** 3, entries), CHANNELS), SPREAD, seed, f"table.{level}.{size}") / RATE
+            uniform_weights((min((size + 1) ** 3, entries), TABLE_CHANNELS), SPREAD, seed, f"table.{level}.{size}")
+            / RATE
             for level, size in enumerate(cells)
         )
 
     @property
     def operations(self) -> int:
         """The multiplications and additions of one point: eight corners of each level."""
-        return CHANNELS * len(self.tables) * 2 * 8
+        return TABLE_CHANNELS * len(self.tables) * 2 * 8
 
     def forward(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:
         encode = Encoded.apply if compiles_for(x) else encoded
@@ -46,13 +47,13 @@ class HashGrid(nn.Module):
 
 
 def hash_grid(spec: FieldSpec, cells: tuple[int, ...] = geometric(COARSEST, FINEST, LEVELS)) -> FeatureField:
-    return FeatureField(spec, HashGrid(cells, spec.seed), CHANNELS * len(cells))
+    return FeatureField(spec, HashGrid(cells, spec.seed), TABLE_CHANNELS * len(cells))
 
 
 def encoded(
     x: Float[Tensor, "points 3"], cells: tuple[int, ...], *tables: Float[Tensor, "_ channels"]
 ) -> Float[Tensor, "points features"]:
-    """Compute `baselines.grids.hash_kernel.Encoded` from operations of torch, differentiable by autograd."""
+    """Compute `baselines.grids.interpolation.Encoded` from operations of torch, differentiable by autograd."""
     corners = torch.cartesian_prod(*[torch.arange(2, device=x.device)] * 3)
     features = []
     for size, table in zip(cells, tables, strict=True):

@@ -10,7 +10,7 @@ from torch.nn.functional import grid_sample
 
 from baselines.contract import FieldSpec, uniform_weights
 from baselines.grids.feature_field import FeatureField, compiles_for
-from baselines.grids.plane_kernel import CHANNELS, Multiplied
+from baselines.grids.interpolation import PLANE_CHANNELS, Multiplied
 
 NODES = (32, 64, 128)
 """The nodes along each side of a plane, coarse to fine."""
@@ -26,14 +26,14 @@ class Planes(nn.Module):
     def __init__(self, nodes: tuple[int, ...], seed: int | str) -> None:
         super().__init__()
         self.scales = nn.ParameterList(
-            (FIRST + uniform_weights((3, size, size, CHANNELS), SPREAD, seed, f"planes.{size}")) / RATE
+            (FIRST + uniform_weights((3, size, size, PLANE_CHANNELS), SPREAD, seed, f"planes.{size}")) / RATE
             for size in nodes
         )
 
     @property
     def operations(self) -> int:
         """The multiplications and additions of one point: four corners on each of three planes, and their product."""
-        return CHANNELS * len(self.scales) * (3 * 2 * 4 + 2)
+        return PLANE_CHANNELS * len(self.scales) * (3 * 2 * 4 + 2)
 
     def forward(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:
         multiply = Multiplied.apply if compiles_for(x) else multiplied
@@ -41,13 +41,13 @@ class Planes(nn.Module):
 
 
 def planes(spec: FieldSpec, nodes: tuple[int, ...] = NODES) -> FeatureField:
-    return FeatureField(spec, Planes(nodes, spec.seed), CHANNELS * len(nodes))
+    return FeatureField(spec, Planes(nodes, spec.seed), PLANE_CHANNELS * len(nodes))
 
 
 def multiplied(
     x: Float[Tensor, "points 3"], *scales: Float[Tensor, "3 _ _ channels"]
 ) -> Float[Tensor, "points features"]:
-    """Compute `baselines.grids.plane_kernel.Multiplied` from operations of torch, differentiable by autograd."""
+    """Compute `baselines.grids.interpolation.Multiplied` from operations of torch, differentiable by autograd."""
     at = torch.stack([x[:, [1, 0]], x[:, [2, 0]], x[:, [2, 1]]]).unsqueeze(2)
     features = []
     for scale in scales:

@@ -8,7 +8,7 @@ import torch
 
 from baselines.contract import FieldSpec, NetworkSize
 from baselines.grids.hash_grid import HashGrid, encoded, geometric, hash_grid
-from baselines.grids.hash_kernel import CHANNELS, Encoded
+from baselines.grids.interpolation import TABLE_CHANNELS, Encoded
 from harness.studies.conformance.subject import BOX
 
 CELLS = (2, 7, 40)
@@ -18,7 +18,7 @@ CELLS = (2, 7, 40)
 def tables(entries: int = 2048) -> list[torch.Tensor]:
     generator = torch.Generator().manual_seed(0)
     sizes = [min((cells + 1) ** 3, entries) for cells in CELLS]
-    return [torch.rand(size, CHANNELS, generator=generator).requires_grad_() for size in sizes]
+    return [torch.rand(size, TABLE_CHANNELS, generator=generator).requires_grad_() for size in sizes]
 
 
 def points(count: int = 300, reach: float = 1.0) -> torch.Tensor:
@@ -30,7 +30,7 @@ def points(count: int = 300, reach: float = 1.0) -> torch.Tensor:
 def test_values_and_gradients_are_those_of_torch(reach: float, entries: int) -> None:
     """Beyond the border, too, and where the number of entries is no power of two."""
     x, compiled_tables, others = points(reach=reach), tables(entries), tables(entries)
-    weight = torch.randn(len(x), CHANNELS * len(CELLS), generator=torch.Generator().manual_seed(2))
+    weight = torch.randn(len(x), TABLE_CHANNELS * len(CELLS), generator=torch.Generator().manual_seed(2))
     compiled, composed = Encoded.apply(x, CELLS, *compiled_tables), encoded(x, CELLS, *others)
     torch.testing.assert_close(compiled, composed, rtol=1e-5, atol=1e-6)
     compiled.backward(weight)
@@ -50,11 +50,11 @@ def test_a_dense_level_interpolates_a_linear_function_exactly() -> None:
 
 
 def test_nodes_that_collide_share_one_entry_and_add_their_gradients() -> None:
-    table = torch.zeros(1, CHANNELS, requires_grad=True)
+    table = torch.zeros(1, TABLE_CHANNELS, requires_grad=True)
     x = points(50)
     Encoded.apply(x, (9,), table).sum().backward()
     assert table.grad is not None
-    torch.testing.assert_close(table.grad, torch.full((1, CHANNELS), 50.0), rtol=1e-5, atol=1e-4)
+    torch.testing.assert_close(table.grad, torch.full((1, TABLE_CHANNELS), 50.0), rtol=1e-5, atol=1e-4)
 
 
 def test_levels_grow_by_one_factor_from_the_coarsest_to_the_finest() -> None:

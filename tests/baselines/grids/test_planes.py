@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from baselines.contract import Box, FieldSpec, NetworkSize
-from baselines.grids.plane_kernel import CHANNELS, Multiplied
+from baselines.grids.interpolation import PLANE_CHANNELS, Multiplied
 from baselines.grids.planes import multiplied, planes
 
 NODES = (2, 5, 16)
@@ -12,7 +12,7 @@ NODES = (2, 5, 16)
 
 def some_planes(seed: int = 0) -> list[torch.Tensor]:
     generator = torch.Generator().manual_seed(seed)
-    return [torch.rand(3, size, size, CHANNELS, generator=generator).requires_grad_() for size in NODES]
+    return [torch.rand(3, size, size, PLANE_CHANNELS, generator=generator).requires_grad_() for size in NODES]
 
 
 def points(count: int = 200, reach: float = 1.0, seed: int = 1) -> torch.Tensor:
@@ -23,7 +23,7 @@ def points(count: int = 200, reach: float = 1.0, seed: int = 1) -> torch.Tensor:
 def test_values_and_gradients_are_those_of_torch(reach: float) -> None:
     """Beyond the border, too."""
     x, tables, others = points(reach=reach), some_planes(), some_planes()
-    weight = torch.randn(len(x), CHANNELS * len(NODES), generator=torch.Generator().manual_seed(2))
+    weight = torch.randn(len(x), PLANE_CHANNELS * len(NODES), generator=torch.Generator().manual_seed(2))
     compiled, composed = Multiplied.apply(x, *tables), multiplied(x, *others)
     torch.testing.assert_close(compiled, composed, rtol=1e-5, atol=1e-6)
     compiled.backward(weight)
@@ -42,14 +42,14 @@ def test_at_a_node_the_features_are_the_product_of_three_nodes() -> None:
 
 
 def test_each_plane_is_linear_between_its_nodes() -> None:
-    table = torch.ones(3, 3, 3, CHANNELS)
+    table = torch.ones(3, 3, 3, PLANE_CHANNELS)
     table[0] = torch.arange(3.0)[:, None, None]  # of the first axis alone
     x = torch.stack([torch.linspace(-1.0, 1.0, 9), torch.zeros(9), torch.zeros(9)], dim=-1)
     torch.testing.assert_close(Multiplied.apply(x, table)[:, 0], torch.linspace(0.0, 2.0, 9))
 
 
 def test_the_same_input_gives_the_same_bits() -> None:
-    x, weight = points(500), torch.randn(500, CHANNELS * len(NODES), generator=torch.Generator().manual_seed(2))
+    x, weight = points(500), torch.randn(500, PLANE_CHANNELS * len(NODES), generator=torch.Generator().manual_seed(2))
     first, second = some_planes(), some_planes()
     Multiplied.apply(x, *first).backward(weight)
     Multiplied.apply(x, *second).backward(weight)
@@ -67,7 +67,7 @@ def test_it_begins_with_thin_fog_whatever_the_unit_of_length(half: float, view_d
     sigma, colour = field.density_and_colour(half * points(8), view, torch.arange(8) % 4)
     assert sigma.shape == (8,)
     assert colour.shape == (8, 3)
-    assert field.parameter_counts()["encoder"] == 3 * CHANNELS * (32**2 + 64**2 + 128**2)
+    assert field.parameter_counts()["encoder"] == 3 * PLANE_CHANNELS * (32**2 + 64**2 + 128**2)
 
 
 def test_the_compiled_field_learns_what_the_composed_one_learns() -> None:

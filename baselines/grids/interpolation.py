@@ -1,0 +1,207 @@
+"""Interpolation of learnt features and its gradient, compiled for the processor: of three planes, and of hash tables.
+
+One loop over points, all in registers, one resolution after the other, so that what it reads stays in the cache; torch
+alone walks over memory once for each of a dozen operations. Sums run in the order of the points, so the same input
+gives the same bits. `baselines.grids.planes.multiplied` and `baselines.grids.hash_grid.encoded` compose the same from
+torch's operations: the oracles in the tests, and what runs on a GPU. All that is compiled stands in this file: numba's
+cache would not see a change elsewhere.
+"""
+
+from typing import Any, no_type_check
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from numba import njit
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+PLANE_CHANNELS, TABLE_CHANNELS = 8, 2
+"""The features of a node of a plane, and of an entry of a table: known to the compiler."""
+PRIMES = (1, 2654435761, 805459861)
+"""The factors of the hash of a node, Eq. 4 of Müller et al. 2022 (arXiv 2201.05989)."""
+ONE, HALF = np.float32(1.0), np.float32(0.5)
+SECOND, THIRD = np.uint32(PRIMES[1]), np.uint32(PRIMES[2])
+
+
+@njit(inline="always")
+@no_type_check
+def _cell(x: float, cells: int) -> tuple[int, np.float32]:
+    """Return the cell of a coordinate −1 … 1 and how far into it the point lies; outside, the border counts."""
+    at = min(max((x + ONE) * HALF * np.float32(cells), np.float32(0.0)), np.float32(cells))
+    cell = min(np.int64(at), np.int64(cells - 1))
+    return cell, at - np.float32(cell)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+@no_type_check
+def _planes_forward(x: np.ndarray, planes: np.ndarray, out: np.ndarray, first: int) -> None:
+    """Fill the columns of `out` from `first` on."""
+    cells = planes.shape[1] - 1
+    for point in range(x.shape[0]):
+        i, u = _cell(x[point, 0], cells)
+        j, v = _cell(x[point, 1], cells)
+        k, w = _cell(x[point, 2], cells)
+        for c in range(PLANE_CHANNELS):
+            xy = (ONE - u) * ((ONE - v) * planes[0, i, j, c] + v * planes[0, i, j + 1, c]) + u * (
+                (ONE - v) * planes[0, i + 1, j, c] + v * planes[0, i + 1, j + 1, c]
+            )
+            xz = (ONE - u) * ((ONE - w) * planes[1, i, k, c] + w * planes[1, i, k + 1, c]) + u * (
+                (ONE - w) * planes[1, i + 1, k, c] + w * planes[1, i + 1, k + 1, c]
+            )
+            yz = (ONE - v) * ((ONE - w) * planes[2, j, k, c] + w * planes[2, j, k + 1, c]) + v * (
+                (ONE - w) * planes[2, j + 1, k, c] + w * planes[2, j + 1, k + 1, c]
+            )
+            out[point, first + c] = xy * xz * yz
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+@no_type_check
+def _planes_backward(x: np.ndarray, planes: np.ndarray, gradient: np.ndarray, total: np.ndarray, first: int) -> None:
+    """Add the gradient of the planes to `total`, given that of the features in the columns from `first` on."""
+    cells = planes.shape[1] - 1
+    for point in range(x.shape[0]):
+        i, u = _cell(x[point, 0], cells)
+        j, v = _cell(x[point, 1], cells)
+        k, w = _cell(x[point, 2], cells)
+        u0v0, u0v1, u1v0, u1v1 = (ONE - u) * (ONE - v), (ONE - u) * v, u * (ONE - v), u * v
+        u0w0, u0w1, u1w0, u1w1 = (ONE - u) * (ONE - w), (ONE - u) * w, u * (ONE - w), u * w
+        v0w0, v0w1, v1w0, v1w1 = (ONE - v) * (ONE - w), (ONE - v) * w, v * (ONE - w), v * w
+        for c in range(PLANE_CHANNELS):
+            xy = (
+                u0v0 * planes[0, i, j, c]
+                + u0v1 * planes[0, i, j + 1, c]
+                + u1v0 * planes[0, i + 1, j, c]
+                + u1v1 * planes[0, i + 1, j + 1, c]
+            )
+            xz = (
+                u0w0 * planes[1, i, k, c]
+                + u0w1 * planes[1, i, k + 1, c]
+                + u1w0 * planes[1, i + 1, k, c]
+                + u1w1 * planes[1, i + 1, k + 1, c]
+            )
+            yz = (
+                v0w0 * planes[2, j, k, c]
+                + v0w1 * planes[2, j, k + 1, c]
+                + v1w0 * planes[2, j + 1, k, c]
+                + v1w1 * planes[2, j + 1, k + 1, c]
+            )
+            g = gradient[point, first + c]
+            to_xy, to_xz, to_yz = g * xz * yz, g * xy * yz, g * xy * xz
+            total[0, i, j, c] += u0v0 * to_xy
+            total[0, i, j + 1, c] += u0v1 * to_xy
+            total[0, i + 1, j, c] += u1v0 * to_xy
+            total[0, i + 1, j + 1, c] += u1v1 * to_xy
+            total[1, i, k, c] += u0w0 * to_xz
+            total[1, i, k + 1, c] += u0w1 * to_xz
+            total[1, i + 1, k, c] += u1w0 * to_xz
+            total[1, i + 1, k + 1, c] += u1w1 * to_xz
+            total[2, j, k, c] += v0w0 * to_yz
+            total[2, j, k + 1, c] += v0w1 * to_yz
+            total[2, j + 1, k, c] += v1w0 * to_yz
+            total[2, j + 1, k + 1, c] += v1w1 * to_yz
+
+
+class Multiplied(torch.autograd.Function):
+    """The features [points, sizes × PLANE_CHANNELS] of points −1 … 1 in planes of several sizes, differentiable once
+    with respect to the planes.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, x: Float[Tensor, "points 3"], *scales: Float[Tensor, "3 _ _ channels"]) -> Tensor:
+        ctx.save_for_backward(x, *scales)
+        out = np.empty((len(x), PLANE_CHANNELS * len(scales)), dtype=np.float32)
+        for scale, planes in enumerate(scales):
+            _planes_forward(x.numpy(), planes.detach().numpy(), out, scale * PLANE_CHANNELS)
+        return torch.from_numpy(out)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
+        x, *scales = ctx.saved_tensors
+        features = gradient.contiguous().numpy()
+        totals = []
+        for scale, planes in enumerate(scales):
+            total = np.zeros(planes.shape, dtype=np.float32)
+            _planes_backward(x.numpy(), planes.detach().numpy(), features, total, scale * PLANE_CHANNELS)
+            totals.append(torch.from_numpy(total))
+        return None, *totals
+
+
+@njit(inline="always")
+@no_type_check
+def _entry(i: int, j: int, k: int, nodes: int, entries: int) -> int:
+    """Return the entry of a node: its own where the table has one for each, else that of its hash."""
+    if nodes * nodes * nodes <= entries:
+        return (i * nodes + j) * nodes + k
+    # a product of two numbers of 32 bits has 64 here
+    hashed = np.uint32(i) ^ np.uint32(np.uint32(j) * SECOND) ^ np.uint32(np.uint32(k) * THIRD)
+    return np.int64(hashed % np.uint32(entries))
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+@no_type_check
+def _tables_forward(x: np.ndarray, table: np.ndarray, cells: int, out: np.ndarray, first: int) -> None:
+    """Fill the columns of `out` from `first` on."""
+    entries = table.shape[0]
+    for point in range(x.shape[0]):
+        i, u = _cell(x[point, 0], cells)
+        j, v = _cell(x[point, 1], cells)
+        k, w = _cell(x[point, 2], cells)
+        a = b = np.float32(0.0)
+        for corner in range(8):
+            di, dj, dk = corner >> 2, (corner >> 1) & 1, corner & 1
+            share = (u if di else ONE - u) * (v if dj else ONE - v) * (w if dk else ONE - w)
+            entry = _entry(i + di, j + dj, k + dk, cells + 1, entries)
+            a += share * table[entry, 0]
+            b += share * table[entry, 1]
+        out[point, first] = a
+        out[point, first + 1] = b
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+@no_type_check
+def _tables_backward(x: np.ndarray, gradient: np.ndarray, cells: int, total: np.ndarray, first: int) -> None:
+    """Add the gradient of a table to `total`, given that of the features in the columns from `first` on."""
+    entries = total.shape[0]
+    for point in range(x.shape[0]):
+        i, u = _cell(x[point, 0], cells)
+        j, v = _cell(x[point, 1], cells)
+        k, w = _cell(x[point, 2], cells)
+        a, b = gradient[point, first], gradient[point, first + 1]
+        for corner in range(8):
+            di, dj, dk = corner >> 2, (corner >> 1) & 1, corner & 1
+            share = (u if di else ONE - u) * (v if dj else ONE - v) * (w if dk else ONE - w)
+            entry = _entry(i + di, j + dj, k + dk, cells + 1, entries)
+            total[entry, 0] += share * a
+            total[entry, 1] += share * b
+
+
+class Encoded(torch.autograd.Function):
+    """The features [points, levels × TABLE_CHANNELS] of points −1 … 1, differentiable once, in the tables."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        x: Float[Tensor, "points 3"],
+        cells: tuple[int, ...],
+        *tables: Float[Tensor, "_ channels"],
+    ) -> Float[Tensor, "points features"]:
+        ctx.cells, ctx.shapes = cells, [table.shape for table in tables]
+        ctx.save_for_backward(x)
+        out = np.empty((len(x), TABLE_CHANNELS * len(tables)), dtype=np.float32)
+        for level, table in enumerate(tables):
+            _tables_forward(x.numpy(), table.detach().numpy(), cells[level], out, level * TABLE_CHANNELS)
+        return torch.from_numpy(out)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Float[Tensor, "points features"]) -> tuple[Tensor | None, ...]:
+        (x,) = ctx.saved_tensors
+        features = gradient.contiguous().numpy()
+        totals = []
+        for level, shape in enumerate(ctx.shapes):
+            total = np.zeros(shape, dtype=np.float32)
+            _tables_backward(x.numpy(), features, ctx.cells[level], total, level * TABLE_CHANNELS)
+            totals.append(torch.from_numpy(total))
+        return None, None, *totals
