@@ -10,6 +10,7 @@ from typing import Any, Literal
 from baselines.amplifiers import Amplifier
 from baselines.composition import DENSITY_SCALE, Ladder, Parts
 from baselines.contract import FieldSpec
+from baselines.grids.growth import PLANES, TABLES, Tables
 from baselines.methods.ablations import BANDWIDTH, LADDER, NO_SHIFT, PARTIAL, WEAKENED
 from baselines.methods.nerf import NERF, NERF_MATCHED
 from baselines.methods.qnerf import NERF_LISTING4, QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
@@ -24,7 +25,7 @@ class Method:
     """The parts of a network; None for a method of another kind."""
     title: str
     """A one-line description for the report."""
-    kind: Literal["network", "voxels_drjit"] = "network"
+    kind: Literal["network", "splats", "voxels_drjit"] = "network"
     """The kind of model, which determines its trainer (`harness.training.learner`)."""
     ladders: Mapping[str, Ladder] = field(default_factory=dict)
     """Additional encodings that `parts` names; `amplifiers` and `skips` likewise. They have the form of the tables
@@ -38,17 +39,24 @@ class Method:
     """
 
 
-def _planes(spec: FieldSpec) -> Any:
-    """Return the field; the compiler that it needs is imported for it alone, here and below."""
-    from baselines.grids.planes import planes
+def _planes(nodes: tuple[int, ...]) -> Callable[[FieldSpec], Any]:
+    """Return the factory; the compiler that a field of it needs is imported for it alone, here and below."""
 
-    return planes(spec)
+    def made(spec: FieldSpec) -> Any:
+        from baselines.grids.planes import planes
+
+        return planes(spec, nodes)
+
+    return made
 
 
-def _hash_grid(spec: FieldSpec) -> Any:
-    from baselines.grids.hash_grid import hash_grid
+def _hash_grid(tables: Tables) -> Callable[[FieldSpec], Any]:
+    def made(spec: FieldSpec) -> Any:
+        from baselines.grids.hash_grid import hash_grid
 
-    return hash_grid(spec)
+        return hash_grid(spec, tables.cells, tables.entries)
+
+    return made
 
 
 def parts_named(combination: str) -> str:
@@ -80,8 +88,9 @@ CATALOG: dict[str, Method] = {
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},
-    "planes": Method(None, "three planes of features at three resolutions, multiplied", make_field=_planes),
-    "hash_grid": Method(None, "features in hash tables at twelve resolutions", make_field=_hash_grid),
+    **{name: Method(None, title, make_field=_planes(nodes)) for name, (title, nodes) in PLANES.items()},
+    **{name: Method(None, tables.title, make_field=_hash_grid(tables)) for name, tables in TABLES.items()},
+    "splats": Method(None, "3-D Gaussians with spherical harmonics, drawn front to back", "splats"),
     "voxels_drjit": Method(
         None, "no network: voxels with density and spherical harmonics, differentiated by Dr.Jit", "voxels_drjit"
     ),

@@ -8,26 +8,16 @@ from baselines.contract import FieldSpec, uniform_weights
 from baselines.grids.feature_field import FeatureField, compiles_for
 from baselines.grids.interpolation import PRIMES, TABLE_CHANNELS, Encoded
 
-LEVELS, COARSEST, FINEST = 12, 16, 192
-"""The number of levels, and the cells along a side of the first and of the last: two a pixel of 100."""
-ENTRIES = 1 << 15
-"""The most entries of a level's table; a level with fewer nodes has one for each."""
 RATE = 3.0
 """How many times as fast as the network's weights the features are learnt: a feature is RATE times what is stored."""
 SPREAD = 0.1
 """The half-width of the first features. The paper's 1e-4 costs a short training the steps that it takes to leave 0."""
 
 
-def geometric(coarsest: int, finest: int, levels: int) -> tuple[int, ...]:
-    """Return the cells of each level, growing by one factor, as Eq. 2 and 3 of the paper."""
-    growth = (finest / coarsest) ** (1.0 / max(levels - 1, 1))
-    return tuple(round(coarsest * growth**level) for level in range(levels))
-
-
 class HashGrid(nn.Module):
     """Points −1 … 1 to the features of each level, interpolated between eight nodes."""
 
-    def __init__(self, cells: tuple[int, ...], seed: int | str, entries: int = ENTRIES) -> None:
+    def __init__(self, cells: tuple[int, ...], entries: int, seed: int | str) -> None:
         super().__init__()
         self.cells = cells
         self.tables = nn.ParameterList(
@@ -46,8 +36,8 @@ class HashGrid(nn.Module):
         return RATE * encode(x, self.cells, *self.tables)
 
 
-def hash_grid(spec: FieldSpec, cells: tuple[int, ...] = geometric(COARSEST, FINEST, LEVELS)) -> FeatureField:
-    return FeatureField(spec, HashGrid(cells, spec.seed), TABLE_CHANNELS * len(cells))
+def hash_grid(spec: FieldSpec, cells: tuple[int, ...], entries: int) -> FeatureField:
+    return FeatureField(spec, HashGrid(cells, entries, spec.seed), TABLE_CHANNELS * len(cells))
 
 
 def encoded(

@@ -12,8 +12,6 @@ from baselines.contract import FieldSpec, uniform_weights
 from baselines.grids.feature_field import FeatureField, compiles_for
 from baselines.grids.interpolation import PLANE_CHANNELS, Multiplied
 
-NODES = (32, 64, 128)
-"""The nodes along each side of a plane, coarse to fine."""
 RATE = 3.0
 """How many times as fast as the network's weights the features are learnt: a feature is RATE times what is stored."""
 FIRST, SPREAD = 0.3, 0.2
@@ -40,7 +38,7 @@ class Planes(nn.Module):
         return RATE**3 * multiply(x, *self.scales)
 
 
-def planes(spec: FieldSpec, nodes: tuple[int, ...] = NODES) -> FeatureField:
+def planes(spec: FieldSpec, nodes: tuple[int, ...]) -> FeatureField:
     return FeatureField(spec, Planes(nodes, spec.seed), PLANE_CHANNELS * len(nodes))
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG as METHODS
+from baselines.grids.growth import PLANES, TABLES
 from baselines.numerics.optimisers import OPTIMISER_TITLES
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget, Decay
@@ -113,7 +114,7 @@ def deviations(plan: Plan) -> list[str]:
             "neighbours are pulled together, was chosen on validation views of chair and ship; the networks had no "
             "such choice."
         )
-    if learnt := [name for name in ("planes", "hash_grid") if name in plan.methods]:
+    if learnt := [name for name in (*PLANES, *TABLES) if name in plan.methods]:
         rows.append(
             f"The features of {' and '.join(learnt)} are trained by Adam whatever the optimiser of the networks, "
             "and three times as fast as these. Sizes and rates were chosen in "

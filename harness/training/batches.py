@@ -143,6 +143,20 @@ class Batches:
         """Return the function of a step that draws its batch."""
         return lambda step: self.batch(seed, step, count)
 
+    def views(self, seed: int | str) -> Callable[[int], Batch]:
+        """Return the function of a step that draws a training view, and returns all of its pixels, row by row."""
+
+        def view_at(step: int) -> Batch:
+            view = int(torch.randint(len(self.cameras), (1,), generator=generator_for(seed, step, "view")))
+            colours = torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3)
+            return self.cameras.all_rays(view), colours.to(self.cameras.camera_to_world.device)
+
+        return view_at
+
+    def for_learner(self, whole_views: bool, seed: int | str, count: int) -> Callable[[int], Batch]:
+        """Return the stream of a method: whole views if it draws, else `count` rays."""
+        return self.views(seed) if whole_views else self.stream(seed, count)
+
     def _drawn(self, seed: int | str, step: int, count: int) -> Batch:
         generator = generator_for(seed, step, "batch")
         on_object = round(self.covered_share * count) if len(self._covered) else 0

@@ -70,6 +70,8 @@ class Learner(Stepped, Protocol):
     """
 
     method: str
+    whole_views: bool
+    """Whether it is trained on all pixels of a view at a time, and not on rays of all views."""
     box: Box
     device: torch.device
     clock: Stopwatch

@@ -40,7 +40,6 @@ def train_group(
     """
     device, stream = torch.device(task.device), stream_of(task.scene, task.seed)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.covered_share)
-    batch_at = batches.stream(stream, task.train.rays)
     shared = box_of(views, device), task.train, task.budget, stream, device, needs_view_direction(views)
     floor = evaluate.floor_psnr(views)
     keep_truth(task.out, task.scene, views, task.score.stored_views)
@@ -48,6 +47,7 @@ def train_group(
 
     def fresh(method: str) -> CellTraining:
         learner = (made_by or learner_for)(method, *shared)
+        batch_at = batches.for_learner(learner.whole_views, stream, task.train.rays)
         return CellTraining(learner, batch_at, views, task, provenance, floor)
 
     for method in task.methods:
@@ -140,9 +140,10 @@ def trained_alone(
     """
     settings = for_scene(settings, views)
     cameras = evaluate.cameras_of(views, views.train, device)
-    batch_at = Batches(cameras, views.train.rgba, settings.covered_share).stream(stream, settings.rays)
+    batches = Batches(cameras, views.train.rgba, settings.covered_share)
     box, directed = box_of(views, device), needs_view_direction(views)
     learner = learner_for(method, box, settings, budget, stream, device, directed)
+    batch_at = batches.for_learner(learner.whole_views, stream, settings.rays)
     learner.warm_up(*batch_at(0))
     return train(learner, batch_at)
 

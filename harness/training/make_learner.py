@@ -36,8 +36,15 @@ def learner_for(
     `InputError` if a user's own package that offers it cannot be loaded.
     """
     given = method, box, settings, budget, seed, device, view_dependent
-    if method_named(method).kind == "network":
+    kind = method_named(method).kind
+    if kind == "network":
         return Trainer(*given)
+    if kind == "splats":
+        if device.type != "cpu":
+            raise NotAvailable("is drawn by the processor alone; --device cpu trains it")
+        from harness.training.splat_trainer import SplatTrainer
+
+        return SplatTrainer(*given)
     backend = drjit_backend(device)
     from harness.training.voxel_trainer import VoxelTrainer
 

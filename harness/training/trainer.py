@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from jaxtyping import Float
@@ -50,6 +50,7 @@ class Diverged(ArithmeticError):
 class BudgetedTrainer(ABC):
     """One method of whatever kind on one scene with one seed: its budget, clock, counters and trace."""
 
+    whole_views: ClassVar[bool] = False
     method: str
     box: Box
     settings: TrainSettings

@@ -66,7 +66,7 @@ def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, st
     """
     _, batches = drawn()
     learner = fresh(subject, settings)
-    batch_at = batches.stream(STREAM, settings.rays)
+    batch_at = batches.for_learner(learner.whole_views, STREAM, settings.rays)
     learner.warm_up(*batch_at(0))
     for stop in stops:
         with tempfile.TemporaryDirectory() as scratch:

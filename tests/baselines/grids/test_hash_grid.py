@@ -1,13 +1,10 @@
 """The hash encoding: compiled against composed, against Dr.Jit's, its border, and what collides."""
 
-import itertools
-import math
-
 import pytest
 import torch
 
 from baselines.contract import FieldSpec, NetworkSize
-from baselines.grids.hash_grid import HashGrid, encoded, geometric, hash_grid
+from baselines.grids.hash_grid import HashGrid, encoded, hash_grid
 from baselines.grids.interpolation import TABLE_CHANNELS, Encoded
 from harness.studies.conformance.subject import BOX
 
@@ -57,16 +54,8 @@ def test_nodes_that_collide_share_one_entry_and_add_their_gradients() -> None:
     torch.testing.assert_close(table.grad, torch.full((1, TABLE_CHANNELS), 50.0), rtol=1e-5, atol=1e-4)
 
 
-def test_levels_grow_by_one_factor_from_the_coarsest_to_the_finest() -> None:
-    cells = geometric(16, 192, 12)
-    assert (len(cells), cells[0], cells[-1]) == (12, 16, 192)
-    ratios = [fine / coarse for coarse, fine in itertools.pairwise(cells)]
-    assert all(math.isclose(ratio, 12 ** (1 / 11), rel_tol=0.03) for ratio in ratios)
-    assert geometric(16, 16, 1) == (16,)
-
-
 def test_each_level_has_no_more_entries_than_nodes() -> None:
-    counts = [len(table) for table in HashGrid((2, 30, 31, 64), seed=0, entries=1 << 15).tables]
+    counts = [len(table) for table in HashGrid((2, 30, 31, 64), 1 << 15, seed=0).tables]
     assert counts == [27, 31**3, 1 << 15, 1 << 15]
 
 
@@ -78,6 +67,6 @@ def test_the_same_input_gives_the_same_bits() -> None:
 
 
 def test_it_begins_with_thin_fog() -> None:
-    field = hash_grid(FieldSpec(NetworkSize(), BOX, "float32", 0, True))
+    field = hash_grid(FieldSpec(NetworkSize(), BOX, "float32", 0, True), (16, 48), 1 << 12)
     tau = field.density(points()).detach() * 2 * BOX.half_extent
     assert 0.3 < float(tau.mean()) < 3.0

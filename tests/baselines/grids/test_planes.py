@@ -60,14 +60,14 @@ def test_the_same_input_gives_the_same_bits() -> None:
 @pytest.mark.parametrize("view_dependent", [True, False])
 def test_it_begins_with_thin_fog_whatever_the_unit_of_length(half: float, view_dependent: bool) -> None:
     box = Box(-half * torch.ones(3), half * torch.ones(3))
-    field = planes(FieldSpec(NetworkSize(), box, "float32", 0, view_dependent))
+    field = planes(FieldSpec(NetworkSize(), box, "float32", 0, view_dependent), NODES)
     tau = field.density(half * points()).detach() * 2 * half
     assert 0.3 < float(tau.mean()) < 3.0
     view = field.encode_directions(torch.nn.functional.normalize(points(4), dim=-1))
     sigma, colour = field.density_and_colour(half * points(8), view, torch.arange(8) % 4)
     assert sigma.shape == (8,)
     assert colour.shape == (8, 3)
-    assert field.parameter_counts()["encoder"] == 3 * PLANE_CHANNELS * (32**2 + 64**2 + 128**2)
+    assert field.parameter_counts()["encoder"] == 3 * PLANE_CHANNELS * sum(size**2 for size in NODES)
 
 
 def test_the_compiled_field_learns_what_the_composed_one_learns() -> None:

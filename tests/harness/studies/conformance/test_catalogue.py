@@ -37,8 +37,8 @@ def test_fields_conform(method: str, check: str) -> None:
 def test_learners_conform(method: str, check: str) -> None:
     if CATALOG[method].kind == "voxels_drjit":
         drjit_or_skip()
-        if check in FIELD_CHECKS:
-            pytest.skip("no torch field")
+    if CATALOG[method].kind != "network" and check in FIELD_CHECKS:
+        pytest.skip("no torch field")
     {**FIELD_CHECKS, **LEARNER_CHECKS}[check](Subject(method))
 
 

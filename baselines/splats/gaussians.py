@@ -1,0 +1,174 @@
+"""A scene of three-dimensional Gaussians with spherical harmonics, as 3D Gaussian Splatting has it (Kerbl et al. 2023,
+arXiv 2308.04079), and their projection to a camera.
+
+Every Gaussian is widened by half a pixel of the training views where it lies in space, not in the picture (Yu et al.
+2024, arXiv 2311.16493), so that a picture of another size shows the same scene.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import cast
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from numba import njit
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from baselines.contract import Box, Densities, Points, Rays, Rendering
+from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, Drawn, RayCells
+
+DEGREE = 2
+"""The degree of the spherical harmonics, where colour depends on the direction."""
+WIDENED = 0.5
+"""The standard deviation, in pixels, by which a Gaussian is widened."""
+
+
+def rotations(quaternions: Float[Tensor, "gaussians 4"]) -> Float[Tensor, "gaussians 3 3"]:
+    """Return the rotation matrices of quaternions w, x, y, z of any length but 0."""
+    w, x, y, z = normalize(quaternions, dim=-1).unbind(dim=-1)
+    rows = [
+        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    ]  # fmt: skip
+    return torch.stack(rows, dim=-1).reshape(-1, 3, 3)
+
+
+def parts_of(values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
+    """Return the columns by part, as `COLUMNS` lists them, and the harmonics [gaussians, 3 · terms] last."""
+    sizes = list(COLUMNS.values())
+    return values.split([*sizes, values.shape[1] - sum(sizes)], dim=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Pencil:
+    """The rays of one camera, as points of the plane at distance 1 in front of it."""
+
+    origin: Float[Tensor, " 3"]
+    axes: Float[Tensor, "3 3"]
+    """Right, down and forward as columns; which way is down does not matter."""
+    cells: RayCells
+
+    @staticmethod
+    def of(origin: Float[Tensor, " 3"], directions: Float[Tensor, "rays 3"]) -> "Pencil":
+        """Raise `ValueError` if the rays span half a sphere: no plane shows them all."""
+        forward = normalize(directions.mean(dim=0), dim=0)
+        right = torch.zeros(3).index_fill(0, forward.abs().argmin(), 1.0)
+        right = normalize(right - (right @ forward) * forward, dim=0)
+        axes = torch.stack([right, torch.linalg.cross(forward, right), forward], dim=1)
+        seen = directions @ axes
+        if bool((seen[:, 2] < 1e-2).any()):
+            raise ValueError("rays of one camera that span half a sphere: splats are drawn on a plane")
+        return Pencil(origin, axes, RayCells.of((seen[:, :2] / seen[:, 2:]).numpy()))
+
+
+@dataclass(eq=False)
+class Gaussians:
+    """The learnt scene: a `baselines.contract.LearnedField` that draws itself."""
+
+    box: Box
+    view_dependent: bool
+    values: Float[Tensor, "gaussians columns"]
+    """The numbers of `COLUMNS`, then the harmonics of red, green and blue."""
+    pixel: float
+    """The side of a pixel of the training views in the middle of the box, in halves of the box's longest side."""
+    pointwise: bool = field(default=True, init=False)
+    density_limit: float = field(default=math.inf, init=False)
+
+    @property
+    def degree(self) -> int:
+        return DEGREE if self.view_dependent else 0
+
+    @property
+    def columns(self) -> int:
+        """Return the learnt numbers of a Gaussian."""
+        return sum(COLUMNS.values()) + 3 * ((self.degree + 1) ** 2 - 1)
+
+    def parameter_counts(self) -> dict[str, int]:
+        counts = {name: len(self.values) * size for name, size in COLUMNS.items()}
+        counts["harmonics"] = self.values.numel() - sum(counts.values())
+        return {**counts, "total": self.values.numel()}
+
+    def state_dict(self) -> dict[str, Tensor]:
+        return {"gaussians": self.values.detach(), "pixel": torch.tensor(self.pixel, dtype=torch.float64)}
+
+    def scales(self) -> Float[Tensor, "gaussians 3"]:
+        """Return the standard deviations along a Gaussian's own axes, widened, in halves of the box's longest side."""
+        return (torch.exp(2.0 * parts_of(self.values)[1]) + (WIDENED * self.pixel) ** 2).sqrt()
+
+    def draw(
+        self, pencil: Pencil, values: Float[Tensor, "gaussians columns"]
+    ) -> tuple[Float[Tensor, "rays 4"], Float[Tensor, " rays"], int]:
+        """Draw `values`, differentiable once in them. Return colour and depth without a background, times opacity; the
+        transmittance; and how often a Gaussian was drawn on a ray. Lengths are halves of the box's longest side.
+        """
+        middle = 0.5 * (self.box.lower + self.box.upper)
+        origin = ((pencil.origin - middle) / self.box.half_extent).to(values.dtype).numpy()
+        camera = origin, pencil.axes.to(values.dtype).numpy()
+        return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, camera, WIDENED * self.pixel, values))
+
+    def render(self, rays: Rays) -> Rendering:
+        """Render rays of any cameras over white, one camera after the other. Raises `ValueError` for rays of one camera
+        that span half a sphere.
+        """
+        colour, opacity = torch.ones(len(rays), 3), torch.zeros(len(rays))
+        depth, drawn = torch.full((len(rays),), rays.far), 0
+        for of_camera in _by_camera(rays.origins):
+            origin = rays.origins[of_camera[0]]
+            out, through, count = self.draw(Pencil.of(origin, rays.directions[of_camera]), self.values)
+            colour[of_camera] = out[:, :3] + through[:, None]
+            opacity[of_camera] = 1.0 - through
+            depth[of_camera] = out[:, 3] * self.box.half_extent + through * rays.far
+            drawn += count
+        return Rendering(colour, opacity, depth, drawn)
+
+    @torch.no_grad()
+    def density(self, x: Points) -> Densities:
+        """Return the sum of the Gaussians at points of the scene, each as dense as gives its opacity to a ray through
+        the middle of a ball of the same volume.
+        """
+        position, _, quaternion, logit, *_ = parts_of(self.values)
+        scales = self.scales()
+        opacity = torch.sigmoid(logit[:, 0]).clamp(max=MOST_OPAQUE)
+        side = scales.prod(dim=-1).pow(1.0 / 3.0)
+        peak = -torch.log1p(-opacity) / (math.sqrt(2.0 * math.pi) * side * self.box.half_extent)
+        whitened = rotations(quaternion).mT / scales[:, :, None]
+        points = (x - 0.5 * (self.box.lower + self.box.upper)) / self.box.half_extent
+        total = np.zeros(len(x), dtype=np.float32)
+        far = (4.0 * scales.amax(dim=-1)).numpy()
+        _add_densities(points.numpy(), position.numpy(), whitened.contiguous().numpy(), peak.numpy(), far, total)
+        return torch.from_numpy(total)
+
+    def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:
+        sigma = self.density(x)
+        return sigma, sigma
+
+
+def _by_camera(origins: Float[Tensor, "rays 3"]) -> Iterator[Int[Tensor, " chosen"]]:
+    """Yield the rays of each origin; nearly always there is one."""
+    if bool((origins == origins[:1]).all()):
+        if len(origins):
+            yield torch.arange(len(origins))
+        return
+    _, camera = torch.unique(origins, dim=0, return_inverse=True)
+    for number in range(int(camera.max()) + 1):
+        yield torch.nonzero(camera == number)[:, 0]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _add_densities(
+    x: np.ndarray, middle: np.ndarray, whitened: np.ndarray, peak: np.ndarray, far: np.ndarray, total: np.ndarray
+) -> None:
+    """Add to `total` [points] what Gaussians up to `far` [n] away from their `middle` [n, 3] have of `peak` [n]."""
+    for g in range(middle.shape[0]):
+        for p in range(x.shape[0]):
+            dx, dy, dz = x[p, 0] - middle[g, 0], x[p, 1] - middle[g, 1], x[p, 2] - middle[g, 2]
+            if abs(dx) < far[g] and abs(dy) < far[g] and abs(dz) < far[g]:
+                square = np.float32(0.0)
+                for axis in range(3):
+                    along = whitened[g, axis, 0] * dx + whitened[g, axis, 1] * dy + whitened[g, axis, 2] * dz
+                    square += along * along
+                total[p] += peak[g] * np.exp(np.float32(-0.5) * square)

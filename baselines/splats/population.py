@@ -1,0 +1,106 @@
+"""The first Gaussians of a scene, and their relocation without thresholds on gradients: 3D Gaussian Splatting as
+Markov Chain Monte Carlo (Kheradmand et al. 2024, arXiv 2404.09591).
+"""
+
+import math
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from baselines.contract import Box
+from baselines.splats.gaussians import rotations
+
+FIRST_OPACITY = 0.1
+DEAD = 0.005
+"""The opacity below which a Gaussian is moved to where another one is."""
+MOST_COPIES = 51
+"""The most Gaussians that take the place of one at a time, itself included."""
+
+
+def first_values(box: Box, count: int, columns: int, generator: torch.Generator) -> Float[Tensor, "gaussians columns"]:
+    """Return grey balls at random on the surface of the hull of the silhouettes, or in the whole box without one; as
+    wide as fills the surface.
+    """
+    sides = (box.upper - box.lower) / box.half_extent
+    if box.hull is None or not bool(box.hull.any()):
+        unit, spacing = torch.rand(count, 3, generator=generator), float(sides.prod() / count) ** (1 / 3)
+    else:
+        shell = box.hull & ~_surrounded(box.hull)
+        cells = torch.nonzero(shell)
+        chosen = cells[torch.randint(len(cells), (count,), generator=generator)]
+        unit = (chosen + torch.rand(count, 3, generator=generator)) / torch.tensor(box.hull.shape)
+        cell = float((sides / torch.tensor(box.hull.shape)).prod()) ** (1 / 3)
+        spacing = cell * math.sqrt(len(cells) / count)
+    values = torch.zeros(count, columns)
+    values[:, :3] = (unit - 0.5) * sides
+    values[:, 3:6] = math.log(0.5 * spacing)
+    values[:, 6] = 1.0
+    values[:, 10] = math.log(FIRST_OPACITY / (1.0 - FIRST_OPACITY))
+    return values
+
+
+def _surrounded(cells: Tensor) -> Tensor:
+    """Return the cells whose six neighbours are all there; those at the border have none beyond it."""
+    padded = torch.nn.functional.pad(cells, (1, 1, 1, 1, 1, 1), value=False)
+    inner = slice(1, -1)
+    result = cells.clone()
+    for axis in range(3):
+        for side in (slice(0, -2), slice(2, None)):
+            index = [inner, inner, inner]
+            index[axis] = side
+            result &= padded[tuple(index)]
+    return result
+
+
+def split_among(
+    opacity: Float[Tensor, " chosen"], copies: Int[Tensor, " chosen"]
+) -> tuple[Float[Tensor, " chosen"], Float[Tensor, " chosen"]]:
+    """Return the opacity of each of `copies` Gaussians in one place that together let through as much as one of
+    `opacity`, and the factor of their scale that keeps the colour along a ray (Eq. 9 of Kheradmand et al.).
+    """
+    each = 1.0 - (1.0 - opacity).pow(1.0 / copies)
+    total = torch.zeros_like(opacity)
+    for i in range(1, int(copies.max()) + 1 if len(copies) else 1):
+        for k in range(i):
+            term = math.comb(i - 1, k) * (-1.0) ** k / math.sqrt(k + 1.0) * each.pow(k + 1)
+            total = total + torch.where(copies >= i, term, torch.zeros_like(term))
+    return each, opacity / total
+
+
+def relocated(
+    values: Float[Tensor, "gaussians columns"], more: int, generator: torch.Generator
+) -> tuple[Float[Tensor, "all columns"], Int[Tensor, " moved"]]:
+    """Return the Gaussians after the faint ones have moved to where others are, drawn by opacity, and `more` new ones
+    have joined them; and which of them changed.
+    """
+    opacity = torch.sigmoid(values[:, 10])
+    dead = torch.nonzero(opacity <= DEAD)[:, 0]
+    alive = torch.nonzero(opacity > DEAD)[:, 0]
+    if not len(alive):
+        return values, dead[:0]
+    places = torch.cat([dead, torch.arange(len(values), len(values) + more)])
+    if not len(places):
+        return values, places
+    drawn = alive[torch.multinomial(opacity[alive], len(places), replacement=True, generator=generator)]
+    sources, first, copies = torch.unique(drawn, return_inverse=True, return_counts=True)
+    each, wider = split_among(opacity[sources].double(), (copies + 1).clamp(max=MOST_COPIES))
+    each = each.clamp(DEAD, 1.0 - 1e-6)
+    values = torch.cat([values, values.new_zeros(more, values.shape[1])])
+    shared = values[sources].clone()
+    shared[:, 10] = torch.log(each / (1.0 - each)).float()
+    shared[:, 3:6] += torch.log(wider).float()[:, None]
+    values[sources] = shared
+    values[places] = shared[first]
+    return values, torch.cat([sources, places])
+
+
+def wandering(
+    values: Float[Tensor, "gaussians columns"], size: float, generator: torch.Generator
+) -> Float[Tensor, "gaussians 3"]:
+    """Return a random step of the positions along each Gaussian's own extent, of those alone that are hardly seen."""
+    opacity = torch.sigmoid(values[:, 10])
+    faint = torch.sigmoid(-100.0 * (opacity - DEAD))
+    noise = torch.randn(len(values), 3, generator=generator) * faint[:, None]
+    axes = rotations(values[:, 6:10]) * values[:, 3:6].exp()[:, None, :]
+    return size * (axes @ (axes.mT @ noise[:, :, None]))[:, :, 0]

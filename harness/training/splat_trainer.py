@@ -1,0 +1,153 @@
+"""`splats` in training: one view a step, the same views, budget and clock as the others have.
+
+The rates are those of 3D Gaussian Splatting (Kerbl et al. 2023), which trains for 30 000 steps, times a factor for a
+budget of a few hundred to a few thousand.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from baselines.contract import Rays, Rendering
+from baselines.splats.gaussians import Gaussians, Pencil, parts_of
+from baselines.splats.population import first_values, relocated, wandering
+from baselines.splats.rasteriser import COLUMNS
+from harness.plan.seeds import generator_for
+from harness.training.trainer import BudgetedTrainer, Diverged
+
+FIRST, MOST = 3000, 8000
+"""The number of Gaussians at the start and in the end."""
+RATES = {"position": 2e-3, "log_scale": 2e-2, "rotation": 1e-2, "opacity": 1e-1, "colour": 4e-2, "harmonics": 5e-3}
+"""The learning rates at the start, by part."""
+LAST_RATE = 0.02
+"""The share of the rates that is left in the end."""
+BETAS, EPSILON = (0.9, 0.99), 1e-15
+MOVED_EVERY = 50
+"""The steps between two relocations."""
+MOVED_UNTIL = 0.8
+"""The share of the budget after which Gaussians stay where they are."""
+WANDER = 2000.0
+"""The random step of a Gaussian that is hardly seen, in units of the position's rate (the paper's 5e5 go with a rate
+per scene unit and the squared scale)."""
+LIGHTER = {"opacity": 1e-3, "log_scale": 1e-3}
+"""The weights of mean opacity and mean scale in the loss, which let go of what is not needed."""
+
+
+@dataclass(eq=False)
+class SplatTrainer(BudgetedTrainer):
+    """A trainer of Gaussians."""
+
+    whole_views = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.field = Gaussians(self.box, self.view_dependent, torch.zeros(0, 0), 0.01)
+        self.field.values = first_values(self.box, FIRST, self.field.columns, generator_for(self.seed, "first"))
+        self.mean = torch.zeros_like(self.field.values)
+        self.square = torch.zeros_like(self.field.values)
+        self.seen = torch.zeros(len(self.field.values), 1)
+        rates = [rate for name, size in COLUMNS.items() for rate in [RATES[name]] * size]
+        self.rates = torch.tensor(rates + [RATES["harmonics"]] * (self.field.columns - len(rates)))
+
+    @property
+    def fields(self) -> Gaussians:
+        return self.field
+
+    def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """Take note of the size of a pixel, and compile the kernels, off the clock."""
+        pencil = Pencil.of(rays.origins[0], rays.directions)
+        middle = 0.5 * (self.box.lower + self.box.upper)
+        away = float((rays.origins[0] - middle).norm()) / self.box.half_extent
+        if not self.step:
+            self.field.pixel = away * float(pencil.cells.size.prod()) ** 0.5
+        self._slope(rays, colours)
+
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """Take one step on the pixels of one view, on the clock. Raises `Diverged`; the Gaussians are then those before
+        the step.
+        """
+        with self.clock.running():
+            loss, gradient, drawn = self._slope(rays, colours)
+            norm = float(gradient.norm())
+            if not math.isfinite(norm):
+                raise Diverged(self.step, "gradient of the Gaussians")
+            rate = LAST_RATE ** min(self.progress, 1.0)
+            self._adam(gradient, rate)
+            generator = generator_for(self.seed, self.step, "population")
+            if self.progress < MOVED_UNTIL:
+                self._move(rate, generator)
+            if not bool(torch.isfinite(self.field.values).all()):
+                raise Diverged(self.step, "weights of the Gaussians")
+        self._count(loss, (norm, norm), drawn, len(rays))
+
+    def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
+        """Return the loss, its gradient, and how often a Gaussian was drawn on a ray. Raises `Diverged`."""
+        values = self.field.values.detach().requires_grad_()
+        out, through, drawn = self.field.draw(Pencil.of(rays.origins[0], rays.directions), values)
+        error = torch.mean((out[:, :3] + through[:, None] - colours) ** 2)
+        _, log_scale, _, logit, *_ = parts_of(values)
+        extra = LIGHTER["opacity"] * torch.sigmoid(logit).mean() + LIGHTER["log_scale"] * log_scale.exp().mean()
+        (error + extra).backward()
+        if not math.isfinite(loss := error.item()):
+            raise Diverged(self.step, "loss")
+        assert values.grad is not None
+        return loss, values.grad, drawn
+
+    def _adam(self, gradient: Tensor, rate: float) -> None:
+        """Take a step of Adam whose count of steps is each Gaussian's own."""
+        first, second = BETAS
+        self.seen += 1.0
+        self.mean.lerp_(gradient, 1.0 - first)
+        self.square.lerp_(gradient.square(), 1.0 - second)
+        mean = self.mean / (1.0 - first**self.seen)
+        square = self.square / (1.0 - second**self.seen)
+        self.field.values = self.field.values - rate * self.rates * mean / (square.sqrt() + EPSILON)
+
+    def _move(self, rate: float, generator: torch.Generator) -> None:
+        values = self.field.values
+        values[:, :3] += wandering(values, WANDER * rate * RATES["position"], generator)
+        if (self.step + 1) % MOVED_EVERY:
+            return
+        more = min(MOST - len(values), len(values) // 20)
+        values, changed = relocated(values, more, generator)
+        for name in ("mean", "square", "seen"):
+            state = getattr(self, name)
+            state = torch.cat([state, state.new_zeros(len(values) - len(state), state.shape[1])])
+            state[changed] = 0.0
+            setattr(self, name, state)
+        self.field.values = values
+
+    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
+        rays.require_finite()
+        return self.field.render(rays)
+
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        """Render all of `rays` at once: a chunk would be sorted and projected for itself."""
+        return super().render(rays, max(len(rays), 1), bins)
+
+    def rendered_by(self) -> dict[str, Any]:
+        return {
+            "method": self.method,
+            "degree": self.field.degree,
+            "pixel": self.field.pixel,
+            "box": [self.box.lower.tolist(), self.box.upper.tolist()],
+            "background": [1.0, 1.0, 1.0],
+            "device": self.device.type,
+        }
+
+    def restore(self, tensors: dict[str, Tensor], step: int) -> None:
+        values = tensors["gaussians"]
+        if values.ndim != 2 or values.shape[1] != self.field.columns:
+            raise ValueError(f"Gaussians of shape {tuple(values.shape)}, not of {self.field.columns} columns")
+        self.field.values, self.field.pixel = values, float(tensors["pixel"])
+        self.step = step
+
+    def optimiser_tensors(self) -> dict[str, Tensor]:
+        return {"mean": self.mean, "square": self.square, "seen": self.seen}
+
+    def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
+        self.mean, self.square, self.seen = (tensors[name] for name in ("mean", "square", "seen"))
