@@ -106,8 +106,8 @@ def _fill_harmonics(x: float, y: float, z: float, out: np.ndarray) -> None:
 def _flatten(
     v: np.ndarray, origin: np.ndarray, axes: np.ndarray, turn: np.ndarray, flat: np.ndarray, deep: np.ndarray
 ) -> tuple[float, float, float, float]:
-    """Project one Gaussian: fill `turn`, its axes in the picture `flat` [3, 2] and their depths `deep` [3]; return where
-    it is seen, its depth along the axis, and the length of its quaternion.
+    """Project one Gaussian: fill `turn`, its axes in the picture `flat` [3, 2] and their depths `deep` [3]. Return
+    where it is seen, its depth along the axis, and the length of its quaternion.
     """
     px, py, pz = v[0] - origin[0], v[1] - origin[1], v[2] - origin[2]
     z = px * axes[0, 2] + py * axes[1, 2] + pz * axes[2, 2]

@@ -47,6 +47,7 @@ def add_plan_options(command: argparse.ArgumentParser) -> None:
     add("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
     add("--budget-steps", type=int, metavar="N", help="training steps of each cell")
     add("--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock")
+    add("--budget-core-seconds", type=float, metavar="S", help="processor seconds of each cell's training, all threads")
     add_shared(command, "--resolution", help="width of the views")
     add_shared(command, "--device")
     precisions = ("auto", "float32", "bfloat16", "float16")
@@ -164,20 +165,12 @@ def _afterwards(
 
 def plan_lines(plan: "Plan", machine: "Machine") -> list[str]:
     """Return the plan in words, for the terminal."""
-    budget = " or ".join(
-        text
-        for text in (
-            f"{plan.budget.steps} steps" if plan.budget.steps else "",
-            f"{plan.budget.seconds:g} s of training" if plan.budget.seconds else "",
-        )
-        if text
-    )
     network, views = plan.train.network, plan.views
     own = f"{plan.scene_file}: " if plan.scene_file else ""
     rendered = f"{own}{views.train} train / {views.val} val / {views.test} test views a scene"
     source = " ".join(plan.view_set) if plan.view_set else rendered
     return [
-        f"profile {plan.profile}: {len(plan.cells())} cells of {budget} each",
+        f"profile {plan.profile}: {len(plan.cells())} cells of {plan.budget.in_words} each",
         f"  scenes   {' '.join(plan.scenes)}",
         f"  methods  {' '.join(plan.methods)}",
         f"  seeds    {' '.join(map(str, plan.seeds))}",
@@ -205,7 +198,7 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
 
     from harness.plan.profiles import planned
 
-    amount = ("scenes", "methods", "seeds", "budget_steps", "budget_seconds", "resolution")
+    amount = ("scenes", "methods", "seeds", "budget_steps", "budget_seconds", "budget_core_seconds", "resolution")
     given = {name: getattr(options, name) for name in (*amount, "without", "need", "no_need", "optimiser")}
     precision = None if options.precision == "auto" else options.precision
     plan = planned(options.profile, **given, **scene_source(options), precision=precision)

@@ -1,5 +1,6 @@
 """The estimated cost of a plan on this machine, as a range; printed before anything is done."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -120,7 +121,8 @@ def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores
 
 def training_seconds(plan: Plan, pace: "Pace") -> Range:
     """Return the training seconds of a cell, on its own clock."""
-    most = plan.budget.seconds or float("inf")
+    # of one thread a core second is a second, and of several fewer
+    most = min(plan.budget.seconds or math.inf, plan.budget.core_seconds or math.inf)
     if not plan.budget.steps:
         return most, most
     first = min(plan.train.grid.first_step, plan.budget.steps) if plan.train.grid.cells else 0

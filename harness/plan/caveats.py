@@ -144,9 +144,9 @@ def not_tested(plan: Plan) -> list[str]:
             "are not comparable with the paper's."
         )
     if plan.views.resolution != 800 or plan.budget != full:
-        length = f"{plan.budget.steps} steps" if plan.budget.steps else f"{plan.budget.seconds:g} s of training"
         missing.append(
-            f"The paper's scale: 800 × 800 views and 200 000 steps (here {plan.views.resolution} px, {length}). "
+            f"The paper's scale: 800 × 800 views and 200 000 steps (here {plan.views.resolution} px, "
+            f"{plan.budget.in_words}). "
             "Low resolution and short training reward low bandwidth"
             + (", which is why nerf_matched stands beside." if "nerf_matched" in plan.methods else ".")
         )
@@ -154,7 +154,7 @@ def not_tested(plan: Plan) -> list[str]:
         missing.append(f"The paper's network (8 × 256): here {plan.train.network.depth} × {plan.train.network.width}.")
     if plan.train.fine_bins == 0:
         missing.append("Hierarchical (coarse and fine) sampling: an occupancy grid takes its place, for all methods.")
-    if plan.budget.seconds is None:
+    if plan.budget.seconds is None and plan.budget.core_seconds is None:
         missing.append(
             "Training made for equal time: equal-time scores are read off runs of equal steps, where the slower method "
             "is met before its learning rate has fallen all the way. --budget-seconds gives every method its own."

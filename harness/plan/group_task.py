@@ -30,4 +30,4 @@ class GroupTask:
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of each of its cells, as records hold them."""
-        return {"train": asdict(self.train), "score": asdict(self.score), "budget": asdict(self.budget)}
+        return {"train": asdict(self.train), "score": asdict(self.score), "budget": self.budget.settings()}

@@ -32,8 +32,22 @@ from scenes.view_sets.source import Region
 
 APART = ("scenes", "methods", "seeds", "render_limit")
 """The fields that settings have elsewhere or not at all."""
-LARGEST = {"seeds": 1000, "budget_steps": 10_000_000, "budget_seconds": 3e7, "resolution": 4096, "render_limit": 3e7}
-SMALLEST = {"seeds": 1, "budget_steps": 1, "budget_seconds": 0.1, "resolution": 8, "render_limit": 0.1}
+LARGEST = {
+    "seeds": 1000,
+    "budget_steps": 10_000_000,
+    "budget_seconds": 3e7,
+    "budget_core_seconds": 3e7,
+    "resolution": 4096,
+    "render_limit": 3e7,
+}
+SMALLEST = {
+    "seeds": 1,
+    "budget_steps": 1,
+    "budget_seconds": 0.1,
+    "budget_core_seconds": 0.1,
+    "resolution": 8,
+    "render_limit": 0.1,
+}
 
 
 @dataclass(frozen=True)
@@ -117,6 +131,7 @@ class Plan:
     def settings(self) -> dict[str, Any]:
         """Return everything that the results depend on, as JSON."""
         kept = {key: value for key, value in asdict(self).items() if key not in APART}
+        kept["budget"] = self.budget.settings()
         if self.scene_file is None:
             del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are equal
         for name in ("region", "ceiling_train_db", "ceiling_test_db"):
@@ -324,6 +339,7 @@ def planned(
     seeds: int | None = None,
     budget_steps: int | None = None,
     budget_seconds: float | None = None,
+    budget_core_seconds: float | None = None,
     resolution: int | None = None,
     view_set: Sequence[Path] | None = None,
     scene_file: Path | None = None,
@@ -350,6 +366,7 @@ def planned(
         "seeds": seeds,
         "budget_steps": budget_steps,
         "budget_seconds": budget_seconds,
+        "budget_core_seconds": budget_core_seconds,
         "resolution": resolution,
         "render_limit": render_limit,
     }.items():
@@ -381,8 +398,8 @@ def planned(
     there = [extra for extra in plan.extras if extra.scene in plan.scenes]
     there = [replace(extra, seeds=tuple(seed for seed in extra.seeds if seed in plan.seeds)) for extra in there]
     plan = replace(plan, extras=tuple(extra for extra in there if extra.seeds))
-    if budget_steps is not None or budget_seconds is not None:
-        plan = replace(plan, budget=Budget(budget_steps, budget_seconds))
+    if budget_steps is not None or budget_seconds is not None or budget_core_seconds is not None:
+        plan = replace(plan, budget=Budget(budget_steps, budget_seconds, budget_core_seconds))
     if resolution is not None:
         plan = replace(plan, views=replace(plan.views, resolution=resolution))
     if precision is not None:

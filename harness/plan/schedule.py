@@ -1,24 +1,33 @@
 """Progress through a budget, the learning rate over it, and the checkpoints where the test set is scored."""
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 Decay = Literal["exponential", "linear"]
 
 
 @dataclass(frozen=True)
 class Budget:
-    """The training time of a method: steps, seconds on its own clock, or whichever ends first."""
+    """The training time of a method: steps, seconds or core seconds on its own clock, or whichever ends first."""
 
     steps: int | None
     seconds: float | None
+    core_seconds: float | None = None
 
-    def progress(self, step: int, seconds: float) -> float:
+    def progress(self, step: int, seconds: float, core_seconds: float) -> float:
         """Return 0 at the start; 1 or more when the budget is spent."""
-        by_steps = step / self.steps if self.steps else 0.0
-        by_seconds = seconds / self.seconds if self.seconds else 0.0
-        return max(by_steps, by_seconds)
+        spent = (step, self.steps), (seconds, self.seconds), (core_seconds, self.core_seconds)
+        return max(used / given if given else 0.0 for used, given in spent)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the budget as JSON; without core seconds if there are none, as in records from before."""
+        return {name: value for name, value in asdict(self).items() if name != "core_seconds" or value is not None}
+
+    @property
+    def in_words(self) -> str:
+        parts = (self.steps, "steps"), (self.seconds, "s of training"), (self.core_seconds, "core seconds of training")
+        return " or ".join(f"{given:g} {unit}" for given, unit in parts if given)
 
 
 def learning_rate(progress: float, step: int, first: float, last: float, warm_up_steps: int, decay: Decay) -> float:

@@ -89,7 +89,8 @@ def _move_aside(out: Path, faults: Iterator[tuple[str, str]], say: Say) -> None:
 
 def plan_of_cells(out: Path, plan: Plan) -> list[str]:
     """Return as sentences the settings in which finished cells differ from a plan, where theirs is lost."""
-    wanted = json.loads(json.dumps({name: asdict(getattr(plan, name)) for name in ("train", "score", "budget")}))
+    wanted = json.loads(json.dumps({name: asdict(getattr(plan, name)) for name in ("train", "score")}))
+    wanted["budget"] = plan.budget.settings()
     sentences = []
     for scene, method, seed in plan.cells():
         with suppress(DamagedRecord):

@@ -28,6 +28,8 @@ from scenes.files.errors import InputError
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
+TRAININGS_FOLDER = "studies"
+"""The folder under OUT in which the runs of studies that train lie."""
 Found = Finding | str
 """The types that a study yields; a string is an `Answer`."""
 

@@ -19,16 +19,16 @@ from baselines.splats.rasteriser import COLUMNS
 from harness.plan.seeds import generator_for
 from harness.training.trainer import BudgetedTrainer, Diverged
 
-FIRST, MOST = 3000, 8000
+FIRST, MOST = 5000, 10_000
 """The number of Gaussians at the start and in the end."""
-RATES = {"position": 2e-3, "log_scale": 2e-2, "rotation": 1e-2, "opacity": 1e-1, "colour": 4e-2, "harmonics": 5e-3}
+RATES = {"position": 1e-2, "log_scale": 1e-1, "rotation": 5e-2, "opacity": 5e-1, "colour": 2e-1, "harmonics": 2.5e-2}
 """The learning rates at the start, by part."""
 LAST_RATE = 0.02
 """The share of the rates that is left in the end."""
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 MOVED_EVERY = 50
 """The steps between two relocations."""
-MOVED_UNTIL = 0.8
+MOVED_UNTIL = 0.9
 """The share of the budget after which Gaussians stay where they are."""
 WANDER = 2000.0
 """The random step of a Gaussian that is hardly seen, in units of the position's rate (the paper's 5e5 go with a rate

@@ -74,7 +74,7 @@ class BudgetedTrainer(ABC):
 
     @property
     def progress(self) -> float:
-        return self.budget.progress(self.step, self.clock.seconds)
+        return self.budget.progress(self.step, self.clock.seconds, self.clock.core_seconds)
 
     def _learning_rate(self) -> float:
         settings = self.settings

@@ -25,8 +25,9 @@ from harness.studies.evidence.contrasts import (
     score_table,
     without_a_score,
 )
-from harness.studies.evidence.evidence_context import LADDERS, EvidenceContext, StudyRun
+from harness.studies.evidence.evidence_context import LADDERS, EvidenceContext
 from harness.studies.framework import Found
+from harness.studies.trained_context import StudyRun
 from harness.verdicts.comparisons import keyed
 
 TRAININGS = ("bandwidth_100", "bandwidth_200", "bandwidth_300")

@@ -1,27 +1,19 @@
 """The context of the evidence studies, one literal table of what they train, and their run."""
 
-import json
-from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
 import torch
 
-from harness.execution import run as execution
 from harness.execution.progress import Progress
 from harness.machine.device import keep_freed_memory, multiplies_bfloat16, use_threads
 from harness.machine.provenance import provenance
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
-from harness.records.cells import CellRecord, SceneRecord, cell_path, read_cells, read_cells_of, read_run
-from harness.records.json_record import DamagedRecord
 from harness.records.metric_table import METRICS
-from harness.records.study import Studies
-from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells
 from harness.studies import framework
-from harness.studies.evidence.evidence_studies import SHELF, STUDIES, TRAININGS_FOLDER
+from harness.studies.evidence.evidence_studies import SHELF, STUDIES
+from harness.studies.trained_context import TrainedContext, with_valid_trainings
 from scenes.catalog.entries import CLASSICS
 from scenes.view_sets.source import Region
 
@@ -91,19 +83,10 @@ TRAININGS: dict[str, Training] = {
 
 
 @dataclass(frozen=True)
-class StudyRun:
-    """The results of a training."""
-
-    plan: Plan
-    scenes: list[SceneRecord]
-    cells: list[CellRecord]
-
-
-@dataclass(frozen=True)
-class EvidenceContext(framework.StudyContext):
+class EvidenceContext(TrainedContext):
     """One run of the studies."""
 
-    machine: Machine
+    command = "nox -s evidence"
     precision_as_planned: bool
     """Whether this processor has the profile's bfloat16 matrix multiplications."""
 
@@ -131,78 +114,6 @@ class EvidenceContext(framework.StudyContext):
             extras=(),
         )
 
-    def trained(self, name: str) -> StudyRun:
-        """Return the training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained
-        again, except those that failed without a chance (`lacks_cells`); what is there of another plan is moved to
-        OUT/damaged.
-
-        Studies may request the same training, one after another.
-        """
-        plan, folder = self.plan(name), folder_of(self.out, name)
-        if is_of_another_plan(folder, plan):
-            self.show.line(f"{folder}: of another plan, moved to {self.out / DAMAGED}: trained again")
-            aside(self.out, folder.relative_to(self.out).as_posix())
-        if lacks_cells(folder, plan):
-            folder.mkdir(parents=True, exist_ok=True)
-            execution.run(plan, folder, self.view_sets, self.machine, "nox -s evidence", self.show)
-        return StudyRun(plan, read_run(folder).scenes, list(read_cells(folder)))
-
-    def repaired(self, name: str) -> bool:
-        """Repair the folder of a training, so that it holds only valid files; returns whether the training has to be
-        resumed.
-
-        A folder that is missing or is of another plan is left as it is: its figures were taken when it was there.
-        """
-        plan, folder = self.plan(name), folder_of(self.out, name)
-        if not folder.exists() or is_of_another_plan(folder, plan):
-            return False
-        mend(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
-        return lacks_cells(folder, plan)
-
-    def scale(self, *names: str) -> str:
-        """Return the scale of trainings, in one line, and whether the code may have changed since they were done: cells
-        of another commit, or of a tree with changes, are used all the same, as the plan decides what is compatible.
-        """
-        lines = [
-            f"{', '.join(plan.scenes)}; {len(plan.seeds)} seeds; {plan.budget.steps} steps; {plan.views.train} "
-            f"training views of {plan.views.resolution} px"
-            for plan in map(self.plan, names)
-        ]
-        scale, here = " | ".join(dict.fromkeys(lines)), provenance(torch.device(self.machine.device))["commit"]
-        commits = Counter(
-            cell.provenance.get("commit", "unknown")
-            for name in names
-            for cell in read_cells_of(folder_of(self.out, name), self.plan(name).cells())
-        )
-        if not any(commit != here or commit == "unknown" or commit.endswith("-dirty") for commit in commits):
-            return scale
-        counts = ", ".join(f"{count} cells at commit {commit}" for commit, count in commits.items())
-        return f"{scale}. Not all was trained at commit {here}, at which it was judged: {counts}"
-
-
-def folder_of(out: Path, training: str) -> Path:
-    """Return the folder in which the run of a training lies."""
-    return out / TRAININGS_FOLDER / training
-
-
-def lacks_cells(folder: Path, plan: Plan) -> bool:
-    """Return whether only running it again completes a training: it is not finished, something is missing, or cells
-    failed without having had their chance.
-    """
-    finished = False
-    with suppress(DamagedRecord):
-        finished = read_run(folder).finished
-    if not finished or not all(cell_path(folder, *key).exists() for key in plan.cells()):
-        return True
-    return any(cell.status in ("error", "not_available") for cell in read_cells(folder))
-
-
-def is_of_another_plan(folder: Path, plan: Plan) -> bool:
-    """Return whether the training is of another plan, by its record, or by its cells if that is lost."""
-    with suppress(DamagedRecord):
-        return bool(read_run(folder).settings != json.loads(json.dumps(plan.settings())))
-    return bool(plan_of_cells(folder, plan))
-
 
 def run(
     studies: list[str], out: Path, view_sets: Path, machine: Machine, quick: bool, resume: bool, show: Progress
@@ -225,21 +136,6 @@ def run(
         provenance(device),
         lambda scratch, _: EvidenceContext(out, view_sets, scratch, quick, show, machine, multiplies_bfloat16(device)),
         show,
-        repaired=lambda record, context: _with_valid_trainings(record, studies, context),
+        repaired=lambda record, context: with_valid_trainings(record, studies, STUDIES, context),
         scale_of=lambda study, context: context.scale(*study.trainings),
     )
-
-
-def _with_valid_trainings(record: Studies, studies: list[str], context: EvidenceContext) -> Studies:
-    """Return the record without the studies, requested now or not, on a training of `studies` that has to be resumed,
-    as other cells are other figures. Trainings of none of `studies` stay as they are, and so do their figures.
-    """
-    trainings = {name for study in studies for name in STUDIES[study].trainings}
-    resumed = {name for name in sorted(trainings) if context.repaired(name)}
-    kept = []
-    for study in record.studies:
-        if lost := sorted(resumed & set(STUDIES[study.info.id].trainings)):
-            context.show.line(f"{study.info.id}: its figures are dropped, as {', '.join(lost)} has to be gone on with")
-        else:
-            kept.append(study)
-    return msgspec.structs.replace(record, studies=kept)

@@ -1,10 +1,7 @@
 """The one table of studies that a verdict rests on. A new study is a generator of findings and one entry here."""
 
 from harness.records.study import StudyInfo
-from harness.studies.framework import Shelf, Study, catalogue
-
-TRAININGS_FOLDER = "studies"
-"""The folder under OUT in which the runs of the studies lie."""
+from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, catalogue
 
 
 def _study(name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str) -> Study:

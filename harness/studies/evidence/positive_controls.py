@@ -13,8 +13,9 @@ from harness.records.cells import Budget
 from harness.records.metric_table import METRICS
 from harness.records.study import Check, Effect, check
 from harness.studies.evidence.contrasts import amount, by_scene, chosen, effects, in_words, listed
-from harness.studies.evidence.evidence_context import EvidenceContext, StudyRun
+from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
+from harness.studies.trained_context import StudyRun
 
 ORIGINAL = 31.01
 """The PSNR of the complete model, in dB."""

@@ -56,5 +56,5 @@ def settings_of(context: SpeedContext) -> dict[str, Any]:
         "test_pixels": time_to_target.TEST_PIXELS,
         "paper": asdict(paper_settings(context)),
         "same_network": asdict(time_to_target.same_network(context, plan)),
-        "reduced": {"train": asdict(plan.train), "views": asdict(plan.views), "budget": asdict(plan.budget)},
+        "reduced": {"train": asdict(plan.train), "views": asdict(plan.views), "budget": plan.budget.settings()},
     }

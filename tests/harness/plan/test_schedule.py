@@ -9,19 +9,23 @@ from harness.plan.schedule import Budget, Decay, checkpoint_fractions, learning_
 
 
 @pytest.mark.parametrize(
-    ("budget", "step", "seconds", "expected"),
+    ("budget", "step", "seconds", "core_seconds", "expected"),
     [
-        (Budget(200, None), 0, 0.0, 0.0),
-        (Budget(200, None), 50, 1e9, 0.25),
-        (Budget(200, None), 200, 0.0, 1.0),
-        (Budget(None, 8.0), 10**9, 2.0, 0.25),
-        (Budget(None, 8.0), 1, 9.0, 1.125),
-        (Budget(200, 8.0), 100, 2.0, 0.5),
-        (Budget(200, 8.0), 20, 6.0, 0.75),
+        (Budget(200, None), 0, 0.0, 0.0, 0.0),
+        (Budget(200, None), 50, 1e9, 0.0, 0.25),
+        (Budget(200, None), 200, 0.0, 0.0, 1.0),
+        (Budget(None, 8.0), 10**9, 2.0, 0.0, 0.25),
+        (Budget(None, 8.0), 1, 9.0, 0.0, 1.125),
+        (Budget(200, 8.0), 100, 2.0, 0.0, 0.5),
+        (Budget(200, 8.0), 20, 6.0, 0.0, 0.75),
+        (Budget(None, None, 4.0), 10**9, 1e9, 1.0, 0.25),
+        (Budget(200, 8.0, 4.0), 20, 2.0, 3.0, 0.75),
     ],
 )
-def test_progress_is_the_share_of_what_ends_first(budget: Budget, step: int, seconds: float, expected: float) -> None:
-    assert budget.progress(step, seconds) == expected
+def test_progress_is_the_share_of_what_ends_first(
+    budget: Budget, step: int, seconds: float, core_seconds: float, expected: float
+) -> None:
+    assert budget.progress(step, seconds, core_seconds) == expected
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,9 @@ from harness.records.json_record import DamagedRecord
 from harness.records.study import Series, Table, check
 from harness.studies.evidence.ceilings import noise_rows
 from harness.studies.evidence.contrasts import listed
-from harness.studies.evidence.evidence_context import TRAININGS, EvidenceContext, folder_of
+from harness.studies.evidence.evidence_context import TRAININGS, EvidenceContext
 from harness.studies.framework import Found
+from harness.studies.trained_context import folder_of
 from harness.training.metrics import psnr_from_mse
 from scenes.catalog.entries import CLASSICS
 

@@ -21,9 +21,10 @@ from harness.machine.stopwatch import Stopwatch
 from harness.plan.seeds import generator_for
 from harness.playback.run_loader import FinishedRun
 from harness.records.study import Series, Table, check
-from harness.studies.evidence.evidence_context import EvidenceContext, folder_of
+from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
 from harness.studies.stability.rays.quadrature_orders import fitted_order
+from harness.studies.trained_context import folder_of
 from harness.training.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet

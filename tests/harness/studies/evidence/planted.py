@@ -12,7 +12,8 @@ from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, SceneRecord
 from harness.records.study import Effect, Series, Table
 from harness.studies.evidence.contrasts import Design, Term, signs
-from harness.studies.evidence.evidence_context import EvidenceContext, StudyRun
+from harness.studies.evidence.evidence_context import EvidenceContext
+from harness.studies.trained_context import StudyRun
 from tests.harness.cells import cell, checkpoint, diverged
 
 STEPS = (10, 100, 500)

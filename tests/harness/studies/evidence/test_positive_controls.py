@@ -10,8 +10,9 @@ from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, LeftOut
 from harness.records.study import Check, Effect
 from harness.studies.evidence.contrasts import chosen, listed
-from harness.studies.evidence.evidence_context import TRAININGS, StudyRun
+from harness.studies.evidence.evidence_context import TRAININGS
 from harness.studies.evidence.positive_controls import CONTROLS, HISTORY, ORIGINAL, TIMES, positive_controls
+from harness.studies.trained_context import StudyRun
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.evidence.planted import Planted, sentences
 from tests.replacing import replace

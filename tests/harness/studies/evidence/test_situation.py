@@ -27,9 +27,10 @@ from harness.records.metric_table import METRICS
 from harness.records.study import SHELVES, Answer, Studies, StudyRecord, read_studies, write_studies
 from harness.run_folder.integrity import DAMAGED
 from harness.studies.evidence import evidence_context as study_runner
-from harness.studies.evidence.evidence_context import EvidenceContext, folder_of
+from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.evidence.evidence_studies import STUDIES
 from harness.studies.framework import Found, Shelf
+from harness.studies.trained_context import folder_of
 from tests.harness.cells import cell, checkpoint
 from tests.replacing import replace
 

@@ -1,0 +1,136 @@
+"""Studies of trainings: each is an ordinary run in a folder of its own, which several studies share, and which is
+resumed, repaired, or trained again where its plan has changed.
+"""
+
+import json
+from abc import abstractmethod
+from collections import Counter
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import msgspec
+import torch
+
+from harness.execution import run as execution
+from harness.machine.provenance import provenance
+from harness.plan.profiles import Machine, Plan
+from harness.records.cells import CellRecord, SceneRecord, cell_path, read_cells, read_cells_of, read_run
+from harness.records.json_record import DamagedRecord
+from harness.records.study import Studies
+from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells
+from harness.studies import framework
+from harness.studies.framework import TRAININGS_FOLDER, Study
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """The results of a training."""
+
+    plan: Plan
+    scenes: list[SceneRecord]
+    cells: list[CellRecord]
+
+
+@dataclass(frozen=True)
+class TrainedContext(framework.StudyContext):
+    """One run of studies that train."""
+
+    command: ClassVar[str]
+    """The command that a record of a training names."""
+    machine: Machine
+
+    @abstractmethod
+    def plan(self, name: str) -> Plan:
+        """Return the plan of the training of that name."""
+
+    def trained(self, name: str) -> StudyRun:
+        """Return the training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained
+        again, except those that failed without a chance (`lacks_cells`); what is there of another plan is moved to
+        OUT/damaged.
+
+        Studies may request the same training, one after another.
+        """
+        plan, folder = self.plan(name), folder_of(self.out, name)
+        if is_of_another_plan(folder, plan):
+            self.show.line(f"{folder}: of another plan, moved to {self.out / DAMAGED}: trained again")
+            aside(self.out, folder.relative_to(self.out).as_posix())
+        if lacks_cells(folder, plan):
+            folder.mkdir(parents=True, exist_ok=True)
+            execution.run(plan, folder, self.view_sets, self.machine, self.command, self.show)
+        return StudyRun(plan, read_run(folder).scenes, list(read_cells(folder)))
+
+    def repaired(self, name: str) -> bool:
+        """Repair the folder of a training, so that it holds only valid files; returns whether the training has to be
+        resumed.
+
+        A folder that is missing or is of another plan is left as it is: its figures were taken when it was there.
+        """
+        plan, folder = self.plan(name), folder_of(self.out, name)
+        if not folder.exists() or is_of_another_plan(folder, plan):
+            return False
+        mend(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
+        return lacks_cells(folder, plan)
+
+    def scale(self, *names: str) -> str:
+        """Return the scale of trainings, in one line, and whether the code may have changed since they were done: cells
+        of another commit, or of a tree with changes, are used all the same, as the plan decides what is compatible.
+        """
+        lines = [
+            f"{', '.join(plan.scenes)}; {len(plan.seeds)} seeds; {plan.budget.steps} steps; {plan.views.train} "
+            f"training views of {plan.views.resolution} px"
+            for plan in map(self.plan, names)
+        ]
+        scale, here = " | ".join(dict.fromkeys(lines)), provenance(torch.device(self.machine.device))["commit"]
+        commits = Counter(
+            cell.provenance.get("commit", "unknown")
+            for name in names
+            for cell in read_cells_of(folder_of(self.out, name), self.plan(name).cells())
+        )
+        if not any(commit != here or commit == "unknown" or commit.endswith("-dirty") for commit in commits):
+            return scale
+        counts = ", ".join(f"{count} cells at commit {commit}" for commit, count in commits.items())
+        return f"{scale}. Not all was trained at commit {here}, at which it was judged: {counts}"
+
+
+def folder_of(out: Path, training: str) -> Path:
+    """Return the folder in which the run of a training lies."""
+    return out / TRAININGS_FOLDER / training
+
+
+def lacks_cells(folder: Path, plan: Plan) -> bool:
+    """Return whether only running it again completes a training: it is not finished, something is missing, or cells
+    failed without having had their chance.
+    """
+    finished = False
+    with suppress(DamagedRecord):
+        finished = read_run(folder).finished
+    if not finished or not all(cell_path(folder, *key).exists() for key in plan.cells()):
+        return True
+    return any(cell.status in ("error", "not_available") for cell in read_cells(folder))
+
+
+def is_of_another_plan(folder: Path, plan: Plan) -> bool:
+    """Return whether the training is of another plan, by its record, or by its cells if that is lost."""
+    with suppress(DamagedRecord):
+        return bool(read_run(folder).settings != json.loads(json.dumps(plan.settings())))
+    return bool(plan_of_cells(folder, plan))
+
+
+def with_valid_trainings(
+    record: Studies, studies: list[str], table: Mapping[str, Study], context: TrainedContext
+) -> Studies:
+    """Return the record without the studies, requested now or not, on a training of `studies` that has to be resumed,
+    as other cells are other figures. Trainings of none of `studies` stay as they are, and so do their figures.
+    """
+    trainings = {name for study in studies for name in table[study].trainings}
+    resumed = {name for name in sorted(trainings) if context.repaired(name)}
+    kept = []
+    for study in record.studies:
+        if lost := sorted(resumed & set(table[study.info.id].trainings)):
+            context.show.line(f"{study.info.id}: its figures are dropped, as {', '.join(lost)} has to be gone on with")
+        else:
+            kept.append(study)
+    return msgspec.structs.replace(record, studies=kept)
