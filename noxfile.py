@@ -65,6 +65,12 @@ def evidence(session: nox.Session) -> None:
 
 
 @nox.session
+def frontier(session: nox.Session) -> None:
+    """Train one method of each family at budgets of core seconds: error against time."""
+    report(session, "frontier")
+
+
+@nox.session
 def stability(session: nox.Session) -> None:
     """Try stiff and extreme cases, on formulas and in training."""
     report(session, "stability")

@@ -57,6 +57,8 @@ COMMANDS: dict[str, Command] = {
 STUDIES: dict[str, Command] = {
     "evidence": Command("the studies that a verdict rests on",
                         study_commands.add_evidence_options, study_commands.run_evidence),
+    "frontier": Command("families of radiance fields at budgets of core seconds",
+                        study_commands.add_frontier_options, study_commands.run_frontier),
     "stability": Command("try the catalogue of stiff and extreme cases",
                          study_commands.add_stability_options, study_commands.run_stability),
     "speed": Command("measure how fast training, rendering and scoring are on this machine",

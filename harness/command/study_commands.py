@@ -1,5 +1,5 @@
-"""`python -m harness study evidence | stability | speed | serving | conformance | scaling`: their options, and what
-they do.
+"""`python -m harness study evidence | frontier | stability | speed | serving | conformance | scaling`: their options,
+and what they do.
 
 Nothing heavy is imported to show the help.
 """
@@ -18,17 +18,26 @@ if TYPE_CHECKING:
     from harness.studies.framework import Shelf
 
 
+PUBLISHED_FRONTIER = Path("docs/frontier")
 Measure = Callable[[list[str], Path], int]
 """The work of a shelf: studies and output folder → exit code."""
 
 
 def _add_shelf_options(
-    command: argparse.ArgumentParser, shelf: str, noun: str, *former: str, beside: str = "", of_a_run: bool = False
+    command: argparse.ArgumentParser,
+    shelf: str,
+    noun: str,
+    *former: str,
+    beside: str = "",
+    of_a_run: bool = False,
+    amount: bool = True,
 ) -> None:
-    """Add the options that every shelf of studies has; the folder of a finished run is named without one."""
+    """Add the options that every shelf of studies has; the folder of a finished run is named without one, and one with
+    an `amount` of its own has no sizes for trying it.
+    """
     todo = f"{noun} to do; --list prints them (default: all)"
     command.add_argument("--studies", *former, nargs="+", metavar="NAME", help=todo)
-    add_shared(command, "--quick", "--view-sets")
+    add_shared(command, *(["--quick"] if amount else []), "--view-sets")
     if not of_a_run:
         add_shared(command, "--out", help=f"output folder{beside} (default: a fresh out/{shelf}-TIME)")
     add_shared(command, "--resume", "--list", "--quiet")
@@ -83,6 +92,63 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
         machine = Machine(device.type, workers, max(1, cores // workers))
         sets = options.view_sets
         return lambda studies, out: run(studies, out, sets, machine, options.quick, options.resume, show)
+
+    return _run_shelf(options, SHELF, show, prepare)
+
+
+def add_frontier_options(command: argparse.ArgumentParser) -> None:
+    _add_shelf_options(command, "frontier", "questions", amount=False)
+    add_shared(command, "--scenes", help="scenes to train on (default: the eight)")
+    add_shared(command, "--methods", help="families to compare (default: one of each)")
+    command.add_argument("--budgets", nargs="+", type=float, metavar="S", help="core seconds of a cell's training")
+    command.add_argument("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
+    add_shared(command, "--resolution", help="width of the views")
+    size = command.add_mutually_exclusive_group()
+    size.add_argument("--quick", action="store_true", help="two scenes, three budgets: about five minutes")
+    size.add_argument("--long", action="store_true", help="budgets of 120 and 600 core seconds as well, three seeds")
+    command.add_argument("--pick", metavar="SCENE", help="print the family to take for a scene, from --out, do nothing")
+    command.add_argument("--seconds", type=float, default=60.0, metavar="S", help="core seconds for --pick (60)")
+
+
+def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
+    """Return 0, or 3 if a check fails; raises `InputError` for invalid options."""
+    from harness.studies.frontier.frontier_studies import SHELF
+    from scenes.files.errors import InputError
+
+    require_between(options, seeds=(1, 100), resolution=(8, 4096), seconds=(0.1, 1e6))
+    for budget in options.budgets or ():
+        if not 0.1 <= budget <= 1e6:
+            raise InputError(f"--budgets {budget:g}: must lie between 0.1 and 1e6 core seconds")
+    if options.pick is not None:
+        from harness.records.study import read_studies
+        from harness.studies.frontier.needs import pick
+
+        record = read_studies((options.out or PUBLISHED_FRONTIER) / SHELF.file)
+        print(pick(record.study("needs"), options.pick, options.seconds))
+        return 0
+
+    def prepare() -> Measure:
+        from dataclasses import replace
+
+        from baselines.catalog import CATALOG
+        from harness.machine.device import available_cores
+        from harness.plan.profiles import Machine, known_names
+        from harness.studies.frontier.frontier_context import EXTENTS, run
+        from scenes.catalog.entries import CATALOG as SCENES
+
+        extent = EXTENTS["quick" if options.quick else "long" if options.long else "default"]
+        if options.scenes:
+            extent = replace(extent, scenes=known_names("--scenes", options.scenes, list(SCENES)))
+        if options.methods:
+            extent = replace(extent, families=known_names("--methods", options.methods, list(CATALOG)))
+        if options.budgets:
+            extent = replace(extent, budgets=tuple(sorted(set(options.budgets))))
+        if options.seeds:
+            extent = replace(extent, seeds=tuple(range(options.seeds)))
+        if options.resolution:
+            extent = replace(extent, resolution=options.resolution)
+        machine = Machine("cpu", available_cores(), 1)
+        return lambda studies, out: run(studies, extent, out, options.view_sets, machine, options.resume, show)
 
     return _run_shelf(options, SHELF, show, prepare)
 

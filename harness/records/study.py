@@ -22,6 +22,7 @@ SHELVES = {
     "stability": "stability.json",
     "speed": "speed.json",
     "serving": "serving.json",
+    "frontier": "frontier.json",
 }
 """Shelf → its file under OUT."""
 PICTURES_FOLDER = "stability"

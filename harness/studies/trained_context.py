@@ -79,7 +79,7 @@ class TrainedContext(framework.StudyContext):
         of another commit, or of a tree with changes, are used all the same, as the plan decides what is compatible.
         """
         lines = [
-            f"{', '.join(plan.scenes)}; {len(plan.seeds)} seeds; {plan.budget.steps} steps; {plan.views.train} "
+            f"{', '.join(plan.scenes)}; {len(plan.seeds)} seeds; {plan.budget.in_words}; {plan.views.train} "
             f"training views of {plan.views.resolution} px"
             for plan in map(self.plan, names)
         ]

@@ -70,8 +70,6 @@ class Learner(Stepped, Protocol):
     """
 
     method: str
-    whole_views: bool
-    """Whether it is trained on all pixels of a view at a time, and not on rays of all views."""
     box: Box
     device: torch.device
     clock: Stopwatch
@@ -81,6 +79,10 @@ class Learner(Stepped, Protocol):
     trace: dict[str, list[float | None]]
     grid: OccupancyGrid | None
     """The occupancy grid, if the method has one that the harness keeps."""
+
+    @property
+    def whole_views(self) -> bool:
+        """Return whether it is trained on all pixels of a view at a time, and not on rays of all views."""
 
     @property
     def field(self) -> LearnedField: ...

@@ -83,6 +83,14 @@ WORDS = {
         outcomes="Targets, and what the paper's forms fail",
         folded=True,
     ),
+    "frontier": ShelfWords(
+        title="The frontier: error against core seconds",
+        link="the frontier of families",
+        noun=("question", "questions"),
+        check=("check of the frontier", "checks of the frontier"),
+        passes=("holds", "hold"),
+        nothing="The frontier: error against core seconds",
+    ),
 }
 
 

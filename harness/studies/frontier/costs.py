@@ -1,0 +1,106 @@
+"""What a trained model costs: numbers, bytes, time to draw a view; and how soon it reaches a score."""
+
+import statistics
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+
+from harness.machine.device import use_threads
+from harness.playback.run_loader import FinishedRun
+from harness.records.study import Table
+from harness.studies.framework import Found
+from harness.studies.frontier.frontier_context import CORE_SECONDS, Frontier, FrontierContext
+from harness.studies.trained_context import folder_of
+from harness.training.checkpoints import checkpoint_path
+from harness.verdicts.failures import exact_interval
+
+ROUNDS = {100: 3, 400: 1}
+"""Width in pixels of the view that is drawn → how often; the median counts."""
+TARGETS = (25.0, 28.0, 30.0)
+
+
+def costs(context: FrontierContext) -> Iterator[Found]:
+    """Yield the costs of each family, and when it reaches 25, 28 and 30 dB."""
+    frontier = context.frontier()
+    last = frontier.budgets[-1]
+    scene = frontier.extent.scenes[-1]
+    machine = context.machine
+    use_threads(machine.workers * machine.threads)  # nothing else is measured meanwhile
+    try:
+        drawn = {family: drawing(context, scene, family, last) for family in frontier.trained}
+    finally:
+        use_threads(machine.threads)
+    quickest = min(drawn, key=lambda family: drawn[family][1])
+    per_second = 1.0 / drawn[quickest][1]
+    yield (
+        f"{quickest} draws a view fastest: {per_second:.3g} of {max(ROUNDS)} pixels a second on "
+        f"{machine.workers * machine.threads} threads."
+    )
+    rows: list[list[str | float | None]] = []
+    for family in frontier.trained:
+        cells = frontier.of(last, family)
+        numbers = np.median([cell.parameters["total"] for cell in cells])
+        folder = folder_of(context.out, f"{CORE_SECONDS}{last:g}")
+        size = np.median([checkpoint_path(folder, c.scene, c.method, c.seed).stat().st_size for c in cells])
+        ended = [cell for budget in frontier.budgets for cell in frontier.cells[budget] if cell.method == family]
+        lost = len(ended) - sum(len(frontier.of(budget, family)) for budget in frontier.budgets)
+        low, high = exact_interval(lost, len(ended))
+        geometry = [_mean(frontier, last, family, name) for name in ("depth_rmse", "opacity_iou")]
+        rows.append(
+            [
+                family, f"{numbers:,.0f}", f"{size / 1e6:.2f}", *(f"{1e3 * seconds:.0f}" for seconds in drawn[family]),
+                *geometry, f"{lost} of {len(ended)} ({100 * low:.0f} to {100 * high:.0f} %)",
+            ]
+        )  # fmt: skip
+    columns = ["family", "learnt numbers", "MB on disk", *(f"ms a view, {width} px" for width in WIDTHS)]
+    columns += ["depth RMSE", "opacity IoU", "failed (95 % of the rate)"]
+    yield Table("costs", 0, f"Models of {last:g} core seconds; a view of {scene}", columns, rows)
+    yield time_to_score(frontier)
+
+
+def drawing(context: FrontierContext, scene: str, family: str, budget: float) -> list[float]:
+    """Return the median seconds of drawing a test view, by width."""
+    run = FinishedRun.of(folder_of(context.out, f"{CORE_SECONDS}{budget:g}"))
+    (record,) = run.scenes([scene])
+    seed = context.extent.seeds[0]
+    cell = run.trained(record, family, seed, torch.device(context.machine.device))
+    views = run.views(record, context.view_sets, geometry=False, scratch=context.scratch)
+    camera = cell.camera(views.test.camera_to_world[0])
+    seconds = []
+    cell.learner.render(camera.resized(16).rays(cell.learner.device), cell.chunk)  # kernels are compiled here
+    for width, rounds in ROUNDS.items():
+        rays = camera.resized(width).rays(cell.learner.device)
+        times = []
+        for _ in range(rounds):
+            began = time.perf_counter()
+            cell.learner.render(rays, cell.chunk)
+            times.append(time.perf_counter() - began)
+        seconds.append(statistics.median(times))
+    return seconds
+
+
+def time_to_score(frontier: Frontier) -> Table:
+    """Return the shortest budget whose mean reaches a target, by family: more than the longest where none does."""
+    rows: list[list[str | float | None]] = []
+    for family in frontier.trained:
+        entries = []
+        for target in TARGETS:
+            tables = {budget: frontier.table(budget, (family,))[0] for budget in frontier.budgets}
+            first = [
+                min((budget for budget in tables if tables[budget][place] >= target), default=np.inf)
+                for place in range(len(frontier.extent.scenes))
+            ]
+            reached = sum(np.isfinite(first))
+            middle = float(np.median(first))
+            when = f"{middle:g}" if np.isfinite(middle) else f"> {frontier.budgets[-1]:g}"
+            entries.append(f"{when} ({reached} of {len(first)} scenes)")
+        rows.append([family, *entries])
+    title = "Core seconds to a score: the median over scenes of the shortest budget that reaches it"
+    return Table("time_to_score", 0, title, ["family", *(f"{target:g} dB" for target in TARGETS)], rows)
+
+
+def _mean(frontier: Frontier, budget: float, family: str, name: str) -> str | None:
+    value = float(frontier.values(budget, family, name).mean())
+    return None if np.isnan(value) else f"{value:.3f}"

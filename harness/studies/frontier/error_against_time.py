@@ -1,0 +1,111 @@
+"""PSNR and root mean square error of every family at every budget, over all scenes and scene by scene."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from harness.records.study import Series, Table
+from harness.studies.evidence.contrasts import without_a_score
+from harness.studies.framework import Found
+from harness.studies.frontier.frontier_context import Frontier, FrontierContext
+from harness.verdicts.statistics import paired_difference
+
+AXES = {"core_seconds": "core seconds of training", "seconds": "wall seconds of training", "evaluations": "evaluations"}
+"""What error is drawn against: evaluations are those of a network or features, and of Gaussians on rays."""
+ERROR = "root mean square error of display colour"
+EVERY = "all scenes"
+
+
+def error_of(psnr: np.ndarray) -> np.ndarray:
+    """Return the root mean square error of display colours 0 … 1 with this PSNR."""
+    return np.asarray(10.0 ** (-psnr / 20.0))
+
+
+def error_against_time(context: FrontierContext) -> Iterator[Found]:
+    """Yield the means with intervals over scenes, the table of all scores, and log–log curves."""
+    frontier = context.frontier()
+    families, last = frontier.trained, frontier.budgets[-1]
+    means = {family: frontier.table(last, (family,)).mean() for family in families}
+    best = max(families, key=lambda family: -np.inf if np.isnan(means[family]) else means[family])
+    yield (
+        f"At {last:g} core seconds {best} has the best mean over {len(frontier.extent.scenes)} scenes, "
+        f"{means[best]:.2f} dB; nerf has {means['nerf']:.2f} dB."
+        if "nerf" in means
+        else f"At {last:g} core seconds {best} has the best mean, {means[best]:.2f} dB."
+    )
+    for budget in frontier.budgets:
+        yield from without_a_score(frontier.cells[budget], f"At {budget:g} core seconds ")
+    yield over_scenes(frontier)
+    yield Table(
+        "by_scene", 0, "PSNR by scene and budget, dB, mean over seeds",
+        ["scene", "core s", *families],
+        [
+            [scene, f"{budget:g}", *(_decibels(row[place]) for row in frontier.table(budget, families))]
+            for place, scene in enumerate(frontier.extent.scenes)
+            for budget in frontier.budgets
+        ],
+    )  # fmt: skip
+    for axis in AXES:
+        scenes = (None, *frontier.extent.scenes) if axis == "core_seconds" else (None,)
+        for scene in scenes:
+            yield from lines(frontier, axis, scene)
+
+
+def over_scenes(frontier: Frontier) -> Table:
+    """Return the mean PSNR of each family at each budget with its 95 % interval over scenes, and steps done."""
+    rows: list[list[str | float | None]] = []
+    for family in frontier.trained:
+        entries = []
+        for budget in frontier.budgets:
+            scores = frontier.table(budget, (family,))[0]
+            if np.isnan(scores).any():
+                entries.append("a scene without a score")
+                continue
+            found = paired_difference(scores)
+            half = "" if found.interval is None else f" ± {found.interval[1] - found.mean:.2f}"
+            steps = np.median([cell.steps for cell in frontier.of(budget, family)])
+            entries.append(f"{found.mean:.2f}{half} ({steps:.0f} steps)")
+        rows.append([family, *entries])
+    title = "PSNR over scenes, dB: mean ± 95 % interval over scenes (median steps)"
+    return Table("over_scenes", 0, title, ["family", *(f"{budget:g} core s" for budget in frontier.budgets)], rows)
+
+
+def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
+    """Yield the curve of each family, of one scene or of all, and the floor and ceiling of a scene."""
+    names = frontier.extent.scenes
+    chosen = [names.index(scene)] if scene else list(range(len(names)))
+    panel = f"Error against {AXES[axis]}, {scene or EVERY}"
+    for family in frontier.trained:
+        x, y, low, high = [], [], [], []
+        for budget in frontier.budgets:
+            scores = frontier.table(budget, (family,))[0][chosen]
+            known = scores[~np.isnan(scores)]
+            if not len(known):
+                continue
+            x.append(place_of(frontier, budget, family, axis))
+            y.append(float(error_of(known.mean())))
+            low.append(float(error_of(known.max())) if len(chosen) > 1 else None)
+            high.append(float(error_of(known.min())) if len(chosen) > 1 else None)
+        band = (low, high) if len(chosen) > 1 else (None, None)
+        yield Series(panel, 0, family, AXES[axis], ERROR, x, y, *band)
+    for words, name in (("copying the nearest training view", "psnr_floor"), ("noise of the truth", "psnr_ceiling")):
+        values = [cell.scores.get(name) for cells in frontier.cells.values() for cell in cells if cell.scene == scene]
+        known = [value for value in values if value is not None]
+        if known and axis == "core_seconds":
+            level = float(error_of(np.median(known)))
+            ends = [frontier.budgets[0], frontier.budgets[-1]]
+            yield Series(panel, 0, words, AXES[axis], ERROR, ends, [level, level])
+
+
+def place_of(frontier: Frontier, budget: float, family: str, axis: str) -> float:
+    """Return the median of what its cells took of that budget."""
+    values = {
+        "core_seconds": lambda cell: cell.train_core_seconds,
+        "seconds": lambda cell: cell.train_seconds,
+        "evaluations": lambda cell: cell.curve[-1].network_evaluations,
+    }
+    return float(np.median([values[axis](cell) for cell in frontier.of(budget, family)]))
+
+
+def _decibels(value: float) -> str | None:
+    return None if np.isnan(value) else f"{value:.2f}"

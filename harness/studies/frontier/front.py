@@ -1,0 +1,98 @@
+"""Who is best at which budget, how surely, where one family overtakes another, and whether early ranks stay."""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+
+from harness.records.study import Table
+from harness.studies.evidence.contrasts import listed
+from harness.studies.framework import Found
+from harness.studies.frontier.frontier_context import Frontier, FrontierContext
+from harness.verdicts.frontier import best_shares, crossing, front_shares, rank_correlation
+from harness.verdicts.statistics import paired_difference
+
+SURE = 0.95
+
+
+def front(context: FrontierContext) -> Iterator[Found]:
+    """Yield the probabilities, the crossings and the rank correlations."""
+    frontier = context.frontier()
+    families, budgets = frontier.trained, frontier.budgets
+    tables = [frontier.table(budget, families) for budget in budgets]
+    best = [best_shares(table) for table in tables]
+    yield answer(families, budgets, best)
+    yield early_and_late(families, budgets, tables)
+    for budget, table in zip(budgets, tables, strict=True):
+        yield from _not_told_apart(budget, families, table)
+    columns = ["family", *(f"{budget:g} core s" for budget in budgets)]
+    for name, title, shares in (
+        ("best", "Probability of the best mean over scenes", np.array(best)),
+        ("on_front", "Probability of being on the Pareto front of core seconds and PSNR", front_shares(tables)),
+    ):
+        rows: list[list[str | float | None]] = [
+            [family, *(_share(row[place]) for row in shares)] for place, family in enumerate(families)
+        ]
+        yield Table(name, 0, title, columns, rows)
+    yield _crossings(frontier)
+    yield _correlations(budgets, tables)
+
+
+def answer(families: tuple[str, ...], budgets: list[float], best: list[np.ndarray]) -> str:
+    """Return who is best when, with the probability."""
+    parts = []
+    for budget, shares in zip(budgets, best, strict=True):
+        leader = families[int(np.argmax(shares))]
+        parts.append(f"{leader} at {budget:g} core seconds ({_share(shares.max())})")
+    return f"Best mean, with the probability over scenes: {listed(parts)}."
+
+
+def early_and_late(families: tuple[str, ...], budgets: list[float], tables: list[np.ndarray]) -> str:
+    """Return whether the winner of the shortest budget is that of the longest."""
+    early, late = (families[int(np.nanargmax(table.mean(axis=1)))] for table in (tables[0], tables[-1]))
+    tau = rank_correlation(tables[0].mean(axis=1), tables[-1].mean(axis=1))
+    ends = f"The winner at {budgets[0]:g} core seconds, {early}, is"
+    then = f"also the winner at {budgets[-1]:g}" if early == late else f"not that at {budgets[-1]:g}, {late}"
+    return f"{ends} {then}; Kendall's τ of the two rankings is {tau:.2f}."
+
+
+def _not_told_apart(budget: float, families: tuple[str, ...], table: np.ndarray) -> Iterator[str]:
+    """Yield which families cannot be told from the best by paired differences over scenes."""
+    known = [place for place in range(len(families)) if not np.isnan(table[place]).any()]
+    if len(known) < 2 or table.shape[1] < 2:
+        return
+    leader = max(known, key=lambda place: float(table[place].mean()))
+    near = []
+    for place in known:
+        if place == leader:
+            continue
+        found = paired_difference(table[place] - table[leader], family=len(known) - 1)
+        if found.simultaneous is None or found.simultaneous[1] >= 0.0:
+            near.append(families[place])
+    if near:
+        yield f"At {budget:g} core seconds {listed(near)} cannot be told from {families[leader]} on these scenes."
+
+
+def _crossings(frontier: Frontier) -> Table:
+    rows: list[list[str | float | None]] = []
+    for first, second in itertools.permutations(frontier.trained, 2):
+        lines = [np.array([frontier.table(at, (name,))[0] for at in frontier.budgets]) for name in (first, second)]
+        if found := crossing(frontier.budgets, *lines):
+            at, (low, high), share = found
+            rows.append([second, first, f"{at:.3g}", f"{low:.3g} to {high:.3g}", _share(share)])
+    title = "From how many core seconds on one family is ahead of another for good"
+    return Table("crossings", 0, title, ["family", "overtakes", "at", "95 % interval", "share of draws"], rows)
+
+
+def _correlations(budgets: list[float], tables: list[np.ndarray]) -> Table:
+    means = [table.mean(axis=1) for table in tables]
+    rows: list[list[str | float | None]] = [
+        [f"{budget:g} core s", *(f"{rank_correlation(one, other):.2f}" for other in means)]
+        for budget, one in zip(budgets, means, strict=True)
+    ]
+    title = "Kendall's τ between the rankings at two budgets"
+    return Table("correlations", 0, title, ["", *(f"{budget:g} core s" for budget in budgets)], rows)
+
+
+def _share(value: float) -> str:
+    return f"{100.0 * value:.0f} %"

@@ -1,0 +1,58 @@
+"""Does it help a grid that its resolutions grow by the golden ratio? Each family against its controls."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from harness.records.cells import CellRecord
+from harness.records.study import Table
+from harness.studies.evidence.contrasts import (
+    Tables,
+    chosen,
+    effects_of_table,
+    in_words,
+    listed,
+    score_table,
+    without_a_score,
+)
+from harness.studies.framework import Found
+from harness.studies.frontier.frontier_context import PHI_BUDGET, PHI_METHODS, FrontierContext
+from harness.verdicts.failures import judgeable
+
+CONTROLS = {"same_ends": "the same coarsest and finest level", "same_size": "as many learnt numbers"}
+
+
+def phi(context: FrontierContext) -> Iterator[Found]:
+    """Yield the effects, in the core seconds that all have alike, and the scores."""
+    cells = context.trained("phi").cells
+    effects = [
+        effect
+        for family in ("planes", "hash_grid")
+        for control in CONTROLS
+        for effect in effects_of_table(
+            _differences(context, cells, f"{family}_phi", f"{family}_{control}"),
+            f"{family}_phi", "psnr", "core_seconds", 1, against=f"{family}_{control}",
+        )
+    ]  # fmt: skip
+    for family in ("planes", "hash_grid"):
+        words = []
+        for control, what in CONTROLS.items():
+            over_all = chosen(effects, scene="all", budget="core_seconds", against=f"{family}_{control}")
+            words += [f"{in_words(effect)} against {what}" for effect in over_all]
+        yield f"Growing by φ changes the PSNR of {family} at {PHI_BUDGET:g} core seconds by {listed(words)}."
+    yield from without_a_score(cells)
+    yield from effects
+    columns, scores = score_table(cells, PHI_METHODS, ("psnr",))
+    title = f"PSNR at {PHI_BUDGET:g} core seconds, dB: mean ± sd over seeds"
+    yield Table("phi_scores", 0, title, ["method", *columns], [[method, *row] for method, row in scores.items()])
+
+
+def _differences(context: FrontierContext, cells: list[CellRecord], method: str, against: str) -> Tables:
+    """Return the differences of the last scores by scene; NaN for a seed without one. All trained for as long."""
+    scores = {(c.scene, c.method, c.seed): c.scores.get("psnr") for c in cells if judgeable(c)}
+    extent = context.extent
+
+    def of(scene: str, name: str) -> np.ndarray:
+        return np.array([scores.get((scene, name, seed)) for seed in extent.phi_seeds], dtype=np.float64)
+
+    return {scene: of(scene, method) - of(scene, against) for scene in extent.scenes}
