@@ -13,12 +13,11 @@ from typing import cast
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from numba import njit
 from torch import Tensor
 from torch.nn.functional import normalize
 
 from baselines.contract import Box, Densities, Points, Rays, Rendering
-from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, Drawn, RayCells
+from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, Drawn, RayCells, add_densities
 
 DEGREE = 2
 """The degree of the spherical harmonics, where colour depends on the direction."""
@@ -139,7 +138,7 @@ class Gaussians:
         points = (x - 0.5 * (self.box.lower + self.box.upper)) / self.box.half_extent
         total = np.zeros(len(x), dtype=np.float32)
         far = (4.0 * scales.amax(dim=-1)).numpy()
-        _add_densities(points.numpy(), position.numpy(), whitened.contiguous().numpy(), peak.numpy(), far, total)
+        add_densities(points.numpy(), position.numpy(), whitened.contiguous().numpy(), peak.numpy(), far, total)
         return torch.from_numpy(total)
 
     def density_before_and_after(self, x: Points) -> tuple[Densities, Densities]:
@@ -156,19 +155,3 @@ def _by_camera(origins: Float[Tensor, "rays 3"]) -> Iterator[Int[Tensor, " chose
     _, camera = torch.unique(origins, dim=0, return_inverse=True)
     for number in range(int(camera.max()) + 1):
         yield torch.nonzero(camera == number)[:, 0]
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _add_densities(
-    x: np.ndarray, middle: np.ndarray, whitened: np.ndarray, peak: np.ndarray, far: np.ndarray, total: np.ndarray
-) -> None:
-    """Add to `total` [points] what Gaussians up to `far` [n] away from their `middle` [n, 3] have of `peak` [n]."""
-    for g in range(middle.shape[0]):
-        for p in range(x.shape[0]):
-            dx, dy, dz = x[p, 0] - middle[g, 0], x[p, 1] - middle[g, 1], x[p, 2] - middle[g, 2]
-            if abs(dx) < far[g] and abs(dy) < far[g] and abs(dz) < far[g]:
-                square = np.float32(0.0)
-                for axis in range(3):
-                    along = whitened[g, axis, 0] * dx + whitened[g, axis, 1] * dy + whitened[g, axis, 2] * dz
-                    square += along * along
-                total[p] += peak[g] * np.exp(np.float32(-0.5) * square)

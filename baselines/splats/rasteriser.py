@@ -339,6 +339,23 @@ def _backward(
         to_colours[g, 0], to_colours[g, 1], to_colours[g, 2], to_colours[g, 3] = c0, c1, c2, c3
 
 
+@njit(cache=True, error_model="numpy", nogil=True)
+@no_type_check
+def add_densities(
+    x: np.ndarray, middle: np.ndarray, whitened: np.ndarray, peak: np.ndarray, far: np.ndarray, total: np.ndarray
+) -> None:
+    """Add to `total` [points] what Gaussians up to `far` [n] away from their `middle` [n, 3] have of `peak` [n]."""
+    for g in range(middle.shape[0]):
+        for p in range(x.shape[0]):
+            dx, dy, dz = x[p, 0] - middle[g, 0], x[p, 1] - middle[g, 1], x[p, 2] - middle[g, 2]
+            if abs(dx) < far[g] and abs(dy) < far[g] and abs(dz) < far[g]:
+                square = np.float32(0.0)
+                for axis in range(3):
+                    along = whitened[g, axis, 0] * dx + whitened[g, axis, 1] * dy + whitened[g, axis, 2] * dz
+                    square += along * along
+                total[p] += peak[g] * math.exp(-HALF * square)
+
+
 class Drawn(torch.autograd.Function):
     """Colour and depth [rays, 4] without a background, transmittance [rays], and the number of times that a Gaussian
     was drawn on a ray; differentiable once in the Gaussians. The direction from which a Gaussian is seen counts as

@@ -54,7 +54,7 @@ def costs(context: FrontierContext) -> Iterator[Found]:
                 *geometry, f"{lost} of {len(ended)} ({100 * low:.0f} to {100 * high:.0f} %)",
             ]
         )  # fmt: skip
-    columns = ["family", "learnt numbers", "MB on disk", *(f"ms a view, {width} px" for width in WIDTHS)]
+    columns = ["family", "learnt numbers", "MB on disk", *(f"ms a view, {width} px" for width in ROUNDS)]
     columns += ["depth RMSE", "opacity IoU", "failed (95 % of the rate)"]
     yield Table("costs", 0, f"Models of {last:g} core seconds; a view of {scene}", columns, rows)
     yield time_to_score(frontier)

@@ -16,9 +16,9 @@ ERROR = "root mean square error of display colour"
 EVERY = "all scenes"
 
 
-def error_of(psnr: np.ndarray) -> np.ndarray:
+def error_of(psnr: float) -> float:
     """Return the root mean square error of display colours 0 … 1 with this PSNR."""
-    return np.asarray(10.0 ** (-psnr / 20.0))
+    return float(10.0 ** (-psnr / 20.0))
 
 
 def error_against_time(context: FrontierContext) -> Iterator[Found]:
@@ -79,20 +79,19 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
         x, y, low, high = [], [], [], []
         for budget in frontier.budgets:
             scores = frontier.table(budget, (family,))[0][chosen]
-            known = scores[~np.isnan(scores)]
-            if not len(known):
+            if np.isnan(scores).any():
                 continue
+            found = paired_difference(scores)
             x.append(place_of(frontier, budget, family, axis))
-            y.append(float(error_of(known.mean())))
-            low.append(float(error_of(known.max())) if len(chosen) > 1 else None)
-            high.append(float(error_of(known.min())) if len(chosen) > 1 else None)
-        band = (low, high) if len(chosen) > 1 else (None, None)
-        yield Series(panel, 0, family, AXES[axis], ERROR, x, y, *band)
+            y.append(error_of(found.mean))
+            low.append(None if found.interval is None else error_of(found.interval[1]))
+            high.append(None if found.interval is None else error_of(found.interval[0]))
+        yield Series(panel, 0, family, AXES[axis], ERROR, x, y, low, high)
     for words, name in (("copying the nearest training view", "psnr_floor"), ("noise of the truth", "psnr_ceiling")):
         values = [cell.scores.get(name) for cells in frontier.cells.values() for cell in cells if cell.scene == scene]
         known = [value for value in values if value is not None]
         if known and axis == "core_seconds":
-            level = float(error_of(np.median(known)))
+            level = error_of(float(np.median(known)))
             ends = [frontier.budgets[0], frontier.budgets[-1]]
             yield Series(panel, 0, words, AXES[axis], ERROR, ends, [level, level])
 

@@ -1,5 +1,7 @@
 """Splats against the slow reference, closed forms and finite differences, and what a picture must not depend on."""
 
+import math
+
 import pytest
 import torch
 from torch import Tensor
@@ -52,3 +54,123 @@ def test_picture_and_gradient_are_those_of_the_slow_reference(columns: int) -> N
     for ours, theirs in zip(*results, strict=True):
         assert float(theirs.detach().abs().max()) > 0.1
         torch.testing.assert_close(ours, theirs, rtol=1e-6, atol=1e-7)
+
+
+def ball(scale: float, opacity: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Tensor:
+    """Return one grey ball [1, 14]."""
+    logit = math.log(opacity / (1.0 - opacity))
+    return torch.tensor([[*at, *[math.log(scale)] * 3, 1.0, 0.0, 0.0, 0.0, logit, 0.0, 0.0, 0.0]], dtype=torch.float64)
+
+
+def ahead() -> Tensor:
+    """Return the one ray through the middle, and three that widen the plane's grid."""
+    return torch.tensor([[0.0, 0.0], [0.1, 0.1], [-0.1, -0.1], [0.05, 0.0]], dtype=torch.float64)
+
+
+@pytest.mark.parametrize("scale", [0.02, 0.2])
+def test_a_ball_has_its_opacity_in_the_middle_and_falls_off_as_a_gaussian(scale: float) -> None:
+    """At distance 4 a standard deviation is seen as scale / 4."""
+    out, through, count = drawn(ball(scale, 0.6), ahead(), widened=0.0)
+    for ray, away in ((0, 0.0), (3, 0.05)):
+        alpha = 0.6 * math.exp(-0.5 * (4.0 * away / scale) ** 2)
+        alpha = alpha if alpha > 1.0 / 255.0 else 0.0
+        assert float(1.0 - through[ray]) == pytest.approx(alpha, rel=1e-5)
+        assert out[ray].tolist() == pytest.approx([0.5 * alpha] * 3 + [4.0 * alpha], rel=1e-5)
+    assert count >= 1
+
+
+def test_a_disc_seen_edge_on_is_as_thin_as_it_is_widened() -> None:
+    values = ball(0.2, 0.9)
+    _, axes = camera()
+    values[:, 3:6] = torch.tensor([0.2, 1e-6, 0.2]).log()  # flat along y
+    angle = torch.linalg.cross(torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64), axes[:, 0])
+    cosine = float(axes[1, 0])
+    quaternion = torch.cat([torch.tensor([1.0 + cosine], dtype=torch.float64), angle])  # takes y to the right
+    values[:, 6:10] = quaternion
+    at = torch.tensor([[0.0, 0.0], [0.005, 0.0], [0.0, 0.05], [0.2, 0.2]], dtype=torch.float64)
+    _, through, _ = drawn(values, at, widened=0.01)
+    across, along = math.exp(-0.5 * (4 * 0.005 / 0.01) ** 2), math.exp(-0.5 * (4 * 0.05) ** 2 / (0.2**2 + 0.01**2))
+    assert (1.0 - through)[:3].tolist() == pytest.approx([0.9, 0.9 * across, 0.9 * along], rel=1e-4)
+
+
+def test_what_is_behind_the_camera_or_in_it_is_not_drawn() -> None:
+    origin, axes = camera()
+    behind = (origin - axes[:, 2]).tolist()
+    for place in (behind, origin.tolist()):
+        out, through, count = drawn(ball(0.1, 0.9, tuple(place)), ahead())
+        assert (count, float(out.abs().max()), float(through.min())) == (0, 0.0, 1.0)
+
+
+def test_the_nearer_one_covers_the_farther_one_in_whatever_order_they_are_listed() -> None:
+    origin, axes = camera()
+    near, far = (ball(0.2, 0.97, tuple((origin + depth * axes[:, 2]).tolist())) for depth in (3.0, 5.0))
+    near[:, 11] = 1.0
+    pictures = [drawn(torch.cat(pair), ahead()) for pair in ((near, far), (far, near))]
+    assert all(torch.equal(one, other) for one, other in zip(pictures[0][:2], pictures[1][:2], strict=True))
+    red, green, _, depth = pictures[0][0][0].tolist()
+    assert red > 1.3 * green
+    assert depth == pytest.approx(0.97 * 3.0 + 0.03 * 0.97 * 5.0, rel=1e-3)
+
+
+def test_nothing_is_quite_opaque_and_what_cannot_be_seen_ends_the_ray() -> None:
+    _, through, count = drawn(ball(0.5, 1.0 - 1e-9).repeat(9, 1), ahead()[:1].repeat(4, 1), widened=0.0)
+    assert through.tolist() == pytest.approx([0.01**2] * 4, rel=1e-4) or float(through.max()) <= 0.01**2
+    assert count <= 3 * 4
+
+
+def test_gradients_are_those_of_finite_differences() -> None:
+    """Every part of a Gaussian, where no ray passes the edge at which it ends."""
+    values, at = scene(6, seed=3), 0.3 * rays(5)
+    values[:, 3:6] += 1.0
+    weight = torch.randn(len(at), 4, dtype=torch.float64, generator=torch.Generator().manual_seed(4))
+
+    def loss(some: Tensor) -> Tensor:
+        out, through, _ = drawn(some, at)
+        return (weight * out).sum() + (weight[:, 1] * through).sum()
+
+    leaf = values.clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(loss(leaf), leaf)
+    step = 1e-6
+    for column in range(3, values.shape[1]):  # of a position, the direction of the colour counts as given
+        moved = [values.clone() for _ in range(2)]
+        for sign, some in zip((1.0, -1.0), moved, strict=True):
+            some[2, column] += sign * step
+        slope = float(loss(moved[0]) - loss(moved[1])) / (2.0 * step)
+        assert float(gradient[2, column]) == pytest.approx(slope, rel=2e-3, abs=2e-5), column
+
+
+def test_the_same_bits_on_one_thread_and_on_three() -> None:
+    values, at = scene(200, kind=torch.float32), rays(40, torch.float32)
+    before = torch.get_num_threads()
+    try:
+        pictures = []
+        for threads in (1, 3):
+            torch.set_num_threads(threads)
+            pictures.append(drawn(values, at))
+    finally:
+        torch.set_num_threads(before)
+    assert torch.equal(pictures[0][0], pictures[1][0])
+    assert torch.equal(pictures[0][1], pictures[1][1])
+    assert pictures[0][2] == pictures[1][2]
+
+
+def test_a_ray_is_drawn_the_same_whatever_others_are_drawn_with_it() -> None:
+    values, at = scene(60, kind=torch.float32), rays(20, torch.float32)
+    out, through, _ = drawn(values, at)
+    some = torch.arange(0, len(at), 7)
+    part, part_through, _ = drawn(values, at[some])
+    torch.testing.assert_close(part, out[some], rtol=0, atol=1e-6)
+    torch.testing.assert_close(part_through, through[some], rtol=0, atol=1e-6)
+
+
+def test_every_point_is_in_its_cell() -> None:
+    at = rays(9).numpy()
+    cells = RayCells.of(at)
+    assert (cells.at == at[cells.order]).all()
+    assert (cells.order[cells.back] == range(len(at))).all()
+    for cell, (start, end) in enumerate(zip(cells.start, cells.start[1:], strict=False)):
+        row, column = divmod(cell, cells.columns)
+        for point in cells.at[start:end]:
+            place = (point - cells.lower) / cells.size
+            assert column - 1e-6 <= place[0] <= column + 1 + 1e-6
+            assert row - 1e-6 <= place[1] <= row + 1 + 1e-6
