@@ -25,7 +25,7 @@ class Method:
     """The parts of a network; None for a method of another kind."""
     title: str
     """A one-line description for the report."""
-    kind: Literal["network", "splats", "voxels_drjit"] = "network"
+    kind: Literal["network", "splats", "ellipsoids", "voxels_drjit"] = "network"
     """The kind of model, which determines its trainer (`harness.training.learner`)."""
     ladders: Mapping[str, Ladder] = field(default_factory=dict)
     """Additional encodings that `parts` names; `amplifiers` and `skips` likewise. They have the form of the tables
@@ -91,6 +91,7 @@ CATALOG: dict[str, Method] = {
     **{name: Method(None, title, make_field=_planes(nodes)) for name, (title, nodes) in PLANES.items()},
     **{name: Method(None, tables.title, make_field=_hash_grid(tables)) for name, tables in TABLES.items()},
     "splats": Method(None, "3-D Gaussians with spherical harmonics, drawn front to back", "splats"),
+    "ellipsoids": Method(None, "the same Gaussians, traced and differentiated by Mitsuba", "ellipsoids"),
     "voxels_drjit": Method(
         None, "no network: voxels with density and spherical harmonics, differentiated by Dr.Jit", "voxels_drjit"
     ),

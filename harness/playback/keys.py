@@ -31,7 +31,7 @@ RENDERING = (
     "harness/plan/settings.py",
     "harness/training/trainer.py",
     "harness/playback/cached.py",
-    "harness/training/voxel_trainer.py",
+    "harness/training/kinds/*.py",
 )
 """The sources that a picture comes from: another version of them may give another one. Those of attention put rays into
 chunks, and `cached` defines the channels.
@@ -74,7 +74,7 @@ def machine(learner: Learner) -> dict[str, Any]:
     on_gpu = learner.device.type == "cuda"
     return {
         "torch": torch.__version__,
-        "drjit": _drjit() if learner.method == "voxels_drjit" else None,
+        "drjit": _drjit() if learner.method in ("voxels_drjit", "ellipsoids") else None,
         "processor": [platform.machine(), processor(), torch.backends.cpu.get_cpu_capability()],
         "device": torch.cuda.get_device_name(learner.device) if on_gpu else "cpu",
         "switches": list(switches(on_gpu)),

@@ -42,11 +42,17 @@ def learner_for(
     if kind == "splats":
         if device.type != "cpu":
             raise NotAvailable("is drawn by the processor alone; --device cpu trains it")
-        from harness.training.splat_trainer import SplatTrainer
+        from harness.training.kinds.splat_trainer import SplatTrainer
 
         return SplatTrainer(*given)
     backend = drjit_backend(device)
-    from harness.training.voxel_trainer import VoxelTrainer
+    if kind == "ellipsoids":
+        if backend != "llvm" or importlib.util.find_spec("mitsuba") is None:
+            raise NotAvailable("is traced by Mitsuba on the processor; --device cpu trains it")
+        from harness.training.kinds.ellipsoid_trainer import EllipsoidTrainer
+
+        return EllipsoidTrainer(*given)
+    from harness.training.kinds.voxel_trainer import VoxelTrainer
 
     return VoxelTrainer(*given, backend)
 

@@ -92,7 +92,7 @@ def test_what_is_restored_renders_and_scores_as_it_did(method: str, three: tuple
 @pytest.mark.thorough
 @pytest.mark.parametrize("method", OTHERS)
 def test_so_it_is_with_every_other_method(method: str, all_others: tuple[Path, Rendered]) -> None:
-    if CATALOG[method].kind == "voxels_drjit":
+    if CATALOG[method].kind in ("voxels_drjit", "ellipsoids"):
         drjit_or_skip()
     assert_same(all_others[0], method, all_others[1][method])
 

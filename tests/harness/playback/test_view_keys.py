@@ -188,7 +188,7 @@ def test_the_digest_of_the_code_is_of_every_source_that_renders(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     known = modules(keys.ROOT)
-    waiting = ["harness.training.trainer", "harness.training.voxel_trainer", "harness.training.batches"]
+    waiting = ["harness.training.trainer", "harness.training.kinds.voxel_trainer", "harness.training.batches"]
     rendering: set[str] = set()
     while waiting:
         name = waiting.pop()

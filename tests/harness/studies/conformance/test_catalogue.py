@@ -35,7 +35,7 @@ def test_fields_conform(method: str, check: str) -> None:
 @pytest.mark.parametrize("check", [*QUICK, *LEARNER_CHECKS])
 @pytest.mark.parametrize("method", UNLIKE.values())
 def test_learners_conform(method: str, check: str) -> None:
-    if CATALOG[method].kind == "voxels_drjit":
+    if CATALOG[method].kind in ("voxels_drjit", "ellipsoids"):
         drjit_or_skip()
     if CATALOG[method].kind != "network" and check in FIELD_CHECKS:
         pytest.skip("no torch field")

@@ -1,12 +1,13 @@
-"""`splats` in training: one view a step, the same views, budget and clock as the others have.
+"""`splats` and `ellipsoids` in training: the same Gaussians, drawn one view a step or traced along rays of all views.
 
 The rates are those of 3D Gaussian Splatting (Kerbl et al. 2023), which trains for 30 000 steps, times a factor for a
 budget of a few hundred to a few thousand.
 """
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from jaxtyping import Float
@@ -19,13 +20,13 @@ from baselines.splats.rasteriser import COLUMNS
 from harness.plan.seeds import generator_for
 from harness.training.trainer import BudgetedTrainer, Diverged
 
-FIRST, MOST = 5000, 10_000
+FIRST, MOST = 4000, 8000
 """The number of Gaussians at the start and in the end."""
 RATES = {"position": 1e-2, "log_scale": 1e-1, "rotation": 5e-2, "opacity": 5e-1, "colour": 2e-1, "harmonics": 2.5e-2}
 """The learning rates at the start, by part."""
 LAST_RATE = 0.02
 """The share of the rates that is left in the end."""
-BETAS, EPSILON = (0.9, 0.99), 1e-15
+BETAS, EPSILON = (0.8, 0.95), 1e-15
 MOVED_EVERY = 50
 """The steps between two relocations."""
 MOVED_UNTIL = 0.9
@@ -38,15 +39,18 @@ LIGHTER = {"opacity": 1e-3, "log_scale": 1e-3}
 
 
 @dataclass(eq=False)
-class SplatTrainer(BudgetedTrainer):
-    """A trainer of Gaussians."""
+class GaussianTrainer(BudgetedTrainer):
+    """A trainer of Gaussians, however they are shown."""
 
-    whole_views = True
+    first: ClassVar[int] = FIRST
+    most: ClassVar[int] = MOST
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.field = Gaussians(self.box, self.view_dependent, torch.zeros(0, 0), 0.01)
-        self.field.values = first_values(self.box, FIRST, self.field.columns, generator_for(self.seed, "first"))
+        # bins are counted per pixel of the box's longest side, where they are (`harness.plan.needed.at_scale`)
+        pixel = 2.0 * (self.settings.bins_per_pixel or 1.0) / self.settings.bins
+        self.field = Gaussians(self.box, self.view_dependent, torch.zeros(0, 0), pixel)
+        self.field.values = first_values(self.box, self.first, self.field.columns, generator_for(self.seed, "first"))
         self.mean = torch.zeros_like(self.field.values)
         self.square = torch.zeros_like(self.field.values)
         self.seen = torch.zeros(len(self.field.values), 1)
@@ -58,44 +62,34 @@ class SplatTrainer(BudgetedTrainer):
         return self.field
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Take note of the size of a pixel, and compile the kernels, off the clock."""
-        pencil = Pencil.of(rays.origins[0], rays.directions)
-        middle = 0.5 * (self.box.lower + self.box.upper)
-        away = float((rays.origins[0] - middle).norm()) / self.box.half_extent
-        if not self.step:
-            self.field.pixel = away * float(pencil.cells.size.prod()) ** 0.5
+        """Compile the kernels, off the clock."""
         self._slope(rays, colours)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Take one step on the pixels of one view, on the clock. Raises `Diverged`; the Gaussians are then those before
-        the step.
-        """
+        """Take one step, on the clock. Raises `Diverged`; the Gaussians are then those before the step."""
         with self.clock.running():
             loss, gradient, drawn = self._slope(rays, colours)
             norm = float(gradient.norm())
             if not math.isfinite(norm):
                 raise Diverged(self.step, "gradient of the Gaussians")
-            rate = LAST_RATE ** min(self.progress, 1.0)
+            rate, before = LAST_RATE ** min(self.progress, 1.0), self.field.values
             self._adam(gradient, rate)
             generator = generator_for(self.seed, self.step, "population")
             if self.progress < MOVED_UNTIL:
                 self._move(rate, generator)
             if not bool(torch.isfinite(self.field.values).all()):
+                self.field.values = before
                 raise Diverged(self.step, "weights of the Gaussians")
         self._count(loss, (norm, norm), drawn, len(rays))
 
+    @abstractmethod
     def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
-        """Return the loss, its gradient, and how often a Gaussian was drawn on a ray. Raises `Diverged`."""
-        values = self.field.values.detach().requires_grad_()
-        out, through, drawn = self.field.draw(Pencil.of(rays.origins[0], rays.directions), values)
-        error = torch.mean((out[:, :3] + through[:, None] - colours) ** 2)
+        """Return the loss, its gradient, and how often a Gaussian was met by a ray. Raises `Diverged`."""
+
+    def _lightness(self, values: Tensor) -> Tensor:
+        """Return what the loss charges for opacity and size."""
         _, log_scale, _, logit, *_ = parts_of(values)
-        extra = LIGHTER["opacity"] * torch.sigmoid(logit).mean() + LIGHTER["log_scale"] * log_scale.exp().mean()
-        (error + extra).backward()
-        if not math.isfinite(loss := error.item()):
-            raise Diverged(self.step, "loss")
-        assert values.grad is not None
-        return loss, values.grad, drawn
+        return LIGHTER["opacity"] * torch.sigmoid(logit).mean() + LIGHTER["log_scale"] * log_scale.exp().mean()
 
     def _adam(self, gradient: Tensor, rate: float) -> None:
         """Take a step of Adam whose count of steps is each Gaussian's own."""
@@ -112,7 +106,7 @@ class SplatTrainer(BudgetedTrainer):
         values[:, :3] += wandering(values, WANDER * rate * RATES["position"], generator)
         if (self.step + 1) % MOVED_EVERY:
             return
-        more = min(MOST - len(values), len(values) // 20)
+        more = max(min(self.most - len(values), len(values) // 20), 0)
         values, changed = relocated(values, more, generator)
         for name in ("mean", "square", "seen"):
             state = getattr(self, name)
@@ -120,14 +114,6 @@ class SplatTrainer(BudgetedTrainer):
             state[changed] = 0.0
             setattr(self, name, state)
         self.field.values = values
-
-    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
-        rays.require_finite()
-        return self.field.render(rays)
-
-    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """Render all of `rays` at once: a chunk would be sorted and projected for itself."""
-        return super().render(rays, max(len(rays), 1), bins)
 
     def rendered_by(self) -> dict[str, Any]:
         return {
@@ -151,3 +137,28 @@ class SplatTrainer(BudgetedTrainer):
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
         self.mean, self.square, self.seen = (tensors[name] for name in ("mean", "square", "seen"))
+
+
+@dataclass(eq=False)
+class SplatTrainer(GaussianTrainer):
+    """A trainer of Gaussians that are drawn, all pixels of a view at a time."""
+
+    whole_views = True
+
+    def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
+        values = self.field.values.detach().requires_grad_()
+        out, through, drawn = self.field.draw(Pencil.of(rays.origins[0], rays.directions), values)
+        error = torch.mean((out[:, :3] + through[:, None] - colours) ** 2)
+        (error + self._lightness(values)).backward()
+        if not math.isfinite(loss := error.item()):
+            raise Diverged(self.step, "loss")
+        assert values.grad is not None
+        return loss, values.grad, drawn
+
+    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
+        rays.require_finite()
+        return self.field.render(rays)
+
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        """Render all of `rays` at once: a chunk would be sorted and projected for itself."""
+        return super().render(rays, max(len(rays), 1), bins)

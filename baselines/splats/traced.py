@@ -1,0 +1,130 @@
+"""The same Gaussians, traced and differentiated by Mitsuba: its shape `ellipsoids` and integrator `volprim_rf_basic`,
+which composites the largest value of each Gaussian along a ray (Moenne-Loccoz et al. 2024, arXiv 2407.07090).
+
+Importing this module imports Mitsuba and chooses its variant for the process.
+"""
+
+from typing import Any, no_type_check
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+VARIANT = "llvm_ad_rgb"
+mi.set_variant(VARIANT)
+
+from mitsuba.python.ad.integrators.volprim_rf_basic import (  # noqa: E402 — of the variant that is set
+    BasicVolumetricPrimitiveRadianceFieldIntegrator,
+)
+
+MOST_HITS = 128
+"""The most Gaussians on a ray."""
+END = 0.01
+"""The transmittance below which a ray ends, Mitsuba's own."""
+TINY = 1e-4
+"""The distance by which a ray goes on behind a Gaussian that it met, Mitsuba's own."""
+NAMES = ("shape.data", "shape.opacities", "shape.sh_coeffs")
+"""Centre, scales, and a unit quaternion x, y, z, w; opacity; harmonics, red, green and blue of one after the other."""
+
+
+class OverWhite(BasicVolumetricPrimitiveRadianceFieldIntegrator):
+    """Mitsuba's integrator, and what it has no output for: the background, and where matter is."""
+
+    @dr.syntax
+    @no_type_check
+    def seen(self, scene: Any, ray: Any) -> tuple[Any, Any, Any, Any]:
+        """Return radiance over white, transmittance, distance times opacity, and the number of Gaussians met, by the
+        loop of `sample` without a gradient.
+        """
+        start, ray = mi.Point3f(ray.o), mi.Ray3f(ray)
+        radiance, let = mi.Color3f(0.0), mi.Float(1.0)
+        distance, hits, active = mi.Float(0.0), mi.UInt32(0), mi.Bool(True)
+        while active:
+            si = scene.ray_intersect(ray, coherent=False, ray_flags=mi.RayFlags.All, active=active)
+            active &= si.is_valid()
+            emission, through = self.eval_sh_emission(si, ray, active), self.eval_transmission(si, ray, active)
+            weight = dr.select(active, let * (1.0 - through), 0.0)
+            radiance += dr.select(active, weight * emission, 0.0)
+            distance += dr.select(active, weight * dr.norm(si.p - start), 0.0)
+            let -= weight
+            ray.o = dr.select(active, si.p + ray.d * TINY, ray.o)
+            hits += dr.select(active, mi.UInt32(1), mi.UInt32(0))
+            active &= (let > END) & (hits < MOST_HITS)
+        return radiance + let, let, distance, hits
+
+
+class Traced:
+    """A scene of so many Gaussians in Mitsuba; lengths as in `baselines.splats.gaussians`."""
+
+    def __init__(self, numbers: tuple[Tensor, ...]) -> None:
+        """Take numbers as `NAMES` lists them, each [gaussians, numbers]; their count stays."""
+        self.count = len(numbers[0])
+        self.integrator = OverWhite(mi.Properties("volprim_rf_basic"))
+        self.integrator.srgb_primitives = False
+        self.integrator.max_depth = mi.UInt32(MOST_HITS)
+        data, opacities, harmonics = (part.detach().numpy() for part in numbers)
+        shape = {
+            "type": "ellipsoids",
+            "centers": mi.TensorXf(data[:, :3]),
+            "scales": mi.TensorXf(data[:, 3:6]),
+            "quaternions": mi.TensorXf(data[:, 6:]),
+            "opacities": mi.TensorXf(opacities),
+            "sh_coeffs": mi.TensorXf(harmonics),
+            "extent_adaptive_clamping": True,
+        }
+        self.scene = mi.load_dict({"type": "scene", "shape": shape})
+        self.parameters = mi.traverse(self.scene)
+        self.sampler = mi.load_dict({"type": "independent"})
+
+    def move(self, numbers: tuple[Tensor, ...]) -> None:
+        """Give the Gaussians other numbers."""
+        for name, part in zip(NAMES, numbers, strict=True):
+            self.parameters[name] = mi.Float(part.detach().numpy().ravel())
+        self.parameters.update()
+
+    def trace(
+        self, origins: Float[Tensor, "rays 3"], directions: Float[Tensor, "rays 3"]
+    ) -> tuple[Float[Tensor, "rays 3"], Float[Tensor, " rays"], Float[Tensor, " rays"], int]:
+        """Return colour over white, transmittance, distance times opacity, and the number of Gaussians met."""
+        colour, let, distance, hits = self.integrator.seen(self.scene, _ray(origins, directions))
+        dr.eval(colour, let, distance, hits)
+        whole = torch.from_numpy(np.array(colour).T.copy())
+        return whole, _tensor(let), _tensor(distance), int(np.array(hits).sum())
+
+    def gradient(
+        self,
+        origins: Float[Tensor, "rays 3"],
+        directions: Float[Tensor, "rays 3"],
+        colour: Float[Tensor, "rays 3"],
+        to_colour: Float[Tensor, "rays 3"],
+    ) -> tuple[Tensor, ...]:
+        """Return the gradient of the numbers, given that of the `colour` that `trace` returned.
+
+        The loop goes the same way once more, and finds what is behind each Gaussian by subtraction; what is behind all
+        of them is the background.
+        """
+        for name in NAMES:
+            dr.enable_grad(self.parameters[name])
+        ray, slope, state = _ray(origins, directions), _colour(to_colour), _colour(colour)
+        self.sampler.seed(0, len(origins))
+        with dr.suspend_grad():  # but for what the integrator itself resumes
+            self.integrator.sample(dr.ADMode.Backward, self.scene, self.sampler, ray, slope, state, True)
+        gradients = tuple(_tensor(dr.grad(self.parameters[name])).view(self.count, -1) for name in NAMES)
+        for name in NAMES:
+            dr.disable_grad(self.parameters[name])
+        return gradients
+
+
+def _tensor(values: Any) -> Tensor:
+    return torch.from_numpy(np.array(values))
+
+
+def _colour(values: Tensor) -> Any:
+    return mi.Color3f(values.detach().numpy().T.copy())
+
+
+def _ray(origins: Tensor, directions: Tensor) -> Any:
+    return mi.Ray3f(mi.Point3f(origins.numpy().T.copy()), mi.Vector3f(directions.numpy().T.copy()))

@@ -1,0 +1,72 @@
+"""`ellipsoids` in training: the Gaussians of `splats`, traced and differentiated by Mitsuba on rays of all views.
+
+Importing this module imports Mitsuba: `harness.training.make_learner` does so when the method is trained.
+"""
+
+import math
+from dataclasses import dataclass
+
+import drjit as dr
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from baselines.contract import Rays, Rendering
+from baselines.splats.gaussians import WIDENED, parts_of
+from baselines.splats.traced import Traced
+from harness.training.kinds.splat_trainer import GaussianTrainer
+from harness.training.trainer import Diverged
+
+
+@dataclass(eq=False)
+class EllipsoidTrainer(GaussianTrainer):
+    """A trainer of Gaussians that Mitsuba traces."""
+
+    first, most = 3000, 5000
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # several threads would add up gradients in an order that changes from run to run
+        dr.set_thread_count(1)
+
+    def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
+        rays.require_finite()
+        values = self.field.values.detach().requires_grad_()
+        numbers = self._numbers(values)
+        traced, where = self._traced(numbers), self._normalised(rays)
+        colour, _, _, met = traced.trace(*where)
+        error = colour - colours
+        if not math.isfinite(loss := float(error.square().mean())):
+            raise Diverged(self.step, "loss")
+        gradients = traced.gradient(*where, colour, 2.0 * error / error.numel())
+        torch.autograd.backward([*numbers, self._lightness(values)], [*gradients, torch.ones(())])
+        assert values.grad is not None
+        return loss, values.grad, met
+
+    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
+        rays.require_finite()
+        traced = self._traced(self._numbers(self.field.values))
+        colour, through, distance, met = traced.trace(*self._normalised(rays))
+        return Rendering(colour, 1.0 - through, distance * self.box.half_extent + through * rays.far, met)
+
+    def _numbers(self, values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
+        """Return the numbers as `baselines.splats.traced.NAMES` lists them."""
+        position, log_scale, rotation, logit, base, high = parts_of(values)
+        scales = (torch.exp(2.0 * log_scale) + (WIDENED * self.field.pixel) ** 2).sqrt()
+        quaternion = normalize(rotation, dim=-1)[:, [1, 2, 3, 0]]
+        data = torch.cat([position, scales, quaternion], dim=1)
+        return data, torch.sigmoid(logit), torch.cat([base, high], dim=1)
+
+    def _traced(self, numbers: tuple[Tensor, ...]) -> Traced:
+        """Return the scene with these numbers, made anew if their count changed."""
+        kept = self.__dict__.get("_scene")
+        if kept is None or kept.count != len(numbers[0]):
+            kept = self.__dict__["_scene"] = Traced(numbers)
+        else:
+            kept.move(numbers)
+        return kept
+
+    def _normalised(self, rays: Rays) -> tuple[Tensor, Tensor]:
+        middle = 0.5 * (self.box.lower + self.box.upper)
+        return (rays.origins - middle) / self.box.half_extent, rays.directions
