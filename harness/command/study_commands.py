@@ -104,8 +104,8 @@ def add_frontier_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
     add_shared(command, "--resolution", help="width of the views")
     size = command.add_mutually_exclusive_group()
-    size.add_argument("--quick", action="store_true", help="two scenes, three budgets: about five minutes")
-    size.add_argument("--long", action="store_true", help="budgets of 120 and 600 core seconds as well, three seeds")
+    size.add_argument("--quick", action="store_true", help="two scenes, two budgets: about five minutes")
+    size.add_argument("--long", action="store_true", help="seven budgets up to 600 core seconds, three seeds")
     command.add_argument("--pick", metavar="SCENE", help="print the family to take for a scene, from --out, do nothing")
     command.add_argument("--seconds", type=float, default=60.0, metavar="S", help="core seconds for --pick (60)")
 
@@ -133,22 +133,22 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
         from baselines.catalog import CATALOG
         from harness.machine.device import available_cores
         from harness.plan.profiles import Machine, known_names
-        from harness.studies.frontier.frontier_context import EXTENTS, run
+        from harness.studies.frontier.frontier_context import AMOUNTS, run
         from scenes.catalog.entries import CATALOG as SCENES
 
-        extent = EXTENTS["quick" if options.quick else "long" if options.long else "default"]
+        amount = AMOUNTS["quick" if options.quick else "long" if options.long else "default"]
         if options.scenes:
-            extent = replace(extent, scenes=known_names("--scenes", options.scenes, list(SCENES)))
+            amount = replace(amount, scenes=known_names("--scenes", options.scenes, list(SCENES)))
         if options.methods:
-            extent = replace(extent, families=known_names("--methods", options.methods, list(CATALOG)))
+            amount = replace(amount, families=known_names("--methods", options.methods, list(CATALOG)))
         if options.budgets:
-            extent = replace(extent, budgets=tuple(sorted(set(options.budgets))))
+            amount = replace(amount, budgets=tuple(sorted(set(options.budgets))))
         if options.seeds:
-            extent = replace(extent, seeds=tuple(range(options.seeds)))
+            amount = replace(amount, seeds=tuple(range(options.seeds)))
         if options.resolution:
-            extent = replace(extent, resolution=options.resolution)
+            amount = replace(amount, resolution=options.resolution)
         machine = Machine("cpu", available_cores(), 1)
-        return lambda studies, out: run(studies, extent, out, options.view_sets, machine, options.resume, show)
+        return lambda studies, out: run(studies, amount, out, options.view_sets, machine, options.resume, show)
 
     return _run_shelf(options, SHELF, show, prepare)
 

@@ -247,7 +247,8 @@ def from_plain(kind: type[Settings], data: Any, path: Path) -> Settings:
     """
     try:
         settings: Any = msgspec.convert(data, kind)
-        if unlike := _unlike(asdict(settings), data):
+        ours = settings.settings() if isinstance(settings, Budget) else asdict(settings)
+        if unlike := _unlike(ours, data):
             raise ValueError(f"{kind.__name__}: {unlike}")
     except (msgspec.ValidationError, ValueError) as error:
         raise InputError(f"{path}: its settings are not those of this version ({error}); run again") from error

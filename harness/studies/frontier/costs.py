@@ -25,7 +25,7 @@ def costs(context: FrontierContext) -> Iterator[Found]:
     """Yield the costs of each family, and when it reaches 25, 28 and 30 dB."""
     frontier = context.frontier()
     last = frontier.budgets[-1]
-    scene = frontier.extent.scenes[-1]
+    scene = frontier.amount.scenes[-1]
     machine = context.machine
     use_threads(machine.workers * machine.threads)  # nothing else is measured meanwhile
     try:
@@ -64,7 +64,7 @@ def drawing(context: FrontierContext, scene: str, family: str, budget: float) ->
     """Return the median seconds of drawing a test view, by width."""
     run = FinishedRun.of(folder_of(context.out, f"{CORE_SECONDS}{budget:g}"))
     (record,) = run.scenes([scene])
-    seed = context.extent.seeds[0]
+    seed = context.amount.seeds[0]
     cell = run.trained(record, family, seed, torch.device(context.machine.device))
     views = run.views(record, context.view_sets, geometry=False, scratch=context.scratch)
     camera = cell.camera(views.test.camera_to_world[0])
@@ -90,7 +90,7 @@ def time_to_score(frontier: Frontier) -> Table:
             tables = {budget: frontier.table(budget, (family,))[0] for budget in frontier.budgets}
             first = [
                 min((budget for budget in tables if tables[budget][place] >= target), default=np.inf)
-                for place in range(len(frontier.extent.scenes))
+                for place in range(len(frontier.amount.scenes))
             ]
             reached = sum(np.isfinite(first))
             middle = float(np.median(first))

@@ -28,7 +28,7 @@ def error_against_time(context: FrontierContext) -> Iterator[Found]:
     means = {family: frontier.table(last, (family,)).mean() for family in families}
     best = max(families, key=lambda family: -np.inf if np.isnan(means[family]) else means[family])
     yield (
-        f"At {last:g} core seconds {best} has the best mean over {len(frontier.extent.scenes)} scenes, "
+        f"At {last:g} core seconds {best} has the best mean over {len(frontier.amount.scenes)} scenes, "
         f"{means[best]:.2f} dB; nerf has {means['nerf']:.2f} dB."
         if "nerf" in means
         else f"At {last:g} core seconds {best} has the best mean, {means[best]:.2f} dB."
@@ -41,12 +41,12 @@ def error_against_time(context: FrontierContext) -> Iterator[Found]:
         ["scene", "core s", *families],
         [
             [scene, f"{budget:g}", *(_decibels(row[place]) for row in frontier.table(budget, families))]
-            for place, scene in enumerate(frontier.extent.scenes)
+            for place, scene in enumerate(frontier.amount.scenes)
             for budget in frontier.budgets
         ],
     )  # fmt: skip
     for axis in AXES:
-        scenes = (None, *frontier.extent.scenes) if axis == "core_seconds" else (None,)
+        scenes = (None, *frontier.amount.scenes) if axis == "core_seconds" else (None,)
         for scene in scenes:
             yield from lines(frontier, axis, scene)
 
@@ -72,7 +72,7 @@ def over_scenes(frontier: Frontier) -> Table:
 
 def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
     """Yield the curve of each family, of one scene or of all, and the floor and ceiling of a scene."""
-    names = frontier.extent.scenes
+    names = frontier.amount.scenes
     chosen = [names.index(scene)] if scene else list(range(len(names)))
     panel = f"Error against {AXES[axis]}, {scene or EVERY}"
     for family in frontier.trained:

@@ -9,7 +9,7 @@ from harness.records.study import Table
 from harness.studies.evidence.contrasts import listed
 from harness.studies.framework import Found
 from harness.studies.frontier.frontier_context import Frontier, FrontierContext
-from harness.verdicts.frontier import best_shares, crossing, front_shares, rank_correlation
+from harness.verdicts.pareto import best_shares, crossing, front_shares, rank_correlation
 from harness.verdicts.statistics import paired_difference
 
 SURE = 0.95

@@ -20,21 +20,19 @@ from harness.studies.trained_context import TrainedContext, with_valid_trainings
 from harness.verdicts.failures import judgeable
 from scenes.catalog.entries import CLASSICS
 
-FAMILIES = ("nerf", "qnerf", "planes", "hash_grid", "splats", "voxels_drjit")
+FAMILIES = ("nerf", "qnerf", "planes", "hash_grid", "splats", "ellipsoids", "voxels_drjit")
 PHI = ("planes_phi", "planes_same_ends", "planes_same_size")
 PHI_METHODS = (*PHI, *(name.replace("planes", "hash_grid") for name in PHI))
 PHI_BUDGET = 15.0
 CORE_SECONDS = "core_seconds_"
 """How the name of the training of a budget begins."""
-
-
-BUDGETS = (4.0, 8.0, 15.0, 30.0, 60.0)
-LONG_BUDGETS = (*BUDGETS, 120.0, 600.0)
-"""The budgets of a cell's training, in core seconds."""
+BUDGETS = (4.0, 15.0, 60.0)
+LONG_BUDGETS = (4.0, 8.0, 15.0, 30.0, 60.0, 120.0, 600.0)
+"""The budgets of a cell's training, in core seconds: those of an hour on two cores, and all."""
 
 
 @dataclass(frozen=True)
-class Extent:
+class Amount:
     """What is trained, and for how long."""
 
     scenes: tuple[str, ...] = tuple(CLASSICS)
@@ -52,10 +50,10 @@ class Extent:
         return {AT_BUDGETS: cells * sum(self.budgets), "phi": phi}
 
 
-EXTENTS = {
-    "default": Extent(),
-    "quick": Extent(("ficus", "lego"), budgets=BUDGETS[:3], phi_seeds=(0,)),
-    "long": Extent(budgets=LONG_BUDGETS, seeds=(0, 1, 2), phi_seeds=(0, 1, 2)),
+AMOUNTS = {
+    "default": Amount(),
+    "quick": Amount(("ficus", "lego"), budgets=BUDGETS[:2], phi_seeds=(0,)),
+    "long": Amount(budgets=LONG_BUDGETS, seeds=(0, 1, 2), phi_seeds=(0, 1, 2)),
 }
 
 
@@ -77,11 +75,11 @@ class FrontierContext(TrainedContext):
     command = "nox -s frontier"
     precision_as_planned: bool
     """Whether this processor has the profile's bfloat16 matrix multiplications."""
-    extent: Extent
+    amount: Amount
 
     def named(self, *trainings: str) -> list[str]:
         """Return the names of trainings, with one for each budget."""
-        budgets = [f"{CORE_SECONDS}{budget:g}" for budget in self.extent.budgets]
+        budgets = [f"{CORE_SECONDS}{budget:g}" for budget in self.amount.budgets]
         return [name for training in trainings for name in (budgets if training == AT_BUDGETS else [training])]
 
     def repaired(self, name: str) -> bool:
@@ -91,32 +89,32 @@ class FrontierContext(TrainedContext):
         return super().scale(*self.named(*names))
 
     def plan(self, name: str) -> Plan:
-        profile, extent, is_phi = PROFILES["reduced"], self.extent, name == "phi"
+        profile, amount, is_phi = PROFILES["reduced"], self.amount, name == "phi"
         train = profile.train if self.precision_as_planned else replace(profile.train, precision="float32")
         budget = PHI_BUDGET if is_phi else float(name.removeprefix(CORE_SECONDS))
         return replace(
             profile,
-            scenes=extent.scenes,
-            methods=PHI_METHODS if is_phi else extent.families,
-            seeds=extent.phi_seeds if is_phi else extent.seeds,
+            scenes=amount.scenes,
+            methods=PHI_METHODS if is_phi else amount.families,
+            seeds=amount.phi_seeds if is_phi else amount.seeds,
             budget=Budget(None, None, budget),
             train=settings_for(budget, train),
             score=replace(profile.score, checkpoints=1, stored_views=1),
-            views=replace(profile.views, resolution=extent.resolution),
+            views=replace(profile.views, resolution=amount.resolution),
             extras=(),
         )
 
     def frontier(self) -> "Frontier":
         """Return all cells of the budgets, trained now or before."""
-        cells = {budget: self.trained(f"{CORE_SECONDS}{budget:g}").cells for budget in self.extent.budgets}
-        return Frontier(self.extent, cells)
+        cells = {budget: self.trained(f"{CORE_SECONDS}{budget:g}").cells for budget in self.amount.budgets}
+        return Frontier(self.amount, cells)
 
 
 @dataclass(frozen=True)
 class Frontier:
     """The cells of every budget."""
 
-    extent: Extent
+    amount: Amount
     cells: dict[float, list[CellRecord]]
 
     @property
@@ -126,7 +124,7 @@ class Frontier:
     @property
     def trained(self) -> tuple[str, ...]:
         """Return the families with any score."""
-        return tuple(name for name in self.extent.families if any(self.of(budget, name) for budget in self.cells))
+        return tuple(name for name in self.amount.families if any(self.of(budget, name) for budget in self.cells))
 
     def of(self, budget: float, family: str) -> list[CellRecord]:
         """Return the cells that ended with a picture."""
@@ -135,7 +133,7 @@ class Frontier:
     def values(self, budget: float, family: str, name: str) -> Float[np.ndarray, "scenes seeds"]:
         """Return a score of every cell; NaN where there is none."""
         found = {(cell.scene, cell.seed): cell.scores.get(name) for cell in self.of(budget, family)}
-        rows = [[found.get((scene, seed)) for seed in self.extent.seeds] for scene in self.extent.scenes]
+        rows = [[found.get((scene, seed)) for seed in self.amount.seeds] for scene in self.amount.scenes]
         return np.array(rows, dtype=np.float64)
 
     def table(self, budget: float, families: tuple[str, ...]) -> Float[np.ndarray, "methods scenes"]:
@@ -144,7 +142,7 @@ class Frontier:
 
 
 def run(
-    studies: list[str], extent: Extent, out: Path, view_sets: Path, machine: Machine, resume: bool, show: Progress
+    studies: list[str], amount: Amount, out: Path, view_sets: Path, machine: Machine, resume: bool, show: Progress
 ) -> int:
     """Run `studies` into `out`; with `resume` only those that are not complete there. Returns 0, or 3 if a check fails.
 
@@ -158,7 +156,7 @@ def run(
     def seconds(name: str) -> float:
         """Return the wall seconds, with a sixth more for scoring; what an earlier study trained is trained."""
         first = {training: study for study in reversed(studies) for training in STUDIES[study].trainings}
-        work = sum(extent.core_seconds[training] for training, study in first.items() if study == name)
+        work = sum(amount.core_seconds[training] for training, study in first.items() if study == name)
         return STUDIES[name].seconds + work * 7 / 6 / (machine.workers * machine.threads)
 
     return framework.run(
@@ -166,9 +164,9 @@ def run(
         studies,
         out,
         resume,
-        {"extent": asdict(extent), "device": machine.device},
+        {"amount": asdict(amount), "device": machine.device},
         provenance(device),
-        lambda scratch, _: FrontierContext(out, view_sets, scratch, False, show, machine, as_planned, extent),
+        lambda scratch, _: FrontierContext(out, view_sets, scratch, False, show, machine, as_planned, amount),
         show,
         repaired=lambda record, here: with_valid_trainings(record, studies, STUDIES, here),
         scale_of=lambda study, here: here.scale(*study.trainings),

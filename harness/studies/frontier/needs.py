@@ -25,13 +25,13 @@ def needs(context: FrontierContext) -> Iterator[Found]:
     """Yield the best two families of every scene, budget and kind of scene."""
     frontier = context.frontier()
     last = frontier.budgets[-1]
-    kinds = {kind: [name for name in names if name in frontier.extent.scenes] for kind, names in KINDS.items()}
+    kinds = {kind: [name for name in names if name in frontier.amount.scenes] for kind, names in KINDS.items()}
     by_kind = [row for kind, names in kinds.items() if names and (row := best_two(frontier, last, kind, names))]
     yield f"At {last:g} core seconds: {listed(f'{row[2]} on {row[0]} scenes' for row in by_kind)}."
     yield Table("by_kind", 0, f"The best family by kind of scene, at {last:g} core seconds", COLUMNS, [*by_kind])
     rows = [
         row
-        for scene in frontier.extent.scenes
+        for scene in frontier.amount.scenes
         for budget in frontier.budgets
         if (row := best_two(frontier, budget, scene, [scene]))
     ]
@@ -42,7 +42,7 @@ def best_two(frontier: Frontier, budget: float, name: str, scenes: list[str]) ->
     """Return a row of `COLUMNS`; None without two families that have scores. The interval is over seeds for one scene,
     over scenes for several; empty with one value.
     """
-    places = [frontier.extent.scenes.index(scene) for scene in scenes]
+    places = [frontier.amount.scenes.index(scene) for scene in scenes]
     scores = {}
     for family in frontier.trained:
         values = frontier.values(budget, family, "psnr")[places]

@@ -50,9 +50,9 @@ def phi(context: FrontierContext) -> Iterator[Found]:
 def _differences(context: FrontierContext, cells: list[CellRecord], method: str, against: str) -> Tables:
     """Return the differences of the last scores by scene; NaN for a seed without one. All trained for as long."""
     scores = {(c.scene, c.method, c.seed): c.scores.get("psnr") for c in cells if judgeable(c)}
-    extent = context.extent
+    amount = context.amount
 
     def of(scene: str, name: str) -> np.ndarray:
-        return np.array([scores.get((scene, name, seed)) for seed in extent.phi_seeds], dtype=np.float64)
+        return np.array([scores.get((scene, name, seed)) for seed in amount.phi_seeds], dtype=np.float64)
 
-    return {scene: of(scene, method) - of(scene, against) for scene in extent.scenes}
+    return {scene: of(scene, method) - of(scene, against) for scene in amount.scenes}

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from harness.verdicts.frontier import best_shares, crossing, drawn_means, front_shares, rank_correlation, resamples
+from harness.verdicts.pareto import best_shares, crossing, drawn_means, front_shares, rank_correlation, resamples
 
 
 def test_shares_of_two_scenes_are_those_of_all_four_equally_likely_draws() -> None:

@@ -1,0 +1,183 @@
+"""What the frontier says of planted cells, and what it plans; nothing is trained here."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from harness.execution.progress import Quiet
+from harness.plan.profiles import Machine
+from harness.records.cells import CellRecord
+from harness.records.study import Effect, Series, StudyRecord, Table
+from harness.studies.framework import Found
+from harness.studies.frontier.costs import time_to_score
+from harness.studies.frontier.error_against_time import error_against_time
+from harness.studies.frontier.front import front
+from harness.studies.frontier.frontier_context import AMOUNTS, PHI_METHODS, Amount, FrontierContext
+from harness.studies.frontier.frontier_studies import STUDIES
+from harness.studies.frontier.needs import needs, pick
+from harness.studies.frontier.phi import phi
+from harness.studies.trained_context import StudyRun
+from scenes.files.errors import InputError
+from tests.harness.cells import cell, checkpoint, diverged
+
+SCENES = ("ficus", "lego", "mic")
+OFFSETS = dict(zip(SCENES, (0.0, 5.0, 2.0), strict=True))
+SCORES = {4.0: {"nerf": 20.0, "planes": 24.0}, 16.0: {"nerf": 26.0, "planes": 25.0}}
+"""nerf overtakes between the two budgets: 4 dB behind, then 1 ahead."""
+
+
+@dataclass(frozen=True)
+class Planted(FrontierContext):
+    """Trainings whose scores are known."""
+
+    cells: dict[str, list[CellRecord]] = field(default_factory=dict)
+
+    def trained(self, name: str) -> StudyRun:
+        return StudyRun(self.plan(name), [], self.cells[name])
+
+
+def planted(cells: dict[str, list[CellRecord]], methods: tuple[str, ...] = ("nerf", "planes")) -> Planted:
+    amount = Amount(SCENES, methods, tuple(SCORES), phi_seeds=(0, 1))
+    return Planted(Path(), Path(), Path(), False, Quiet(), Machine("cpu", 1, 1), False, amount, cells)
+
+
+def scored(scene: str, method: str, psnr: float, seconds: float, seed: int = 0) -> CellRecord:
+    curve = [checkpoint(100, seconds, psnr)]
+    scores = {"psnr": psnr, "psnr_floor": 12.0, "psnr_ceiling": 45.0}
+    return cell(scene, method, seed, curve, scores=scores, train_core_seconds=seconds)
+
+
+def two_families(lost: tuple[str, str, float] | None = None) -> Planted:
+    cells = {
+        f"core_seconds_{budget:g}": [
+            diverged(scene, method, 0)
+            if (scene, method, budget) == lost
+            else scored(scene, method, psnr + OFFSETS[scene], budget)
+            for scene in SCENES
+            for method, psnr in means.items()
+        ]
+        for budget, means in SCORES.items()
+    }
+    return planted(cells)
+
+
+def table(found: list[Found], name: str) -> Table:
+    (only,) = (one for one in found if isinstance(one, Table) and one.id == name)
+    return only
+
+
+def test_every_budget_is_a_training_of_its_own_in_core_seconds_for_all_families_alike() -> None:
+    here = planted({})
+    assert here.named("budgets", "phi") == ["core_seconds_4", "core_seconds_16", "phi"]
+    plans = [here.plan(name) for name in here.named("budgets", "phi")]
+    assert [(plan.budget.steps, plan.budget.core_seconds) for plan in plans] == [
+        (None, 4.0),
+        (None, 16.0),
+        (None, 15.0),
+    ]
+    assert plans[2].methods == PHI_METHODS
+    assert plans[0].train.grid.first_step < plans[1].train.grid.first_step
+    assert {training for study in STUDIES.values() for training in study.trainings} == {"budgets", "phi"}
+
+
+def test_the_default_takes_an_hour_of_two_cores_and_quick_five_minutes() -> None:
+    minutes = {name: sum(amount.core_seconds.values()) / 120 for name, amount in AMOUNTS.items()}
+    assert minutes["default"] < 50
+    assert minutes["quick"] < 5
+    assert set(AMOUNTS["long"].budgets) > set(AMOUNTS["default"].budgets)
+
+
+def test_the_best_mean_is_named_and_curves_are_errors_with_intervals_over_scenes() -> None:
+    found = list(error_against_time(two_families()))
+    mean = 26.0 + 7.0 / 3.0
+    assert (
+        found[0] == f"At 16 core seconds nerf has the best mean over 3 scenes, {mean:.2f} dB; nerf has {mean:.2f} dB."
+    )
+    lines = [one for one in found if isinstance(one, Series)]
+    whole = next(
+        one for one in lines if one.name == "nerf" and one.panel.endswith("core seconds of training, all scenes")
+    )
+    assert whole.x == [4.0, 16.0]
+    assert whole.y == pytest.approx([10 ** (-(20.0 + 7.0 / 3.0) / 20), 10 ** (-mean / 20)])
+    assert whole.low is not None
+    assert whole.low[1] < whole.y[1]  # type: ignore[operator]
+    floor = next(one for one in lines if one.name == "copying the nearest training view" and "ficus" in one.panel)
+    assert floor.y == pytest.approx([10**-0.6] * 2)
+    assert "± " in str(table(found, "over_scenes").rows[0][1])
+
+
+def test_a_family_that_failed_on_a_scene_has_no_mean_there_and_is_named() -> None:
+    found = list(error_against_time(two_families(("lego", "nerf", 16.0))))
+    assert any("nerf on lego" in one for one in found if isinstance(one, str))
+    assert table(found, "over_scenes").rows[0][2] == "a scene without a score"
+    whole = next(
+        one
+        for one in found
+        if isinstance(one, Series) and one.name == "nerf" and one.panel.endswith("seconds of training, all scenes")
+    )
+    assert whole.x == [4.0]
+    assert [row[2] for row in table(found, "by_scene").rows if row[:2] == ["lego", "16"]] == [None]
+    assert next(iter(front(two_families(("lego", "nerf", 16.0))))) == (
+        "Best mean, with the probability over scenes: planes at 4 core seconds (100 %) and planes at 16 core seconds "
+        f"({100 * (1 - (2 / 3) ** 3):.0f} %)."
+    )
+
+
+def test_who_overtakes_whom_and_when() -> None:
+    found = list(front(two_families()))
+    assert (
+        found[1]
+        == "The winner at 4 core seconds, planes, is not that at 16, nerf; Kendall's τ of the two rankings is -1.00."
+    )
+    assert table(found, "crossings").rows == [
+        ["nerf", "planes", f"{4 * 4**0.8:.3g}", f"{4 * 4**0.8:.3g} to {4 * 4**0.8:.3g}", "100 %"]
+    ]
+    assert table(found, "on_front").rows == [["nerf", "0 %", "100 %"], ["planes", "100 %", "0 %"]]
+
+
+def test_pick_names_the_family_of_the_longest_budget_within_the_seconds() -> None:
+    record = StudyRecord(
+        STUDIES["needs"].info, findings=[one for one in needs(two_families()) if not isinstance(one, str)]
+    )
+    assert (
+        pick(record, "lego", 5.0)
+        == "planes: 29.00 dB on lego in 4 core seconds, 4.00 dB ahead of nerf (one seed: no interval)"
+    )
+    assert pick(record, "lego", 1e6).startswith("nerf: 31.00 dB on lego in 16 core seconds, 1.00 dB ahead")
+    assert pick(record, "thin", 60.0).startswith("nerf: ")
+    for scene, seconds, wrong in (("chair", 60.0, "known: thin, detailed, ficus"), ("lego", 1.0, "shortest budget")):
+        with pytest.raises(InputError, match=wrong):
+            pick(record, scene, seconds)
+    with pytest.raises(InputError, match="no choice by scene"):
+        pick(None, "lego", 60.0)
+
+
+def test_a_gain_of_phi_is_judged_against_each_control_by_scenes_and_seeds() -> None:
+    gains = {"planes_phi": 0.5, "hash_grid_phi": -0.3}
+    cells = [
+        scored(
+            scene, method, 30.0 + OFFSETS[scene] + gains.get(method, 0.0) * (1 + 0.01 * place + 0.02 * seed), 15.0, seed
+        )
+        for place, scene in enumerate(SCENES)
+        for method in PHI_METHODS
+        for seed in (0, 1)
+    ]
+    found = list(phi(planted({"phi": cells}, PHI_METHODS)))
+    effects = {(one.name, one.against): one for one in found if isinstance(one, Effect) and one.scene == "all"}
+    assert len(effects) == 4
+    for (name, _), effect in effects.items():
+        assert effect.difference == pytest.approx(gains[name] * 1.02, rel=1e-6)
+        assert effect.budget == "core_seconds"
+        assert effect.pairs == 6
+        assert effect.verdict == ("better" if gains[name] > 0 else "worse")
+    assert "+0.51 dB" in str(found[0])
+
+
+def test_what_is_never_reached_is_more_than_the_longest_budget() -> None:
+    rows = time_to_score(two_families().frontier()).rows
+    # ficus, lego and mic at 4 and at 16 s: nerf 20 25 22 and 26 31 28; planes 24 29 26 and 25 30 27
+    assert rows == [
+        ["nerf", "16 (3 of 3 scenes)", "16 (2 of 3 scenes)", "> 16 (1 of 3 scenes)"],
+        ["planes", "4 (3 of 3 scenes)", "> 16 (1 of 3 scenes)", "> 16 (1 of 3 scenes)"],
+    ]
