@@ -53,6 +53,7 @@ WORDS = {
             "E": "Encodings",
             "A": "The amplifier",
             "O": "Optimiser and half precision",
+            "G": "Gaussians and grids",
             "S": "Stiff and extreme scenes",
             "C": "Cameras and sizes",
             "R": "An independent reference",

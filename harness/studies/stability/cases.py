@@ -85,6 +85,15 @@ CASES: dict[str, Study] = catalogue(
           "a quadratic loss of a 32 × 32 matrix, curvature from 1 to 1e-6 along either side, in no axis's direction",
           "bases drift off orthogonal, signs and order follow rounding", "the same steps in float64",
           "the loss within 25 % of float64's (measured 7 %); bases orthogonal to 1e-5"),
+    _case("G1", "Gaussians", "fields.primitive_cases:gaussians", 10, "one of 1e-4 to 1 of the box, from 2 to 200 away; "
+          "a disc edge-on; 400 in another order; an opacity that rounds to 1",
+          "a projection without extent; order by list; 0/0 behind what is opaque",
+          "closed forms; central differences",
+          "opacity ≤ 2e-6 (measured 2.4e-7); edge-on ≤ 1e-5; another order changes no bit; gradients finite, "
+          "and ≤ 1e-6 of the largest in float64"),
+    _case("G2", "Grids", "fields.primitive_cases:grids", 5, "points on the border, one ulp inside it and beyond; tables "
+          "of 64 and of 1 entry for 226981 and 1000 nodes", "an index out of range; lost sums where nodes collide",
+          "a plain composition in float64", "features and gradients ≤ 2e-5 of the largest (measured 5e-6)"),
     _case("S1", "Nothing to see", "whole_scenes.scene_cases:nothing_to_see", 170,
           "an empty scene, a black one, a constant white one", "no signal; PSNR ∞, SSIM 0/0", "analytic", "finite "
           "metrics; MSE ≤ 1e-5 (empty), 6e-3 (black), opacity outside ≤ 0.02; white: opacity inside the silhouette "

@@ -1,4 +1,4 @@
-"""Cases about encoding, amplifier, calls and optimiser: their measures against closed forms, and all of them tried."""
+"""Cases about encoding, amplifier, calls, optimiser, primitives: their measures against closed forms, all tried."""
 
 import math
 from pathlib import Path
@@ -25,7 +25,7 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> StabilityContext:
     return context_in(tmp_path_factory.mktemp("stability"), *METHODS)
 
 
-@pytest.mark.parametrize("case", ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", "O4", *SLOW])
+@pytest.mark.parametrize("case", ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", "O4", "G1", "G2", *SLOW])
 def test_every_case_says_something_of_every_subject(case: str, context: StabilityContext) -> None:
     small_training.trained.cache_clear()  # a case must not need another one before it
     made = findings(case, context)

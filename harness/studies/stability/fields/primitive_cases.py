@@ -1,0 +1,167 @@
+"""G1 and G2: Gaussians far away, edge-on, in any order and nearly opaque; grids at their border, and where nodes
+collide.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+
+import torch
+from torch import Tensor
+
+from baselines.grids.hash_grid import encoded
+from baselines.grids.interpolation import PLANE_CHANNELS, TABLE_CHANNELS, Encoded, Multiplied
+from baselines.grids.planes import multiplied
+from baselines.splats.rasteriser import MOST_OPAQUE, Drawn, RayCells
+from harness.plan.seeds import generator_for
+from harness.records.study import check
+from harness.studies.framework import Found
+from harness.studies.stability.stability_context import StabilityContext
+
+PARTS = {"position": (0, 3), "scale": (3, 6), "rotation": (6, 10), "opacity": (10, 11), "colour": (11, 14)}
+STEP = 1e-5
+
+
+def gaussians(context: StabilityContext) -> Iterator[Found]:
+    """G1: what one Gaussian shows against its closed form, then many in another order, then the gradient."""
+    errors = [
+        abs(_opacity(_ball(scale, opacity), distance)[0] / opacity - 1.0)
+        for distance in (2.0, 20.0, 200.0)
+        for scale in (1e-4, 1e-2, 1.0)
+        for opacity in (0.05, 0.5, 0.98)
+    ]
+    yield check("relative error of opacity in the middle, near and far", max(errors), high=2e-6, subject="a ball")
+    edge = torch.tensor([0.0, 0.004, 0.0])
+    flat = _ball(0.2, 0.9)
+    flat[:, 4] = math.log(1e-7)
+    seen = _opacity(flat, 4.0, widened=0.01, at=edge)
+    expected = 0.9 * math.exp(-0.5 * (4.0 * 0.004 / 0.01) ** 2)
+    yield check(
+        "relative error of opacity beside the edge", abs(seen[1] / expected - 1.0), high=1e-5, subject="a disc edge-on"
+    )
+    many = _many(50 if context.quick else 400)
+    order = torch.randperm(len(many), generator=generator_for("stability", "order"))
+    change = float((_picture(many)[0] - _picture(many[order])[0]).abs().max())
+    yield check("change of a picture by the order in which Gaussians are listed", change, high=0.0, subject="many")
+    opaque = _ball(0.5, 1.0 - 1e-12).float()
+    opaque[:, 10] = 60.0
+    leaf = opaque.requires_grad_()
+    out, through, _ = _picture(leaf)
+    (out.sum() + through.sum()).backward()
+    assert leaf.grad is not None
+    lost = int((~torch.isfinite(leaf.grad)).sum())
+    yield check(
+        "gradients not finite where opacity rounds to 1", lost, high=0, subject="gradient behind what is opaque"
+    )
+    least = float(through.min().detach())
+    yield check(
+        "transmittance where opacity rounds to 1", least, low=0.999 - MOST_OPAQUE, subject="behind what is opaque"
+    )
+    for name, error in _slopes(_many(6).double()).items():
+        what = "largest error against central differences, by the largest slope"
+        yield check(what, error, high=1e-6, subject=f"gradient of {name}")
+
+
+def grids(context: StabilityContext) -> Iterator[Found]:
+    """G2: compiled interpolation against the plain composition in float64, on and beyond the border, and in a table in
+    which most nodes collide.
+    """
+    draw = generator_for("stability", "grids")
+    inside = 2.0 * torch.rand(200, 3, generator=draw) - 1.0
+    corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 3)
+    beyond = 1.5 * (2.0 * torch.rand(50, 3, generator=draw) - 1.0)
+    ulp = torch.nextafter(torch.ones(1), torch.zeros(1)) * corners
+    x = torch.cat([inside, corners, ulp, beyond])
+    planes = [torch.rand(3, size, size, PLANE_CHANNELS, generator=draw) for size in (2, 33, 128)]
+    tables = [torch.rand(size, TABLE_CHANNELS, generator=draw) for size in (27, 64, 1)]
+    yield from _compared(
+        "planes", lambda some, at: Multiplied.apply(at, *some), lambda s, at: multiplied(at, *s), planes, x
+    )
+    cells = (2, 60, 9)
+    yield from _compared(
+        "hash_grid", lambda some, at: Encoded.apply(at, cells, *some), lambda s, at: encoded(at, cells, *s), tables, x
+    )
+
+
+def _compared(
+    subject: str,
+    compiled: Callable[[list[Tensor], Tensor], Tensor],
+    composed: Callable[[list[Tensor], Tensor], Tensor],
+    learnt: list[Tensor],
+    x: Tensor,
+) -> Iterator[Found]:
+    """Yield the largest errors of features and of their gradient, by the largest."""
+    ours = [values.clone().requires_grad_() for values in learnt]
+    exact = [values.double().requires_grad_() for values in learnt]
+    features, expected = compiled(ours, x), composed(exact, x.double())
+    yield check(
+        "error of features, at the border and beyond",
+        _apart(features, expected),
+        high=2e-5,
+        subject=f"{subject}, features",
+    )
+    weight = torch.randn(features.shape, generator=generator_for("stability", "weights"))
+    (features * weight).sum().backward()
+    (expected * weight).sum().backward()
+    pairs = [(one.grad, other.grad) for one, other in zip(ours, exact, strict=True)]
+    worst = max(_apart(one, other) for one, other in pairs if one is not None and other is not None)
+    yield check(
+        "error of the gradient, where nodes collide and are shared", worst, high=2e-5, subject=f"{subject}, gradient"
+    )
+
+
+def _apart(ours: Tensor, exact: Tensor) -> float:
+    return float((ours.detach().double() - exact.detach()).abs().max() / exact.detach().abs().max())
+
+
+def _ball(scale: float, opacity: float) -> Tensor:
+    """Return one grey ball in the middle [1, 14]."""
+    logit = math.log(opacity / (1.0 - opacity))
+    return torch.tensor([[0.0, 0.0, 0.0, *[math.log(scale)] * 3, 1.0, 0.0, 0.0, 0.0, logit, 0.0, 0.0, 0.0]])
+
+
+def _many(count: int) -> Tensor:
+    """Return Gaussians of every shape and colour [count, 14]."""
+    values = 0.3 * torch.randn(count, 14, generator=generator_for("stability", "Gaussians"))
+    values[:, 3:6] -= 1.5
+    values[:, 6] += 1.0
+    return values
+
+
+def _opacity(values: Tensor, distance: float, widened: float = 0.0, at: Tensor | None = None) -> list[float]:
+    """Return what rays through the middle, and above it `at` the plane at distance 1, lose."""
+    up = torch.zeros(3) if at is None else at
+    points = torch.stack([torch.zeros(3), up, torch.ones(3)])[:, :2].numpy()
+    camera = torch.tensor([0.0, 0.0, -distance]).numpy(), torch.eye(3).numpy()
+    _, through, _ = Drawn.apply(RayCells.of(points), camera, widened, values)
+    return (1.0 - through).tolist()
+
+
+def _picture(values: Tensor) -> tuple[Tensor, Tensor, int]:
+    """Draw 24 × 24 rays from four lengths away."""
+    axis = torch.linspace(-0.25, 0.25, 24, dtype=values.dtype)
+    points = torch.cartesian_prod(axis, axis).numpy()
+    camera = torch.tensor([0.0, 0.0, -4.0], dtype=values.dtype).numpy(), torch.eye(3, dtype=values.dtype).numpy()
+    drawn: tuple[Tensor, Tensor, int] = Drawn.apply(RayCells.of(points), camera, 0.01, values)
+    return drawn
+
+
+def _slopes(values: Tensor) -> dict[str, float]:
+    """Return by part the largest difference from central differences, by the largest of the part's slopes."""
+
+    def loss(some: Tensor) -> Tensor:
+        out, through, _ = _picture(some)
+        return (out[:, :3] + through[:, None]).square().mean()
+
+    leaf = values.clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(loss(leaf), leaf)
+    slopes = torch.zeros_like(values)
+    for row in range(len(values)):
+        for column in range(values.shape[1]):
+            moved = [values.clone(), values.clone()]
+            for some, sign in zip(moved, (1.0, -1.0), strict=True):
+                some[row, column] += sign * STEP
+            slopes[row, column] = (loss(moved[0]) - loss(moved[1])) / (2.0 * STEP)
+    return {
+        name: float((gradient - slopes)[:, low:high].abs().max() / slopes[:, low:high].abs().max())
+        for name, (low, high) in PARTS.items()
+    }
