@@ -91,8 +91,8 @@ CASES: dict[str, Study] = catalogue(
           "closed forms; central differences",
           "opacity ≤ 2e-6 (measured 2.4e-7); edge-on ≤ 1e-5; another order changes no bit; gradients finite, "
           "and ≤ 1e-6 of the largest in float64"),
-    _case("G2", "Grids", "fields.primitive_cases:grids", 5, "points on the border, one ulp inside it and beyond; tables "
-          "of 64 and of 1 entry for 226981 and 1000 nodes", "an index out of range; lost sums where nodes collide",
+    _case("G2", "Grids", "fields.primitive_cases:grids", 5, "points on the border, one ulp inside it and beyond; "
+          "tables of 64 and of 1 entry for 226981 and 1000 nodes", "an index out of range; lost sums",
           "a plain composition in float64", "features and gradients ≤ 2e-5 of the largest (measured 5e-6)"),
     _case("S1", "Nothing to see", "whole_scenes.scene_cases:nothing_to_see", 170,
           "an empty scene, a black one, a constant white one", "no signal; PSNR ∞, SSIM 0/0", "analytic", "finite "
