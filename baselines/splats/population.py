@@ -16,6 +16,15 @@ DEAD = 0.005
 """The opacity below which a Gaussian is moved to where another one is."""
 MOST_COPIES = 51
 """The most Gaussians that take the place of one at a time, itself included."""
+ORDERS = torch.arange(1, MOST_COPIES + 1, dtype=torch.float64)
+TERMS = torch.tensor(
+    [
+        [-((-1.0) ** k) * math.comb(copies, k) / math.sqrt(k) for k in range(1, MOST_COPIES + 1)]
+        for copies in range(MOST_COPIES + 1)
+    ],
+    dtype=torch.float64,
+)
+"""Number of copies → the factor of each power of their opacity in what they have together along a line."""
 
 
 def first_values(box: Box, count: int, columns: int, generator: torch.Generator) -> Float[Tensor, "gaussians columns"]:
@@ -57,15 +66,12 @@ def split_among(
     opacity: Float[Tensor, " chosen"], copies: Int[Tensor, " chosen"]
 ) -> tuple[Float[Tensor, " chosen"], Float[Tensor, " chosen"]]:
     """Return the opacity of each of `copies` Gaussians in one place that together let through as much as one of
-    `opacity`, and the factor of their scale that keeps the colour along a ray (Eq. 9 of Kheradmand et al.).
+    `opacity`, and the factor of their scale that keeps the colour along a ray (Eq. 9 of Kheradmand et al., whose inner
+    sums of binomial coefficients are one). All float64, and at most `MOST_COPIES`.
     """
     each = 1.0 - (1.0 - opacity).pow(1.0 / copies)
-    total = torch.zeros_like(opacity)
-    for i in range(1, int(copies.max()) + 1 if len(copies) else 1):
-        for k in range(i):
-            term = math.comb(i - 1, k) * (-1.0) ** k / math.sqrt(k + 1.0) * each.pow(k + 1)
-            total = total + torch.where(copies >= i, term, torch.zeros_like(term))
-    return each, opacity / total
+    together = (TERMS[copies] * each[:, None].pow(ORDERS)).sum(dim=1)
+    return each, opacity / together
 
 
 def relocated(

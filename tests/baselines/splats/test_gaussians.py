@@ -46,13 +46,17 @@ def test_a_ray_through_the_middle_of_a_ball_loses_its_opacity_to_the_density() -
     assert tau == pytest.approx(-math.log(0.3), rel=1e-3)
 
 
-@pytest.mark.parametrize("copies", [1, 2, 5])
+@pytest.mark.parametrize("copies", [1, 2, 5, 51])
 def test_copies_let_through_as_much_as_the_one_that_they_replace(copies: int) -> None:
     opacity = torch.tensor([0.3, 0.9], dtype=torch.float64)
     each, factor = split_among(opacity, torch.full((2,), copies))
     torch.testing.assert_close((1.0 - each) ** copies, 1.0 - opacity)
-    # all of them together along a line through the middle, by the binomial series of 1 − (1 − each · g)^N
-    total = sum((-1.0) ** k * math.comb(copies, k + 1) * each ** (k + 1) / math.sqrt(k + 1.0) for k in range(copies))
+    # Eq. 9 as printed
+    total = sum(
+        math.comb(i - 1, k) * (-1.0) ** k / math.sqrt(k + 1.0) * each ** (k + 1)
+        for i in range(1, copies + 1)
+        for k in range(i)
+    )
     torch.testing.assert_close(factor * total, opacity)
 
 

@@ -1,0 +1,96 @@
+"""`splats` in training: repeatable to the bit across a relocation and a stop, and never past a NaN."""
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from harness.plan.schedule import Budget
+from harness.records.snapshot import read_unfinished, write_unfinished
+from harness.studies.conformance.learner_checks import CPU, SETTINGS, STREAM, drawn
+from harness.training.batches import Batch
+from harness.training.checkpoints import restore_training, tensors_of, training_state
+from harness.training.kinds import splat_trainer
+from harness.training.kinds.splat_trainer import FIRST, MOVED_EVERY, SplatTrainer
+from harness.training.learner import at_step, train
+from harness.training.lockstep import box_of
+from harness.training.make_learner import NotAvailable, learner_for
+from harness.training.trainer import Diverged
+
+STEPS = MOVED_EVERY + 6
+
+
+def trainer(steps: int = 2 * STEPS) -> SplatTrainer:
+    views, _ = drawn()
+    return SplatTrainer("splats", box_of(views, CPU), SETTINGS, Budget(steps, None), STREAM, CPU, True)
+
+
+def batch_at() -> Callable[[int], Batch]:
+    return drawn()[1].for_learner(SplatTrainer.whole_views, STREAM, 0)
+
+
+def test_a_step_sees_all_pixels_of_one_view_and_each_view_in_its_turn() -> None:
+    views, _ = drawn()
+    seen = [batch_at()(step) for step in range(40)]
+    assert {len(rays) for rays, _ in seen} == {views.width * views.height}
+    assert all(bool((rays.origins == rays.origins[:1]).all()) for rays, _ in seen)
+    assert len({tuple(rays.origins[0].tolist()) for rays, _ in seen}) == len(views.train.names)
+    assert torch.equal(batch_at()(7)[1], seen[7][1])
+
+
+def test_stopped_before_and_after_a_relocation_it_ends_in_the_same_bits() -> None:
+    whole = train(trainer(), batch_at(), at_step(STEPS))
+    pieces = trainer()
+    for stop in (MOVED_EVERY - 2, MOVED_EVERY + 2):
+        with tempfile.TemporaryDirectory() as scratch:
+            path = Path(scratch) / "cell.safetensors"
+            write_unfinished(path, training_state(train(pieces, batch_at(), at_step(stop))))
+            kept = read_unfinished(path)
+        pieces = trainer()
+        restore_training(pieces, kept)
+    train(pieces, batch_at(), at_step(STEPS))
+    assert len(whole.field.values) > FIRST
+    assert all(torch.equal(value, tensors_of(pieces)[name]) for name, value in tensors_of(whole).items())
+    assert torch.equal(whole.square, pieces.square)
+
+
+def test_moments_of_what_moved_begin_again_and_there_are_never_more_than_may_be(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(SplatTrainer, "most", FIRST + 3)
+    learner = train(trainer(), batch_at(), at_step(MOVED_EVERY))
+    assert len(learner.field.values) == FIRST + 3
+    assert learner.seen[FIRST:].tolist() == [[0.0]] * 3
+    assert float(learner.square[FIRST:].abs().max()) == 0.0
+    assert float(learner.seen.max()) == MOVED_EVERY
+
+
+@pytest.mark.parametrize("where", ["gradient", "loss", "step"])
+def test_a_number_that_is_not_finite_ends_it_with_the_gaussians_of_before(
+    where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    learner = train(trainer(), batch_at(), at_step(3))
+    before = learner.field.values.clone()
+    rays, colours = batch_at()(3)
+    if where == "gradient":
+        slope: Any = learner._slope
+        monkeypatch.setattr(learner, "_slope", lambda *given: (0.0, slope(*given)[1] * float("nan"), 1))
+    elif where == "loss":
+        colours = colours.clone()
+        colours[5] = float("nan")
+    else:
+        monkeypatch.setattr(splat_trainer, "EPSILON", float("nan"))
+    with pytest.raises(Diverged, match="step 3"):
+        learner.train_on(rays, colours)
+    assert torch.equal(learner.field.values, before)
+    assert learner.step == 3
+
+
+def test_on_a_gpu_it_is_not_available_with_the_remedy() -> None:
+    views, _ = drawn()
+    gpu = torch.device("cuda")
+    with pytest.raises(NotAvailable, match="--device cpu"):
+        learner_for("splats", box_of(views, CPU), SETTINGS, Budget(1, None), STREAM, gpu)
