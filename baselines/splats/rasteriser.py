@@ -63,7 +63,8 @@ class RayCells:
         """Sort `points` [points, 2]."""
         lower, upper = points.min(axis=0), points.max(axis=0)
         extent = np.maximum(upper - lower, 1e-12)
-        columns, rows = (max(1, round(math.sqrt(len(points) * extent[i] / extent[1 - i]))) for i in range(2))
+        square = (math.sqrt(len(points) * extent[i] / extent[1 - i]) for i in range(2))
+        columns, rows = (min(max(1, round(count)), len(points)) for count in square)  # points may lie in a line
         size = (extent / (columns, rows)).astype(points.dtype)
         column, row = (np.minimum((points - lower) / size, (columns - 1, rows - 1))).astype(np.int64).T
         cell = row * columns + column

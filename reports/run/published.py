@@ -303,6 +303,18 @@ def collapse(record: Studies) -> str:
     return " ".join(answer for study in record.studies if study.info.id == "collapse" for answer in study.answers)
 
 
+def frontier(record: Studies) -> str:
+    """State the answers of the frontier, with the mean score of each family at each budget."""
+    answers = [f"* **{study.info.title}.** {study.answers[0]}" for study in record.studies if study.answers]
+    means = [found for study in record.studies for found in study.tables if found.id == "over_scenes"]
+    tables = [table(found.columns, (map(str, line) for line in found.rows)) for found in means]
+    seconds = sum(study.seconds for study in record.studies)
+    took = (
+        f"It took {seconds / 60:.0f} minutes on {record.provenance['cores']} cores ({record.provenance['processor']})."
+    )
+    return "\n\n".join([*tables, "\n".join(answers), took, "![Error against core seconds](frontier/frontier.png)"])
+
+
 def stability(record: Studies) -> str:
     """State how many checks came out how, by whose formula it is."""
     many = Counter((check.owner, check.status) for _, check in record.checks())
@@ -394,6 +406,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "environment": (("environment.json",), environment),
     "evidence": (("reduced/evidence.json",), evidence),
     "collapse": (("collapse.json",), collapse),
+    "frontier": (("frontier/frontier.json",), frontier),
     "stability": (("stability.json",), stability),
     "speed": (("speed.json",), speed),
     "serving": (("reduced/serving.json",), serving),

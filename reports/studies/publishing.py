@@ -76,6 +76,7 @@ PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] =
         ("stability_curves.png", first_charts, 2),
     ],
     "speed": [("speed.png", lambda record: charts_of_study(record, "3"), 3)],
+    "frontier": [("frontier.png", lambda record: charts_of_study(record, "error_against_time")[:1], 1)],
     "serving": [("serving.png", lambda record: charts_of_study(record, "anytime")[:3], 3)],
 }
 """Shelf → the files, the panels of its page that are saved in each, and how many of them side by side."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from harness.records.study import Answer, Studies, StudyInfo, StudyRecord, check, read_studies, write_studies
+from harness.records.study import Answer, Studies, StudyInfo, StudyRecord, Table, check, read_studies, write_studies
 from reports.run.published import BLOCKS, MARKED, SAYS, block, main, pages, rewritten
 from tests.harness.shell import ROOT
 
@@ -153,6 +153,21 @@ def test_the_evidence_names_what_does_not_hold(tmp_path: Path) -> None:
     assert text.startswith("* **Is it so?** It is, by 0.31 dB.\n\n1 of 2 checks hold; not: share of y (Is it so?).\n")
     write_studies(path, Studies("evidence", {}, {}, [study], True))
     assert block("evidence", tmp_path) == ""
+
+
+def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
+    found = [
+        Answer("splats is best, 30.10 dB."),
+        Table("over_scenes", 0, "t", ["family", "4 core s"], [["nerf", "21.35"]]),
+    ]
+    study = StudyRecord(StudyInfo("front", "Who is ahead", "Who?", "By training."), findings=found, seconds=120.0)
+    (tmp_path / "frontier").mkdir()
+    machine = {"instruction_set": "AVX2", "cores": 2, "processor": "some processor"}
+    write_studies(tmp_path / "frontier" / "frontier.json", Studies("frontier", machine, {}, [study], True))
+    text = block("frontier", tmp_path)
+    assert "| nerf | 21.35 |" in text
+    assert "* **Who is ahead.** splats is best, 30.10 dB." in text
+    assert "It took 2 minutes on 2 cores (some processor)." in text
 
 
 def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:

@@ -163,9 +163,19 @@ def test_a_ray_is_drawn_the_same_whatever_others_are_drawn_with_it() -> None:
     torch.testing.assert_close(part_through, through[some], rtol=0, atol=1e-6)
 
 
-def test_every_point_is_in_its_cell() -> None:
-    at = rays(9).numpy()
+@pytest.mark.parametrize("kind", ["grid", "row", "column", "one", "the same"])
+def test_every_point_is_in_its_cell(kind: str) -> None:
+    grid = rays(9)
+    chosen = {
+        "grid": grid,
+        "row": grid[grid[:, 1] == grid[:, 1].max()],
+        "column": grid[grid[:, 0] == grid[:, 0].min()],
+        "one": grid[:1],
+        "the same": grid[:1].repeat(5, 1),
+    }
+    at = chosen[kind].numpy()
     cells = RayCells.of(at)
+    assert cells.rows * cells.columns <= 2 * len(at)
     assert (cells.at == at[cells.order]).all()
     assert (cells.order[cells.back] == range(len(at))).all()
     for cell, (start, end) in enumerate(zip(cells.start, cells.start[1:], strict=False)):
