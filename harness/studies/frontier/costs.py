@@ -3,33 +3,46 @@
 import statistics
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import torch
 
 from harness.machine.device import use_threads
+from harness.plan.group_task import GroupTask
+from harness.plan.schedule import Budget
 from harness.playback.run_loader import FinishedRun
 from harness.records.study import Table
 from harness.studies.framework import Found
 from harness.studies.frontier.frontier_context import CORE_SECONDS, Frontier, FrontierContext
+from harness.studies.speed.memory import peaks_of
 from harness.studies.trained_context import folder_of
 from harness.training.checkpoints import checkpoint_path
 from harness.verdicts.failures import exact_interval
 
 ROUNDS = {100: 3, 400: 1}
 """Width in pixels of the view that is drawn → how often; the median counts."""
+MEMORY_STEPS = 60
+"""The steps with an occupancy grid after which the peak of memory is read."""
 TARGETS = (25.0, 28.0, 30.0)
 
 
 def costs(context: FrontierContext) -> Iterator[Found]:
     """Yield the costs of each family, and when it reaches 25, 28 and 30 dB."""
     frontier = context.frontier()
-    last = frontier.budgets[-1]
-    scene = frontier.amount.scenes[-1]
+    last, scene, seed = frontier.budgets[-1], frontier.amount.scenes[-1], frontier.amount.seeds[0]
+    families = [
+        family
+        for family in frontier.trained
+        if any((cell.scene, cell.seed) == (scene, seed) for cell in frontier.of(last, family))
+    ]
+    if not families:
+        yield f"No family has a model of {scene} at {last:g} core seconds: nothing was measured."
+        return
     machine = context.machine
     use_threads(machine.workers * machine.threads)  # nothing else is measured meanwhile
     try:
-        drawn = {family: drawing(context, scene, family, last) for family in frontier.trained}
+        drawn = {family: drawing(context, scene, family, last) for family in families}
     finally:
         use_threads(machine.threads)
     quickest = min(drawn, key=lambda family: drawn[family][1])
@@ -39,7 +52,7 @@ def costs(context: FrontierContext) -> Iterator[Found]:
         f"{machine.workers * machine.threads} threads."
     )
     rows: list[list[str | float | None]] = []
-    for family in frontier.trained:
+    for family in families:
         cells = frontier.of(last, family)
         numbers = np.median([cell.parameters["total"] for cell in cells])
         folder = folder_of(context.out, f"{CORE_SECONDS}{last:g}")
@@ -48,14 +61,12 @@ def costs(context: FrontierContext) -> Iterator[Found]:
         lost = len(ended) - sum(len(frontier.of(budget, family)) for budget in frontier.budgets)
         low, high = exact_interval(lost, len(ended))
         geometry = [_mean(frontier, last, family, name) for name in ("depth_rmse", "opacity_iou")]
-        rows.append(
-            [
-                family, f"{numbers:,.0f}", f"{size / 1e6:.2f}", *(f"{1e3 * seconds:.0f}" for seconds in drawn[family]),
-                *geometry, f"{lost} of {len(ended)} ({100 * low:.0f} to {100 * high:.0f} %)",
-            ]
-        )  # fmt: skip
+        sizes = [f"{numbers:,.0f}", f"{size / 1e6:.2f}", *(f"{1e3 * seconds:.0f}" for seconds in drawn[family])]
+        memory = f"{peak(context, scene, family, last) / 1e9:.2f}"
+        failed = f"{lost} of {len(ended)} ({100 * low:.0f} to {100 * high:.0f} %)"
+        rows.append([family, *sizes, memory, *geometry, failed])
     columns = ["family", "learnt numbers", "MB on disk", *(f"ms a view, {width} px" for width in ROUNDS)]
-    columns += ["depth RMSE", "opacity IoU", "failed (95 % of the rate)"]
+    columns += ["peak memory of a worker, GB", "depth RMSE", "opacity IoU", "failed (95 % of the rate)"]
     yield Table("costs", 0, f"Models of {last:g} core seconds; a view of {scene}", columns, rows)
     yield time_to_score(frontier)
 
@@ -79,6 +90,18 @@ def drawing(context: FrontierContext, scene: str, family: str, budget: float) ->
             times.append(time.perf_counter() - began)
         seconds.append(statistics.median(times))
     return seconds
+
+
+def peak(context: FrontierContext, scene: str, family: str, budget: float) -> int:
+    """Return the peak bytes of a fresh process that trains a cell for a few steps, scores and writes it: libraries
+    included, as the operating system counts them.
+    """
+    name = f"{CORE_SECONDS}{budget:g}"
+    plan, folder = context.plan(name), FinishedRun.of(folder_of(context.out, name))
+    steps = plan.train.grid.first_step + MEMORY_STEPS
+    (record,) = folder.scenes([scene])
+    task = GroupTask(scene, 0, (family,), plan.train, plan.score, Budget(steps, None), context.scratch)
+    return peaks_of(context, replace(task, view_set=folder.view_set(record, context.view_sets), views=plan.views))[1]
 
 
 def time_to_score(frontier: Frontier) -> Table:

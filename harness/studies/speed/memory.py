@@ -20,6 +20,7 @@ from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
 from harness.records.study import Check, Series, Table
 from harness.studies.drawn_views import write_noise
+from harness.studies.framework import StudyContext
 from harness.studies.speed.speed_context import SpeedContext, measured, not_measured, reduced_plan, views_of
 
 MEBIBYTE = 1 << 20
@@ -53,7 +54,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
     yield from _independence(context, task)
 
 
-def peaks_of(context: SpeedContext, task: GroupTask) -> tuple[int, int]:
+def peaks_of(context: StudyContext, task: GroupTask) -> tuple[int, int]:
     """Return the peak bytes of a fresh process that does what a worker of a run does: in training, and until it has
     read, scored and written everything. Raises `RuntimeError` if a cell fails.
     """
