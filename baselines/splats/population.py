@@ -14,6 +14,8 @@ from baselines.splats.gaussians import rotations
 FIRST_OPACITY = 0.1
 DEAD = 0.005
 """The opacity below which a Gaussian is moved to where another one is."""
+SEEN = 1e-4
+"""The share of its random step below which a Gaussian stays where it is."""
 MOST_COPIES = 51
 """The most Gaussians that take the place of one at a time, itself included."""
 ORDERS = torch.arange(1, MOST_COPIES + 1, dtype=torch.float64)
@@ -105,8 +107,10 @@ def wandering(
     values: Float[Tensor, "gaussians columns"], size: float, generator: torch.Generator
 ) -> Float[Tensor, "gaussians 3"]:
     """Return a random step of the positions along each Gaussian's own extent, of those alone that are hardly seen."""
-    opacity = torch.sigmoid(values[:, 10])
-    faint = torch.sigmoid(-100.0 * (opacity - DEAD))
+    faint = torch.sigmoid(-100.0 * (torch.sigmoid(values[:, 10]) - DEAD))
     noise = torch.randn(len(values), 3, generator=generator) * faint[:, None]
-    axes = rotations(values[:, 6:10]) * values[:, 3:6].exp()[:, None, :]
-    return size * (axes @ (axes.mT @ noise[:, :, None]))[:, :, 0]
+    moved = torch.nonzero(faint > SEEN)[:, 0]
+    axes = rotations(values[moved, 6:10]) * values[moved, 3:6].exp()[:, None, :]
+    steps = torch.zeros_like(noise)
+    steps[moved] = size * (axes @ (axes.mT @ noise[moved, :, None]))[:, :, 0]
+    return steps
