@@ -312,7 +312,16 @@ def frontier(record: Studies) -> str:
     took = (
         f"It took {seconds / 60:.0f} minutes on {record.provenance['cores']} cores ({record.provenance['processor']})."
     )
-    return "\n\n".join([*tables, "\n".join(answers), took, "![Error against core seconds](frontier/frontier.png)"])
+    return "\n\n".join([*tables, "\n".join(answers), took, FRONTIER_PICTURE])
+
+
+def leaders(record: Studies) -> str:
+    """State who is best at which budget, with the picture, for the README."""
+    who = [answer for study in record.studies if study.info.id == "front" for answer in study.answers[:1]]
+    amount = record.settings["amount"]
+    scale = f"{counted(len(amount['scenes']), 'scene')}, {counted(len(amount['seeds']), 'seed')}"
+    where = f"{scale}, {record.provenance['processor']}: on another machine a core second is another amount of work."
+    return "\n\n".join([f"{' '.join(who)} {where}", FRONTIER_PICTURE.replace("(", "(docs/")])
 
 
 def stability(record: Studies) -> str:
@@ -387,6 +396,7 @@ def omission(effect: Run) -> str:
     return f"{change}: {effect['verdict']}, {number(effect['seconds_saved'], 1)} s saved"
 
 
+FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 RUN = ("reduced/summary.json",)
 BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "scale": (RUN, scale),
@@ -407,6 +417,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "evidence": (("reduced/evidence.json",), evidence),
     "collapse": (("collapse.json",), collapse),
     "frontier": (("frontier/frontier.json",), frontier),
+    "leaders": (("frontier/frontier.json",), leaders),
     "stability": (("stability.json",), stability),
     "speed": (("speed.json",), speed),
     "serving": (("reduced/serving.json",), serving),

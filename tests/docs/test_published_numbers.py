@@ -162,12 +162,15 @@ def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
     ]
     study = StudyRecord(StudyInfo("front", "Who is ahead", "Who?", "By training."), findings=found, seconds=120.0)
     (tmp_path / "frontier").mkdir()
+    settings = {"amount": {"scenes": ["chair", "ship"], "seeds": [0]}}
     machine = {"instruction_set": "AVX2", "cores": 2, "processor": "some processor"}
-    write_studies(tmp_path / "frontier" / "frontier.json", Studies("frontier", machine, {}, [study], True))
+    write_studies(tmp_path / "frontier" / "frontier.json", Studies("frontier", machine, settings, [study], True))
     text = block("frontier", tmp_path)
     assert "| nerf | 21.35 |" in text
     assert "* **Who is ahead.** splats is best, 30.10 dB." in text
     assert "It took 2 minutes on 2 cores (some processor)." in text
+    assert block("leaders", tmp_path).startswith("splats is best, 30.10 dB. 2 scenes, 1 seed, some processor: ")
+    assert "](docs/frontier/frontier.png)" in block("leaders", tmp_path)
 
 
 def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
