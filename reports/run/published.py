@@ -305,7 +305,7 @@ def collapse(record: Studies) -> str:
 
 def frontier(record: Studies) -> str:
     """State the answers of the frontier, with the mean score of each family at each budget."""
-    answers = [f"* **{study.info.title}.** {study.answers[0]}" for study in record.studies if study.answers]
+    answers = [f"* **{study.info.title.rstrip('?')}.** {study.answers[0]}" for study in record.studies if study.answers]
     means = [found for study in record.studies for found in study.tables if found.id == "over_scenes"]
     tables = [table(found.columns, (map(str, line) for line in found.rows)) for found in means]
     seconds = sum(study.seconds for study in record.studies)
@@ -317,7 +317,7 @@ def frontier(record: Studies) -> str:
 
 def leaders(record: Studies) -> str:
     """State who is best at which budget, with the picture, for the README."""
-    who = [answer for study in record.studies if study.info.id == "front" for answer in study.answers[:1]]
+    who = [answer for study in record.studies if study.info.id == "front" for answer in study.answers]
     amount = record.settings["amount"]
     scale = f"{counted(len(amount['scenes']), 'scene')}, {counted(len(amount['seeds']), 'seed')}"
     where = f"{scale}, {record.provenance['processor']}: on another machine a core second is another amount of work."

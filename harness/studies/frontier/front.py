@@ -44,7 +44,7 @@ def answer(families: tuple[str, ...], budgets: list[float], best: list[np.ndarra
     for budget, shares in zip(budgets, best, strict=True):
         leader = families[int(np.argmax(shares))]
         parts.append(f"{leader} at {budget:g} core seconds ({_share(shares.max())})")
-    return f"Best mean, with the probability over scenes: {listed(parts)}."
+    return f"Best mean, with the share of draws of scenes in which it is: {listed(parts)}."
 
 
 def early_and_late(families: tuple[str, ...], budgets: list[float], tables: list[np.ndarray]) -> str:
@@ -95,4 +95,7 @@ def _correlations(budgets: list[float], tables: list[np.ndarray]) -> Table:
 
 
 def _share(value: float) -> str:
-    return f"{100.0 * value:.0f} %"
+    """Format a share of draws; no draw that went otherwise is rounded away."""
+    if 0.995 <= value < 1.0:
+        return "> 99 %"
+    return "< 1 %" if 0.0 < value < 0.005 else f"{100.0 * value:.0f} %"

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from harness.records.study import StudyRecord, Table
-from harness.studies.evidence.contrasts import listed
 from harness.studies.framework import Found
 from harness.studies.frontier.frontier_context import Frontier, FrontierContext
 from harness.verdicts.statistics import paired_difference
@@ -27,7 +26,7 @@ def needs(context: FrontierContext) -> Iterator[Found]:
     last = frontier.budgets[-1]
     kinds = {kind: [name for name in names if name in frontier.amount.scenes] for kind, names in KINDS.items()}
     by_kind = [row for kind, names in kinds.items() if names and (row := best_two(frontier, last, kind, names))]
-    yield f"At {last:g} core seconds: {listed(f'{row[2]} on {row[0]} scenes' for row in by_kind)}."
+    yield f"At {last:g} core seconds: {'; '.join(map(_in_words, by_kind))}."
     yield Table("by_kind", 0, f"The best family by kind of scene, at {last:g} core seconds", COLUMNS, [*by_kind])
     rows = [
         row
@@ -54,6 +53,14 @@ def best_two(frontier: Frontier, budget: float, name: str, scenes: list[str]) ->
     found = paired_difference(scores[best] - scores[second])
     between = " to ".join(f"{end:+.2f}".replace("-", "−") for end in found.interval or ())
     return [name, f"{budget:g}", best, f"{scores[best].mean():.2f}", second, f"{found.mean:.2f}", between]
+
+
+def _in_words(row: list[str | float | None]) -> str:
+    """Return a row as a sentence that says no more than its interval."""
+    kind, _, best, _, second, ahead, between = map(str, row)
+    settled = between.startswith("+")
+    led = f"{best} ahead of {second} by {ahead} dB ({between or 'one scene, no interval'})"
+    return f"on {kind} scenes {led}{'' if settled else ', which is not settled'}"
 
 
 def pick(record: StudyRecord | None, scene: str, seconds: float) -> str:

@@ -119,8 +119,8 @@ def test_a_family_that_failed_on_a_scene_has_no_mean_there_and_is_named() -> Non
     assert whole.x == [4.0]
     assert [row[2] for row in table(found, "by_scene").rows if row[:2] == ["lego", "16"]] == [None]
     assert next(iter(front(two_families(("lego", "nerf", 16.0))))) == (
-        "Best mean, with the probability over scenes: planes at 4 core seconds (100 %) and planes at 16 core seconds "
-        f"({100 * (1 - (2 / 3) ** 3):.0f} %)."
+        "Best mean, with the share of draws of scenes in which it is: planes at 4 core seconds (100 %) and planes at "
+        f"16 core seconds ({100 * (1 - (2 / 3) ** 3):.0f} %)."
     )
 
 
