@@ -12,6 +12,7 @@ from harness.records.study import SHELVES, Check, Picture, Series, Studies, read
 from reports.__main__ import main
 from reports.studies import publishing
 from tests.reports.fake_evidence import fake_evidence
+from tests.reports.fake_frontier import fake_frontier
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_serving import fake_serving, write_fake_serving
 from tests.reports.fake_speed import fake_speed
@@ -24,6 +25,7 @@ GOOD = {
     "stability": fake_stability(with_failure=False, with_charts=False),
     "speed": fake_speed(),
     "serving": fake_serving(),
+    "frontier": fake_frontier(),
 }
 BROKEN = {"evidence": fake_evidence(with_charts=False), "stability": fake_stability(with_charts=False)}
 DRAWN = {
@@ -31,6 +33,7 @@ DRAWN = {
     "stability": (fake_stability(with_failure=False), ["stability.png", "stability_curves.png"]),
     "speed": (fake_speed(), ["speed.png"]),
     "serving": (fake_serving(), ["serving.png"]),
+    "frontier": (fake_frontier(), ["frontier.png"]),
 }
 LATE = Check("the rest", None, why="the time was over", owner="machine", status="not_available", id="late")
 each_shelf = pytest.mark.parametrize("shelf", SHELVES)
@@ -108,7 +111,8 @@ def test_none_of_them_is_one_clear_line(tmp_path, capsys):
     caught = capsys.readouterr()
     assert caught.out == ""
     assert caught.err.startswith(
-        f"{tmp_path}: no records/, no evidence.json, no stability.json, no speed.json, no serving.json in it; "
+        f"{tmp_path}: no records/, no evidence.json, no stability.json, no speed.json, no serving.json, "
+        "no frontier.json in it; "
     )
     assert len(caught.err.splitlines()) == 1
 

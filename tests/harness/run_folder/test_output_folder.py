@@ -1,7 +1,6 @@
 """The folder that a run writes to: fresh, or gone on with, never one in use."""
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -100,7 +99,7 @@ def test_a_run_goes_on_from_a_cluster_on_one_machine_and_back(tmp_path: Path, pl
 def test_a_plan_that_is_lost_is_what_the_options_say_where_that_fits(tmp_path: Path, plan: Plan, content: str) -> None:
     out = with_results(tmp_path / "run", plan)
     sound = (out / "records" / "plan.json").read_text()
-    write_cell(out, replace(diverged("lego", "nerf", 0), settings={"budget": asdict(plan.budget)}))
+    write_cell(out, replace(diverged("lego", "nerf", 0), settings={"budget": plan.budget.settings()}))
     (out / "records" / "plan.json").write_text(content)
     other = planned("smoke", scenes=["lego"], budget_steps=7)
     with pytest.raises(InputError, match=r"plan\.json: .*cannot be made again.*lego\.nerf\.0: budget was"):
