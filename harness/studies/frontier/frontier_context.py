@@ -43,10 +43,14 @@ class Amount:
     resolution: int = 100
 
     @property
+    def phi_budget(self) -> float:
+        return min(PHI_BUDGET, max(self.budgets))
+
+    @property
     def core_seconds(self) -> dict[str, float]:
         """Map training → the core seconds of all its cells."""
         cells = len(self.scenes) * len(self.families) * len(self.seeds)
-        phi = PHI_BUDGET * len(self.scenes) * len(PHI_METHODS) * len(self.phi_seeds)
+        phi = self.phi_budget * len(self.scenes) * len(PHI_METHODS) * len(self.phi_seeds)
         return {AT_BUDGETS: cells * sum(self.budgets), "phi": phi}
 
 
@@ -91,7 +95,7 @@ class FrontierContext(TrainedContext):
     def plan(self, name: str) -> Plan:
         profile, amount, is_phi = PROFILES["reduced"], self.amount, name == "phi"
         train = profile.train if self.precision_as_planned else replace(profile.train, precision="float32")
-        budget = PHI_BUDGET if is_phi else float(name.removeprefix(CORE_SECONDS))
+        budget = amount.phi_budget if is_phi else float(name.removeprefix(CORE_SECONDS))
         return replace(
             profile,
             scenes=amount.scenes,

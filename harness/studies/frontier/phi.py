@@ -16,7 +16,7 @@ from harness.studies.evidence.contrasts import (
     without_a_score,
 )
 from harness.studies.framework import Found
-from harness.studies.frontier.frontier_context import PHI_BUDGET, PHI_METHODS, FrontierContext
+from harness.studies.frontier.frontier_context import PHI_METHODS, FrontierContext
 from harness.verdicts.failures import judgeable
 
 CONTROLS = {"same_ends": "the same coarsest and finest level", "same_size": "as many learnt numbers"}
@@ -39,11 +39,11 @@ def phi(context: FrontierContext) -> Iterator[Found]:
         for control, what in CONTROLS.items():
             over_all = chosen(effects, scene="all", budget="core_seconds", against=f"{family}_{control}")
             words += [f"{in_words(effect)} against {what}" for effect in over_all]
-        yield f"Growing by φ changes the PSNR of {family} at {PHI_BUDGET:g} core seconds by {listed(words)}."
+        yield f"Growing by φ changes the PSNR of {family} at {context.amount.phi_budget:g} core seconds by {listed(words)}."
     yield from without_a_score(cells)
     yield from effects
     columns, scores = score_table(cells, PHI_METHODS, ("psnr",))
-    title = f"PSNR at {PHI_BUDGET:g} core seconds, dB: mean ± sd over seeds"
+    title = f"PSNR at {context.amount.phi_budget:g} core seconds, dB: mean ± sd over seeds"
     yield Table("phi_scores", 0, title, ["method", *columns], [[method, *row] for method, row in scores.items()])
 
 
