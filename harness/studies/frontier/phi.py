@@ -39,7 +39,8 @@ def phi(context: FrontierContext) -> Iterator[Found]:
         for control, what in CONTROLS.items():
             over_all = chosen(effects, scene="all", budget="core_seconds", against=f"{family}_{control}")
             words += [f"{in_words(effect)} against {what}" for effect in over_all]
-        yield f"Growing by φ changes the PSNR of {family} at {context.amount.phi_budget:g} core seconds by {listed(words)}."
+        budget = f"{context.amount.phi_budget:g} core seconds"
+        yield f"Growing by φ changes the PSNR of {family} at {budget} by {listed(words)}."
     yield from without_a_score(cells)
     yield from effects
     columns, scores = score_table(cells, PHI_METHODS, ("psnr",))
