@@ -94,9 +94,9 @@ class Gaussians:
     def state_dict(self) -> dict[str, Tensor]:
         return {"gaussians": self.values.detach(), "pixel": torch.tensor(self.pixel, dtype=torch.float64)}
 
-    def scales(self) -> Float[Tensor, "gaussians 3"]:
+    def scales(self, log_scale: Float[Tensor, "gaussians 3"]) -> Float[Tensor, "gaussians 3"]:
         """Return the standard deviations along a Gaussian's own axes, widened, in halves of the box's longest side."""
-        return (torch.exp(2.0 * parts_of(self.values)[1]) + (WIDENED * self.pixel) ** 2).sqrt()
+        return (torch.exp(2.0 * log_scale) + (WIDENED * self.pixel) ** 2).sqrt()
 
     def draw(
         self, pencil: Pencil, values: Float[Tensor, "gaussians columns"]
@@ -104,8 +104,7 @@ class Gaussians:
         """Draw `values`, differentiable once in them. Return colour and depth without a background, times opacity; the
         transmittance; and how often a Gaussian was drawn on a ray. Lengths are halves of the box's longest side.
         """
-        middle = 0.5 * (self.box.lower + self.box.upper)
-        origin = ((pencil.origin - middle) / self.box.half_extent).to(values.dtype).numpy()
+        origin = self.box.normalised(pencil.origin).to(values.dtype).numpy()
         camera = origin, pencil.axes.to(values.dtype).numpy()
         return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, camera, WIDENED * self.pixel, values))
 
@@ -129,13 +128,13 @@ class Gaussians:
         """Return the sum of the Gaussians at points of the scene, each as dense as gives its opacity to a ray through
         the middle of a ball of the same volume.
         """
-        position, _, quaternion, logit, *_ = parts_of(self.values)
-        scales = self.scales()
+        position, log_scale, quaternion, logit, *_ = parts_of(self.values)
+        scales = self.scales(log_scale)
         opacity = torch.sigmoid(logit[:, 0]).clamp(max=MOST_OPAQUE)
         side = scales.prod(dim=-1).pow(1.0 / 3.0)
         peak = -torch.log1p(-opacity) / (math.sqrt(2.0 * math.pi) * side * self.box.half_extent)
         whitened = rotations(quaternion).mT / scales[:, :, None]
-        points = (x - 0.5 * (self.box.lower + self.box.upper)) / self.box.half_extent
+        points = self.box.normalised(x)
         total = np.zeros(len(x), dtype=np.float32)
         far = (4.0 * scales.amax(dim=-1)).numpy()
         add_densities(points.numpy(), position.numpy(), whitened.contiguous().numpy(), peak.numpy(), far, total)

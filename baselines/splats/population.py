@@ -10,6 +10,7 @@ from torch import Tensor
 
 from baselines.contract import Box
 from baselines.splats.gaussians import rotations
+from baselines.splats.rasteriser import OPACITY
 
 FIRST_OPACITY = 0.1
 DEAD = 0.005
@@ -47,7 +48,7 @@ def first_values(box: Box, count: int, columns: int, generator: torch.Generator)
     values[:, :3] = (unit - 0.5) * sides
     values[:, 3:6] = math.log(0.5 * spacing)
     values[:, 6] = 1.0
-    values[:, 10] = math.log(FIRST_OPACITY / (1.0 - FIRST_OPACITY))
+    values[:, OPACITY] = math.log(FIRST_OPACITY / (1.0 - FIRST_OPACITY))
     return values
 
 
@@ -82,7 +83,7 @@ def relocated(
     """Return the Gaussians after the faint ones have moved to where others are, drawn by opacity, and `more` new ones
     have joined them; and which of them changed.
     """
-    opacity = torch.sigmoid(values[:, 10])
+    opacity = torch.sigmoid(values[:, OPACITY])
     dead = torch.nonzero(opacity <= DEAD)[:, 0]
     alive = torch.nonzero(opacity > DEAD)[:, 0]
     if not len(alive):
@@ -96,7 +97,7 @@ def relocated(
     each = each.clamp(DEAD, 1.0 - 1e-6)
     values = torch.cat([values, values.new_zeros(more, values.shape[1])])
     shared = values[sources].clone()
-    shared[:, 10] = torch.log(each / (1.0 - each)).float()
+    shared[:, OPACITY] = torch.log(each / (1.0 - each)).float()
     shared[:, 3:6] += torch.log(wider).float()[:, None]
     values[sources] = shared
     values[places] = shared[first]
@@ -107,7 +108,7 @@ def wandering(
     values: Float[Tensor, "gaussians columns"], size: float, generator: torch.Generator
 ) -> Float[Tensor, "gaussians 3"]:
     """Return a random step of the positions along each Gaussian's own extent, of those alone that are hardly seen."""
-    faint = torch.sigmoid(-100.0 * (torch.sigmoid(values[:, 10]) - DEAD))
+    faint = torch.sigmoid(-100.0 * (torch.sigmoid(values[:, OPACITY]) - DEAD))
     noise = torch.randn(len(values), 3, generator=generator) * faint[:, None]
     moved = torch.nonzero(faint > SEEN)[:, 0]
     axes = rotations(values[moved, 6:10]) * values[moved, 3:6].exp()[:, None, :]

@@ -74,6 +74,13 @@ class Shelf:
         return measure
 
 
+def asking(
+    shelf: str, name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str
+) -> Study:
+    """Return a study of a question; `measure` is `module:function` in the shelf's own package."""
+    return Study(StudyInfo(name, title, question, method), f"{shelf}.{measure}", seconds, trainings)
+
+
 def catalogue(*studies: Study) -> dict[str, Study]:
     return {study.info.id: study for study in studies}
 

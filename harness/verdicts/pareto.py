@@ -61,7 +61,7 @@ def crossing(
     Between budgets the difference is linear in the logarithm of the budget.
     """
     weights = resamples(first.shape[1])
-    found = [_last_crossing(budgets, line) for line in (drawn_means(second, weights) - drawn_means(first, weights)).T]
+    found = [_last_crossing(budgets, line) for line in drawn_means(second - first, weights).T]
     known = np.array([at for at in found if at is not None])
     middle = _last_crossing(budgets, (second - first).mean(axis=1))
     if middle is None or not len(known):

@@ -1,11 +1,10 @@
 """The one table of studies that a verdict rests on. A new study is a generator of findings and one entry here."""
 
-from harness.records.study import StudyInfo
-from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, catalogue
+from functools import partial
 
+from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, asking, catalogue
 
-def _study(name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str) -> Study:
-    return Study(StudyInfo(name, title, question, method), f"evidence.{measure}", seconds, trainings)
+_study = partial(asking, "evidence")
 
 
 STUDIES: dict[str, Study] = catalogue(

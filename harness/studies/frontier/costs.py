@@ -3,15 +3,16 @@
 import statistics
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import torch
 
 from harness.machine.device import use_threads
 from harness.plan.group_task import GroupTask
+from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
-from harness.playback.run_loader import FinishedRun
+from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.records.study import Table
 from harness.studies.framework import Found
 from harness.studies.frontier.frontier_context import CORE_SECONDS, Frontier, FrontierContext
@@ -39,10 +40,17 @@ def costs(context: FrontierContext) -> Iterator[Found]:
     if not families:
         yield f"No family has a model of {scene} at {last:g} core seconds: nothing was measured."
         return
-    machine = context.machine
+    name, machine = f"{CORE_SECONDS}{last:g}", context.machine
+    run = FinishedRun.of(folder_of(context.out, name))
+    (record,) = run.scenes([scene])
+    views = run.views(record, context.view_sets, geometry=False, scratch=context.scratch)
+    device = torch.device(machine.device)
     use_threads(machine.workers * machine.threads)  # nothing else is measured meanwhile
     try:
-        drawn = {family: drawing(context, scene, family, last) for family in families}
+        drawn = {
+            family: drawing(run.trained(record, family, seed, device), views.test.camera_to_world[0])
+            for family in families
+        }
     finally:
         use_threads(machine.threads)
     quickest = min(drawn, key=lambda family: drawn[family][1])
@@ -55,14 +63,13 @@ def costs(context: FrontierContext) -> Iterator[Found]:
     for family in families:
         cells = frontier.of(last, family)
         numbers = np.median([cell.parameters["total"] for cell in cells])
-        folder = folder_of(context.out, f"{CORE_SECONDS}{last:g}")
-        size = np.median([checkpoint_path(folder, c.scene, c.method, c.seed).stat().st_size for c in cells])
+        size = np.median([checkpoint_path(run.out, c.scene, c.method, c.seed).stat().st_size for c in cells])
         ended = [cell for budget in frontier.budgets for cell in frontier.cells[budget] if cell.method == family]
         lost = len(ended) - sum(len(frontier.of(budget, family)) for budget in frontier.budgets)
         low, high = exact_interval(lost, len(ended))
         geometry = [_mean(frontier, last, family, name) for name in ("depth_rmse", "opacity_iou")]
         sizes = [f"{numbers:,.0f}", f"{size / 1e6:.2f}", *(f"{1e3 * seconds:.0f}" for seconds in drawn[family])]
-        memory = f"{peak(context, scene, family, last) / 1e9:.2f}"
+        memory = f"{peak(context, context.plan(name), views.path, family) / 1e9:.2f}"
         failed = f"{lost} of {len(ended)} ({100 * low:.0f} to {100 * high:.0f} %)"
         rows.append([family, *sizes, memory, *geometry, failed])
     columns = ["family", "learnt numbers", "MB on disk", *(f"ms a view, {width} px" for width in ROUNDS)]
@@ -71,14 +78,9 @@ def costs(context: FrontierContext) -> Iterator[Found]:
     yield time_to_score(frontier)
 
 
-def drawing(context: FrontierContext, scene: str, family: str, budget: float) -> list[float]:
-    """Return the median seconds of drawing a test view, by width."""
-    run = FinishedRun.of(folder_of(context.out, f"{CORE_SECONDS}{budget:g}"))
-    (record,) = run.scenes([scene])
-    seed = context.amount.seeds[0]
-    cell = run.trained(record, family, seed, torch.device(context.machine.device))
-    views = run.views(record, context.view_sets, geometry=False, scratch=context.scratch)
-    camera = cell.camera(views.test.camera_to_world[0])
+def drawing(cell: TrainedCell, camera_to_world: np.ndarray) -> list[float]:
+    """Return the median seconds of drawing a view, by width."""
+    camera = cell.camera(camera_to_world)
     seconds = []
     cell.learner.render(camera.resized(16).rays(cell.learner.device), cell.chunk)  # kernels are compiled here
     for width, rounds in ROUNDS.items():
@@ -92,16 +94,13 @@ def drawing(context: FrontierContext, scene: str, family: str, budget: float) ->
     return seconds
 
 
-def peak(context: FrontierContext, scene: str, family: str, budget: float) -> int:
+def peak(context: FrontierContext, plan: Plan, view_set: Path, family: str) -> int:
     """Return the peak bytes of a fresh process that trains a cell for a few steps, scores and writes it: libraries
     included, as the operating system counts them.
     """
-    name = f"{CORE_SECONDS}{budget:g}"
-    plan, folder = context.plan(name), FinishedRun.of(folder_of(context.out, name))
-    steps = plan.train.grid.first_step + MEMORY_STEPS
-    (record,) = folder.scenes([scene])
-    task = GroupTask(scene, 0, (family,), plan.train, plan.score, Budget(steps, None), context.scratch)
-    return peaks_of(context, replace(task, view_set=folder.view_set(record, context.view_sets), views=plan.views))[1]
+    budget = Budget(plan.train.grid.first_step + MEMORY_STEPS, None)
+    task = GroupTask("memory", 0, (family,), plan.train, plan.score, budget, context.scratch, view_set, plan.views)
+    return peaks_of(context, task)[1]
 
 
 def time_to_score(frontier: Frontier) -> Table:

@@ -87,7 +87,10 @@ class FrontierContext(TrainedContext):
         return [name for training in trainings for name in (budgets if training == AT_BUDGETS else [training])]
 
     def repaired(self, name: str) -> bool:
-        return any([super(FrontierContext, self).repaired(one) for one in self.named(name)])
+        resumed = [
+            super(FrontierContext, self).repaired(one) for one in self.named(name)
+        ]  # each of them, not the first
+        return any(resumed)
 
     def scale(self, *names: str) -> str:
         return super().scale(*self.named(*names))

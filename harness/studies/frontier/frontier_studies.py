@@ -1,14 +1,14 @@
 """The one table of what the frontier asks. A new study is a generator of findings and one entry here."""
 
-from harness.records.study import StudyInfo
-from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, catalogue
+from functools import partial
+
+from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, asking, catalogue
 
 AT_BUDGETS = "budgets"
 """The trainings of a study that looks at every budget."""
 
 
-def _study(name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str) -> Study:
-    return Study(StudyInfo(name, title, question, method), f"frontier.{measure}", seconds, trainings)
+_study = partial(asking, "frontier")
 
 
 STUDIES: dict[str, Study] = catalogue(

@@ -1,11 +1,10 @@
 """The one table of studies of what serving a trained method costs and gives: view cache (§8.1), attention (§8.2)."""
 
-from harness.records.study import StudyInfo
-from harness.studies.framework import Shelf, Study, catalogue
+from functools import partial
 
+from harness.studies.framework import Shelf, Study, asking, catalogue
 
-def _study(name: str, title: str, question: str, method: str, measure: str, seconds: float) -> Study:
-    return Study(StudyInfo(name, title, question, method), f"serving.{measure}", seconds)
+_study = partial(asking, "serving")
 
 
 STUDIES: dict[str, Study] = catalogue(

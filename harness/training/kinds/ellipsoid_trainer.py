@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from baselines.contract import Rays, Rendering
-from baselines.splats.gaussians import WIDENED, parts_of
+from baselines.splats.gaussians import parts_of
 from baselines.splats.traced import Traced
 from harness.training.kinds.splat_trainer import GaussianTrainer
 from harness.training.trainer import Diverged
@@ -29,6 +29,7 @@ class EllipsoidTrainer(GaussianTrainer):
         super().__post_init__()
         # several threads would add up gradients in an order that changes from run to run
         dr.set_thread_count(1)
+        self._scene: Traced | None = None
 
     def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
         rays.require_finite()
@@ -53,20 +54,17 @@ class EllipsoidTrainer(GaussianTrainer):
     def _numbers(self, values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
         """Return the numbers as `baselines.splats.traced.NAMES` lists them."""
         position, log_scale, rotation, logit, base, high = parts_of(values)
-        scales = (torch.exp(2.0 * log_scale) + (WIDENED * self.field.pixel) ** 2).sqrt()
         quaternion = normalize(rotation, dim=-1)[:, [1, 2, 3, 0]]
-        data = torch.cat([position, scales, quaternion], dim=1)
+        data = torch.cat([position, self.field.scales(log_scale), quaternion], dim=1)
         return data, torch.sigmoid(logit), torch.cat([base, high], dim=1)
 
     def _traced(self, numbers: tuple[Tensor, ...]) -> Traced:
         """Return the scene with these numbers, made anew if their count changed."""
-        kept = self.__dict__.get("_scene")
-        if kept is None or kept.count != len(numbers[0]):
-            kept = self.__dict__["_scene"] = Traced(numbers)
+        if self._scene is None or self._scene.count != len(numbers[0]):
+            self._scene = Traced(numbers)
         else:
-            kept.move(numbers)
-        return kept
+            self._scene.move(numbers)
+        return self._scene
 
     def _normalised(self, rays: Rays) -> tuple[Tensor, Tensor]:
-        middle = 0.5 * (self.box.lower + self.box.upper)
-        return (rays.origins - middle) / self.box.half_extent, rays.directions
+        return self.box.normalised(rays.origins), rays.directions

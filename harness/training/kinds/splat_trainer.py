@@ -1,7 +1,7 @@
 """`splats` and `ellipsoids` in training: the same Gaussians, drawn one view a step or traced along rays of all views.
 
-The rates are those of 3D Gaussian Splatting (Kerbl et al. 2023), which trains for 30 000 steps, times a factor for a
-budget of a few hundred to a few thousand.
+The rates are for a few hundred to a few thousand steps: 10 to 200 times those of 3D Gaussian Splatting (Kerbl et al.
+2023), which trains for 30 000.
 """
 
 import math

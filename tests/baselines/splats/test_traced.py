@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from tests.baselines.splats.plain_splats import rotation
 from tests.harness.voxels import drjit_or_skip
 
 
@@ -28,18 +29,11 @@ def traced(values: Tensor) -> Any:
     return Traced(numbers(values))
 
 
-def rotation(quaternion: Tensor) -> Tensor:
-    x, y, z, w = normalize(quaternion, dim=-1)
-    zero = torch.zeros_like(w)
-    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero]).reshape(3, 3)
-    return torch.eye(3, dtype=quaternion.dtype) + 2.0 * w * cross + 2.0 * cross @ cross
-
-
 def plain(values: Tensor, origins: Tensor, directions: Tensor) -> Tensor:
     """Return colours over white: each Gaussian has its largest value along a ray, the highest ones come first."""
     colour, through = torch.zeros_like(origins), torch.ones_like(origins[:, 0])
     for v in values[torch.argsort(values[:, 2], descending=True)]:
-        turn, scales = rotation(v[6:10]), v[3:6].exp()
+        turn, scales = rotation(v[[9, 6, 7, 8]]), v[3:6].exp()
         start, step = (origins - v[:3]) @ turn / scales, directions @ turn / scales
         nearest = start - ((start * step).sum(dim=-1) / (step * step).sum(dim=-1))[:, None] * step
         alpha = torch.sigmoid(v[10]) * torch.exp(-0.5 * nearest.square().sum(dim=-1))
