@@ -1,6 +1,7 @@
 """`python -m harness study sweep | repair | equivalence | omissions`: what a setting changes, each as one JSON file."""
 
 import argparse
+import shutil
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,7 +18,7 @@ Row = TypeVar("Row")
 
 def add_sweep_options(command: argparse.ArgumentParser) -> None:
     add_plan_options(command)
-    _add_file(command)
+    _add_file(command, "--resume")
 
 
 def add_repair_options(command: argparse.ArgumentParser) -> None:
@@ -30,17 +31,18 @@ def add_repair_options(command: argparse.ArgumentParser) -> None:
 def add_equivalence_options(command: argparse.ArgumentParser) -> None:
     add_plan_options(command)
     command.add_argument("--changes", nargs="+", default=["grid", "precision"], choices=("grid", "precision"))
-    _add_file(command)
+    _add_file(command, "--resume")
 
 
 def add_omissions_options(command: argparse.ArgumentParser) -> None:
     add_plan_options(command)
     command.set_defaults(methods=["nerf"], seeds=3)
-    _add_file(command)
+    _add_file(command, "--resume")
 
 
-def _add_file(command: argparse.ArgumentParser) -> None:
+def _add_file(command: argparse.ArgumentParser, *resume: str) -> None:
     add_shared(command, "--out", required=True, metavar="FILE", help="JSON file to write")
+    add_shared(command, *resume, help="use the cells that a stopped command left in FILE.cells")
 
 
 def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
@@ -59,7 +61,7 @@ def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
         return f"{row.scene} {row.method}, {tried.optimiser} at {rate}, {where}: {score}"
 
     folders = _folders(options, plan, show)
-    rows = _shown(sweep(plan, folders, options.out.parent, workers, device.type), line, show)
+    rows = _shown(sweep(plan, folders, options.out.parent, workers, device.type, _kept(options)), line, show)
     result = _written(options.out, as_json(rows, plan))
     show.line(f"best: {result['means'][0]}; of each method {result['best']}")
     return 0
@@ -95,7 +97,8 @@ def run_equivalence(options: argparse.Namespace, show: "Progress") -> int:
         return f"{pair.scene} {pair.method} seed {pair.seed}, {pair.change}: {scores}"
 
     folders = _folders(options, plan, show)
-    rows = _shown(pairs(plan, options.changes, folders, options.out.parent, available_cores()), line, show)
+    cells = pairs(plan, options.changes, folders, options.out.parent, available_cores(), _kept(options))
+    rows = _shown(cells, line, show)
     for row in _written(options.out, as_json(rows, plan))["summary"]:
         show.line(f"{row['change']}, {row['method']}: {row['difference']} dB {row['interval']}, {row['verdict']}")
     return 0
@@ -109,7 +112,9 @@ def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
     plan, device = planned_by(options)
     folders = _folders(options, plan, show)
     workers = available_cores() if device.type == "cpu" else 1
-    omissions, controls = verified(plan, folders, options.out.parent, workers, show.line, device.type, controls=True)
+    omissions, controls = verified(
+        plan, folders, options.out.parent, workers, show.line, device.type, controls=True, kept=_kept(options)
+    )
     _written(options.out, as_json(omissions, controls, plan, provenance(device)))
     for omission in omissions:
         show.line(omission.line)
@@ -128,6 +133,18 @@ def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dic
     return view_set_folders(plan, options.view_sets, show)
 
 
+def _kept(options: argparse.Namespace) -> Path:
+    """Return the folder of finished cells beside the file, emptied unless `--resume` asks for what is there."""
+    folder = _cells_of(options.out)
+    if not options.resume:
+        shutil.rmtree(folder, ignore_errors=True)
+    return folder
+
+
+def _cells_of(file: Path) -> Path:
+    return file.with_name(f"{file.name}.cells")
+
+
 def _shown(rows: Iterable[Row], line: Callable[[Row], str], show: "Progress") -> list[Row]:
     kept = []
     for row in rows:
@@ -144,4 +161,5 @@ def _written(file: Path, result: dict[str, Any]) -> dict[str, Any]:
     from harness.records.json_record import write_json
 
     write_json(file, result)
+    shutil.rmtree(_cells_of(file), ignore_errors=True)
     return result

@@ -7,12 +7,11 @@ from textwrap import fill
 
 from harness.records.metric_table import metric_of
 from harness.records.study import Effect
-from reports.data.wording import after, counted, interval, number, signed
+from reports.data.wording import BUDGETS, after, counted, interval, number, signed
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
-BUDGETS = {"steps": "at equal steps", "seconds": "at equal training time"}
 WIDEST = 1.6
 """The factor by which an axis, on either side of 0, may reach beyond the largest difference there."""
 LEAST = 0.25
@@ -65,7 +64,7 @@ def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: flo
     rows = sorted(
         effects, key=lambda effect: bool(effect.against)
     )  # parts and interactions, then method against method
-    title = f"{metric.label} {BUDGETS[effects[0].budget]}, {scene_words(effects[0].scene)}"
+    title = f"{metric.label} at {BUDGETS[effects[0].budget]}, {scene_words(effects[0].scene)}"
     colour, ends = KNOWN["nerf"].light, (-0.5, len(rows) - 0.5)
     traces = [Trace("no difference", INK.light, "floor", (0.0, 0.0), ends)]
     if of_interest:
@@ -157,7 +156,7 @@ def effects_grid(effects: list[Effect]) -> Grid:
                 Entry(effect.against) if effect.against else EMPTY,
                 Entry(scene_words(effect.scene)),
                 Entry(metric.label),
-                Entry(BUDGETS[effect.budget].removeprefix("at ")),
+                Entry(BUDGETS[effect.budget]),
                 Entry(f"{signed(effect.difference, metric.digits)}{unit}", value=effect.difference),
                 _interval(effect.interval, metric.digits),
                 _interval(effect.simultaneous, metric.digits),

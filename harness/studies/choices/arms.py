@@ -5,7 +5,8 @@ concerns rendering alone is tried on one set of weights, rendered both ways.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -22,6 +23,7 @@ from harness.plan.needed import kept
 from harness.plan.profiles import TUNED, Plan
 from harness.plan.schedule import Decay
 from harness.plan.settings import TrainSettings
+from harness.records.json_record import as_promised, digest_of, load_record, write_record
 from harness.training import evaluate
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
@@ -75,6 +77,8 @@ class CellTask:
     arms: Mapping[str, Arm]
     device: str = "cpu"
     scored_on: Literal["val", "test"] = "test"
+    kept: Path | None = None
+    """The folder where the cell is kept when it ends, and looked for before it begins."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,27 @@ class CellArms:
 
 def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[CellArms]:
     """Yield the cells in the order of the tasks, trained on `workers` processes of one thread."""
-    return in_workers([partial(trained_cell, task) for task in tasks], workers)
+    return in_workers([partial(kept_cell, task) for task in tasks], workers)
+
+
+def kept_cell(task: CellTask) -> CellArms:
+    """Return the cell as it is kept, else train it and keep it; one that cannot be read is trained again."""
+    if task.kept is None:
+        return trained_cell(task)
+    file = task.kept / f"{task.scene}-{task.method}-{task.seed}-{identity(task)}.json"
+    with suppress(OSError, ValueError):
+        return as_promised(load_record(file), CellArms)
+    cell = trained_cell(task)
+    file.parent.mkdir(exist_ok=True)
+    write_record(file, cell)
+    return cell
+
+
+def identity(task: CellTask) -> str:
+    """Return the digest of all that a cell's results depend on, beside its scene, method and seed."""
+    plan = replace(task.plan, scenes=(), methods=(), seeds=(), extras=())
+    arms = {name: asdict(arm) for name, arm in task.arms.items()}
+    return digest_of([plan.settings(), arms, task.view_set.name, task.device, task.scored_on])[:12]
 
 
 def trained_cell(task: CellTask) -> CellArms:

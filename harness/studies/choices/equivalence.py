@@ -41,11 +41,21 @@ def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
 
 
 def pairs(
-    plan: Plan, changes: list[Change], folders: dict[str, Path], scratch: Path, workers: int
+    plan: Plan,
+    changes: list[Change],
+    folders: dict[str, Path],
+    scratch: Path,
+    workers: int,
+    kept: Path | None = None,
 ) -> Iterator[ScorePair]:
-    """Yield all cells of the plan with each change, on `workers` processes; decoded images go to `scratch`."""
+    """Yield all cells of the plan with each change, on `workers` processes; decoded images go to `scratch`, and
+    finished cells to `kept`.
+    """
     arms = arms_of(plan, changes)
-    tasks = [CellTask(scene, method, seed, folders[scene], scratch, plan, arms) for scene, method, seed in plan.cells()]
+    tasks = [
+        CellTask(scene, method, seed, folders[scene], scratch, plan, arms, kept=kept)
+        for scene, method, seed in plan.cells()
+    ]
     for cell in trained_cells(tasks, workers):
         yield from pairs_of(cell, changes)
 

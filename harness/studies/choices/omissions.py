@@ -111,14 +111,16 @@ def verified(
     say: Callable[[str], None],
     device: str = "cpu",
     controls: bool = False,
+    kept: Path | None = None,
 ) -> tuple[list[Omission], list[Omission]]:
     """Return what is left out on each scene of the plan, and `controls`: what leaving out something needed costs.
 
-    Every cell of the plan is trained once as planned and once more for each omission of its scene.
+    Finished cells go to `kept`. Every cell of the plan is trained once as planned and once more for each omission of its scene.
     """
     views = {scene: read_views(folder, plan.views, scratch) for scene, folder in folders.items()}
     cells = []
-    for cell in trained_cells(cell_tasks(plan, views, folders, scratch, controls, device), workers):
+    tasks = [replace(task, kept=kept) for task in cell_tasks(plan, views, folders, scratch, controls, device)]
+    for cell in trained_cells(tasks, workers):
         cells.append(cell)
         scores = (
             f"{name} {'diverged' if arm.psnr is None else f'{arm.psnr:.2f} dB'} in {arm.train_seconds:.1f} s"

@@ -52,14 +52,17 @@ class SweepRow:
     core_seconds: float
 
 
-def sweep(plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str) -> Iterator[SweepRow]:
-    """Train every method in every arm on every scene; decoded images go to `scratch`, a folder on a disk.
+def sweep(
+    plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
+) -> Iterator[SweepRow]:
+    """Train every method in every arm on every scene; decoded images go to `scratch`, a folder on a disk, and finished
+    cells to `kept`.
 
     Raises `InputError` for a view set without validation views.
     """
     arms = {str(number): arm for number, arm in enumerate(ARMS)}
     tasks = [
-        CellTask(scene, method, SEED, folder, scratch, plan, arms, device, "val")
+        CellTask(scene, method, SEED, folder, scratch, plan, arms, device, "val", kept)
         for scene, folder in folders.items()
         for method in plan.methods
     ]

@@ -31,7 +31,7 @@ def _open_to_ctrl_c() -> Iterator[None]:
 def test_a_pool_in_the_middle_of_a_cell_ends_with_the_one_who_asked(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(arms, "trained_cell", slept)
+    monkeypatch.setattr(arms, "kept_cell", slept)
     task = arms.CellTask("lego", "nerf", 0, Path(), tmp_path, planned("smoke"), {})
 
     def stop() -> None:
