@@ -48,8 +48,8 @@ python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
 
 nox -s stability -- --cases S1 --quick --out {here}/stability {other_sets} → 3
-nox -s frontier -- --scenes lego --methods nerf splats --budgets 0.3 --resolution 16 --out {here}/frontier {sets}
-python -m harness frontier --pick lego --seconds 1 --out {here}/frontier
+nox -s frontier -- --scenes lego --methods nerf splats --budgets 0.3 --seeds 1 --resolution 16 --out {here}/f {sets}
+python -m harness frontier --pick lego --seconds 1 --out {here}/f
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
 nox -s endurance -- --kills 1 --typed-kills 0 --no-damage --brief --scratch {here}/endurance

@@ -2,9 +2,11 @@
 
 import argparse
 import errno
+import re
 import shlex
 import sys
 from collections.abc import Callable
+from decimal import Decimal
 from typing import TYPE_CHECKING, NamedTuple
 
 from harness.command import (
@@ -97,9 +99,14 @@ def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table:
         added.allow_abbrev = False  # `--with` is no `--without`
 
 
+EXPONENT = re.compile(r"-\d*\.?\d+[eE][+-]?\d{1,3}")
+"""A negative number that argparse takes for an option."""
+
+
 def parsed(arguments: list[str]) -> argparse.Namespace:
     """The options that `arguments` choose; the name of a study stands for `study NAME`."""
     top = parser()
+    arguments = [format(Decimal(word), "f") if EXPONENT.fullmatch(word) else word for word in arguments]
     options = top.parse_args(["study", *arguments] if arguments and arguments[0] in STUDIES else arguments)
     options.parser = top
     return options

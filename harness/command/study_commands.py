@@ -144,7 +144,8 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
         if options.budgets:
             amount = replace(amount, budgets=tuple(sorted(set(options.budgets))))
         if options.seeds:
-            amount = replace(amount, seeds=tuple(range(options.seeds)))
+            seeds = tuple(range(options.seeds))
+            amount = replace(amount, seeds=seeds, phi_seeds=seeds)
         if options.resolution:
             amount = replace(amount, resolution=options.resolution)
         machine = Machine("cpu", available_cores(), 1)

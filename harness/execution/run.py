@@ -73,7 +73,12 @@ def run(
         scenes = [scene_record(task, keys) for task in first_of_scene]
         for scene in scenes if plan.view_set else ():
             box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
-            show.line(f"view set {scene.name}: box {box}; its silhouettes leave {scene.hull_share:.0%} of it")
+            show.line(
+                f"view set {scene.name}: box {box}; its silhouettes leave {scene.hull_share:.0%} of it; {scene.seen}"
+            )
+        cautions = [f"{scene.name}: {caution}" for scene in scenes for caution in scene.cautions]
+        for caution in cautions:
+            show.line(f"view set {caution}")
     scenes = with_stated(with_measured(scenes, earlier), plan)
     origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
     origin |= record.provenance | notices_of(earlier)
@@ -81,7 +86,7 @@ def run(
 
     def write(finished: bool) -> None:
         cells = list(read_cells_of(out, keys))
-        not_tested = [*record.not_tested, *clocks_apart(cells), *code_apart(cells)]
+        not_tested = [*record.not_tested, *cautions, *clocks_apart(cells), *code_apart(cells)]
         changed = {"scenes": scenes, "phases": phases.seconds(), "finished": finished, "not_tested": not_tested}
         write_run(out, structs.replace(record, **changed))
 

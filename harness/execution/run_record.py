@@ -19,6 +19,8 @@ from harness.training.evaluate import floor_psnr
 from harness.training.metrics import psnr_from_mse
 from harness.training.saved_renders import drop_truth, keep_truth
 from scenes.modelling.needs import left_out
+from scenes.view_sets.cautions import cautions
+from scenes.view_sets.sight import sight
 
 
 def measured_at_paper_size(method: str) -> dict[str, Any]:
@@ -37,9 +39,14 @@ def measured_at_paper_size(method: str) -> dict[str, Any]:
 
 
 def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRecord:
-    """Read the view set of a task once, so that any fault of it is reported before any training."""
+    """Read the view set of a task once, so that any fault of it is reported before any training.
+
+    Raises `InputError` for a fault, and where the cameras see nothing of the box.
+    """
     scene, out = task.scene, task.out
     views = read_views(task.view_set, task.views, out)
+    found = sight(views)
+    told = cautions(views, found)
     if not finished_on(out, [key for key in keys if key[0] == scene], views):
         drop_truth(out, scene)
     noise = views.test.noise_mse
@@ -60,6 +67,8 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneReco
         far=views.far,
         bounds=views.bounds.tolist(),
         hull_share=float(views.hull.mean()),
+        seen=found.line,
+        cautions=told,
         psnr_ceiling=ceiling,
         psnr_floor=floor_psnr(views),
         rendered={key: manifest[key] for key in kept if key in manifest},

@@ -74,6 +74,7 @@ def machine(learner: Learner) -> dict[str, Any]:
     on_gpu = learner.device.type == "cuda"
     return {
         "torch": torch.__version__,
+        "numba": _versions("numba", "llvmlite"),
         "drjit": _drjit() if learner.method in ("voxels_drjit", "ellipsoids") else None,
         "processor": [platform.machine(), processor(), torch.backends.cpu.get_cpu_capability()],
         "device": torch.cuda.get_device_name(learner.device) if on_gpu else "cpu",
@@ -110,11 +111,16 @@ def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
 
 
 @cache
+def _versions(*packages: str) -> list[str]:
+    return [version(package) for package in packages]
+
+
+@cache
 def _drjit() -> list[Any]:
-    """Return the versions of Dr.Jit and of the compiler of its kernels on a processor."""
+    """Return the versions of Dr.Jit, Mitsuba and the compiler of their kernels on a processor."""
     import drjit
 
-    return [version("drjit"), list(drjit.detail.llvm_version())]
+    return [*_versions("drjit", "mitsuba"), list(drjit.detail.llvm_version())]
 
 
 @cache

@@ -222,6 +222,10 @@ class SceneRecord(Record, frozen=True):
     left_out: list[LeftOut]
     hull_share: float | None = None
     """The share of the box that the silhouettes of the training views leave; 1 where they say nothing."""
+    seen: str = ""
+    """What the training cameras see of the box, one line."""
+    cautions: list[str] = field(default_factory=list)
+    """What a reader of scores on these views has to know, one sentence each."""
 
     @property
     def costs_more(self) -> bool:

@@ -203,7 +203,8 @@ def provenance(records: Records) -> shell.Groups:
         rendered = [f"{name} {value}" for name, value in flat(scene.rendered)]
         corners = " to ".join(f"({', '.join(f'{x:.3g}' for x in corner)})" for corner in scene.bounds)
         hull = "" if scene.hull_share is None else f", of which the silhouettes leave {scene.hull_share:.0%}"
-        sets.append((scene.name, "; ".join([scene.view_set, split, f"box {corners}{hull}", *rendered])))
+        facts = [scene.view_set, split, f"box {corners}{hull}", scene.seen, *rendered]
+        sets.append((scene.name, "; ".join(filter(None, facts))))
     groups = [
         ("Run", [("command", run.command), *phases]),
         ("Settings", flat(run.settings)),

@@ -11,7 +11,7 @@ import numpy as np
 
 from scenes.files.errors import InputError, short
 from scenes.view_sets import nerfstudio
-from scenes.view_sets.images import read_image
+from scenes.view_sets.images import display_image
 from scenes.view_sets.nerfstudio import read_nerfstudio
 from scenes.view_sets.source import Region, Source, nine_to_one, region_in
 from scenes.view_sets.transforms import Frames, read_transforms, transforms_file
@@ -187,7 +187,7 @@ KNOWN = (
 
 
 def _rgba(file: Path) -> np.ndarray:
-    pixels = read_image(file)
+    pixels = display_image(file)
     if pixels.shape[2] == 2:
         pixels = pixels[..., [0, 0, 0, 1]]
     if pixels.shape[2] != 4:

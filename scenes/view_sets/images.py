@@ -29,6 +29,25 @@ def read_channels(file: Path) -> dict[str, np.ndarray]:
     return {name: pixels[..., index] for index, name in enumerate(names)}
 
 
+def display_image(file: Path) -> np.ndarray:
+    """Read an image of display colour, 8 or 16 bits a channel; errors as in `read_image`, and for floating-point
+    pixels, which are linear light as a rule, and for an image that a viewer would turn.
+    """
+    import OpenImageIO as oiio
+
+    pixels = read_image(file)
+    source = oiio.ImageInput.open(str(file))
+    if source is None:
+        raise InputError(f"{file}: not an image that can be read ({_reason(oiio.geterror())})")
+    spec = source.spec()
+    source.close()
+    if spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE):
+        raise InputError(f"{file}: has floating-point pixels, up to {pixels.max():.4g}; save display colour as PNG")
+    if (turned := spec.get_int_attribute("Orientation", 1)) != 1:
+        raise InputError(f"{file}: a viewer turns it (EXIF orientation {turned}), cameras may not; save it upright")
+    return pixels
+
+
 def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     import OpenImageIO as oiio  # where it is used: reading a manifest must not pay for it
 

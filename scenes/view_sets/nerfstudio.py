@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from scenes.files.errors import InputError
-from scenes.view_sets.images import read_image
+from scenes.view_sets.images import display_image
 from scenes.view_sets.source import Region, Source, nine_to_one, region_in
 from scenes.view_sets.transforms import Document, ViewRegion, image_file, read_listing, shown
 from scenes.view_sets.viewpoints import SPLITS
@@ -71,9 +71,10 @@ def read_nerfstudio(folder: Path) -> Source:
         for image, camera in zip(frames.files, cameras, strict=True)
     }
     splits, notes = _splits(document, file, frames.files)
-    if read_image(frames.files[0]).shape[2] == 3:
-        image = frames.files[0].name
-        notes.append(f"{image} has no alpha: images without alpha count as wholly covered, background included.")
+    first = frames.files[0]
+    channels = display_image(first).shape[2]
+    if channels == 3:
+        notes.append(f"{first.name} has no alpha: images without alpha count as wholly covered, background included.")
     given = document.view_region or ViewRegion()
     box = None if given.bounds is None else tuple(given.bounds)
     region = region_in(f"{file}: {REGION}", box, given.near, given.far)
@@ -82,16 +83,21 @@ def read_nerfstudio(folder: Path) -> Source:
     return Source(
         name=folder.resolve().name,
         frames=lambda split: frames.of(splits[split]) if splits.get(split) else None,
-        pixels=lambda image: _pixels(image, shapes[image]),
+        pixels=lambda image: _pixels(image, shapes[image], channels),
         region=region,
         notes=tuple(notes),
     )
 
 
-def _pixels(image: Path, shape: float | None) -> np.ndarray:
-    """Return pixels, float32 [h, w, 4], of an image whose height over width is `shape`; RGB is fully opaque."""
-    pixels = read_image(image)
+def _pixels(image: Path, shape: float | None, expected: int) -> np.ndarray:
+    """Return pixels, float32 [h, w, 4], of an image whose height over width is `shape` and that has `expected`
+    channels, as the first one; RGB is fully opaque.
+    """
+    pixels = display_image(image)
     height, width, channels = pixels.shape
+    if {channels, expected} == {3, 4}:
+        alpha = "no alpha, but the first view has it" if channels == 3 else "alpha, but the first view has none"
+        raise InputError(f"{image}: has {alpha}; save all views of a set with alpha, or all without")
     if channels not in (3, 4):
         raise InputError(f"{image}: {channels} channels; views must be RGB or RGBA: save them so")
     if shape is not None and abs(height - shape * width) > max(1.0, shape):  # a pixel of rounding in either side

@@ -18,6 +18,9 @@ from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.transforms import Frames
 from scenes.view_sets.viewpoints import SPLITS
 
+LEAST, MOST = 1e-12, 1e12
+"""The lengths that can be squared in single precision."""
+
 
 @dataclass(frozen=True)
 class Region:
@@ -31,11 +34,13 @@ class Region:
     def __post_init__(self) -> None:
         if self.bounds is not None:
             box = self.bounds
-            if len(box) != 6 or not all(map(math.isfinite, box)) or any(box[i] >= box[i + 3] for i in range(3)):
-                raise InputError(f"bounds {list(box)}: give two finite corners, x y z each, the lower one first")
+            if len(box) != 6 or not all(abs(x) <= MOST for x in box) or any(box[i] >= box[i + 3] for i in range(3)):
+                corners = f"two corners, x y z each, up to {MOST:g}, the lower one first"
+                raise InputError(f"bounds {list(box)}: give {corners}")
         given = [distance for distance in (self.near, self.far) if distance is not None]
-        if not all(0 < distance < math.inf for distance in given) or given != sorted(set(given)):
-            raise InputError(f"near {self.near} and far {self.far}: distances must be positive, near the smaller one")
+        if not all(LEAST <= distance <= MOST for distance in given) or given != sorted(set(given)):
+            between = f"distances between {LEAST:g} and {MOST:g}, near the smaller one"
+            raise InputError(f"near {self.near} and far {self.far}: give {between}")
 
     @property
     def box(self) -> np.ndarray | None:

@@ -150,7 +150,8 @@ def read_json(file: Path) -> Any:
     try:
         if (size := file.stat().st_size) > LARGEST_FILE:
             raise InputError(f"{file}: {size} bytes; a view set's JSON has no more than {LARGEST_FILE}")
-        return json.loads(file.read_text(encoding="utf-8-sig"), parse_constant=_refuse)
+        text = file.read_text(encoding="utf-8-sig")
+        return json.loads(text, parse_constant=_refuse, object_pairs_hook=_each_key_once)
     except InputError:
         raise
     except RecursionError as error:
@@ -163,6 +164,15 @@ def read_json(file: Path) -> Any:
 
 def _refuse(constant: str) -> float:
     raise ValueError(f"{constant} is not a number; give a finite one")
+
+
+def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in content:
+            raise ValueError(f"{shown(key)} is given twice; keep one of them")
+        content[key] = value
+    return content
 
 
 def image_file(folder: Path, path: str, where: str) -> Path:

@@ -50,9 +50,23 @@ def _truncate(folder: Path) -> None:
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
 
 
+def _all_poses(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Path], None]:
+    def spoil(data: dict[str, Any]) -> None:
+        for frame in data["frames"]:
+            frame["transform_matrix"] = change(np.array(frame["transform_matrix"])).tolist()
+
+    def spoil_both(folder: Path) -> None:
+        for split in ("train", "test"):
+            _edit(folder, spoil, split)
+
+    return spoil_both
+
+
 SPOILT: dict[str, tuple[Callable[[Path], None], str]] = {
     "no poses": (lambda folder: (folder / "transforms_train.json").unlink(), "transforms_train.json"),
     "no test poses": (lambda folder: (folder / "transforms_test.json").unlink(), "transforms_test.json"),
+    "axes of OpenCV": (_all_poses(lambda pose: pose @ np.diag([1.0, -1.0, -1.0, 1.0])), "have OpenCV's axes"),
+    "poses far away": (_all_poses(lambda pose: pose + 1e3 * np.eye(4, k=3)), "(--bounds)"),
     "not JSON": (lambda folder: (folder / "transforms_train.json").write_text("{"), "not valid JSON"),
     "not an object": (
         lambda folder: (folder / "transforms_train.json").write_text("[]"),

@@ -1,6 +1,6 @@
-"""A made-up frontier: two families at two budgets."""
+"""A made-up frontier: two families at two budgets, and what φ changes."""
 
-from harness.records.study import Answer, Series, Studies, StudyRecord, Table
+from harness.records.study import Answer, Effect, Series, Studies, StudyRecord, Table
 from harness.studies.frontier.error_against_time import ERROR
 from harness.studies.frontier.frontier_studies import STUDIES
 from tests.reports.fake_shelf import PROVENANCE, shelf
@@ -17,6 +17,13 @@ def fake_frontier() -> Studies:
     ]
     means = Table("over_scenes", 0, "PSNR over scenes, dB", ["family", "4 core s"], [["nerf", "20.46 ± 1.58"]])
     found = [Answer("At 60 core seconds splats has the best mean over 8 scenes, 33.98 dB."), *lines, means]
-    studies = [StudyRecord(STUDIES["error_against_time"].info, "8 scenes", found, 3000.0)]
+    gain, ends = 0.4, (-0.1, 0.9)
+    grown = Effect(
+        "planes_phi", "planes_same_ends", "all", "psnr", "core_seconds", gain, ends, ends, 1, "inconclusive", 0.7, 16, 0
+    )
+    studies = [
+        StudyRecord(STUDIES["error_against_time"].info, "8 scenes", found, 3000.0),
+        StudyRecord(STUDIES["phi"].info, "8 scenes", [Answer("φ changes planes by +0.40 dB."), grown], 700.0),
+    ]
     settings = {"amount": {"scenes": ["chair", "ship"], "seeds": [0]}, "device": "cpu"}
     return shelf("frontier", studies, settings, {"provenance": PROVENANCE})

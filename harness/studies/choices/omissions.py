@@ -115,7 +115,8 @@ def verified(
 ) -> tuple[list[Omission], list[Omission]]:
     """Return what is left out on each scene of the plan, and `controls`: what leaving out something needed costs.
 
-    Finished cells go to `kept`. Every cell of the plan is trained once as planned and once more for each omission of its scene.
+    Every cell of the plan is trained once as planned and once more for each omission of its scene. Finished cells go to
+    `kept`.
     """
     views = {scene: read_views(folder, plan.views, scratch) for scene, folder in folders.items()}
     cells = []

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from harness.__main__ import main
+from harness.command.main import parsed
 from harness.execution.progress import Quiet
 from harness.execution.run import run
 from harness.plan.profiles import Machine, planned
@@ -78,6 +79,12 @@ def test_bad_usage_is_exit_code_2(arguments: str, capsys: pytest.CaptureFixture[
         main(arguments.split())
     assert caught.value.code == 2
     assert "error: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", ["-1e0", "-1.5E+2", "-.5e-3", "-1"])
+def test_a_negative_number_is_none_of_the_options(number: str) -> None:
+    bounds = parsed(["run", "--bounds", number, "0", "0", "1", "1", "1"]).bounds
+    assert bounds == [float(number), 0.0, 0.0, 1.0, 1.0, 1.0]
 
 
 def test_a_gpu_that_is_not_there_is_missed_by_name(

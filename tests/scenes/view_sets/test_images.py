@@ -13,7 +13,7 @@ from PIL import Image
 
 from scenes.files.errors import InputError
 from scenes.view_sets import images
-from scenes.view_sets.images import read_channels, read_image, write_channels, write_png
+from scenes.view_sets.images import display_image, read_channels, read_image, write_channels, write_png
 
 
 def random_rgba(height: int = 7, width: int = 11) -> np.ndarray:
@@ -34,6 +34,22 @@ def test_16_bit_png(tmp_path: Path) -> None:
     levels = np.arange(12, dtype=np.uint16).reshape(3, 4) * 5000
     Image.fromarray(levels).save(tmp_path / "c.png")
     assert read_image(tmp_path / "c.png")[..., 0] == pytest.approx(levels / 65535, abs=1e-6)
+
+
+def test_display_colour_is_neither_linear_light_nor_turned(tmp_path: Path) -> None:
+    write_channels(tmp_path / "light.exr", {name: np.full((3, 4), 4.998) for name in "RGBA"})
+    with pytest.raises(InputError, match=re.escape("light.exr: has floating-point pixels, up to 4.998; save")):
+        display_image(tmp_path / "light.exr")
+    exif = Image.Exif()
+    for turned, suffix in ((1, "jpg"), (6, "jpg"), (3, "png")):
+        file = tmp_path / f"{turned}.{suffix}"
+        exif[0x0112] = turned
+        Image.new("RGB", (4, 2)).save(file, exif=exif)
+        if turned == 1:
+            assert display_image(file).shape == (2, 4, 3)
+        else:
+            with pytest.raises(InputError, match=rf"EXIF orientation {turned}"):
+                display_image(file)
 
 
 def test_channels_round_trip_bit_for_bit(tmp_path: Path) -> None:

@@ -70,6 +70,14 @@ def test_a_capture_without_splits_alpha_and_region(tmp_path: Path) -> None:
         assert words in said
 
 
+@pytest.mark.parametrize(("channels", "said"), [(3, "has alpha, but the first"), (4, "has no alpha, but the first")])
+def test_alpha_in_some_views_alone_is_refused(tmp_path: Path, channels: int, said: str) -> None:
+    folder = capture(tmp_path / "desk", 12, all_poses("train")[:12], channels)
+    write_png(folder / "images/frame_00004.png", np.full((8, 16, 7 - channels), 0.5))
+    with pytest.raises(InputError, match=f"frame_00004.png: {said}"):
+        read_view_set(folder)
+
+
 def test_the_region_found_holds_every_ray_and_is_the_same_for_every_split(tmp_path: Path) -> None:
     poses = all_poses("train")[:21].copy()
     poses[:, :3, 3] = 10 * poses[:, :3, 3] + [100.0, 50, -20]
@@ -115,7 +123,16 @@ def test_what_the_user_says_overrules_the_file(studio: Path, ball: Path) -> None
 
 @pytest.mark.parametrize(
     "region",
-    [((0, 0, 0, 1, 1, 0), None, None), ((0, 0, 0), None, None), (None, -1, None), (None, 3, 2), (None, None, math.inf)],
+    [
+        ((0, 0, 0, 1, 1, 0), None, None),
+        ((0, 0, 0), None, None),
+        ((-1e300, 0, 0, 1, 1, 1), None, None),
+        (None, -1, None),
+        (None, 3, 2),
+        (None, 1e-300, 1.0),
+        (None, 1.0, 1e300),
+        (None, None, math.inf),
+    ],
 )
 def test_a_region_that_is_none(region: tuple[Any, Any, Any]) -> None:
     with pytest.raises(InputError, match=r"bounds|near"):

@@ -172,6 +172,7 @@ def test_bad_heads_are_refused(folder: Path, change: dict[str, Any], said: str) 
         (b'{"camera_angle_x": 1e999, "frames": []}', "finite"),
         (b'{"camera_angle_x": ' + b"9" * 5000 + b', "frames": []}', "not valid JSON"),
         (b"[" * 200_000, "nested too deeply"),
+        (b'{"camera_angle_x": 0.6, "camera_angle_x": 0.7, "frames": []}', "'camera_angle_x' is given twice"),
     ],
 )
 def test_bad_json_is_refused(folder: Path, content: bytes, said: str) -> None:

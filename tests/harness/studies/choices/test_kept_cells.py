@@ -28,7 +28,9 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[CellTask]:
 @pytest.fixture
 def task(tmp_path: Path) -> CellTask:
     plan = PROFILES["reduced"]
-    return CellTask("lego", "nerf", 0, tmp_path / "lego-1", tmp_path, plan, {"less": Arm(bins=0.5)}, kept=tmp_path / "k")
+    return CellTask(
+        "lego", "nerf", 0, tmp_path / "lego-1", tmp_path, plan, {"less": Arm(bins=0.5)}, kept=tmp_path / "k"
+    )
 
 
 def test_a_kept_cell_is_the_same_and_not_trained_again(task: CellTask, trained: list[CellTask]) -> None:

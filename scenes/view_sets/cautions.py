@@ -1,0 +1,53 @@
+"""What a reader of scores on a view set has to know about its images and cameras."""
+
+import numpy as np
+
+from scenes.files.errors import InputError
+from scenes.view_sets.sight import LEAST_COVERED, Sight, likely_cause
+from scenes.view_sets.view_set import ViewSet
+
+THIN = (0.1, 0.4)
+"""The alphas of pixels whose straight colour is often larger, and whose premultiplied colour never is."""
+LEAST_THIN = 100
+"""The fewest such pixels, of all training views, that tell anything."""
+BRIGHT = 0.5
+"""The median of the largest channel of opaque pixels below which a colour is seldom larger than its alpha anyway."""
+
+
+def cautions(views: ViewSet, found: Sight) -> list[str]:
+    """Return what a reader of scores on these views has to know, a sentence each; raises `InputError`, with the likely
+    cause, if no training ray, or none of a covered pixel, meets the box.
+    """
+    box = " ".join(f"{value:.3g}" for value in views.bounds.ravel())
+    if not found.share:
+        which = "no training ray" if not found.rays else "no training ray of a covered pixel"
+        where = f"the box {box} between {views.near:.3g} and {views.far:.3g} from the camera"
+        raise InputError(f"{views.path}: {which} meets {where}; {likely_cause(views)}")
+    told = []
+    if found.covered is not None and found.covered < LEAST_COVERED:
+        told.append(f"{found.covered:.0%} of the covered pixels alone see the box {box}; {likely_cause(views)}")
+    if not any(image[..., 3].any() for image in views.train.rgba):
+        told.append("no training view has a covered pixel")
+    if is_premultiplied(views):
+        told.append(
+            "colours of half covered pixels never exceed their alpha: they seem premultiplied, straight is read"
+        )
+    if views.repeated_views:
+        more = len(views.repeated_views) - 1
+        told.append(f"cameras repeat: {views.repeated_views[0]}{f', and {more} more' if more else ''}")
+    return told
+
+
+def is_premultiplied(views: ViewSet) -> bool:
+    """Return whether colours look multiplied by their alpha: bright where a pixel is opaque, and nowhere larger than
+    alpha where it is thin.
+    """
+    thin, beyond, bright = 0, 0, []
+    for image in views.train.rgba:
+        largest, alpha = image[..., :3].max(axis=-1), image[..., 3]
+        some = (alpha > THIN[0]) & (alpha < THIN[1])
+        thin += int(some.sum())
+        beyond += int((largest[some] > alpha[some] + 1 / 255).sum())
+        if (opaque := alpha == 1.0).any():
+            bright.append(float(np.median(largest[opaque])))
+    return thin >= LEAST_THIN and not beyond and bool(bright) and float(np.median(bright)) > BRIGHT

@@ -1,0 +1,92 @@
+"""What the training cameras see of the box: cameras in other axes, or inverted, see nothing of it, and no method must
+be blamed for that.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.view_sets.source import LEAST_ALPHA
+from scenes.view_sets.view_set import ViewSet
+
+ACROSS = 100
+"""The pixels of a row that are tried, at most."""
+LEAST_COVERED = 0.9
+"""The share of covered pixels that should see the box: it is meant to hold whatever is seen."""
+LEAST_LENGTH = 1e-4
+"""The length in a box, in its longest side, from which a ray counts as meeting it."""
+OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Shares of the training views' pixels, 0 … 1."""
+
+    rays: float
+    """Of all pixels, those whose ray meets the box between near and far."""
+    covered: float | None
+    """Of the covered pixels; None if every pixel is covered, as in images without alpha, or none is."""
+
+    @property
+    def share(self) -> float:
+        return self.rays if self.covered is None else self.covered
+
+    @property
+    def line(self) -> str:
+        """Return a line such as `53 % of the training rays meet the box, and 100 % of those of covered pixels`."""
+        covered = "" if self.covered is None else f", and {self.covered:.0%} of those of covered pixels"
+        return f"{self.rays:.0%} of the training rays meet the box{covered}"
+
+
+def sight(views: ViewSet) -> Sight:
+    """Return what the training views, of which there is at least one, see of the box of `views`."""
+    return _sight(views, views.train.camera_to_world, _seen(views), views.near, views.far)
+
+
+def likely_cause(views: ViewSet) -> str:
+    """Return why the cameras do not see the box, and what to do."""
+    poses, seen, anywhere = views.train.camera_to_world, _seen(views), (0.0, np.inf)
+    inverse = np.linalg.inv(poses)
+    tried = {
+        "near and far leave it out: choose others (--near, --far)": poses,
+        "the poses seem to have OpenCV's axes, y down and z forward: negate their second and third column": poses
+        @ OPENCV,
+        "the poses seem to be world-to-camera: invert them": inverse,
+        "the poses seem to be world-to-camera, in OpenCV's axes: invert them, then negate the second and third "
+        "column": inverse @ OPENCV,
+    }
+    for cause, there in tried.items():
+        if _sight(views, there, seen, *anywhere).share >= LEAST_COVERED:
+            return cause
+    return "choose a box around what is seen, in the units of the poses (--bounds)"
+
+
+def _seen(views: ViewSet) -> np.ndarray:
+    """Return where the tried pixels are covered, bool [views, pixels]."""
+    step = _step(views)
+    return np.stack([(image[::step, ::step, 3] >= LEAST_ALPHA).ravel() for image in views.train.rgba])
+
+
+def _step(views: ViewSet) -> int:
+    return max(1, views.width // ACROSS)
+
+
+def _sight(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float, far: float) -> Sight:
+    step = _step(views)
+    column, row = np.meshgrid(np.arange(0, views.width, step), np.arange(0, views.height, step))
+    x, y = column + 0.5 - 0.5 * views.width, 0.5 * views.height - row - 0.5
+    rays = np.stack([x.ravel(), y.ravel(), np.full(x.size, -views.focal)], axis=-1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    met = np.stack([_met(pose, rays, views.bounds, near, far) for pose in poses])
+    told = seen.any() and not seen.all()
+    return Sight(float(met.mean()), float(met[seen].mean()) if told else None)
+
+
+def _met(pose: np.ndarray, rays: np.ndarray, bounds: np.ndarray, near: float, far: float) -> np.ndarray:
+    """Return which rays [n, 3] of a camera's frame meet the box, bool [n]."""
+    directions = rays @ pose[:3, :3].T
+    directions = np.where(np.abs(directions) < 1e-12, 1e-12, directions)  # parallel to a side: it is met far away
+    ends = (bounds[:, None] - pose[:3, 3]) / directions
+    into, out_of = ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1)
+    longest = float((bounds[1] - bounds[0]).max())
+    return np.minimum(out_of, far) - np.maximum(into, near) > LEAST_LENGTH * longest

@@ -1,0 +1,128 @@
+"""Cameras that see nothing are told before training, with the likely cause."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenes.files.errors import InputError
+from scenes.view_sets.cautions import cautions, is_premultiplied
+from scenes.view_sets.image_stack import ImageStack
+from scenes.view_sets.sight import OPENCV, sight
+from scenes.view_sets.view_set import Split, ViewSet
+from scenes.view_sets.viewpoints import poses_on_sphere
+
+SIZE, FOV, RADIUS = 24, 0.7, 4.0
+BALL = 0.9
+"""The radius of the ball that the views show, in a box of half-extent 1."""
+
+
+def stack(*images: np.ndarray) -> ImageStack:
+    pixels = ImageStack((SIZE, SIZE, 4))
+    for image in images:
+        pixels.append(image.astype(np.float32))
+    return pixels
+
+
+def ball_seen(count: int = 8) -> ViewSet:
+    """Return views of a ball: from every side it is the same disc."""
+    poses = poses_on_sphere(np.linspace(0.0, 6.0, count), np.linspace(0.1, 1.2, count), RADIUS)
+    focal = 0.5 * SIZE / np.tan(0.5 * FOV)
+    x, y = np.meshgrid(np.arange(SIZE) + 0.5 - SIZE / 2, np.arange(SIZE) + 0.5 - SIZE / 2)
+    angle = np.arctan(np.hypot(x, y) / focal)
+    image = np.zeros((SIZE, SIZE, 4))
+    image[angle < np.arcsin(BALL / RADIUS)] = 1.0
+    train = Split(tuple(f"train/r_{k}" for k in range(count)), poses, stack(*[image] * count))
+    empty = Split((), np.zeros((0, 4, 4)), ImageStack((SIZE, SIZE, 4)))
+    box = np.array([[-1.0] * 3, [1.0] * 3])
+    return ViewSet(Path("ball"), "ball", "", SIZE, SIZE, FOV, 2.0, 6.0, box, train, empty, empty)
+
+
+def with_poses(views: ViewSet, poses: np.ndarray) -> ViewSet:
+    return replace(views, train=replace(views.train, camera_to_world=poses))
+
+
+def test_shares_are_those_of_closed_forms() -> None:
+    views = ball_seen()
+    found = sight(replace(views, bounds=np.array([[-1e3] * 3, [1e3] * 3])))
+    assert (found.rays, found.covered) == (1.0, 1.0)
+    # one camera on an axis sees the near side of the box as a square: rays of pixels within it meet the box
+    on_axis = np.eye(4)
+    on_axis[2, 3] = RADIUS
+    one = with_poses(views, np.stack([on_axis] * 8))
+    half = np.tan(0.5 * FOV) * (RADIUS - 1.0)
+    centres = np.abs((np.arange(SIZE) + 0.5) / SIZE - 0.5) * 2 * half
+    assert sight(one).rays == pytest.approx((centres < 1.0).mean() ** 2)
+    assert not cautions(views, sight(views))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "cause"),
+    [
+        (lambda views: with_poses(views, views.train.camera_to_world @ OPENCV), "OpenCV's axes, y down"),
+        (lambda views: replace(views, near=0.1, far=2.0), "--near, --far"),
+        (lambda views: replace(views, near=4.0, far=4.0 + 1e-7), "--near, --far"),
+        (lambda views: replace(views, bounds=views.bounds + 50.0), "--bounds"),
+    ],
+)
+def test_cameras_that_see_nothing_are_refused(wrong, cause) -> None:  # type: ignore[no-untyped-def]
+    views = wrong(ball_seen())
+    with pytest.raises(InputError, match="no training ray") as told:
+        cautions(views, sight(views))
+    assert cause in str(told.value)
+    assert str(told.value).startswith("ball: ")
+
+
+def test_a_box_beside_the_object_is_refused_though_rays_meet_it() -> None:
+    views = replace(ball_seen(), bounds=np.array([[-1.5, -1.5, -1.5], [-1.3, -1.3, -1.3]]))
+    assert sight(views).rays > 0.0
+    with pytest.raises(InputError, match="of a covered pixel"):
+        cautions(views, sight(views))
+
+
+@pytest.mark.parametrize(("axes", "cause"), [(np.eye(4), "world-to-camera: invert them"), (OPENCV, "then negate")])
+def test_inverted_poses_are_named(axes: np.ndarray, cause: str) -> None:
+    views = ball_seen()
+    views = with_poses(views, np.linalg.inv(views.train.camera_to_world @ axes))
+    found = sight(views)
+    try:
+        told = " ".join(cautions(views, found))
+    except InputError as error:
+        told = str(error)
+    assert cause in told
+
+
+def test_a_box_that_cuts_the_object_is_a_caution() -> None:
+    views = replace(ball_seen(), bounds=np.array([[-0.3] * 3, [0.3] * 3]))
+    (told,) = cautions(views, sight(views))
+    assert "of the covered pixels alone see the box -0.3" in told
+
+
+def test_without_alpha_only_rays_are_told() -> None:
+    views = ball_seen()
+    whole = replace(views, train=replace(views.train, rgba=stack(*[np.ones((SIZE, SIZE, 4))] * 8)))
+    assert sight(whole).covered is None
+    nothing = replace(views, train=replace(views.train, rgba=stack(*[np.zeros((SIZE, SIZE, 4))] * 8)))
+    assert cautions(nothing, sight(nothing)) == ["no training view has a covered pixel"]
+
+
+def test_repeated_cameras_are_told() -> None:
+    views = replace(ball_seen(), repeated_views=("test: r_0 has the camera of train: r_1", "another"))
+    (told,) = cautions(views, sight(views))
+    assert told == "cameras repeat: test: r_0 has the camera of train: r_1, and 1 more"
+
+
+@pytest.mark.parametrize("albedo", [0.8, 0.3])
+def test_premultiplied_colours_are_suspected_of_bright_objects_alone(albedo: float) -> None:
+    views = ball_seen()
+    edge = np.zeros((SIZE, SIZE, 4))
+    edge[4:-4, 4:-4] = [albedo, 0.5 * albedo, 0.0, 1.0]
+    edge[4:-4, 4:8, 3] = 0.25
+    straight = replace(views, train=replace(views.train, rgba=stack(*[edge] * 8)))
+    assert not is_premultiplied(straight)
+    edge[..., :3] *= edge[..., 3:]
+    multiplied = replace(views, train=replace(views.train, rgba=stack(*[edge] * 8)))
+    assert is_premultiplied(multiplied) == (albedo > 0.5)
+    few = replace(views, train=replace(views.train, rgba=stack(edge)))
+    assert not is_premultiplied(few), "64 pixels are too few"
