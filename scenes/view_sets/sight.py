@@ -25,7 +25,9 @@ class Sight:
     rays: float
     """Of all pixels, those whose ray meets the box between near and far."""
     covered: float | None
-    """Of the covered pixels; None if every pixel is covered, as in images without alpha, or none is."""
+    """Of the covered pixels, those that see the box; None if every pixel is covered, as in images without alpha, or
+    none is.
+    """
 
     @property
     def share(self) -> float:
@@ -78,8 +80,17 @@ def _sight(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float, far
     rays = np.stack([x.ravel(), y.ravel(), np.full(x.size, -views.focal)], axis=-1)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     met = np.stack([_met(pose, rays, views.bounds, near, far) for pose in poses])
-    told = seen.any() and not seen.all()
-    return Sight(float(met.mean()), float(met[seen].mean()) if told else None)
+    if seen.all() or not seen.any():
+        return Sight(float(met.mean()), None)
+    # what covers a pixel need not be where its ray is
+    covered = np.stack([_met(pose, rays, _wider(views, pose), near, far) for pose in poses])[seen]
+    return Sight(float(met.mean()), float(covered.mean()))
+
+
+def _wider(views: ViewSet, pose: np.ndarray) -> np.ndarray:
+    """Return the box with a pixel's length in its middle added on every side."""
+    away = float(np.linalg.norm(pose[:3, 3] - views.bounds.mean(axis=0)))
+    return views.bounds + away / views.focal * np.array([[-1.0], [1.0]])
 
 
 def _met(pose: np.ndarray, rays: np.ndarray, bounds: np.ndarray, near: float, far: float) -> np.ndarray:

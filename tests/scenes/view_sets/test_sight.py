@@ -75,7 +75,8 @@ def test_cameras_that_see_nothing_are_refused(wrong, cause) -> None:  # type: ig
 
 
 def test_a_box_beside_the_object_is_refused_though_rays_meet_it() -> None:
-    views = replace(ball_seen(), bounds=np.array([[-1.5, -1.5, -1.5], [-1.3, -1.3, -1.3]]))
+    views = with_poses(ball_seen(), poses_on_sphere(np.linspace(0.0, 6.0, 8), np.full(8, 0.1), RADIUS))
+    views = replace(views, bounds=np.array([[-0.05, -0.05, -1.35], [0.05, 0.05, -1.25]]))
     assert sight(views).rays > 0.0
     with pytest.raises(InputError, match="of a covered pixel"):
         cautions(views, sight(views))
