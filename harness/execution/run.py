@@ -151,7 +151,7 @@ def _compare(out: Path, keys: list[Key], everywhere: list[str], methods: list[st
     missing.subtract((cell.scene, cell.seed) for cell in cells)
     complete = [cell for cell in cells if not missing[cell.scene, cell.seed]]
     if complete:
-        write_comparisons(out, compare(complete, methods))
+        write_comparisons(out, compare(complete, methods), complete)
         write_targets(out, targets([cell for cell in complete if cell.method in everywhere], everywhere))
     return cells
 

@@ -5,18 +5,20 @@ from pathlib import Path
 from typing import Any, Literal, TypedDict
 
 from msgspec import defstruct, field
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from harness.records.json_record import (
     REMEDY,
     DamagedRecord,
     Record,
     as_promised,
+    digest_of,
     file_digest,
+    plain,
     read_record,
     write_record,
 )
-from harness.records.metric_table import ALONG_TRAINING, METRICS
+from harness.records.metric_table import ALONG_TRAINING, METRICS, POSSIBLE
 
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 Budget = Literal["steps", "seconds", "core_seconds"]
@@ -72,6 +74,8 @@ class Comparisons(Record, frozen=True):
     """All comparisons of a run."""
 
     rows: list[Comparison]
+    cells: dict[str, str] = field(default_factory=dict)
+    """The digest of each cell's record that was compared, by the name of its file; empty in an older run."""
 
 
 SCHEMA = 1
@@ -290,12 +294,26 @@ def write_run(out: Path, run: RunRecord) -> None:
     write_record(records_folder(out) / "run.json", run)
 
 
-def write_comparisons(out: Path, comparisons: list[Comparison]) -> None:
-    write_record(records_folder(out) / "comparisons.json", Comparisons(comparisons))
+def write_comparisons(out: Path, comparisons: list[Comparison], cells: Iterable[CellRecord] = ()) -> None:
+    """Write the comparisons of `cells`, which they are held to when they are read."""
+    digests = {_file_of(cell): digest_of(plain(cell)) for cell in cells}
+    write_record(records_folder(out) / "comparisons.json", Comparisons(comparisons, digests))
 
 
 def read_cell(path: Path) -> CellRecord:
-    return read_record(path, CellRecord, SCHEMA, formerly=("images",))
+    """Read a cell. Raises `DamagedRecord` for anything else, for the cell of another name, and impossible scores."""
+    cell = read_record(path, CellRecord, SCHEMA, formerly=("images",))
+    if _file_of(cell) != path.name:
+        raise DamagedRecord(f"{path}: is the record of {_file_of(cell)}; {REMEDY}")
+    for scores in (cell.scores, *(asdict(point) for point in cell.curve)):
+        for name, (least, most) in POSSIBLE.items():
+            if not least <= (scores.get(name) or 0.0) <= most:
+                raise DamagedRecord(f"{path}: {name} {scores[name]:g} is no possible score; {REMEDY}")
+    return cell
+
+
+def _file_of(cell: CellRecord) -> str:
+    return cell_path(Path(), cell.scene, cell.method, cell.seed).name
 
 
 def read_cells(out: Path) -> Iterator[CellRecord]:
@@ -326,9 +344,16 @@ def read_run(out: Path) -> RunRecord:
     return run
 
 
-def read_comparisons(out: Path) -> list[Comparison]:
+def read_comparisons(out: Path, cells: Iterable[CellRecord] = ()) -> list[Comparison]:
+    """Read the comparisons. Raises `DamagedRecord` for anything else, and where one of `cells` has changed since."""
     path = records_folder(out) / "comparisons.json"
-    return read_record(path, Comparisons, None).rows if path.exists() else []
+    if not path.exists():
+        return []
+    record = read_record(path, Comparisons, None)
+    for cell in cells:
+        if record.cells.get(name := _file_of(cell)) not in (None, digest_of(plain(cell))):
+            raise DamagedRecord(f"{path}: was made when the cell {name} held something else; {REMEDY}")
+    return record.rows
 
 
 def unscored(scene: str, method: str, seed: int, status: Status, reason: str) -> CellRecord:

@@ -52,6 +52,11 @@ METRICS: dict[str, Metric] = {
     )
 }  # fmt: skip
 """The order is that of columns and comparisons."""
+POSSIBLE = {
+    "psnr": (0.0, 400.0), "ssim": (-1.0, 1.0), "rmse_linear": (0.0, 1.0), "flip": (0.0, 1.0),
+    "delta_e": (0.0, 200.0), "depth_rmse": (0.0, math.inf), "opacity_iou": (0.0, 1.0),
+}  # fmt: skip
+"""The least and the largest score of images in 0 … 1, whatever is compared."""
 PRIMARY = "psnr"
 ALONG_TRAINING = tuple(name for name, metric in METRICS.items() if metric.along_training)
 

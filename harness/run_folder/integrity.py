@@ -17,6 +17,7 @@ from harness.records.cells import (
     cell_path,
     checkpoint_name,
     read_cell,
+    read_cells,
     read_comparisons,
     read_run,
 )
@@ -129,8 +130,6 @@ def _cell_fault(
         cell = read_cell(path)
     except DamagedRecord as error:
         return None, f"{shown}: {reason_of(error, path)}"
-    if (cell.scene, cell.method, cell.seed) != key:
-        return None, f"{shown}: is the record of {cell.scene}, {cell.method}, seed {cell.seed}"
     if cell.status == "done" and cell.files and names[0] not in cell.files:
         return None, f"{shown}: names no weights"
     for name, digest in cell.files.items():
@@ -155,7 +154,7 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
             yield from _fault(out, name, read_truth, "taken from the view set again")
     tries: dict[str, tuple[Callable[[Path], Any], str]] = {
         "records/run.json": (lambda _: read_run(out), "written again"),
-        "records/comparisons.json": (lambda _: read_comparisons(out), "computed again"),
+        "records/comparisons.json": (lambda _: read_comparisons(out, read_cells(out)), "computed again"),
         f"records/{TARGETS_FILE}": (lambda _: read_targets(out), "computed again"),
         SHELVES["serving"]: (read_studies, f"moved aside; `python -m harness study serving {out}` measures it again"),
     }

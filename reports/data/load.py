@@ -125,7 +125,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
     cells = [cell for path in paths if (cell := if_sound(partial(read_cell, path), None, left_out)) is not None]
     if not cells:
         raise NoRecords(f"{folder}: no finished cell is sound; {finish}")
-    comparisons: list[Comparison] = if_sound(partial(read_comparisons, out), [], left_out)
+    comparisons: list[Comparison] = if_sound(partial(read_comparisons, out, cells), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
     known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
     targets = if_sound(partial(_targets, out, known), None, left_out)

@@ -85,6 +85,7 @@ def test_a_run_and_comparisons_come_back_as_they_were_written(tmp_path: Path) ->
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 maybe = st.none() | finite
+score = st.none() | st.floats(0.0, 1.0)
 text = st.text(max_size=8)
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers() | finite | text,
@@ -94,8 +95,8 @@ json_values = st.recursive(
 # plain dictionaries, as the type checker draws random numbers whenever a record is made
 checkpoints = st.fixed_dictionaries(
     {
-        "step": st.integers(0), "seconds": finite, "network_evaluations": st.integers(0), "psnr": maybe,
-        "rmse_linear": maybe, "ssim": maybe, "alpha": maybe, "beta": maybe, "core_seconds": maybe,
+        "step": st.integers(0), "seconds": finite, "network_evaluations": st.integers(0), "psnr": score,
+        "rmse_linear": score, "ssim": score, "alpha": maybe, "beta": maybe, "core_seconds": maybe,
         "density": st.none() | st.dictionaries(text, st.lists(finite, max_size=3), max_size=3),
     }
 )  # fmt: skip
@@ -125,6 +126,25 @@ def test_any_cell_comes_back_as_it_was_written(facts: Any, curve: Any, views: An
     with tempfile.TemporaryDirectory() as out:
         write_cell(Path(out), record)
         assert list(read_cells(Path(out))) == [record]
+
+
+@pytest.mark.parametrize(("metric", "value"), [("psnr", -5.0), ("psnr", 1e308), ("ssim", 5.0), ("flip", -0.1)])
+def test_scores_that_no_images_have_are_refused(metric: str, value: float, tmp_path: Path) -> None:
+    whole = one_cell()
+    at_the_end = replace(whole, scores={**whole.scores, metric: value})
+    on_the_way = replace(whole, curve=[replace(whole.curve[0], **{metric: value}), *whole.curve[1:]])
+    for record in (at_the_end, on_the_way):
+        write_cell(tmp_path, record)
+        with pytest.raises(DamagedRecord, match=f"{metric} .* is no possible score"):
+            list(read_cells(tmp_path))
+
+
+def test_comparisons_of_other_cells_are_not_believed(tmp_path: Path) -> None:
+    cell = one_cell()
+    write_comparisons(tmp_path, [], [cell])
+    assert read_comparisons(tmp_path, [cell]) == []
+    with pytest.raises(DamagedRecord, match=r"was made when the cell lego\.qnerf\.2\.json held something else"):
+        read_comparisons(tmp_path, [replace(cell, scores={**cell.scores, "psnr": cell.scores["psnr"] + 30.0})])
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])

@@ -116,7 +116,7 @@ def test_where_the_place_for_damaged_files_is_a_file_that_is_said(out: Path, pla
 
 def test_the_record_of_another_cell_is_not_taken_for_this_one(out: Path, plan: Plan) -> None:
     cell_path(out, *CELL).rename(cell_path(out, "lego", "qnerf", 0))
-    assert "is the record of lego, nerf, seed 0" in said(out, plan)[0]
+    assert "is the record of lego.nerf.0.json" in said(out, plan)[0]
 
 
 def test_what_writers_left_half_written_is_removed(out: Path) -> None:
