@@ -94,7 +94,7 @@ def _event(scene: str, facts: "str | dict[str, Any] | Standing") -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from scenes.view_sets.export import export
+    from scenes.view_sets.formats.export import export
 
     for note in export(options.folder, options.format, options.out):
         print(note)

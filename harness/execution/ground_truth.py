@@ -25,7 +25,7 @@ from harness.plan.profiles import Plan
 from harness.plan.settings import ViewSettings
 from scenes.files.errors import InputError
 from scenes.modelling.needs import with_needs
-from scenes.view_sets.foreign import source_of
+from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.view_set import ViewSet, read_view_set
 
 

@@ -10,7 +10,7 @@ from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget, Decay
 from harness.plan.settings import TrainSettings
 from scenes.modelling.needs import PARTS
-from scenes.view_sets.foreign import source_of
+from scenes.view_sets.formats.foreign import source_of
 
 ALWAYS = [
     "Eq. 3 prints its last cosine with φ^L, Listing 1 uses φ^(L−1) and keeps the raw coordinates: Listing 1 is used.",

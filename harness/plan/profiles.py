@@ -72,7 +72,7 @@ class Plan:
     score: ScoreSettings
     views: ViewSettings
     view_set: tuple[str, ...] | None = None
-    """The posed images of each scene, in any readable format (`scenes.view_sets.foreign`), instead of
+    """The posed images of each scene, in any readable format (`scenes.view_sets.formats.foreign`), instead of
     rendered scenes.
     """
     scene_file: str | None = None
@@ -439,7 +439,7 @@ def _forced(plan: Plan, need: list[str], no_need: list[str]) -> Plan:
 
 def _names_of(view_sets: Sequence[Path]) -> tuple[str, ...]:
     """Return the names of the scenes; raises `InputError` for a path that is no view set, and for two of one name."""
-    from scenes.view_sets.foreign import check_listed
+    from scenes.view_sets.formats.foreign import check_listed
 
     known: dict[str, Path] = {}
     for path in view_sets:

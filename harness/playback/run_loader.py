@@ -33,9 +33,9 @@ from harness.training.lockstep import needs_view_direction_of, stream_of
 from harness.training.make_learner import learner_for
 from scenes.files.errors import InputError
 from scenes.modelling.needs import with_needs
-from scenes.view_sets.foreign import source_of
+from scenes.view_sets.formats.foreign import source_of
+from scenes.view_sets.formats.transforms import transforms_file
 from scenes.view_sets.source import Region
-from scenes.view_sets.transforms import transforms_file
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import RADIUS
 

@@ -16,10 +16,10 @@ from scenes.files.errors import InputError
 from scenes.rendering.render import LoadedScene, RenderError, seed_from
 from scenes.rendering.store import check_resolution
 from scenes.rendering.variant import Variant
+from scenes.view_sets.formats.transforms import read_transforms
 from scenes.view_sets.images import read_channels
 from scenes.view_sets.manifest import checked, read_manifest
 from scenes.view_sets.pixels import decode_srgb, display_from_linear, over_white
-from scenes.view_sets.transforms import read_transforms
 from scenes.view_sets.viewpoints import all_poses
 
 MEASURES = ("display", "linear")

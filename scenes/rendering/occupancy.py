@@ -23,8 +23,8 @@ from scenes.files.errors import InputError
 from scenes.modelling.needs import glows
 from scenes.modelling.scene import Description
 from scenes.rendering.order import Order
+from scenes.view_sets.formats.transforms import read_json
 from scenes.view_sets.manifest import DamagedViewSet, read_manifest
-from scenes.view_sets.transforms import read_json
 from scenes.view_sets.view_set import ViewSet
 
 CELLS = 32

@@ -27,13 +27,13 @@ from scenes.modelling.scene import Scene
 from scenes.rendering.occupancy import with_occupancy
 from scenes.rendering.order import NoiseTarget, Order, similarity_facts, versions
 from scenes.rendering.variant import VARIANTS, Variant, choose_variant, known_variant
+from scenes.view_sets.formats.nerfstudio import NAME as NERFSTUDIO
+from scenes.view_sets.formats.nerfstudio import write_nerfstudio
+from scenes.view_sets.formats.transforms import transforms_file, write_transforms
 from scenes.view_sets.images import write_channels, write_png
 from scenes.view_sets.manifest import check_all, note, salvaged, write_manifest
-from scenes.view_sets.nerfstudio import NAME as NERFSTUDIO
-from scenes.view_sets.nerfstudio import write_nerfstudio
 from scenes.view_sets.pixels import display_from_linear
 from scenes.view_sets.source import Region
-from scenes.view_sets.transforms import transforms_file, write_transforms
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, SPLITS
 
 

@@ -9,7 +9,7 @@ from msgspec import Meta, Struct, convert, field, to_builtins
 
 from scenes.files.digest import file_digest, json_digest
 from scenes.files.errors import InputError
-from scenes.view_sets.transforms import Number, read_json, shown
+from scenes.view_sets.formats.transforms import Number, read_json, shown
 
 FORMAT = "radiance-verdict view set"
 SCHEMA = 1

@@ -1,7 +1,7 @@
 """The interface of a reader of posed images, whatever the format, and the region that its cameras look at: the box of
 what every camera sees, and the hull of the silhouettes, the cells of the box in which something may be.
 
-`scenes.view_sets.foreign` finds the reader of a path.
+`scenes.view_sets.formats.foreign` finds the reader of a path.
 """
 
 import itertools
@@ -14,8 +14,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from scenes.files.errors import InputError
+from scenes.view_sets.formats.transforms import Frames
 from scenes.view_sets.image_stack import ImageStack
-from scenes.view_sets.transforms import Frames
 from scenes.view_sets.viewpoints import SPLITS
 
 LEAST, MOST = 1e-12, 1e12

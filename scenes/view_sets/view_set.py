@@ -7,7 +7,7 @@
     FOLDER/view_set.json                      ours: the manifest (`scenes.view_sets.manifest`), written last
 
 Where there is a manifest, the files must be the ones that it lists, and colour comes from the EXR files. Other formats
-have readers of their own (`scenes.view_sets.foreign`).
+have readers of their own (`scenes.view_sets.formats.foreign`).
 """
 
 import hashlib
@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from scenes.files.errors import InputError
-from scenes.view_sets.foreign import source_of
+from scenes.view_sets.formats.foreign import source_of
+from scenes.view_sets.formats.transforms import Frames, transforms_file
 from scenes.view_sets.image_stack import ImageStack, require_room
 from scenes.view_sets.images import read_channels
 from scenes.view_sets.manifest import NAME, DamagedViewSet, checked, read_manifest
@@ -34,7 +35,6 @@ from scenes.view_sets.pixels import (
     over_white,
 )
 from scenes.view_sets.source import Region, Source, carved, completed, hull, region_in
-from scenes.view_sets.transforms import Frames, transforms_file
 from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
 
 CHANNELS = (*"RGBA", "Z", "N.X", "N.Y", "N.Z")

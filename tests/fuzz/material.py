@@ -25,11 +25,11 @@ from harness.viewer.film.takes import FilmSpec
 from scenes.catalog.entries import scene_named
 from scenes.modelling.needs import as_rows, left_out, needs
 from scenes.rendering.occupancy import write_occupancy
-from scenes.view_sets.foreign import write_tiny_nerf
+from scenes.view_sets.formats.foreign import write_tiny_nerf
+from scenes.view_sets.formats.transforms import write_transforms
 from scenes.view_sets.images import write_channels, write_png
 from scenes.view_sets.manifest import note, read_manifest, write_manifest
 from scenes.view_sets.source import Region
-from scenes.view_sets.transforms import write_transforms
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import FOV_X_RADIANS, ball_view, pose, write_ball
 from tests.harness.tiny import SCORE, TRAIN

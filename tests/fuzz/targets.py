@@ -17,7 +17,7 @@ from harness.viewer.asked import BadRequest, parsed
 from reports.data.load import NoRecords
 from reports.data.studies_load import find_studies
 from scenes.files.errors import InputError
-from scenes.view_sets.transforms import read_transforms
+from scenes.view_sets.formats.transforms import read_transforms
 from scenes.view_sets.view_set import read_view_set
 from tests.fuzz import commands, material, mutations, pages, readers, seals
 from tests.fuzz import file_mutations as spoilt

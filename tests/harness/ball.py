@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from scenes.view_sets.formats.transforms import write_transforms
 from scenes.view_sets.images import write_png
-from scenes.view_sets.transforms import write_transforms
 
 FOV_X_RADIANS = 0.6911112
 DISTANCE = 4.0311

@@ -9,7 +9,7 @@ import pytest
 
 from scenes.modelling.scene import Description, Scene
 from scenes.rendering.variant import Variant
-from scenes.view_sets.export import export
+from scenes.view_sets.formats.export import export
 from tests.harness.ball import write_ball
 
 COUNTS = {"train": 3, "val": 1, "test": 2}

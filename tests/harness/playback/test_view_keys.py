@@ -227,7 +227,7 @@ NOT_RENDERING = {
     "scenes.view_sets.image_stack",
     "scenes.view_sets.pixels",
     "scenes.view_sets.source",
-    "scenes.view_sets.transforms",
+    "scenes.view_sets.formats.transforms",
     "scenes.view_sets.viewpoints",
 }  # fmt: skip
 

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 import pytest
 from msgspec.structs import replace
 
+from harness.records.cells import cell_path
 from reports.data.load import read_records
 from reports.drawing.palette import colours_of
 from reports.page.script import content_policy
@@ -109,7 +110,9 @@ def test_text_from_data_is_escaped_everywhere(tmp_path):
         cell.update(scene=HOSTILE, warnings=[HOSTILE], properties={HOSTILE: HOSTILE}, parameters={HOSTILE: 1})
         del cell["digest"]
         cell["reason"] = HOSTILE if cell["reason"] else None
-        path.write_text(json.dumps(cell), encoding="utf-8")
+        path.unlink()
+        named = cell_path(out, HOSTILE, cell["method"], cell["seed"]).name
+        (path.parent / named).write_text(json.dumps(cell), encoding="utf-8")
     comparisons = json.loads((out / "records" / "comparisons.json").read_text(encoding="utf-8"))["rows"]
     for one in comparisons:
         one["scene"] = one["scene"].replace("x", HOSTILE)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from scenes.files.errors import InputError
-from scenes.view_sets.export import export
+from scenes.view_sets.formats.export import export
+from scenes.view_sets.formats.nerfstudio import write_nerfstudio
 from scenes.view_sets.images import read_image, write_png
-from scenes.view_sets.nerfstudio import write_nerfstudio
 from scenes.view_sets.source import Region
 from scenes.view_sets.view_set import read_view_set
 from scenes.view_sets.viewpoints import all_poses

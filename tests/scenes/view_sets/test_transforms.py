@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from scenes.files.errors import InputError
+from scenes.view_sets.formats.transforms import LARGEST_FILE, read_transforms, write_transforms
 from scenes.view_sets.images import write_png
-from scenes.view_sets.transforms import LARGEST_FILE, read_transforms, write_transforms
 from scenes.view_sets.viewpoints import all_poses
 
 POSES = all_poses("test")[:3]

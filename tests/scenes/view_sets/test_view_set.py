@@ -15,10 +15,10 @@ from PIL import Image
 
 import scenes
 from scenes.files.errors import InputError
+from scenes.view_sets.formats.transforms import write_transforms
 from scenes.view_sets.images import read_channels, read_image, write_png
 from scenes.view_sets.manifest import DamagedViewSet, note, salvaged, write_manifest
 from scenes.view_sets.pixels import area_average, decode_srgb, over_white
-from scenes.view_sets.transforms import write_transforms
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, all_poses, camera_to_world
 

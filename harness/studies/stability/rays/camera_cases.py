@@ -19,8 +19,8 @@ from harness.studies.stability.stability_context import StabilityContext, error_
 from harness.training.batches import Cameras
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Scene
+from scenes.view_sets.formats.transforms import read_transforms, write_transforms
 from scenes.view_sets.images import write_png
-from scenes.view_sets.transforms import read_transforms, write_transforms
 from scenes.view_sets.view_set import read_view_set
 from scenes.view_sets.viewpoints import (
     FOV_X_RADIANS,

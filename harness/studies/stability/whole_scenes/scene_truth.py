@@ -20,9 +20,9 @@ from harness.studies.stability.cases import CASES
 from harness.studies.stability.stability_context import Rows, StabilityContext, whose
 from scenes.catalog.entries import scene_named
 from scenes.modelling.truth import Truth, pixel_means
+from scenes.view_sets.formats.transforms import read_transforms
 from scenes.view_sets.images import read_channels
 from scenes.view_sets.pixels import over_white
-from scenes.view_sets.transforms import read_transforms
 from scenes.view_sets.view_set import ViewSet
 
 COLOURS = "RGBA"

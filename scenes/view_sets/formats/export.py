@@ -10,13 +10,13 @@ import numpy as np
 
 from scenes.files.atomic import replacing
 from scenes.files.errors import InputError
-from scenes.view_sets.foreign import LARGEST_BYTES, source_of, write_tiny_nerf
+from scenes.view_sets.formats.foreign import LARGEST_BYTES, source_of, write_tiny_nerf
+from scenes.view_sets.formats.nerfstudio import NAME, write_nerfstudio
+from scenes.view_sets.formats.transforms import Frames, transforms_file, write_transforms
 from scenes.view_sets.images import write_png
 from scenes.view_sets.manifest import NAME as MANIFEST
 from scenes.view_sets.manifest import check_all
-from scenes.view_sets.nerfstudio import NAME, write_nerfstudio
 from scenes.view_sets.source import Region, completed
-from scenes.view_sets.transforms import Frames, transforms_file, write_transforms
 from scenes.view_sets.view_set import region_of
 from scenes.view_sets.viewpoints import SPLITS
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from scenes.files.errors import InputError
+from scenes.view_sets.formats.transforms import Document, ViewRegion, image_file, read_listing, shown
 from scenes.view_sets.images import display_image
 from scenes.view_sets.source import Region, Source, nine_to_one, region_in
-from scenes.view_sets.transforms import Document, ViewRegion, image_file, read_listing, shown
 from scenes.view_sets.viewpoints import SPLITS
 
 NAME = "transforms.json"

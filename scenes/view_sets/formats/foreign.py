@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from scenes.files.errors import InputError, short
-from scenes.view_sets import nerfstudio
+from scenes.view_sets.formats import nerfstudio
+from scenes.view_sets.formats.nerfstudio import read_nerfstudio
+from scenes.view_sets.formats.transforms import Frames, read_transforms, transforms_file
 from scenes.view_sets.images import display_image
-from scenes.view_sets.nerfstudio import read_nerfstudio
 from scenes.view_sets.source import Region, Source, nine_to_one, region_in
-from scenes.view_sets.transforms import Frames, read_transforms, transforms_file
 from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, check_poses
 
 TRAINED = 100

@@ -1,0 +1,1 @@
+"""Posed images as other trainers write and read them."""
