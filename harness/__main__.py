@@ -5,9 +5,11 @@ import sys
 
 from harness.command.main import main
 from scenes.files.installed import packages_needed
+from scenes.files.standard_output import go_on_unheard
 from scenes.files.stopping import stop_on_signals
 
 if __name__ == "__main__":
+    go_on_unheard()
     stop_on_signals()
     with packages_needed():
         code = main(sys.argv[1:])

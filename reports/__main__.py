@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from scenes.files.errors import DamagedRecord
 from scenes.files.installed import packages_needed
+from scenes.files.standard_output import go_on_unheard
 from scenes.files.stopping import stop_on_signals
 
 if TYPE_CHECKING:
@@ -211,6 +212,7 @@ def build_report(
 
 
 if __name__ == "__main__":
+    go_on_unheard()
     stop_on_signals()
     with packages_needed():
         sys.exit(main())

@@ -44,14 +44,41 @@ def test_a_module_of_ours_that_is_not_there_is_a_bug_and_stays_one() -> None:
         import harness.nowhere  # noqa: F401
 
 
-@pytest.mark.parametrize("command", ["harness gate --list", "harness completion bash"])
-def test_a_reader_that_has_enough_ends_a_command_without_a_word(command: str) -> None:
+@pytest.mark.parametrize("command", ["harness gate --list", "harness doctor", "reports --help"])
+def test_a_reader_that_has_enough_ends_no_command(command: str) -> None:
     reads, writes = os.pipe()
     os.close(reads)
     words = [sys.executable, "-m", *command.split()]
     ended = subprocess.run(words, cwd=ROOT, stdout=writes, stderr=subprocess.PIPE, text=True)
     os.close(writes)
-    assert (ended.returncode, ended.stderr) == (1, "")
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("streams", [">&-", "2>&-", ">&- 2>&-"])
+def test_a_closed_stream_stops_no_command(streams: str) -> None:
+    script = f"{sys.executable} -m harness gate --list {streams}"
+    ended = subprocess.run(["sh", "-c", script], cwd=ROOT, capture_output=True, text=True)
+    assert ended.returncode == 0
+    assert "Traceback" not in ended.stdout + ended.stderr
+
+
+def test_an_encoding_without_our_letters_stops_no_command() -> None:
+    words = [sys.executable, "-m", "harness", "run", "--help"]
+    script = "from scenes.files.standard_output import go_on_unheard; go_on_unheard(); print('φ', chr(0xdc80), '×')"
+    for encoding, expected in (("ascii", b"\\u03c6 \\udc80 \\xd7"), ("utf-8:strict", "φ \\udc80 ×".encode())):
+        surroundings = {**os.environ, "PYTHONIOENCODING": encoding}
+        said = subprocess.run([sys.executable, "-c", script], cwd=ROOT, env=surroundings, capture_output=True)
+        assert said.stdout.strip() == expected
+        assert subprocess.run(words, cwd=ROOT, env=surroundings, capture_output=True).returncode == 0
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+def test_a_full_disk_behind_standard_output_is_named() -> None:
+    with open("/dev/full", "w") as full:
+        words = [sys.executable, "-m", "harness", "gate", "--list"]
+        ended = subprocess.run(words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.stderr.startswith("error: standard output: ")
+    assert ended.stderr.count("\n") == 1
 
 
 def test_a_broken_pipe_that_is_not_standard_output_is_a_bug_and_stays_one() -> None:
