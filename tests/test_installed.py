@@ -3,11 +3,14 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from scenes.files.installed import packages_needed
 from tests.harness.shell import ROOT
+
+FULL = Path("/dev/full")
 
 
 def bare(*command: str) -> subprocess.CompletedProcess[str]:
@@ -72,9 +75,9 @@ def test_an_encoding_without_our_letters_stops_no_command() -> None:
         assert subprocess.run(words, cwd=ROOT, env=surroundings, capture_output=True).returncode == 0
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+@pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
 def test_a_full_disk_behind_standard_output_is_named() -> None:
-    with open("/dev/full", "w") as full:
+    with FULL.open("w") as full:
         words = [sys.executable, "-m", "harness", "gate", "--list"]
         ended = subprocess.run(words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True)
     assert ended.stderr.startswith("error: standard output: ")
