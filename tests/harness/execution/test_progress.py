@@ -73,3 +73,8 @@ def test_a_scene_that_is_rendered_says_what_is_left_of_it(
     said = capsys.readouterr().out.splitlines()
     assert ["left" in line for line in said] == [False, False, True] * 2
     assert said[0] == "rendering lego: 1 of 120 views done (7 from before), view"
+
+
+def test_what_a_terminal_would_obey_is_written_out(capsys: pytest.CaptureFixture[str]) -> None:
+    Lines().line("view set \x1b[31mred\u202e: whole")
+    assert capsys.readouterr().out == "view set \\x1b[31mred\\u202e: whole\n"
