@@ -109,6 +109,7 @@ LIGHT = {
     "scenes.files.errors",
     "scenes.files.atomic",
     "scenes.files.installed",
+    "scenes.files.standard_output",
     "scenes.files.stopping",
 }
 HEAVY = (
