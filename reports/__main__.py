@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenes.files.errors import DamagedRecord, readable
+from scenes.files.errors import DamagedRecord, printable
 from scenes.files.installed import packages_needed
 from scenes.files.standard_output import go_on_unheard
 from scenes.files.stopping import stop_on_signals
@@ -72,13 +72,13 @@ def main(arguments: list[str] | None = None) -> int:
         f"{''.join(twice[:1])}: named twice; name each output once": twice,
     }
     for refusal in (words for words, holds in refusals.items() if holds):
-        print(readable(refusal), file=sys.stderr)
+        print(printable(refusal), file=sys.stderr)
         return BAD_INPUT
     from reports.data.load import NoRecords, NotForPublishing
 
     def show(line: str) -> None:
         if not options.quiet:
-            print(readable(line))
+            print(printable(line))
 
     try:
         if several:
@@ -90,12 +90,12 @@ def main(arguments: list[str] | None = None) -> int:
     except (NoRecords, DamagedRecord, NotForPublishing) as problem:
         words = str(problem)  # without a file if it was met only when what it holds was to be shown
         named = words if any(str(given) in words for given in options.out) else f"{out}: {words}"
-        print(readable(named), file=sys.stderr)
+        print(printable(named), file=sys.stderr)
         return BAD_INPUT
     except OSError as error:
         where = error.filename or out
         what = f"{where}: {error.strerror or error}; make room or choose a folder that can be written"
-        print(readable(what), file=sys.stderr)
+        print(printable(what), file=sys.stderr)
         return BAD_INPUT
 
 
@@ -108,7 +108,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show) -> int:
     if (out / JUDGEMENT_FILE).is_file():
         from reports.studies.judgement import write_judgement_page
 
-        print(readable(str(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))))
+        print(printable(str(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))))
         if not any((out / file).exists() for file in (*SHELVES.values(), records_folder(out).name)):
             return 0
 
@@ -124,7 +124,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show) -> int:
             if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
                 studies[shelf] = record
         except FormerRecord as former:  # the rest is reported
-            print(readable(f"left out: {former}"))
+            print(printable(f"left out: {former}"))
     if publish is not None:
         refuse_unfit(out, list(studies.values()))
     if not studies and out.is_dir() and not records_folder(out).is_dir():
@@ -174,7 +174,7 @@ def build_outputs(outs: list[Path], page: Path, partly: bool, show: Show) -> int
     title = write_outputs_page(runs, page)
     for line in [*(f"left out: {line}" for records in runs for line in records.left_out), title]:
         show(line)
-    print(readable(str(page)))
+    print(printable(str(page)))
     return SOME_FAILED if any(records.failed for records in runs) else 0
 
 
@@ -190,7 +190,7 @@ def build_shelf(
         write_published(record, publish)
     for line in [headline(record), *(broken_line(*broken) for broken in record.broken)]:
         show(line)
-    print(readable(str(page)))
+    print(printable(str(page)))
     return bool(record.broken)
 
 
@@ -212,7 +212,7 @@ def build_report(
         show(f"{cell.scene}, {cell.method}, seed {cell.seed}: {cell.status} ({cell.reason or 'no reason recorded'})")
     for method, reasons in records.not_available.items():
         show(f"{method}: not available ({'; '.join(reasons)})")
-    print(readable(str(out / "report.html")))
+    print(printable(str(out / "report.html")))
     return bool(records.failed)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from harness.plan.schedule import checkpoint_fractions
-from scenes.files.errors import readable
+from scenes.files.errors import printable
 
 if TYPE_CHECKING:
     from rich.progress import TaskID
@@ -149,7 +149,7 @@ class Lines:
         self._part = "", 0.0, TimeLeft()
 
     def line(self, text: str) -> None:
-        sys.stdout.write(readable(text) + "\n")
+        sys.stdout.write(printable(text) + "\n")
         sys.stdout.flush()
 
     def rendered(self, event: RenderProgress, scenes: int) -> None:
@@ -213,7 +213,7 @@ class Bars(Lines):
         self._tasks: dict[str, TaskID] = {}
 
     def line(self, text: str) -> None:
-        self._bars.console.print(readable(text), highlight=False, markup=False, soft_wrap=True)
+        self._bars.console.print(printable(text), highlight=False, markup=False, soft_wrap=True)
 
     def start_training(self, cells: int, missing: int) -> None:
         super().start_training(cells, missing)

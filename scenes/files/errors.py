@@ -28,6 +28,11 @@ def readable(text: str) -> str:
     """Return `text` as a terminal can show it: printable, and its middle left out beyond `LONGEST` characters."""
     if len(text) > LONGEST:
         text = f"{text[: LONGEST // 3]} … {text[-LONGEST // 2 :]}"
+    return printable(text)
+
+
+def printable(text: str) -> str:
+    """Return `text` with what a terminal would obey, but for the ends of lines, written out."""
     return "".join(letter if letter.isprintable() or letter == "\n" else repr(letter)[1:-1] for letter in text)
 
 

@@ -78,3 +78,5 @@ def test_a_scene_that_is_rendered_says_what_is_left_of_it(
 def test_what_a_terminal_would_obey_is_written_out(capsys: pytest.CaptureFixture[str]) -> None:
     Lines().line("view set \x1b[31mred\u202e: whole")
     assert capsys.readouterr().out == "view set \\x1b[31mred\\u202e: whole\n"
+    Lines().line("long " * 1000)
+    assert capsys.readouterr().out == "long " * 1000 + "\n"
