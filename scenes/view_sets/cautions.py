@@ -13,19 +13,27 @@ LEAST_THIN = 100
 BRIGHT = 0.5
 """The median of the largest channel of opaque pixels below which a colour is seldom larger than its alpha anyway."""
 
+HARDLY = 0.5
+"""The share of covered pixels below which poses are not believed if another reading of them sees the box."""
+ELSE = "choose a box around what is seen, in the units of the poses (--bounds)"
+
 
 def cautions(views: ViewSet, found: Sight) -> list[str]:
-    """Return what a reader of scores on these views has to know, a sentence each; raises `InputError`, with the likely
-    cause, if no training ray, or none of a covered pixel, meets the box.
+    """Return what a reader of scores on these views has to know, a sentence each.
+
+    Raises `InputError`, with the likely cause, if no training ray, or none of a covered pixel, meets the box, or hardly
+    any where another reading of the poses would see it.
     """
-    box = " ".join(f"{value:.3g}" for value in views.bounds.ravel())
-    if not found.share:
-        which = "no training ray" if not found.rays else "no training ray of a covered pixel"
-        where = f"the box {box} between {views.near:.3g} and {views.far:.3g} from the camera"
-        raise InputError(f"{views.path}: {which} meets {where}; {likely_cause(views)}")
     told = []
-    if found.covered is not None and found.covered < LEAST_COVERED:
-        told.append(f"{found.covered:.0%} of the covered pixels alone see the box {box}; {likely_cause(views)}")
+    box = " ".join(f"{value:.3g}" for value in views.bounds.ravel())
+    if found.share == 0.0 or (found.covered is not None and found.covered < LEAST_COVERED):
+        pixels = "training rays" if found.covered is None else "covered pixels"
+        where = f"the box {box} between {views.near:.3g} and {views.far:.3g} from the camera"
+        cause = likely_cause(views)
+        said = f"{found.share:.0%} of the {pixels} see {where}; {cause or ELSE}"
+        if found.share == 0.0 or (cause and found.share < HARDLY):
+            raise InputError(f"{views.path}: {said}")
+        told.append(f"only {said}")
     if not any(image[..., 3].any() for image in views.train.rgba):
         told.append("no training view has a covered pixel")
     if is_premultiplied(views):

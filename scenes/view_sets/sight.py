@@ -45,8 +45,8 @@ def sight(views: ViewSet) -> Sight:
     return _sight(views, views.train.camera_to_world, _seen(views), views.near, views.far)
 
 
-def likely_cause(views: ViewSet) -> str:
-    """Return why the cameras do not see the box, and what to do."""
+def likely_cause(views: ViewSet) -> str | None:
+    """Return why the cameras do not see the box, and what to do; None if no other reading of them sees it."""
     poses, seen, anywhere = views.train.camera_to_world, _seen(views), (0.0, np.inf)
     inverse = np.linalg.inv(poses)
     tried = {
@@ -60,7 +60,7 @@ def likely_cause(views: ViewSet) -> str:
     for cause, there in tried.items():
         if _sight(views, there, seen, *anywhere).share >= LEAST_COVERED:
             return cause
-    return "choose a box around what is seen, in the units of the poses (--bounds)"
+    return None
 
 
 def _seen(views: ViewSet) -> np.ndarray:
