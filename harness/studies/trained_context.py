@@ -79,8 +79,8 @@ class TrainedContext(framework.StudyContext):
         of another commit, or of a tree with changes, are used all the same, as the plan decides what is compatible.
         """
         lines = [
-            f"{', '.join(plan.scenes)}; {len(plan.seeds)} seeds; {plan.budget.in_words}; {plan.views.train} "
-            f"training views of {plan.views.resolution} px"
+            f"{', '.join(plan.scenes)}; {len(plan.seeds)} seed{'s' * (len(plan.seeds) > 1)}; {plan.budget.in_words}; "
+            f"{plan.views.train} training views of {plan.views.resolution} px"
             for plan in map(self.plan, names)
         ]
         scale, here = " | ".join(dict.fromkeys(lines)), provenance(torch.device(self.machine.device))["commit"]

@@ -105,7 +105,7 @@ def draw(panel: Panel) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=panel.size)
         longest = max((len(line) for row in panel.rows for line in row.splitlines()), default=0)
-        left = max(0.9, 0.25 + 0.06 * min(longest, 40)) if panel.rows else 0.62
+        left = max(0.9, 0.25 + 0.068 * min(longest, 40)) if panel.rows else 0.62
         right = 0.12 + 0.062 * max(map(len, panel.figures), default=0)
         width, height = panel.size
         bottom, above = (0.12, 0.42) if panel.columns else (0.5, 0.12)

@@ -35,7 +35,7 @@ STUDIES: dict[str, Study] = catalogue(
     _study("phi", "The golden ratio in grids",
            "Does golden-ratio spacing of resolutions help planes or a hash grid?",
            "Resolutions that grow by φ against a factor near 2 with the same coarsest and finest level, and against "
-           "one with as many learnt numbers, all trained for 15 core seconds.",
+           "one with as many learnt numbers, all trained for the same core seconds.",
            "phi:phi", 10, "phi"),
 )  # fmt: skip
 
