@@ -23,10 +23,10 @@ class Sight:
     """Shares of the training views' pixels, 0 … 1."""
 
     rays: float
-    """Of all pixels, those whose ray meets the box between near and far."""
+    """The share of all pixels whose ray meets the box between near and far."""
     covered: float | None
-    """Of the covered pixels, those that see the box; None if every pixel is covered, as in images without alpha, or
-    none is.
+    """The share of the covered pixels that see the box; None if every pixel is covered, as in images without alpha,
+    or none is.
     """
 
     @property
