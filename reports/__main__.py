@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from scenes.files.errors import DamagedRecord, printable
 from scenes.files.installed import packages_needed
@@ -72,14 +72,11 @@ def main(arguments: list[str] | None = None) -> int:
         f"{''.join(twice[:1])}: named twice; name each output once": twice,
     }
     for refusal in (words for words, holds in refusals.items() if holds):
-        print(printable(refusal), file=sys.stderr)
+        _say(refusal, sys.stderr)
         return BAD_INPUT
     from reports.data.load import NoRecords, NotForPublishing
 
-    def show(line: str) -> None:
-        if not options.quiet:
-            print(printable(line))
-
+    show = (lambda line: None) if options.quiet else _say
     try:
         if several:
             return build_outputs(options.out, options.page or out / "outputs.html", options.partial, show)
@@ -90,13 +87,17 @@ def main(arguments: list[str] | None = None) -> int:
     except (NoRecords, DamagedRecord, NotForPublishing) as problem:
         words = str(problem)  # without a file if it was met only when what it holds was to be shown
         named = words if any(str(given) in words for given in options.out) else f"{out}: {words}"
-        print(printable(named), file=sys.stderr)
+        _say(named, sys.stderr)
         return BAD_INPUT
     except OSError as error:
         where = error.filename or out
         what = f"{where}: {error.strerror or error}; make room or choose a folder that can be written"
-        print(printable(what), file=sys.stderr)
+        _say(what, sys.stderr)
         return BAD_INPUT
+
+
+def _say(what: object, to: TextIO | None = None) -> None:
+    print(printable(str(what)), file=to)
 
 
 def build(out: Path, publish: Path | None, partly: bool, show: Show) -> int:
@@ -108,7 +109,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show) -> int:
     if (out / JUDGEMENT_FILE).is_file():
         from reports.studies.judgement import write_judgement_page
 
-        print(printable(str(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))))
+        _say(write_judgement_page(read_judgement(out / JUDGEMENT_FILE), out))
         if not any((out / file).exists() for file in (*SHELVES.values(), records_folder(out).name)):
             return 0
 
@@ -124,7 +125,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show) -> int:
             if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
                 studies[shelf] = record
         except FormerRecord as former:  # the rest is reported
-            print(printable(f"left out: {former}"))
+            _say(f"left out: {former}")
     if publish is not None:
         refuse_unfit(out, list(studies.values()))
     if not studies and out.is_dir() and not records_folder(out).is_dir():
@@ -174,7 +175,7 @@ def build_outputs(outs: list[Path], page: Path, partly: bool, show: Show) -> int
     title = write_outputs_page(runs, page)
     for line in [*(f"left out: {line}" for records in runs for line in records.left_out), title]:
         show(line)
-    print(printable(str(page)))
+    _say(page)
     return SOME_FAILED if any(records.failed for records in runs) else 0
 
 
@@ -190,7 +191,7 @@ def build_shelf(
         write_published(record, publish)
     for line in [headline(record), *(broken_line(*broken) for broken in record.broken)]:
         show(line)
-    print(printable(str(page)))
+    _say(page)
     return bool(record.broken)
 
 
@@ -212,7 +213,7 @@ def build_report(
         show(f"{cell.scene}, {cell.method}, seed {cell.seed}: {cell.status} ({cell.reason or 'no reason recorded'})")
     for method, reasons in records.not_available.items():
         show(f"{method}: not available ({'; '.join(reasons)})")
-    print(printable(str(out / "report.html")))
+    _say(out / "report.html")
     return bool(records.failed)
 
 
