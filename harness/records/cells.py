@@ -74,7 +74,7 @@ class Comparisons(Record, frozen=True):
     """All comparisons of a run."""
 
     rows: list[Comparison]
-    cells: dict[str, str] = field(default_factory=dict)
+    digests: dict[str, str] = field(default_factory=dict)
     """The digest of each cell's record that was compared, by the name of its file; empty in an older run."""
 
 
@@ -351,7 +351,7 @@ def read_comparisons(out: Path, cells: Iterable[CellRecord] = ()) -> list[Compar
         return []
     record = read_record(path, Comparisons, None)
     for cell in cells:
-        if record.cells.get(name := _file_of(cell)) not in (None, digest_of(plain(cell))):
+        if record.digests.get(name := _file_of(cell)) not in (None, digest_of(plain(cell))):
             raise DamagedRecord(f"{path}: was made when the cell {name} held something else; {REMEDY}")
     return record.rows
 

@@ -14,7 +14,7 @@ SAME_JSON = (
 )  # fmt: skip
 """Everything else: the journal of what was rendered is in the order of rendering."""
 CLOCKS = ("train_seconds", "seconds", "train_core_seconds", "core_seconds", "phases")
-CLOCKS += ("provenance", "files", "digest", "command", "checksum")
+CLOCKS += ("provenance", "files", "digest", "digests", "command", "checksum")
 """Keys left out wherever they stand: clocks, how and where a run was made, and digests of files with clocks in them."""
 BY_TIME = {"seconds", "core_seconds"}
 """Comparisons at these budgets, or on these axes, depend on a clock."""
