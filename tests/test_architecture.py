@@ -192,7 +192,7 @@ def test_the_house_has_no_complaints(check: Check) -> None:
 def test_the_house_is_looked_at() -> None:
     graph = graph_of(ROOT)
     assert {floor_of(name) for name in graph if "." in name} == set(range(len(FLOORS)))
-    assert graph["harness.training.lockstep"] > {"harness.training.evaluate", "scenes.view_sets.view_set"}
+    assert graph["harness.training.lockstep"] > {"harness.training.scoring.evaluate", "scenes.view_sets.view_set"}
 
 
 def written(files: dict[str, str], folder: Path) -> None:

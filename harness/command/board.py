@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 TRACED = ("loss", "gradient_norm", "clipped_norm", "samples_per_ray", "alpha", "beta")
 POINTS = 32**3
-"""The number of points of a density histogram (`harness.training.evaluate.density_histogram`)."""
+"""The number of points of a density histogram (`harness.training.scoring.evaluate.density_histogram`)."""
 
 
 def require_tensorboard(option: str) -> None:

@@ -20,10 +20,10 @@ from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.records.metric_table import ALONG_TRAINING, METRICS
-from harness.training import metrics
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
 from harness.training.make_learner import learner_for
+from harness.training.scoring import metrics
 from harness.training.trainer import Diverged, Trainer
 from scenes.files.errors import InputError
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world

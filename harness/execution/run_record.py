@@ -15,9 +15,9 @@ from harness.plan.needed import needs_here
 from harness.records.cells import LeftOut, SceneRecord
 from harness.records.json_record import finite_or_none
 from harness.training.cell_training import finished_on
-from harness.training.evaluate import floor_psnr
-from harness.training.metrics import psnr_from_mse
 from harness.training.saved_renders import drop_truth, keep_truth
+from harness.training.scoring.evaluate import floor_psnr
+from harness.training.scoring.metrics import psnr_from_mse
 from scenes.modelling.needs import left_out
 from scenes.view_sets.cautions import cautions
 from scenes.view_sets.sight import sight

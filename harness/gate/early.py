@@ -25,10 +25,10 @@ from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.records.study import Check
 from harness.studies.drawn_views import disc_views
-from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.learner import at_step, steps
 from harness.training.lockstep import box_of
+from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 

@@ -29,10 +29,10 @@ from harness.plan.seeds import generator_for
 from harness.records.study import Check
 from harness.studies.drawn_views import disc_views
 from harness.studies.speed.speed_context import interleaved, quotients
-from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.learner import at_step, take_step, train
 from harness.training.lockstep import box_of
+from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 

@@ -8,8 +8,8 @@ from harness.playback.disk import frozen as frozen_picture
 from harness.playback.keys import camera_key, method_digest, plain_calls, switches
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
-from harness.training.evaluate import View, render_view
 from harness.training.learner import Learner
+from harness.training.scoring.evaluate import View, render_view
 
 CHANNELS = 5
 """The number of channels: red, green, blue; opacity; depth."""

@@ -25,7 +25,7 @@ RENDERING = (
     "baselines/**/*.py",
     "harness/playback/progressive.py",
     "harness/training/batches.py",
-    "harness/training/evaluate.py",
+    "harness/training/scoring/evaluate.py",
     "harness/training/learner.py",
     "harness/plan/seeds.py",
     "harness/plan/settings.py",
@@ -39,7 +39,7 @@ chunks, and `cached` defines the channels.
 
 
 def plain_calls(chunk: int) -> str:
-    """Describe how `harness.training.evaluate.render_view` puts rays into chunks."""
+    """Describe how `harness.training.scoring.evaluate.render_view` puts rays into chunks."""
     return f"pixels in the fixed random order, {chunk} rays a call"
 
 

@@ -13,8 +13,8 @@ from baselines.contract import Rendering
 from baselines.numerics.attention.priorities import checked, is_equal, region_order
 from baselines.numerics.attention.regions import Regions
 from harness.training.batches import Camera
-from harness.training.evaluate import View, pixel_order
 from harness.training.learner import Learner
+from harness.training.scoring.evaluate import View, pixel_order
 
 Order = Literal["attention", "raster", "spread"]
 """Regions by priority, the most attended first (Eq. 7); row by row from the top left; or pixels of all regions at once
@@ -174,7 +174,7 @@ def filled(camera: Camera, parts: Iterable[Done]) -> tuple[View, int]:
 
 
 def _plain(learner: Learner, camera: Camera, chunk: int, bins: int | None = None) -> Iterator[Done]:
-    """Yield the chunks of `harness.training.evaluate.render_view`."""
+    """Yield the chunks of `harness.training.scoring.evaluate.render_view`."""
     order = pixel_order(camera.width * camera.height).numpy()
     parts = [order[start : start + chunk] for start in range(0, len(order), chunk)]
     return _by_parts(learner, camera, parts, 1, chunk, bins)

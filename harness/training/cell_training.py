@@ -18,11 +18,11 @@ from harness.records.cells import CellRecord, Checkpoint, Status, ViewScore, cel
 from harness.records.json_record import DamagedRecord, as_promised, plain
 from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
-from harness.training import evaluate
 from harness.training.batches import Batch
 from harness.training.checkpoints import checkpoint_path, restore_training, save_checkpoint, training_state
 from harness.training.learner import Learner, take_step
 from harness.training.saved_renders import KeptRenders
+from harness.training.scoring import evaluate
 from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
 from scenes.rendering.occupancy import read_occupancy

@@ -11,13 +11,13 @@ from harness.plan.needed import for_scene
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord, unscored
-from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.cell_training import CellTraining, IncompatibleSnapshot
 from harness.training.checkpoints import Keeping
 from harness.training.learner import Learner, train
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.saved_renders import keep_truth
+from harness.training.scoring import evaluate
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import Split, ViewSet
 

@@ -24,7 +24,7 @@ from harness.records.pictures import (
     write_renders,
     write_truth,
 )
-from harness.training.evaluate import View
+from harness.training.scoring.evaluate import View
 from scenes.files.errors import InputError
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import Split, ViewSet, linear_over_white

@@ -21,9 +21,9 @@ from harness.playback.progressive import Canvas, coarse, estimated_error, refine
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
-from harness.training.evaluate import LARGEST_PSNR, View
 from harness.training.learner import Learner
-from harness.training.metrics import psnr
+from harness.training.scoring.evaluate import LARGEST_PSNR, View
+from harness.training.scoring.metrics import psnr
 from harness.training.trainer import Diverged
 from harness.viewer.attended import Attention, attention_map
 

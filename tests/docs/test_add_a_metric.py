@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 from harness.records.cells import read_cell, write_cell
-from harness.training.evaluate import View, mean_scores, scores_along, view_scores
+from harness.training.scoring.evaluate import View, mean_scores, scores_along, view_scores
 from harness.verdicts.comparisons import compare
 from harness.verdicts.result_table import LOWER, MARGINS
 from reports.data.load import read_records
@@ -54,7 +54,7 @@ def test_a_metric_is_a_function_and_a_line(tmp_path: Path) -> None:
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     text = (ROOT / "docs/add-a-metric.md").read_text(encoding="utf-8")
     function, line = (textwrap.dedent(code) for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL))
-    metrics = tmp_path / "harness/training/metrics.py"
+    metrics = tmp_path / "harness/training/scoring/metrics.py"
     metrics.write_text(f"{metrics.read_text(encoding='utf-8')}\n\n{function}", encoding="utf-8")
     table = tmp_path / "harness/records/metric_table.py"
     before, after = table.read_text(encoding="utf-8").split("    )\n}  # fmt: skip")

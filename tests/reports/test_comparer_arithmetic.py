@@ -7,7 +7,7 @@ import flip_evaluator
 import numpy as np
 import pytest
 
-from harness.training import metrics
+from harness.training.scoring import metrics
 from reports.data.packing import depth, display, light
 from scenes.view_sets.pixels import decode_srgb
 from tests.reports.browsing import opened, until

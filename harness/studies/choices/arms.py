@@ -24,10 +24,10 @@ from harness.plan.profiles import TUNED, Plan
 from harness.plan.schedule import Decay
 from harness.plan.settings import TrainSettings
 from harness.records.json_record import as_promised, digest_of, load_record, write_record
-from harness.training import evaluate
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
 from harness.training.lockstep import stream_of, trained_alone
+from harness.training.scoring import evaluate
 from harness.training.trainer import Diverged, Trainer
 from harness.verdicts.statistics import PairedDifference, paired_difference
 from scenes.files.errors import InputError

@@ -22,11 +22,11 @@ from harness.plan.schedule import Budget
 from harness.records.json_record import Record, as_promised, load_json, plain
 from harness.studies.choices.arms import views_of
 from harness.studies.evidence.evidence_context import SEARCHED
-from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.learner import Learner, take_step
 from harness.training.lockstep import box_of, needs_view_direction, psnr_on, stream_of, turns
 from harness.training.make_learner import learner_for
+from harness.training.scoring import evaluate
 from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet

@@ -18,10 +18,10 @@ from harness.studies.conformance.subject import Broken, Subject
 from harness.studies.drawn_views import disc_views
 from harness.training.batches import Batches
 from harness.training.checkpoints import load_checkpoint, restore_training, save_checkpoint, tensors_of, training_state
-from harness.training.evaluate import cameras_of
 from harness.training.learner import Learner, at_step, train
 from harness.training.lockstep import box_of
 from harness.training.make_learner import learner_for
+from harness.training.scoring.evaluate import cameras_of
 from scenes.view_sets.view_set import ViewSet
 
 CPU = torch.device("cpu")

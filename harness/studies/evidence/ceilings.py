@@ -11,7 +11,7 @@ from harness.records.study import Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
 from harness.studies.renderer import printed_rows
-from harness.training.metrics import psnr_from_mse
+from harness.training.scoring.metrics import psnr_from_mse
 from harness.verdicts.statistics import critical
 from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError

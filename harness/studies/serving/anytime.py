@@ -16,8 +16,8 @@ from harness.records.study import Check, Picture, Series, Status, Table
 from harness.studies.framework import Found
 from harness.studies.serving.attention_views import KINDS, NOTHING, AttendedView, Looked, attended_views, attention_of
 from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext, brief, factor, plain, study
-from harness.training.evaluate import View
-from harness.training.metrics import psnr
+from harness.training.scoring.evaluate import View
+from harness.training.scoring.metrics import psnr
 from scenes.view_sets.images import write_png
 
 ORDERS = {

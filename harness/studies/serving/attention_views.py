@@ -14,7 +14,7 @@ from harness.records.study import Check
 from harness.studies.framework import Found
 from harness.studies.serving.serving_context import ServingContext, study
 from harness.training.batches import Camera
-from harness.training.evaluate import View
+from harness.training.scoring.evaluate import View
 
 KINDS = {
     "point": "a point of interest in the picture's centre, half the attention a quarter of the width away",

@@ -18,10 +18,10 @@ from harness.studies.serving.cache_latency import ROOM, cells_of, same
 from harness.studies.serving.serving_context import ServingContext, plain, significant, study
 from harness.training.batches import Batches, Camera
 from harness.training.checkpoints import tensors_of
-from harness.training.evaluate import View, cameras_of
 from harness.training.learner import Learner, at_step, train
 from harness.training.make_learner import learner_for
-from harness.training.metrics import mse
+from harness.training.scoring.evaluate import View, cameras_of
+from harness.training.scoring.metrics import mse
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 

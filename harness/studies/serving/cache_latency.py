@@ -22,7 +22,7 @@ from harness.studies.serving.serving_context import (
     timed,
 )
 from harness.training.batches import Camera
-from harness.training.evaluate import View
+from harness.training.scoring.evaluate import View
 
 ROOM = 1 << 30
 """A capacity in bytes that exceeds all that is stored here, so that nothing is evicted."""

@@ -21,9 +21,9 @@ from harness.records.json_record import DamagedRecord
 from harness.records.study import Check
 from harness.studies.framework import Found
 from harness.training.batches import Camera
-from harness.training.evaluate import View, render_view
 from harness.training.learner import Learner
-from harness.training.metrics import mse
+from harness.training.scoring.evaluate import View, render_view
+from harness.training.scoring.metrics import mse
 from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
 from scenes.view_sets.pixels import over_white

@@ -21,8 +21,8 @@ from harness.studies.speed.speed_context import (
     views_of,
 )
 from harness.training.batches import Batch
-from harness.training.evaluate import cameras_of, render_view
 from harness.training.learner import at_step, train
+from harness.training.scoring.evaluate import cameras_of, render_view
 from harness.training.trainer import Trainer
 
 OPERATORS = 15

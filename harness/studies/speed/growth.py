@@ -28,7 +28,7 @@ from harness.studies.speed.speed_context import (
 )
 from harness.studies.speed.throughput import dense_side
 from harness.training.batches import Cameras
-from harness.training.evaluate import render_view
+from harness.training.scoring.evaluate import render_view
 
 STEPS: tuple[tuple[str, tuple[int, ...], Callable[[TrainSettings, int], TrainSettings], str], ...] = (
     ("rays", (128, 256, 512, 1024, 2048), lambda base, size: replace(base, rays=size), "rays a step"),

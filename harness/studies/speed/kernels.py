@@ -33,8 +33,8 @@ from harness.studies.speed.speed_context import (
     variant_of,
     views_of,
 )
-from harness.training.evaluate import cameras_of, render_view
 from harness.training.lockstep import box_of
+from harness.training.scoring.evaluate import cameras_of, render_view
 from scenes.files.errors import InputError
 from scenes.rendering.variant import VARIANTS, Variant, choose_variant
 

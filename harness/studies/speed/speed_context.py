@@ -23,9 +23,9 @@ from harness.records.study import Check, check
 from harness.studies.drawn_views import write_disc
 from harness.studies.framework import StudyContext
 from harness.training.batches import Batch, Batches
-from harness.training.evaluate import cameras_of
 from harness.training.learner import at_step, train
 from harness.training.lockstep import box_of, needs_view_direction
+from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 

@@ -35,9 +35,9 @@ from harness.studies.speed.speed_context import (
     views_of,
 )
 from harness.training.batches import Batch
-from harness.training.evaluate import cameras_of, floor_psnr
 from harness.training.learner import Stepped, train
 from harness.training.lockstep import box_of, needs_view_direction
+from harness.training.scoring.evaluate import cameras_of, floor_psnr
 from harness.training.trainer import Diverged, Trainer
 from harness.verdicts.survival import first_reached
 from scenes.view_sets.pixels import over_white

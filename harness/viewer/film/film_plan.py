@@ -10,7 +10,7 @@ from harness.playback.cached import CachedMethod
 from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
-from harness.training.evaluate import View, render_view
+from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Diverged
 from harness.viewer.film.frames import FrameFolder
 from harness.viewer.film.takes import FilmSpec, Take, take_of

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from harness.records.json_record import load_json, write_json
-from harness.training.evaluate import View
+from harness.training.scoring.evaluate import View
 from scenes.files.atomic import replacing
 from scenes.view_sets.images import read_image, write_channels, write_png
 from scenes.view_sets.pixels import decode_srgb

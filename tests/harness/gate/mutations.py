@@ -21,8 +21,9 @@ from harness.gate import early
 from harness.gate.gates import STARTS
 from harness.gate.references import USUAL, Courses, References, read_references
 from harness.plan import profiles
-from harness.training import evaluate, trainer
+from harness.training import trainer
 from harness.training.learner import Clipping
+from harness.training.scoring import evaluate
 
 ROOT = Path(__file__).parents[3]
 FILE = ROOT / "gates" / "mutations.json"

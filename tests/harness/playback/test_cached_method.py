@@ -15,8 +15,8 @@ from harness.plan.settings import VoxelSettings
 from harness.playback import cached, keys
 from harness.playback.cached import CachedMethod
 from harness.playback.store import ViewStore
-from harness.training.evaluate import View, render_view
 from harness.training.make_learner import learner_for
+from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Diverged, Trainer
 from tests.harness.ball import pose
 from tests.harness.playback.drawn import same_bits

@@ -16,8 +16,8 @@ from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, Vo
 from harness.playback.run_loader import FinishedRun, from_plain
 from harness.records.cells import cell_path, checkpoint_name, read_cell
 from harness.records.json_record import DamagedRecord
-from harness.training.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
 from harness.training.learner import Learner
+from harness.training.scoring.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import RADIUS

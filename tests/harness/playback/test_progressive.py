@@ -21,8 +21,8 @@ from harness.playback.progressive import (
     render_allocated,
 )
 from harness.training.batches import Camera
-from harness.training.evaluate import View, render_view
 from harness.training.learner import Learner
+from harness.training.scoring.evaluate import View, render_view
 from tests.harness.ball import pose
 from tests.harness.tiny import CPU, rays_and_colours, trainer
 

@@ -196,7 +196,7 @@ def test_the_digest_of_the_code_is_of_every_source_that_renders(
             rendering.add(name)
             waiting += imported(name, known[name], set(known))
     in_digest = {file for pattern in RENDERING for file in keys.ROOT.glob(pattern)}
-    assert keys.ROOT / "harness/training/evaluate.py" in in_digest
+    assert keys.ROOT / "harness/training/scoring/evaluate.py" in in_digest
     left_out = {name for name in rendering if known[name] not in in_digest}
     # they train, keep time, read files and say what is missing; no pixel comes from them
     assert left_out == NOT_RENDERING

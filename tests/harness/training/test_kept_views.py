@@ -10,8 +10,8 @@ import torch
 
 from baselines.contract import Box
 from harness.records.pictures import read_renders, read_truth
-from harness.training import evaluate
 from harness.training.saved_renders import KeptRenders, keep_truth
+from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
 from scenes.files.digest import file_digest
 from scenes.view_sets.images import read_channels, write_channels

@@ -14,11 +14,11 @@ from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord, cell_path, read_cell, write_cell
 from harness.records.pictures import read_renders
-from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.cell_training import warnings_of
 from harness.training.lockstep import needs_view_direction, train_group, trained_alone
-from harness.training.metrics import psnr
+from harness.training.scoring import evaluate
+from harness.training.scoring.metrics import psnr
 from harness.training.trainer import TRACED, Trainer
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet

@@ -9,7 +9,8 @@ import torch
 
 from harness.records.cells import CellRecord, write_cell
 from harness.records.pictures import read_renders
-from harness.training import evaluate, lockstep
+from harness.training import lockstep
+from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet

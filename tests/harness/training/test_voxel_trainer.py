@@ -17,10 +17,10 @@ from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord, read_cells
 from harness.training import make_learner
-from harness.training.evaluate import density_histogram
 from harness.training.learner import Learner
 from harness.training.lockstep import train_group
 from harness.training.make_learner import NotAvailable, drjit_backend
+from harness.training.scoring.evaluate import density_histogram
 from harness.training.trainer import Diverged
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.ball import write_ball

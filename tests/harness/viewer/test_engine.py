@@ -10,8 +10,8 @@ import torch
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
-from harness.training.evaluate import View, render_view
-from harness.training.metrics import psnr
+from harness.training.scoring.evaluate import View, render_view
+from harness.training.scoring.metrics import psnr
 from harness.training.trainer import Diverged
 from harness.viewer.asked import Orbit
 from harness.viewer.attended import Attention

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from harness.records.cells import read_cells
-from harness.training.evaluate import LARGEST_PSNR
-from harness.training.metrics import psnr
+from harness.training.scoring.evaluate import LARGEST_PSNR
+from harness.training.scoring.metrics import psnr
 from harness.viewer import engine, server
 from harness.viewer.server import FILES, TYPES
 from harness.viewer.shown_run import ShownRun

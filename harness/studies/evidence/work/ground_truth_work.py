@@ -19,7 +19,7 @@ from harness.studies.evidence.contrasts import listed
 from harness.studies.evidence.evidence_context import TRAININGS, EvidenceContext
 from harness.studies.framework import Found
 from harness.studies.trained_context import folder_of
-from harness.training.metrics import psnr_from_mse
+from harness.training.scoring.metrics import psnr_from_mse
 from scenes.catalog.entries import CLASSICS
 
 RESOLUTION = 100

@@ -25,7 +25,7 @@ from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
 from harness.studies.stability.rays.quadrature_orders import fitted_order
 from harness.studies.trained_context import folder_of
-from harness.training.evaluate import cameras_of
+from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 

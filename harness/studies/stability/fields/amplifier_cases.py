@@ -29,7 +29,7 @@ from harness.studies.stability.stability_context import (
     not_judged,
     whose,
 )
-from harness.training.metrics import psnr_from_mse
+from harness.training.scoring.metrics import psnr_from_mse
 from harness.training.trainer import Diverged, Trainer
 
 WHOSE: dict[str, Owner] = {reading: "paper" if reading in PRINTED else "ours" for reading in AMPLIFIERS}

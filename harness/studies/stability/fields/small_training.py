@@ -16,9 +16,9 @@ from harness.records.study import Check
 from harness.studies.drawn_views import write_disc
 from harness.studies.stability.stability_context import StabilityContext, not_judged, whose
 from harness.training.batches import Batches, Cameras
-from harness.training.evaluate import cameras_of
 from harness.training.learner import at_step, steps
 from harness.training.lockstep import box_of, needs_view_direction
+from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 

@@ -18,10 +18,10 @@ from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import CPU, PROBES, new_trainer, setup, train, trained, with_parts
 from harness.studies.stability.stability_context import Rows, StabilityContext, whose
-from harness.training import evaluate, metrics
 from harness.training.batches import Batches, Cameras
-from harness.training.evaluate import cameras_of, quick_scores, render_split
 from harness.training.lockstep import box_of
+from harness.training.scoring import evaluate, metrics
+from harness.training.scoring.evaluate import cameras_of, quick_scores, render_split
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import Split, ViewSet
 

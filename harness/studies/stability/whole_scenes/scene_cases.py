@@ -43,11 +43,11 @@ from harness.studies.stability.whole_scenes.scene_truth import (
     worst_z,
     z_score,
 )
-from harness.training import evaluate
 from harness.training.batches import Batches
 from harness.training.cell_training import BILLBOARD_GAP_DB, warnings_of
 from harness.training.learner import train
 from harness.training.lockstep import box_of as box_of_views
+from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
 from scenes.catalog.stress import geometry, light, mirror, scales, wires
 from scenes.catalog.stress.fog import DENSE, RADIUS, THIN, density

@@ -30,7 +30,7 @@ from harness.studies.serving.anytime import (
 )
 from harness.studies.serving.attention_views import KINDS, AttendedView, Looked, attended_views, attention_of, looked
 from harness.studies.serving.serving_context import ServingContext, plain
-from harness.training.evaluate import View
+from harness.training.scoring.evaluate import View
 from tests.harness.studies.serving.conftest import Ticks
 from tests.harness.trained_runs import SIZE
 

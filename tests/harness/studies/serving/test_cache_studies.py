@@ -15,8 +15,8 @@ from harness.studies.serving.cache_confusions import Variant, compared, confused
 from harness.studies.serving.cache_latency import HITS, WrongHit, hit_check, latencies
 from harness.studies.serving.serving_context import ServingContext, plain
 from harness.training.batches import Camera
-from harness.training.evaluate import View
-from harness.training.metrics import mse
+from harness.training.scoring.evaluate import View
+from harness.training.scoring.metrics import mse
 from harness.training.trainer import Trainer
 from tests.harness.studies.serving.conftest import Ticks
 

@@ -15,8 +15,8 @@ from harness.records.pictures import read_renders
 from harness.studies.drawn_views import write_noise
 from harness.studies.speed.memory import STATUS, peaks_of
 from harness.studies.speed.speed_context import SpeedContext
-from harness.training import evaluate
 from harness.training.lockstep import train_group
+from harness.training.scoring import evaluate
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import write_ball
 from tests.harness.tiny import CPU, SCORE, TRAIN, VIEWS

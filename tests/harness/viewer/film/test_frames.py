@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.training.evaluate import View
+from harness.training.scoring.evaluate import View
 from harness.viewer.film.frames import LISTING, FrameFolder, exr_channels
 from scenes.view_sets.pixels import display_from_linear, encode_srgb, over_white
 

@@ -13,7 +13,7 @@ from harness.execution import progress
 from harness.playback.camera_paths import orbit
 from harness.playback.run_loader import FinishedRun
 from harness.records.cells import cell_path, read_cell, with_files, write_cell
-from harness.training.evaluate import View, render_view
+from harness.training.scoring.evaluate import View, render_view
 from harness.viewer.film import film_making, film_plan
 from harness.viewer.film.frames import as_levels, exr_channels
 from harness.viewer.film.panels import HEADER, MARGIN, size_of

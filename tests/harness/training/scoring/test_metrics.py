@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from harness.training import metrics
+from harness.training.scoring import metrics
 
 
 def random_image(height: int, width: int, seed: int = 0) -> np.ndarray:

@@ -11,9 +11,9 @@ from harness.plan.seeds import generator_for
 from harness.records.cells import ViewScore
 from harness.records.json_record import finite_or_none
 from harness.records.metric_table import ALONG_TRAINING, LARGEST_PSNR, METRICS
-from harness.training import metrics
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
+from harness.training.scoring import metrics
 from harness.training.trainer import Diverged
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import Split, ViewSet

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from harness.records.cells import ViewScore
-from harness.training import evaluate
+from harness.training.scoring import evaluate
 from harness.training.trainer import Diverged
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import over_white
