@@ -33,6 +33,7 @@ python -m harness study serving {here}/run --methods qnerf --width 16 --quick {s
 python -m harness tensorboard {here}/run
 python -m scenes render hotdog --resolution 16 --train 3 --test 1 --spp-train 2 --spp-test 2 {sets}
 python -m scenes export {here}/sets/{set} --format blender --out {here}/blender
+python -m harness score {here}/blender/test --view-set {here}/blender --method theirs --to {here}/scores.json
 python -m scenes export {here}/sets/{set} --format nerfstudio --out {here}/nerfstudio
 python -m scenes export {here}/sets/{set} --format npz --out {here}/tiny.npz
 python -m harness run --profile smoke --view-set {here}/blender {tiny} --no-serving --out {here}/foreign

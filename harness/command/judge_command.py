@@ -1,11 +1,11 @@
-"""`python -m harness judge TABLE` and `compare A B`: their options, and what they do."""
+"""`python -m harness judge TABLE`, `score PICTURES` and `compare A B`: their options, and what they do."""
 
 import argparse
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.command.options import add_shared
+from harness.command.options import add_shared, require_between
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
@@ -50,6 +50,56 @@ def run_judge(options: argparse.Namespace, show: "Progress") -> int:
         show.line(line)
     # the page is made from the record alone, as every page is
     return subprocess.run([sys.executable, "-m", "reports", str(out), "--quiet"], check=False).returncode
+
+
+def add_score_options(command: argparse.ArgumentParser) -> None:
+    command.description = (
+        "Scores of pictures that another program rendered of a view set's test views (3D Gaussian Splatting, "
+        "nerfstudio, instant-ngp, nerfbaselines, or any folder with a picture of each view), as a table for `judge`."
+    )
+    add = command.add_argument
+    add("pictures", type=Path, metavar="PICTURES", help="folder of the pictures, or one that has it inside")
+    add("--view-set", type=Path, required=True, metavar="DIR", help="with the truth: the images it was trained on")
+    add("--method", required=True, metavar="NAME", help="name of the method in the table")
+    add("--scene", metavar="NAME", help="name of the scene in the table (default: that of the view set)")
+    add("--seed", type=int, default=0, metavar="N", help="of its training, for the table (default: 0)")
+    add("--seconds", type=float, metavar="S", help="that its training took, for the table")
+    add_shared(command, "--resolution", help="width at which both are compared (default: that of the pictures)")
+    add("--as-they-are", action="store_true", help="score pictures that seem to be in another order or colour space")
+    add("--to", type=Path, default=Path("out/scores.json"), metavar="FILE", help="table that gets a row more, or anew "
+        "(default: out/scores.json)")  # fmt: skip
+
+
+def run_score(options: argparse.Namespace, show: "Progress") -> int:
+    """Score pictures and write their row; raises `InputError` for what cannot be scored, and `DamagedRecord`."""
+    from harness.records.metric_table import METRICS
+    from harness.records.scored_pictures import read_scores, write_scores
+    from harness.training.scoring.others import SCORED, score_pictures
+    from scenes.files.errors import InputError
+
+    require_between(options, seed=(0, 2**31), seconds=(0.0, 1e9), resolution=(1, 4096))
+    for option in ("method", "scene"):
+        if getattr(options, option) is not None and not getattr(options, option).strip():
+            raise InputError(f"--{option} {getattr(options, option)!r}: is empty; give a name")
+    table = read_scores(options.to)
+    row = score_pictures(
+        options.pictures,
+        options.view_set,
+        options.method,
+        scene=options.scene,
+        seed=options.seed,
+        seconds=options.seconds,
+        resolution=options.resolution,
+        as_they_are=options.as_they_are,
+        each=lambda done, total: show.part("scoring views", done, total),
+    )
+    write_scores(options.to, table, row)
+    scores = (f"{METRICS[name].label} {getattr(row, name):.{METRICS[name].digits}f}" for name in SCORED)
+    show.line(f"{row.scene} {row.method} seed {row.seed}, {len(row.views)} views of {row.made['width']} px: "
+              f"{', '.join(scores)}")  # fmt: skip
+    worst = min(row.views, key=lambda view: view.psnr)
+    show.line(f"worst view {worst.view}: {worst.psnr:.2f} dB; table {options.to} ({len(table.cells)} rows before)")
+    return 0
 
 
 def add_compare_options(command: argparse.ArgumentParser) -> None:

@@ -39,6 +39,8 @@ COMMANDS: dict[str, Command] = {
     "run": Command("render, train, score and record a comparison", run_command.add_run_options, run_command.run_run),
     "judge": Command("verdicts on anybody's table of results",
                      judge_command.add_judge_options, judge_command.run_judge),
+    "score": Command("scores of pictures that another program rendered",
+                     judge_command.add_score_options, judge_command.run_score),
     "compare": Command("how far two outputs of the same plan differ",
                        judge_command.add_compare_options, judge_command.run_compare),
     "gate": Command("has anything changed, and is it worse? (exit code 4)",

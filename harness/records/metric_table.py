@@ -1,7 +1,7 @@
 """The metrics, each in one line: everything that computes, compares or shows scores goes through this table.
 
-A metric is the function of its name in `harness.training.scoring.metrics`, a field of the records that hold scores, a family of
-comparisons, and a column of the page.
+A metric is the function of its name in `harness.training.scoring.metrics`, a field of the records that hold scores, a
+family of comparisons, and a column of the page.
 """
 
 import math

@@ -109,13 +109,13 @@ def _mean_psnr(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float | None:
     return finite_or_none(float(np.mean([_capped_psnr(image, truth) for image, truth in pairs])))
 
 
-def view_scores(image: View, split: Split, index: int) -> ViewScore:
-    """Return every score of one view; geometry if the view set carries it."""
+def view_scores(image: View, split: Split, index: int, chosen: Iterable[str] = METRICS) -> ViewScore:
+    """Return the chosen scores of one view; geometry if the view set carries it."""
     noise = None if split.noise_mse is None else float(split.noise_mse[index])
     return ViewScore(
         view=split.names[index],
         psnr_ceiling=None if noise is None else finite_or_none(metrics.psnr_from_mse(noise)),
-        **scores_of(image, split, index, METRICS),
+        **scores_of(image, split, index, chosen),
     )
 
 

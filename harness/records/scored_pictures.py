@@ -1,0 +1,48 @@
+"""The table of `python -m harness score`: a row for the pictures of each scene, method and seed.
+
+`python -m harness judge` reads it beside other tables.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from harness.records.cells import ViewScore, ViewScores
+from harness.records.json_record import Record, read_record, write_record
+
+SCHEMA = 1
+REMEDY = "delete it, or name another --to"
+
+
+class ScoredPictures(ViewScores, kw_only=True):
+    """The means of one method's pictures of one scene; None for what was not scored."""
+
+    scene: str
+    method: str
+    seed: int
+    seconds: float | None = None
+    """The training seconds, as somebody said."""
+    views: list[ViewScore]
+    made: dict[str, Any]
+    """What was scored: folder and digest of the pictures, view set, width, and whether `--as-they-are`."""
+
+    @property
+    def cell(self) -> tuple[str, str, int]:
+        return self.scene, self.method, self.seed
+
+
+class ScoreTable(Record, frozen=True):
+    """The rows, in the order in which they were first scored."""
+
+    cells: list[ScoredPictures]
+    schema: int = SCHEMA
+
+
+def read_scores(path: Path) -> ScoreTable:
+    """Read a table, empty if there is no file. Raises `DamagedRecord` for any other file."""
+    return read_record(path, ScoreTable, SCHEMA, remedy=REMEDY) if path.exists() else ScoreTable([])
+
+
+def write_scores(path: Path, table: ScoreTable, row: ScoredPictures) -> None:
+    """Write the table with `row` in the place of one of the same scene, method and seed, or else at its end."""
+    rows = {one.cell: one for one in table.cells} | {row.cell: row}
+    write_record(path, ScoreTable(list(rows.values())))

@@ -1,0 +1,76 @@
+"""Pictures that another program rendered of the test views: found in a folder, matched to the views, read.
+
+Known are the folders that 3D Gaussian Splatting (`test/ours_30000/renders/00000.png`), nerfstudio
+(`test/rgb/r_0.jpg`), instant-ngp (`r_0.png`), nerfbaselines (`color/r_0.png`) and NeRF's own code
+(`testset_200000/000.png`) write; in all of them the views are in the order of `transforms_test.json`.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from scenes.files.errors import InputError
+from scenes.view_sets.images import display_image
+from scenes.view_sets.pixels import area_average, area_average_straight
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
+BESIDE = ("gt", "gt-rgb", "gt-color", "depth", "accumulation", "normal", "normals", "alpha", "train", "val")
+"""The folders beside the renders, in which nothing is looked for."""
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """Return the pictures of a folder, or else of the only one below it that has any; raises `InputError`."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is no folder; give the one with the rendered test views")
+    if here := _pictures(folder):
+        return here
+    below = sorted({file.parent for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES})
+    below = [one for one in below if not set(one.relative_to(folder).parts) & set(BESIDE)]
+    if len(below) != 1:
+        shown = ", ".join(one.relative_to(folder).as_posix() for one in below[:5])
+        raise InputError(f"{folder}: {'has pictures in ' + shown if below else 'has no picture'}; name one folder")
+    return _pictures(below[0])
+
+
+def _pictures(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
+
+
+def of_views(files: Sequence[Path], names: Sequence[str]) -> list[Path]:
+    """Return the picture of each view: by its name, or else by number if there are as many pictures as views.
+
+    `names` are paths such as `test/r_0`, of which the last part counts. Raises `InputError` where that leaves a view
+    without a picture, or with two.
+    """
+    if twice := [stem for stem, many in Counter(file.stem for file in files).items() if many > 1]:
+        raise InputError(f"{files[0].parent}: has two pictures called {twice[0]}; keep one")
+    by_stem, stems = {file.stem: file for file in files}, [PurePosixPath(name).name for name in names]
+    lacking = [stem for stem in stems if stem not in by_stem]
+    if not lacking and len(set(stems)) == len(stems):
+        return [by_stem[stem] for stem in stems]
+    numbers = {int(found[0]): file for file in files if (found := re.search(r"\d+$", file.stem))}
+    if len(numbers) == len(files) == len(names) and len(lacking) == len(names):
+        return [numbers[number] for number in sorted(numbers)]
+    missing = f"none is called {lacking[0]}" if lacking else f"names repeat, such as {stems[0]}"
+    raise InputError(
+        f"{files[0].parent}: {len(files)} pictures for {len(names)} test views, and {missing}; "
+        "give a picture of each view, called as the view or numbered in the order of transforms_test.json"
+    )
+
+
+def read_picture(file: Path, width: int) -> np.ndarray:
+    """Read display colour, float32 [h, width, 3], or [h, width, 4] with straight alpha, averaging areas.
+
+    Raises `InputError` for anything but colour, for a picture that is narrower, and as `display_image` does.
+    """
+    pixels = display_image(file)
+    if pixels.shape[2] not in (3, 4):
+        raise InputError(f"{file}: has {pixels.shape[2]} channels; save red, green and blue, perhaps with alpha")
+    if pixels.shape[1] < width:
+        raise InputError(f"{file}: {pixels.shape[1]} pixels wide; choose --resolution {pixels.shape[1]} or less")
+    if pixels.shape[1] == width:
+        return pixels
+    return area_average_straight(pixels, width) if pixels.shape[2] == 4 else area_average(pixels, width).astype("f4")
