@@ -57,6 +57,7 @@ nox -s endurance -- --kills 1 --typed-kills 0 --no-damage --brief --scratch {her
 nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --scratch {here}/fuzz
 nox -s tests_thorough -- --collect-only -q
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
+python -m harness history {here}/history.jsonl --out {here}/history
 python -m harness gate --list
 python -m harness study evidence --list
 python -m harness study stability --list

@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.command.history_command import add_history_option, remember
 from harness.command.options import add_shared
 from harness.gate.gates import KINDS, Gate, gates
 
@@ -22,6 +23,7 @@ def add_gate_options(command: argparse.ArgumentParser) -> None:
     add("--limits", type=Path, default=LIMITS, metavar="FILE", help=f"limits to hold to (default: {LIMITS})")
     add_shared(command, "--view-sets", "--out", "--list")
     add("--rank", type=Path, metavar="RUN", help="compare the order of methods with that of a finished run, no more")
+    add_history_option(command)
     add_shared(command, "--quiet", help="no progress, and no table")
 
 
@@ -39,7 +41,7 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
         show.line(publish(options.rank, options.limits.parent))
         return 0
 
-    from harness.gate.gate_run import context_for, renew, run
+    from harness.gate.gate_run import SHELF, context_for, renew, run
     from harness.gate.processor import environment_of
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder, make_ours
@@ -58,7 +60,9 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
             replay += ["--limits", str(options.limits)]
         if options.of_class is not None:
             replay += ["--class", options.of_class]
-        return run(context, shlex.join(replay))
+        code = run(context, shlex.join(replay))
+        remember(options.history, out / SHELF.file, context.of_class, show)
+        return code
 
 
 def chosen(names: list[str] | None) -> tuple[Gate, ...]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from harness.command import (
     gate_command,
+    history_command,
     judge_command,
     look_commands,
     machine_commands,
@@ -45,6 +46,8 @@ COMMANDS: dict[str, Command] = {
                        judge_command.add_compare_options, judge_command.run_compare),
     "gate": Command("has anything changed, and is it worse? (exit code 4)",
                     gate_command.add_gate_options, gate_command.run_gate),
+    "history": Command("when did figures of gate and speed change?",
+                       history_command.add_history_options, history_command.run_history),
     "view": Command("look at a finished run in the browser", look_commands.add_view_options, look_commands.run_view),
     "render": Command("a camera path through a finished run, its methods side by side",
                       look_commands.add_render_options, look_commands.run_render),

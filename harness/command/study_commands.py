@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.command.history_command import add_history_option, remember
 from harness.command.options import add_finished_run, add_shared, require_between
 from harness.plan.defaults import PLAIN_SECONDS, QUICK_PLAIN_SECONDS
 
@@ -180,6 +181,7 @@ def add_speed_options(command: argparse.ArgumentParser) -> None:
     usual = f"training of the plain side, question 3 ({PLAIN_SECONDS:g})"
     command.add_argument("--plain-seconds", type=float, metavar="S", help=usual)
     add_shared(command, "--device")
+    add_history_option(command)
 
 
 def run_speed(options: argparse.Namespace, show: "Progress") -> int:
@@ -189,13 +191,21 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     require_between(options, plain_seconds=(1, 86400))
 
     def prepare() -> Measure:
+        from harness.gate.processor import class_here
         from harness.machine.device import chosen_device
         from harness.studies.speed.speed_run import run
 
         seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
         device = chosen_device(options.device)
         sets = options.view_sets
-        return lambda studies, out: run(studies, out, device, sets, seconds, options.quick, options.resume, show)
+
+        def measured(studies: list[str], out: Path) -> int:
+            code = run(studies, out, device, sets, seconds, options.quick, options.resume, show)
+            if not options.quick:
+                remember(options.history, out / SHELF.file, class_here(), show)
+            return code
+
+        return measured
 
     return _run_shelf(options, SHELF, show, prepare)
 

@@ -15,8 +15,8 @@ def add_tensorboard_options(command: argparse.ArgumentParser) -> None:
 
 def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
     """Write every cell that has a record; raises `InputError` if there is none, or no tensorboard."""
-    from harness.command.board import require_tensorboard, write_board
     from harness.records.cells import read_cells
+    from harness.run_folder.board import require_tensorboard, write_board
     from scenes.files.errors import InputError
 
     require_tensorboard("tensorboard")
@@ -35,7 +35,7 @@ def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
 def checked(options: argparse.Namespace) -> None:
     """Raise `InputError` if `--tensorboard` is given and cannot be done."""
     if options.tensorboard:
-        from harness.command.board import require_tensorboard
+        from harness.run_folder.board import require_tensorboard
 
         require_tensorboard("--tensorboard")
 
@@ -44,8 +44,8 @@ def also_written(options: argparse.Namespace, out: Path, show: "Progress") -> "P
     """Return `show`, which also writes each cell if `--tensorboard` is given; those from before a resume first."""
     if not options.tensorboard:
         return show
-    from harness.command.board import board_folder, write_board
     from harness.records.cells import read_cells
+    from harness.run_folder.board import board_folder, write_board
 
     for cell in read_cells(out):
         if not board_folder(out, cell).is_dir():
@@ -63,7 +63,7 @@ class _Written:
         return getattr(self._show, name)
 
     def cell(self, cell: "CellRecord") -> None:
-        from harness.command.board import write_board
+        from harness.run_folder.board import write_board
 
         write_board(self._out, cell)
         self._show.cell(cell)

@@ -23,6 +23,7 @@ SHELVES = {
     "speed": "speed.json",
     "serving": "serving.json",
     "frontier": "frontier.json",
+    "history": "history.json",
 }
 """Shelf → its file under OUT."""
 PICTURES_FOLDER = "stability"
@@ -309,7 +310,8 @@ class FormerRecord(DamagedRecord):
 
 def again(shelf: str, out: Path) -> str:
     """Return the command that measures a shelf again."""
-    return f"run `python -m harness study serving {out}` again" if shelf == "serving" else f"run `nox -s {shelf}` again"
+    own = {"serving": f"python -m harness study serving {out}", "history": "python -m harness history"}
+    return f"run `{own.get(shelf, f'nox -s {shelf}')}` again"
 
 
 def read_studies(path: Path) -> Studies:

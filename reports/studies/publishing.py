@@ -77,6 +77,7 @@ PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] =
     ],
     "speed": [("speed.png", lambda record: charts_of_study(record, "3"), 3)],
     "frontier": [("frontier.png", lambda record: charts_of_study(record, "error_against_time")[:1], 1)],
+    "history": [("history.png", lambda record: charts_of(record.studies[0].series)[:3] if record.studies else [], 3)],
     "serving": [("serving.png", lambda record: charts_of_study(record, "anytime")[:3], 3)],
 }
 """Shelf → the files, the panels of its page that are saved in each, and how many of them side by side."""

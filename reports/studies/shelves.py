@@ -92,6 +92,14 @@ WORDS = {
         passes=("holds", "hold"),
         nothing="The frontier: error against core seconds",
     ),
+    "history": ShelfWords(
+        title="History of gates and speed",
+        link="history of gates and speed",
+        noun=("machine", "machines"),
+        check=("figure", "figures"),
+        passes=("holds", "hold"),
+        nothing="History of gates and speed",
+    ),
 }
 
 

@@ -182,7 +182,7 @@ WORK = {
     "harness.viewer.server": ("application",),
     "harness.studies.conformance.method_checks": ("conformance",),
     "harness.machine.doctor": ("findings",),
-    "harness.command.board": ("write_board",),
+    "harness.run_folder.board": ("write_board",),
     "scenes.rendering.store": ("write_view_set",),
 }
 """Where options have been read and work would begin."""

@@ -13,6 +13,7 @@ from reports.__main__ import main
 from reports.studies import publishing
 from tests.reports.fake_evidence import fake_evidence
 from tests.reports.fake_frontier import fake_frontier
+from tests.reports.fake_history import fake_history
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_serving import fake_serving, write_fake_serving
 from tests.reports.fake_speed import fake_speed
@@ -26,6 +27,7 @@ GOOD = {
     "speed": fake_speed(),
     "serving": fake_serving(),
     "frontier": fake_frontier(),
+    "history": fake_history(),
 }
 BROKEN = {"evidence": fake_evidence(with_charts=False), "stability": fake_stability(with_charts=False)}
 DRAWN = {
@@ -34,6 +36,7 @@ DRAWN = {
     "speed": (fake_speed(), ["speed.png"]),
     "serving": (fake_serving(), ["serving.png"]),
     "frontier": (fake_frontier(), ["frontier.png"]),
+    "history": (fake_history(), ["history.png"]),
 }
 LATE = Check("the rest", None, why="the time was over", owner="machine", status="not_available", id="late")
 each_shelf = pytest.mark.parametrize("shelf", SHELVES)
@@ -112,7 +115,7 @@ def test_none_of_them_is_one_clear_line(tmp_path, capsys):
     assert caught.out == ""
     assert caught.err.startswith(
         f"{tmp_path}: no records/, no evidence.json, no stability.json, no speed.json, no serving.json, "
-        "no frontier.json in it; "
+        "no frontier.json, no history.json in it; "
     )
     assert len(caught.err.splitlines()) == 1
 

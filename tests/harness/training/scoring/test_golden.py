@@ -1,8 +1,8 @@
 """PSNR and SSIM against scikit-image 0.26.0 and torchmetrics 1.9.0, whose values are stored here.
 
-    skimage.metrics.structural_similarity(truth, image, gaussian_weights=True, sigma=1.5,
-                                          use_sample_covariance=False, data_range=1.0, channel_axis=-1)
-    torchmetrics.functional.image.structural_similarity_index_measure(image, truth, data_range=1.0)   # in double
+skimage.metrics.structural_similarity(truth, image, gaussian_weights=True, sigma=1.5,
+                                      use_sample_covariance=False, data_range=1.0, channel_axis=-1)
+torchmetrics.functional.image.structural_similarity_index_measure(image, truth, data_range=1.0)   # in double
 """
 
 import numpy as np

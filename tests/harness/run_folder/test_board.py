@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from harness.__main__ import main
-from harness.command import board
-from harness.command.board import board_folder, require_tensorboard, write_board
 from harness.command.tensorboard_command import also_written
 from harness.execution.progress import Quiet
 from harness.records.cells import CellRecord, Checkpoint, write_cell
+from harness.run_folder import board
+from harness.run_folder.board import board_folder, require_tensorboard, write_board
 from scenes.files.errors import InputError
 from tests.harness.shell import refused
 
