@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from harness.records.history import PastRun
+from harness.records.past_runs import PastRun
 from harness.records.study import Studies
 from harness.verdicts.history.figures_over_runs import figures_over_runs
 from tests.reports.fake_shelf import PROVENANCE

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.records.history import PastRun
+from harness.records.past_runs import PastRun
 from harness.records.study import Answer, Finding, Series, Studies, StudyInfo, StudyRecord, Table
 from harness.verdicts.history.change_points import CHANCE, FEWEST, ChangePoint, change_points
 

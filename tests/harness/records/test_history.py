@@ -7,7 +7,7 @@ import pytest
 from harness.__main__ import main
 from harness.command.history_command import remember
 from harness.execution.progress import Quiet
-from harness.records.history import append, read_history
+from harness.records.past_runs import append, read_history
 from harness.records.study import read_studies
 from scenes.files.errors import InputError
 from tests.harness.shell import refused
