@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from harness.plan.plugins import one_line
-from harness.studies.conformance import field_checks, learner_checks
+from harness.studies.conformance import derivatives, field_checks, learner_checks
 from harness.studies.conformance.subject import Broken, Subject
 from harness.training.make_learner import NotAvailable
 
@@ -16,6 +16,7 @@ FIELD_CHECKS: dict[str, Callable[[Subject], None]] = {
     "unit_of_density": field_checks.has_the_unit_of_the_box,
     "magnitudes": field_checks.survives_magnitudes,
     "gradients": field_checks.gradients_reach_everything,
+    "derivatives": derivatives.gradients_are_derivatives,
     "first_weights": field_checks.weights_depend_on_the_seed_alone,
     "pairing": field_checks.is_paired_with_nerf,
     "rendering": field_checks.renders_in_range,

@@ -107,6 +107,19 @@ def uphill(field: Any, sigma: Tensor, colour: Tensor) -> Any:
     return sigma.detach() + 0.0 * sigma, 2.0 * colour.detach() - colour
 
 
+def half_of_the_gradient(field: Any, sigma: Tensor, colour: Tensor) -> Any:
+    return sigma, 0.5 * (colour + colour.detach())
+
+
+class HalfInSingle(Honest):
+    """As above, with a kernel that knows single precision alone."""
+
+    def density_and_colour(self, x: Any, view: Any, ray: Any) -> Any:
+        if x.dtype != torch.float32:
+            raise TypeError("float32 is wanted")
+        return half_of_the_gradient(self, *super().density_and_colour(x, view, ray))
+
+
 MISCOUNTING = but(parameter_counts=lambda self: {"total": 7})
 BROKEN: list[Any] = [
     ("protocols", lambda asked: "a field", "torch.nn.Module"),
@@ -126,6 +139,9 @@ BROKEN: list[Any] = [
         begun(lambda field: setattr(field, "spare", nn.Parameter(torch.zeros(3)))),
         "no gradient reaches spare",
     ),
+    ("derivatives", seen(half_of_the_gradient), "by differences"),
+    ("derivatives", HalfInSingle, "by differences"),
+    ("derivatives", seen(lambda field, sigma, colour: (0.5 * (sigma + sigma.detach()), colour)), "by differences"),
     ("first_weights", begun(lambda field: nn.init.normal_(field.density_head.weight)), "uniform_weights"),
     ("pairing", begun(lambda field: field.density_head.weight.mul_(2.0)), "density_head.weight"),
     ("rendering", NeedsDirections, "what now"),

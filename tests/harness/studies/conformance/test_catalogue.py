@@ -16,7 +16,8 @@ UNLIKE = {
 """One method of each amplifier and rule, and each that is not made of parts: in training another encoding or skip is
 the same code, and `test_finished` trains and restores every method.
 """
-QUICK = ("two_passes",)
+LONG = ("two_passes", "derivatives")
+"""The checks that take seconds."""
 
 
 @pytest.fixture(autouse=True)
@@ -24,15 +25,20 @@ def as_in_a_run() -> None:
     use_threads(1)
 
 
-@pytest.mark.parametrize("check", [name for name in FIELD_CHECKS if name not in QUICK])
+@pytest.mark.parametrize("check", [name for name in FIELD_CHECKS if name not in LONG])
 @pytest.mark.parametrize("method", NETWORKS)
 def test_fields_conform(method: str, check: str) -> None:
     FIELD_CHECKS[check](Subject(method))
 
 
+@pytest.mark.parametrize("method", ["nerf", "qnerf", "hash_grid_phi"])
+def test_gradients_are_derivatives(method: str) -> None:
+    FIELD_CHECKS["derivatives"](Subject(method))
+
+
 @pytest.mark.slow
 @pytest.mark.thorough
-@pytest.mark.parametrize("check", [*QUICK, *LEARNER_CHECKS])
+@pytest.mark.parametrize("check", [*LONG, *LEARNER_CHECKS])
 @pytest.mark.parametrize("method", UNLIKE.values())
 def test_learners_conform(method: str, check: str) -> None:
     if CATALOG[method].kind in ("voxels_drjit", "ellipsoids"):
