@@ -79,6 +79,8 @@ class Source:
     """The assumptions made, one sentence each: a user who trains on it should know them."""
     bounds_assumed: bool = False
     """Whether the region's bounds are a habit of the format's users and not a fact of the file."""
+    unbounded: str = ""
+    """Why no bounds can be found, if that is so: somebody has to give them."""
 
 
 ASK = "say where the scene lies with --bounds X0 Y0 Z0 X1 Y1 Z1"
@@ -106,6 +108,8 @@ def completed(
     read: every reader of a view set must find the same. `size` is height, width. Raises `InputError` as `looked_at`.
     """
     box, near, far = given.box, given.near, given.far
+    if box is None and source.unbounded:
+        raise InputError(f"{where}: {source.unbounded}, or {ASK}")
     if box is None or near is None or far is None:
         poses = np.concatenate([views.camera_to_world for split in SPLITS if (views := source.frames(split))])
         box = looked_at(poses, fov_x_radians, size[0] / size[1], str(where)) if box is None else box

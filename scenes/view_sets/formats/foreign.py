@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from scenes.files.errors import InputError, short
-from scenes.view_sets.formats import nerfstudio
+from scenes.view_sets.formats import captures, nerfstudio
 from scenes.view_sets.formats.nerfstudio import read_nerfstudio
 from scenes.view_sets.formats.transforms import Frames, read_transforms, transforms_file
 from scenes.view_sets.images import display_image
@@ -181,8 +181,8 @@ BLENDER_REGION = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)
 """The field's convention for the NeRF synthetic scenes; the format itself has none."""
 
 KNOWN = (
-    "a view set is a folder with transforms_train.json (Blender format) or "
-    f"{nerfstudio.NAME} (nerfstudio), or a tiny-NeRF .npz file"
+    f"a view set is a folder with transforms_train.json (Blender format), {nerfstudio.NAME} (nerfstudio), sparse/0 "
+    f"(COLMAP) or {captures.LLFF} (LLFF), or a tiny-NeRF .npz file"
 )
 
 
@@ -200,7 +200,8 @@ def _rgba(file: Path) -> np.ndarray:
 
 
 def source_of(path: Path) -> Source:
-    """Return the reader for a folder in the Blender format, one with `transforms.json`, or a tiny-NeRF file.
+    """Return the reader for a folder in the Blender format, one with `transforms.json`, a reconstruction of COLMAP or
+    LLFF, or a tiny-NeRF file.
 
     Raises `InputError` for a path that is none of these, or whose contents cannot be trusted.
     """
@@ -214,6 +215,10 @@ def source_of(path: Path) -> Source:
             return Source(path.resolve().name, frames, _rgba, BLENDER_REGION, bounds_assumed=True)
         if (path / nerfstudio.NAME).is_file():
             return read_nerfstudio(path)
+        if (sparse := captures.sparse_folder(path)) is not None:
+            return captures.read_colmap(path, sparse)
+        if (path / captures.LLFF).is_file():
+            return captures.read_llff(path)
         raise InputError(f"{path}: no view set; {KNOWN}")
     if not path.exists():
         raise InputError(f"{path}: no such folder; {KNOWN}")

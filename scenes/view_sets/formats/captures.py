@@ -1,0 +1,314 @@
+"""Captures with a camera: a reconstruction by COLMAP (`sparse/0`, binary or text), and LLFF's `poses_bounds.npy`.
+
+Both hold out every eighth view by name for testing, as 3D Gaussian Splatting, mip-NeRF 360 and LLFF's loaders do.
+Poses are taken as they are written, not turned or scaled.
+"""
+
+import math
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from scenes.files.errors import InputError, short
+from scenes.view_sets.formats.lens import Lens
+from scenes.view_sets.formats.transforms import Frames, image_file, shown
+from scenes.view_sets.images import display_image
+from scenes.view_sets.source import Region, Source
+from scenes.view_sets.viewpoints import check_field_of_view, check_poses
+
+IMAGES, LLFF = "images", "poses_bounds.npy"
+MODELS = {
+    0: ("SIMPLE_PINHOLE", ("f", "cx", "cy")),
+    1: ("PINHOLE", ("fx", "fy", "cx", "cy")),
+    2: ("SIMPLE_RADIAL", ("f", "cx", "cy", "k1")),
+    3: ("RADIAL", ("f", "cx", "cy", "k1", "k2")),
+    4: ("OPENCV", ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")),
+}
+"""COLMAP's number of a model → its name and parameters, for those that are read."""
+OTHERS = {5: ("OPENCV_FISHEYE", 8), 6: ("FULL_OPENCV", 12), 7: ("FOV", 5), 8: ("SIMPLE_RADIAL_FISHEYE", 4),
+          9: ("RADIAL_FISHEYE", 5), 10: ("THIN_PRISM_FISHEYE", 12)}  # fmt: skip
+"""The models that are refused, and how many parameters they have."""
+LARGEST_BYTES = 1 << 30
+HELD_OUT = 8
+MOST_RANGE = 20.0
+"""The ratio of the farthest to the nearest depth above which a scene counts as unbounded."""
+LEAST_POINTS = 50
+OUTLIERS = 0.5
+"""The per cent of points on each side that bounds leave out."""
+MARGIN = 0.05
+"""The share of its sides that a box of points is widened by on each side."""
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def sparse_folder(path: Path) -> Path | None:
+    """Return the folder of COLMAP's reconstruction under `path`, if there is one."""
+    places = (path / "sparse" / "0", path / "sparse", path / "colmap" / "sparse" / "0", path)
+    return next((place for place in places for end in ("bin", "txt") if (place / f"cameras.{end}").is_file()), None)
+
+
+@dataclass(frozen=True)
+class _Posed:
+    """An image of a reconstruction."""
+
+    name: str
+    camera: int
+    camera_to_world: np.ndarray
+
+
+def read_colmap(path: Path, sparse: Path) -> Source:
+    """Read a reconstruction and the folder `images` beside it; distortion is undone.
+
+    Raises `InputError`, naming file, value and remedy, for what cannot be trusted, for fisheye lenses, and, unless
+    bounds are given, for an unbounded scene.
+    """
+    end = "bin" if (sparse / "cameras.bin").is_file() else "txt"
+    tables = {name: sparse / f"{name}.{end}" for name in ("cameras", "images", "points3D")}
+    try:
+        lenses = dict(_cameras(tables["cameras"]))
+        posed = sorted(_images(tables["images"]), key=lambda image: image.name)
+        points = _points(tables["points3D"])
+    except (struct.error, ValueError, IndexError, OverflowError, UnicodeDecodeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{sparse}: is damaged or cut off ({short(error, 120)}); export the model again") from error
+    if not posed:
+        raise InputError(f"{tables['images']}: lists no image; name a folder whose reconstruction has cameras")
+    if unknown := next((image for image in posed if image.camera not in lenses), None):
+        raise InputError(f"{tables['images']}: {shown(unknown.name)} has camera {unknown.camera}, which is not listed")
+    names = [image.name for image in posed]
+    if twice := next((first for first, second in pairwise(names) if first == second), None):
+        raise InputError(f"{tables['images']}: lists {shown(twice)} twice; keep one")
+    folder = path / IMAGES
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; put the images of the reconstruction there")
+    files = [image_file(folder, image.name, f"{tables['images']}: {shown(image.name)}") for image in posed]
+    used = {number: lenses[number] for number in {image.camera for image in posed}}
+    sizes = {(lens.width, lens.height) for lens in used.values()}
+    if len(sizes) > 1:
+        raise InputError(f"{tables['cameras']}: cameras have sizes {sorted(sizes)}; all images must have one size")
+    focal = max(lens.pinhole_focal(f"{tables['cameras']}: camera {number}") for number, lens in used.items())
+    ((width, _),) = sizes
+    of_file = dict(zip(files, (lenses[image.camera] for image in posed), strict=True))
+    poses = np.array([image.camera_to_world for image in posed])
+    check_poses(poses, [f"{tables['images']}: {shown(name)}" for name in names])
+    notes = []
+    if any(not lens.is_pinhole or lens.fx != focal for lens in used.values()):
+        notes.append(f"Distortion is undone: images are resampled to a pinhole of {focal:.6g} pixels at {width}.")
+    depths = np.concatenate([_depths(points, pose) for pose in poses]) if len(points) >= LEAST_POINTS else np.zeros(0)
+    return _capture(path, Frames(_angle(width, focal, str(tables["cameras"])), files, poses),
+                    lambda file: _through(file, of_file[file], focal), depths, _around(points), notes)  # fmt: skip
+
+
+def _capture(
+    path: Path, frames: Frames, read: Callable[[Path], np.ndarray], depths: np.ndarray,
+    bounds: tuple[float, ...] | None, notes: list[str],
+) -> Source:  # fmt: skip
+    """Return the source of views that are in the order of their names; `depths` [n] are those of what they see."""
+    count = len(frames.files)
+    test = list(range(0, count, HELD_OUT))
+    train = [number for number in range(count) if number % HELD_OUT]
+    if not train:
+        raise InputError(f"{path}: {count} view is too few to hold one out for testing; give two or more")
+    notes = [f"Every eighth view by name, {len(test)} of {count}, is a test view; the others train.", *notes]
+    unbounded = ""
+    if display_image(frames.files[0]).shape[2] == 4:
+        bounds = None  # silhouettes say more than points do
+    else:
+        notes.append("Images without alpha count as wholly covered, background included.")
+        near, far = np.percentile(depths[depths > 0], [1.0, 99.0]) if (depths > 0).any() else (1.0, 1.0)
+        if far > MOST_RANGE * near:
+            bounds, unbounded = (
+                None,
+                (
+                    f"depths from {near:.3g} to {far:.3g} are an unbounded scene, which no box holds; cut the object out "
+                    "as alpha"
+                ),
+            )
+    if bounds is not None:
+        notes.append("Bounds are those of what was reconstructed; --bounds says better.")
+    return Source(
+        name=path.resolve().name,
+        frames=lambda split: frames.of(train if split == "train" else test) if split in ("train", "test") else None,
+        pixels=read,
+        region=Region(bounds),
+        notes=tuple(notes),
+        bounds_assumed=True,
+        unbounded=unbounded,
+    )
+
+
+def _through(file: Path, lens: Lens, focal: float) -> np.ndarray:
+    """Return straight RGBA of an image as the common pinhole shows it."""
+    pixels = _rgba(file)
+    height, width = pixels.shape[:2]
+    if abs(height - width * lens.height / lens.width) > 1.0:
+        raise InputError(
+            f"{file}: {width} × {height} pixels, its camera has {lens.width} × {lens.height}; give the images that "
+            "were reconstructed, or resized copies of the whole pictures"
+        )
+    if lens.is_pinhole and lens.fx == focal:
+        return pixels
+    return lens.scaled(width, height).as_pinhole(pixels, focal * width / lens.width)
+
+
+def _rgba(file: Path) -> np.ndarray:
+    pixels = display_image(file)
+    if pixels.shape[2] not in (3, 4):
+        raise InputError(f"{file}: {pixels.shape[2]} channels; views must be RGB or RGBA: save them so")
+    covered = np.ones((*pixels.shape[:2], 4 - pixels.shape[2]), dtype=pixels.dtype)
+    return np.concatenate([pixels, covered], axis=-1)
+
+
+def _angle(width: float, focal: float, where: str) -> float:
+    angle = 2.0 * math.atan(0.5 * width / focal)
+    check_field_of_view(angle, f"{where}: focal length {focal:g}")
+    return angle
+
+
+def _depths(points: np.ndarray, camera_to_world: np.ndarray) -> np.ndarray:
+    """Return how far points [n, 3] lie in front of a camera; those behind it have negative depths."""
+    return (camera_to_world[:3, 3] - points) @ camera_to_world[:3, 2]
+
+
+def _around(points: np.ndarray) -> tuple[float, ...] | None:
+    if len(points) < LEAST_POINTS:
+        return None
+    lower, upper = np.percentile(points, [OUTLIERS, 100.0 - OUTLIERS], axis=0)
+    wider = MARGIN * (upper - lower)
+    return tuple(np.concatenate([lower - wider, upper + wider]).tolist())
+
+
+def _bytes(file: Path) -> bytes:
+    if not file.is_file():
+        raise InputError(f"{file}: missing; export the whole model: cameras, images and points3D")
+    if (size := file.stat().st_size) > LARGEST_BYTES:
+        raise InputError(f"{file}: {size} bytes; no more than {LARGEST_BYTES} are read")
+    return file.read_bytes()
+
+
+def _lines(file: Path) -> list[list[str]]:
+    """Return the words of each line that is no comment; an empty line is an image without points."""
+    text = _bytes(file).decode("utf-8")
+    return [line.split() for line in text.splitlines() if not line.startswith("#")]
+
+
+def _cameras(file: Path) -> Iterator[tuple[int, Lens]]:
+    if file.suffix == ".txt":
+        for number, model, width, height, *numbers in filter(None, _lines(file)):
+            yield int(number), _lens(file, int(number), model, int(width), int(height), [float(n) for n in numbers])
+        return
+    data = _bytes(file)
+    (count,), at = struct.unpack_from("<Q", data), 8
+    for _ in range(count):
+        number, model, width, height = struct.unpack_from("<iiQQ", data, at)
+        name, many = (
+            (MODELS[model][0], len(MODELS[model][1])) if model in MODELS else OTHERS.get(model, (str(model), 0))
+        )
+        yield number, _lens(file, number, name, width, height, struct.unpack_from(f"<{many}d", data, at + 24))
+        at += 24 + 8 * many
+
+
+def _lens(file: Path, number: int, model: str, width: int, height: int, numbers: Sequence[float]) -> Lens:
+    where = f"{file}: camera {number}"
+    names = next((names for name, names in MODELS.values() if name == model), None)
+    if names is None:
+        known = " ".join(name for name, _ in MODELS.values())
+        raise InputError(f"{where} is {shown(model)}; {known} are read: undistort with COLMAP's image_undistorter")
+    values = dict(zip(names, numbers, strict=True))
+    if "f" in values:
+        values["fx"] = values["fy"] = values.pop("f")
+    if not all(map(math.isfinite, numbers)) or min(width, height, values["fx"], values["fy"]) <= 0:
+        raise InputError(f"{where} has size {width} × {height} and parameters {list(numbers)}; export the model again")
+    return Lens(width, height, **values)
+
+
+def _images(file: Path) -> Iterator[_Posed]:
+    if file.suffix == ".txt":
+        lines = _lines(file)
+        for words in lines[::2]:
+            if words:
+                yield _pose(" ".join(words[9:]), int(words[8]), [float(word) for word in words[1:8]])
+        return
+    data = _bytes(file)
+    (count,), at = struct.unpack_from("<Q", data), 8
+    for _ in range(count):
+        *numbers, camera = struct.unpack_from("<7di", data, at + 4)
+        at += 4 + 56 + 4
+        end = data.index(b"\0", at)
+        yield _pose(data[at:end].decode("utf-8"), camera, numbers)
+        (points,) = struct.unpack_from("<Q", data, end + 1)
+        at = end + 9 + 24 * points
+    if at > len(data):
+        raise ValueError("the last image is cut off")
+
+
+def _pose(name: str, camera: int, numbers: list[float]) -> _Posed:
+    """Return an image from a quaternion w x y z and a translation, world to camera, in OpenCV's axes."""
+    w, x, y, z, *translation = numbers
+    if not all(map(math.isfinite, numbers)) or not math.hypot(w, x, y, z) > 0:
+        raise InputError(f"{name}: its pose is {numbers}; export the model again")
+    rotation = Rotation.from_quat([x, y, z, w]).as_matrix().T
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, -rotation @ np.array(translation)
+    return _Posed(name, camera, pose @ OPENGL)
+
+
+def _points(file: Path) -> np.ndarray:
+    """Return the reconstructed points [n, 3]; none without a file of them."""
+    if not file.is_file():
+        return np.zeros((0, 3))
+    if file.suffix == ".txt":
+        points = [[float(word) for word in words[1:4]] for words in _lines(file) if words]
+    else:
+        data, points = _bytes(file), []
+        (count,), at = struct.unpack_from("<Q", data), 8
+        for _ in range(count):
+            points.append(list(struct.unpack_from("<3d", data, at + 8)))
+            (track,) = struct.unpack_from("<Q", data, at + 43)
+            at += 51 + 8 * track
+        if at > len(data):
+            raise ValueError("the last point is cut off")
+    found = np.array(points, dtype=np.float64).reshape(-1, 3)
+    if not np.isfinite(found).all():
+        raise InputError(f"{file}: a point is NaN or infinite; export the model again")
+    return found
+
+
+def read_llff(path: Path) -> Source:
+    """Read LLFF's `poses_bounds.npy` and the folder `images`; errors as in `read_colmap`."""
+    file = path / LLFF
+    try:
+        rows = np.load(file, allow_pickle=False, mmap_mode="r")
+        rows = np.array(rows, dtype=np.float64) if rows.nbytes <= LARGEST_BYTES else np.zeros(0)
+    except (OSError, ValueError, EOFError, TypeError, SyntaxError) as error:
+        raise InputError(f"{file}: cannot be read ({short(error, 120)}); make it again") from error
+    if rows.ndim != 2 or rows.shape[1] != 17 or not len(rows) or not np.isfinite(rows).all():
+        raise InputError(f"{file}: is {rows.shape}; it must be finite numbers [views, 17]")
+    folder = path / IMAGES
+    files = sorted(one.resolve() for one in folder.iterdir() if one.is_file()) if folder.is_dir() else []
+    if len(files) != len(rows):
+        raise InputError(f"{folder}: has {len(files)} images, {LLFF} {len(rows)} poses; give one for each, by name")
+    matrices, depths = rows[:, :15].reshape(-1, 3, 5), rows[:, 15:]
+    height, width, focal = matrices[0, :, 4]
+    if np.ptp(matrices[:, :, 4], axis=0).max() > 1e-3 * focal or min(height, width, focal) <= 0:
+        raise InputError(f"{file}: images of several sizes or focal lengths; one lens is supported")
+    if not (depths > 0).all() or not (depths[:, 0] < depths[:, 1]).all():
+        raise InputError(f"{file}: depths must be positive, the near one first; make it again")
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    # its axes are down, right, backwards
+    poses[:, :3, 0], poses[:, :3, 1] = matrices[:, :, 1], -matrices[:, :, 0]
+    poses[:, :3, 2], poses[:, :3, 3] = matrices[:, :, 2], matrices[:, :, 3]
+    check_poses(poses, [f"{file}: row {number}" for number in range(len(rows))])
+    across, down = 0.5 * width / focal, 0.5 * height / focal
+    corners = np.array([[x, y, -1.0] for x in (-across, across) for y in (-down, down)])
+    rays = np.einsum("nij,cj->nci", poses[:, :3, :3], corners)[:, None]
+    ends = poses[:, None, None, :3, 3] + depths[:, :, None, None] * rays
+    bounds = tuple(np.concatenate([ends.min(axis=(0, 1, 2)), ends.max(axis=(0, 1, 2))]).tolist())
+    lens = Lens(round(width), round(height), focal, focal, width / 2, height / 2)
+    frames = Frames(_angle(width, focal, str(file)), files, poses)
+    return _capture(path, frames, lambda image: _through(image, lens, focal), depths.ravel(), bounds, [])

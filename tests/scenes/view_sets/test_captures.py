@@ -1,0 +1,250 @@
+"""COLMAP and LLFF folders: poses as they were written, distortion undone, and what cannot be trained on refused."""
+
+import math
+import shutil
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from scenes.files.errors import InputError
+from scenes.view_sets.formats.captures import MODELS, OTHERS
+from scenes.view_sets.formats.foreign import source_of
+from scenes.view_sets.formats.lens import Lens
+from scenes.view_sets.images import write_png
+from scenes.view_sets.view_set import read_view_set
+from tests.harness.ball import FOV_X_RADIANS, ball_view, pose
+
+WIDTH, HEIGHT, COUNT = 24, 24, 17
+FOCAL = 0.5 * WIDTH / math.tan(0.5 * FOV_X_RADIANS)
+POSES = np.array([pose(0.8 * number, 0.2 + 0.05 * number) for number in range(COUNT)])
+PINHOLE = ("SIMPLE_PINHOLE", (FOCAL, WIDTH / 2, HEIGHT / 2))
+ON_BALL = np.random.default_rng(0).normal(size=(200, 3))
+ON_BALL /= np.linalg.norm(ON_BALL, axis=1, keepdims=True)
+
+
+def write_colmap(
+    folder: Path, camera: tuple[str, tuple[float, ...]] = PINHOLE, points: np.ndarray = ON_BALL, binary: bool = True,
+    alpha: bool = True, image: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Path:  # fmt: skip
+    """As COLMAP's `model_converter` writes it; names are not in the order of the poses' ids."""
+    sparse = folder / "sparse" / "0"
+    sparse.mkdir(parents=True)
+    (folder / "images").mkdir()
+    rows = []
+    for number, matrix in enumerate(POSES):
+        pixels = ball_view(matrix, WIDTH) if image is None else image(matrix)
+        write_png(folder / "images" / f"v {number:02d}.png", pixels if alpha else pixels[..., :3])
+        rotation = (matrix[:3, :3] @ np.diag([1.0, -1.0, -1.0])).T
+        x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+        rows.append((number + 1, (w, x, y, z, *(-rotation @ matrix[:3, 3])), f"v {number:02d}.png"))
+    rows.reverse()
+    model, numbers = camera
+    if binary:
+        known = {name: number for number, (name, _) in {**MODELS, **OTHERS}.items()}
+        lens = struct.pack(f"<iiQQ{len(numbers)}d", 7, known[model], WIDTH, HEIGHT, *numbers)
+        (sparse / "cameras.bin").write_bytes(struct.pack("<Q", 1) + lens)
+        images = b"".join(
+            struct.pack("<i7di", number, *numbers, 7) + name.encode() + b"\0" + struct.pack("<Q", 2) + bytes(48)
+            for number, numbers, name in rows
+        )
+        (sparse / "images.bin").write_bytes(struct.pack("<Q", COUNT) + images)
+        tracks = b"".join(struct.pack("<Q3d3BdQ", i, *x, 1, 2, 3, 0.5, 2) + bytes(16) for i, x in enumerate(points))
+        (sparse / "points3D.bin").write_bytes(struct.pack("<Q", len(points)) + tracks)
+        return folder
+    (sparse / "cameras.txt").write_text(f"# one\n7 {model} {WIDTH} {HEIGHT} {' '.join(map(repr, numbers))}\n")
+    # an image without points has an empty line
+    lines = [f"{number} {' '.join(map(repr, map(float, numbers)))} 7 {name}\n\n" for number, numbers, name in rows]
+    (sparse / "images.txt").write_text("# two lines each\n" + "".join(lines))
+    text = [f"{i} {x[0]!r} {x[1]!r} {x[2]!r} 1 2 3 0.5 1 1\n" for i, x in enumerate(points.tolist())]
+    (sparse / "points3D.txt").write_text("".join(text))
+    return folder
+
+
+def write_llff(folder: Path, near: float = 2.0, far: float = 6.0) -> Path:
+    (folder / "images").mkdir(parents=True)
+    rows = []
+    for number, matrix in enumerate(POSES):
+        write_png(folder / "images" / f"v{number:02d}.png", ball_view(matrix, WIDTH)[..., :3])
+        right, up, back, at = matrix[:3].T
+        rows.append([*np.stack([-up, right, back, at, [HEIGHT, WIDTH, FOCAL]], axis=1).ravel(), near, far])
+    np.save(folder / "poses_bounds.npy", np.array(rows))
+    return folder
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_a_reconstruction_is_read_as_it_was_written(tmp_path: Path, binary: bool) -> None:
+    views = read_view_set(write_colmap(tmp_path / "c", binary=binary))
+    assert views.test.names == ("images/v 00", "images/v 08", "images/v 16")
+    assert len(views.train.names) == COUNT - 3
+    np.testing.assert_allclose(views.test.camera_to_world, POSES[::8], atol=1e-12)
+    np.testing.assert_allclose(views.train.camera_to_world[:7], POSES[1:8], atol=1e-12)
+    assert views.fov_x_radians == pytest.approx(FOV_X_RADIANS, abs=1e-12)
+    np.testing.assert_allclose(views.test.rgba[1], ball_view(POSES[8], WIDTH), atol=0.5 / 255 + 1e-6)
+    assert (views.bounds[0] < -1.0).all()
+    assert any("Every eighth view by name, 3 of 17" in note for note in views.notes)
+
+
+LENSES = {
+    "PINHOLE": (22.0, 25.0, 10.5, 13.25),
+    "SIMPLE_RADIAL": (24.0, 12.0, 12.0, -0.15),
+    "RADIAL": (24.0, 12.5, 11.0, 0.2, -0.3),
+    "OPENCV": (24.0, 25.0, 11.5, 12.5, -0.1, 0.05, 0.01, -0.02),
+}
+
+
+def ideal(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
+    """The direction that each pixel of the lens sees, found by hand: fixed-point iteration of Brown's model."""
+    column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    u, v = (column - lens.cx) / lens.fx, (row - lens.cy) / lens.fy
+    x, y = u.copy(), v.copy()
+    for _ in range(200):
+        r2 = x**2 + y**2
+        radial = 1 + lens.k1 * r2 + lens.k2 * r2**2
+        x, y = (
+            (u - 2 * lens.p1 * x * y - lens.p2 * (r2 + 2 * x**2)) / radial,
+            (v - 2 * lens.p2 * x * y - lens.p1 * (r2 + 2 * y**2)) / radial,
+        )
+    return x, y
+
+
+@pytest.mark.parametrize("model", LENSES)
+def test_distortion_is_undone(tmp_path: Path, model: str) -> None:
+    """What a picture shows is linear in the tangents of directions: the pinhole must show the same plane."""
+    names = next(names for name, names in MODELS.values() if name == model)
+    numbers = dict(zip(names, LENSES[model], strict=True))
+    focal = numbers.pop("f", None)
+    lens = Lens(WIDTH, HEIGHT, **({"fx": focal, "fy": focal} if focal else {}), **numbers)
+    x, y = ideal(lens)
+    picture = np.stack([0.5 + 0.5 * x, 0.5 + 0.5 * y, np.full_like(x, 0.25), np.ones_like(x)], axis=-1)
+    folder = write_colmap(tmp_path / "c", (model, LENSES[model]), image=lambda matrix: picture)
+    views = read_view_set(folder)
+    assert any("Distortion is undone" in note for note in views.notes)
+    column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    across, down = (column - WIDTH / 2) / views.focal, (row - HEIGHT / 2) / views.focal
+    expected = np.stack([0.5 + 0.5 * across, 0.5 + 0.5 * down, np.full_like(across, 0.25)], axis=-1)
+    inner = slice(1, -1)
+    off = np.abs(views.test.rgba[0][..., :3] - expected)[inner, inner]
+    assert off.max() < 4 / 255  # two roundings to 8 bits, and lines that are nearly straight between pixels
+    assert lens.holds(views.focal)
+    assert not lens.holds(0.99 * views.focal)
+
+
+def test_a_pinhole_is_not_resampled() -> None:
+    lens = Lens(WIDTH, HEIGHT, 30.0, 30.0, WIDTH / 2, HEIGHT / 2)
+    assert lens.is_pinhole
+    assert lens.pinhole_focal("here") == 30.0
+    noise = np.random.default_rng(1).random((HEIGHT, WIDTH, 4)).astype(np.float32)
+    np.testing.assert_allclose(lens.as_pinhole(noise, 30.0), noise, atol=1e-6)
+    assert lens.scaled(48, 48).fx == 60.0
+
+
+def test_llff_is_read_as_it_was_written(tmp_path: Path) -> None:
+    views = read_view_set(write_llff(tmp_path / "l"))
+    np.testing.assert_allclose(views.test.camera_to_world, POSES[::8], atol=1e-12)
+    assert views.fov_x_radians == pytest.approx(FOV_X_RADIANS, abs=1e-12)
+    assert any("without alpha" in note for note in views.notes)
+    assert views.test.rgba[0][..., 3].min() == 1.0
+
+
+FAR_AWAY = np.concatenate([ON_BALL, 300.0 * ON_BALL])
+
+
+@pytest.mark.parametrize("make", [lambda folder: write_colmap(folder, points=FAR_AWAY, alpha=False),
+                                  lambda folder: write_llff(folder, 1.0, 90.0)])  # fmt: skip
+def test_an_unbounded_scene_is_refused_unless_bounds_are_given(tmp_path: Path, make: Callable[[Path], Path]) -> None:
+    folder = make(tmp_path / "c")
+    with pytest.raises(InputError, match=r"unbounded scene, which no box holds.*--bounds"):
+        read_view_set(folder)
+    box = np.array([[-1.1] * 3, [1.1] * 3])
+    np.testing.assert_array_equal(read_view_set(folder, bounds=box).bounds, box)
+
+
+def test_far_points_matter_nothing_where_the_object_is_cut_out(tmp_path: Path) -> None:
+    views = read_view_set(write_colmap(tmp_path / "c", points=FAR_AWAY))
+    assert 1.0 < np.abs(views.bounds).max() < 2.0
+
+
+def test_without_alpha_bounds_are_those_of_the_points(tmp_path: Path) -> None:
+    views = read_view_set(write_colmap(tmp_path / "c", alpha=False))
+    assert any("Bounds are those of what was reconstructed" in note for note in views.notes)
+    assert 1.0 < np.abs(views.bounds).max() < 1.2
+
+
+def broken(folder: Path, name: str, change: Callable[[str], str]) -> None:
+    file = folder / "sparse" / "0" / name
+    file.write_text(change(file.read_text()))
+
+
+REFUSED: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "no images": (lambda f: shutil.rmtree(f / "images"), "images: no such folder"),
+    "an image lacks": (lambda f: (f / "images" / "v 03.png").unlink(), "v 03.png"),
+    "no pose": (lambda f: broken(f, "images.txt", lambda text: "# none\n"), "lists no image"),
+    "twice": (lambda f: broken(f, "images.txt", lambda text: text.replace("v 04", "v 03")), "'v 03.png' twice"),
+    "no such camera": (lambda f: broken(f, "cameras.txt", lambda text: text.replace("7 S", "8 S")), "has camera 7"),
+    "no rotation": (
+        lambda f: broken(f, "images.txt", lambda text: "1 0 0 0 0 0 0 0 7 v 00.png\n\n"),
+        "v 00.png: its pose is",
+    ),
+    "out of the folder": (
+        lambda f: broken(f, "images.txt", lambda text: text.replace("v 03.png", "../v 03.png")),
+        "leaves the folder",
+    ),
+    "a word": (lambda f: broken(f, "cameras.txt", lambda text: text.replace(" 24", " wide", 1)), "damaged or cut off"),
+    "no points": (lambda f: broken(f, "points3D.txt", lambda text: "1 nan 0 0\n"), "points3D.txt: a point is NaN"),
+    "a folding lens": (
+        lambda f: broken(f, "cameras.txt", lambda text: "7 SIMPLE_RADIAL 24 24 30.0 -90.0 12.0 0.0\n"),
+        "no pinhole fits",
+    ),
+    "another shape": (
+        lambda f: write_png(f / "images" / "v 03.png", np.zeros((12, 24, 4))),
+        r"v 03.png: 24 × 12 pixels, its camera has 24 × 24",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_trusted_is_refused(tmp_path: Path, case: str) -> None:
+    change, said = REFUSED[case]
+    folder = write_colmap(tmp_path / "c", binary=False)
+    change(folder)
+    with pytest.raises(InputError, match=said):
+        read_view_set(folder)
+
+
+@pytest.mark.parametrize("model", [name for name, _ in OTHERS.values()])
+def test_fisheyes_are_refused_by_name(tmp_path: Path, model: str) -> None:
+    many = next(many for name, many in OTHERS.values() if name == model)
+    folder = write_colmap(tmp_path / "c", (model, (1.0,) * many))
+    with pytest.raises(InputError, match=f"'{model}'.*image_undistorter"):
+        source_of(folder)
+
+
+@pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "points3D.bin"])
+def test_a_file_that_is_cut_off_is_refused_wherever_it_is_cut(tmp_path: Path, name: str) -> None:
+    file = write_colmap(tmp_path / "c") / "sparse" / "0" / name
+    whole = file.read_bytes()
+    for length in (0, 4, 8, 20, len(whole) // 2, len(whole) - 50, len(whole) - 1):
+        file.write_bytes(whole[: max(0, length)])
+        with pytest.raises(InputError, match="damaged or cut off"):
+            source_of(tmp_path / "c")
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (np.zeros((3, 16)), "it must be finite numbers"),
+        (np.full((COUNT, 17), np.nan), "it must be finite numbers"),
+        (np.ones((2, 17)), "17 images, poses_bounds.npy 2 poses"),
+        (np.array([{"a": 1}]), "cannot be read"),
+    ],
+)
+def test_other_arrays_are_refused(tmp_path: Path, rows: np.ndarray, said: str) -> None:
+    folder = write_llff(tmp_path / "l")
+    np.save(folder / "poses_bounds.npy", rows)
+    with pytest.raises(InputError, match=said):
+        read_view_set(folder)
