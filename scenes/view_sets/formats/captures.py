@@ -101,11 +101,11 @@ def read_colmap(path: Path, sparse: Path) -> Source:
         notes.append(f"Distortion is undone: images are resampled to a pinhole of {focal:.6g} pixels at {width}.")
     depths = np.concatenate([_depths(points, pose) for pose in poses]) if len(points) >= LEAST_POINTS else np.zeros(0)
     return _capture(path, Frames(_angle(width, focal, str(tables["cameras"])), files, poses),
-                    lambda file: _through(file, of_file[file], focal), depths, _around(points), notes)  # fmt: skip
+                    lambda file, channels: _through(file, of_file[file], focal, channels), depths, _around(points), notes)  # fmt: skip
 
 
 def _capture(
-    path: Path, frames: Frames, read: Callable[[Path], np.ndarray], depths: np.ndarray,
+    path: Path, frames: Frames, read: Callable[[Path, int], np.ndarray], depths: np.ndarray,
     bounds: tuple[float, ...] | None, notes: list[str],
 ) -> Source:  # fmt: skip
     """Return the source of views that are in the order of their names; `depths` [n] are those of what they see."""
@@ -115,8 +115,8 @@ def _capture(
     if not train:
         raise InputError(f"{path}: {count} view is too few to hold one out for testing; give two or more")
     notes = [f"Every eighth view by name, {len(test)} of {count}, is a test view; the others train.", *notes]
-    unbounded = ""
-    if display_image(frames.files[0]).shape[2] == 4:
+    unbounded, channels = "", display_image(frames.files[0]).shape[2]
+    if channels == 4:
         bounds = None  # silhouettes say more than points do
     else:
         notes.append("Images without alpha count as wholly covered, background included.")
@@ -134,7 +134,7 @@ def _capture(
     return Source(
         name=path.resolve().name,
         frames=lambda split: frames.of(train if split == "train" else test) if split in ("train", "test") else None,
-        pixels=read,
+        pixels=lambda file: read(file, channels),
         region=Region(bounds),
         notes=tuple(notes),
         bounds_assumed=True,
@@ -142,9 +142,9 @@ def _capture(
     )
 
 
-def _through(file: Path, lens: Lens, focal: float) -> np.ndarray:
+def _through(file: Path, lens: Lens, focal: float, channels: int) -> np.ndarray:
     """Return straight RGBA of an image as the common pinhole shows it."""
-    pixels = _rgba(file)
+    pixels = _rgba(file, channels)
     height, width = pixels.shape[:2]
     if abs(height - width * lens.height / lens.width) > 1.0:
         raise InputError(
@@ -156,8 +156,12 @@ def _through(file: Path, lens: Lens, focal: float) -> np.ndarray:
     return lens.scaled(width, height).as_pinhole(pixels, focal * width / lens.width)
 
 
-def _rgba(file: Path) -> np.ndarray:
+def _rgba(file: Path, channels: int) -> np.ndarray:
+    """Return straight RGBA of an image that has as many channels as the first one; RGB is fully opaque."""
     pixels = display_image(file)
+    if {pixels.shape[2], channels} == {3, 4}:
+        has = "no alpha, but the first view has it" if channels == 4 else "alpha, but the first view has none"
+        raise InputError(f"{file}: has {has}; save all views of a set with alpha, or all without")
     if pixels.shape[2] not in (3, 4):
         raise InputError(f"{file}: {pixels.shape[2]} channels; views must be RGB or RGBA: save them so")
     covered = np.ones((*pixels.shape[:2], 4 - pixels.shape[2]), dtype=pixels.dtype)
@@ -311,4 +315,6 @@ def read_llff(path: Path) -> Source:
     bounds = tuple(np.concatenate([ends.min(axis=(0, 1, 2)), ends.max(axis=(0, 1, 2))]).tolist())
     lens = Lens(round(width), round(height), focal, focal, width / 2, height / 2)
     frames = Frames(_angle(width, focal, str(file)), files, poses)
-    return _capture(path, frames, lambda image: _through(image, lens, focal), depths.ravel(), bounds, [])
+    return _capture(
+        path, frames, lambda image, channels: _through(image, lens, focal, channels), depths.ravel(), bounds, []
+    )

@@ -200,6 +200,10 @@ REFUSED: dict[str, tuple[Callable[[Path], Any], str]] = {
         lambda f: broken(f, "cameras.txt", lambda text: "7 SIMPLE_RADIAL 24 24 30.0 -90.0 12.0 0.0\n"),
         "no pinhole fits",
     ),
+    "alpha in some": (
+        lambda f: write_png(f / "images" / "v 03.png", np.zeros((24, 24, 3))),
+        r"v 03.png: has no alpha, but the first view has it",
+    ),
     "another shape": (
         lambda f: write_png(f / "images" / "v 03.png", np.zeros((12, 24, 4))),
         r"v 03.png: 24 × 12 pixels, its camera has 24 × 24",
