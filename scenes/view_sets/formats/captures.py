@@ -100,8 +100,12 @@ def read_colmap(path: Path, sparse: Path) -> Source:
     if any(not lens.is_pinhole or lens.fx != focal for lens in used.values()):
         notes.append(f"Distortion is undone: images are resampled to a pinhole of {focal:.6g} pixels at {width}.")
     depths = np.concatenate([_depths(points, pose) for pose in poses]) if len(points) >= LEAST_POINTS else np.zeros(0)
-    return _capture(path, Frames(_angle(width, focal, str(tables["cameras"])), files, poses),
-                    lambda file, channels: _through(file, of_file[file], focal, channels), depths, _around(points), notes)  # fmt: skip
+    frames = Frames(_angle(width, focal, str(tables["cameras"])), files, poses)
+
+    def read(file: Path, channels: int) -> np.ndarray:
+        return _through(file, of_file[file], focal, channels)
+
+    return _capture(path, frames, read, depths, _around(points), notes)
 
 
 def _capture(
