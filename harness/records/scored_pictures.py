@@ -13,17 +13,17 @@ SCHEMA = 1
 REMEDY = "delete it, or name another --to"
 
 
-class ScoredPictures(ViewScores, kw_only=True):
+class ScoredPictures(ViewScores):
     """The means of one method's pictures of one scene; None for what was not scored."""
 
     scene: str
     method: str
     seed: int
-    seconds: float | None = None
-    """The training seconds, as somebody said."""
     views: list[ViewScore]
     made: dict[str, Any]
     """What was scored: folder and digest of the pictures, view set, width, and whether `--as-they-are`."""
+    seconds: float | None = None
+    """The training seconds, as somebody said."""
 
     @property
     def cell(self) -> tuple[str, str, int]:

@@ -109,7 +109,7 @@ def completed(
     """
     box, near, far = given.box, given.near, given.far
     if box is None and source.unbounded:
-        raise InputError(f"{where}: {source.unbounded}, or {ASK}")
+        raise InputError(f"{where}: {source.unbounded}; cut the object out as alpha, or {ASK}")
     if box is None or near is None or far is None:
         poses = np.concatenate([views.camera_to_world for split in SPLITS if (views := source.frames(split))])
         box = looked_at(poses, fov_x_radians, size[0] / size[1], str(where)) if box is None else box

@@ -4,7 +4,8 @@ A wrong reading costs a method 5 to 20 dB that are nobody's fault. So every usua
 fits the truth far better under one is not scored in silence.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -18,6 +19,14 @@ FITS = 0.01
 MOST_TRIED = 12
 THUMBNAIL = 32
 """The width of the pictures in which views are told from one another."""
+
+
+class Images(Protocol):
+    """Images by number: a list, or files that are read one at a time."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, index: int, /) -> np.ndarray: ...
+
 
 Reading = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """A picture [h, w, 3 or 4] and the truth [h, w, 4] → what of them is compared, [h, w, 3] each."""
@@ -56,29 +65,29 @@ READINGS: dict[str, Reading] = {
 method look whose density is too low."""
 
 
-def likely_mistake(pictures: Sequence[np.ndarray], truths: Sequence[np.ndarray]) -> str | None:
+def likely_mistake(pictures: Images, truths: Images) -> str | None:
     """Return what the pictures [h, w, 3 or 4] of the views seem to be instead, with the remedy; None if they are
     nearest to the truth [h, w, 4] as they are read.
     """
     tried = np.unique(np.linspace(0, len(truths) - 1, min(MOST_TRIED, len(truths))).round().astype(int))
-    own = np.array([mse(*as_read(pictures[view], truths[view])) for view in tried])
+    own = np.array([mse(*as_read(pictures[int(view)], truths[int(view)])) for view in tried])
     for mistake, reading in READINGS.items():
         if reading is _premultiplied and pictures[0].shape[-1] == 3:
             continue
         if reading is _over_black and pictures[0].shape[-1] == 4:
             continue
-        errors = np.array([mse(*reading(pictures[view], truths[view])) for view in tried])
+        errors = np.array([mse(*reading(pictures[int(view)], truths[int(view)])) for view in tried])
         if errors.mean() < FITS and (FAR * errors < own).mean() > 0.9:
             return f"seem to be {mistake}"
     return _other_order(pictures, truths, tried)
 
 
-def _other_order(pictures: Sequence[np.ndarray], truths: Sequence[np.ndarray], tried: np.ndarray) -> str | None:
+def _other_order(pictures: Images, truths: Images, tried: np.ndarray) -> str | None:
     """Return that most pictures show other views, each another one: a picture of nothing is near to one view alone."""
-    white = [_small(over_white(truth)) for truth in truths]
+    white = [_small(over_white(truths[view])) for view in range(len(truths))]
     nearest = []
     for view in tried:
-        small = _small(as_read(pictures[view], truths[view])[0])
+        small = _small(as_read(pictures[int(view)], truths[int(view)])[0])
         errors = [mse(small, other) for other in white]
         far = min(errors) < FITS and FAR * min(errors) < errors[view]
         nearest.append(int(np.argmin(errors)) if far else int(view))

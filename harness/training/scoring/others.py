@@ -18,7 +18,7 @@ from scenes.view_sets.view_set import ViewSet, read_view_set
 SCORED = tuple(name for name, metric in METRICS.items() if metric.compares == "colour")
 
 
-class _Pictures(Sequence[np.ndarray]):
+class _Pictures:
     """Pictures that are read when they are asked for: two hundred need not be in memory."""
 
     def __init__(self, files: Sequence[Path], width: int, height: int) -> None:
@@ -27,7 +27,7 @@ class _Pictures(Sequence[np.ndarray]):
     def __len__(self) -> int:
         return len(self.files)
 
-    def __getitem__(self, index: int) -> np.ndarray:  # type: ignore[override]
+    def __getitem__(self, index: int) -> np.ndarray:
         file = self.files[index]
         pixels = read_picture(file, self.width)
         if pixels.shape[:2] != (self.height, self.width):
@@ -85,10 +85,10 @@ def score_pictures(
     )
 
 
-def _as_views(pictures: Sequence[np.ndarray], views: ViewSet) -> Iterator[View]:
+def _as_views(pictures: _Pictures, views: ViewSet) -> Iterator[View]:
     nothing = np.zeros((views.height, views.width), dtype=np.float32)
-    for picture, truth in zip(pictures, views.test.rgba, strict=True):
-        yield View(as_read(picture, truth)[0], nothing, nothing)
+    for index, truth in enumerate(views.test.rgba):
+        yield View(as_read(pictures[index], truth)[0], nothing, nothing)
 
 
 def _digest(files: Sequence[Path]) -> str:

@@ -48,8 +48,10 @@ def change_points(values: np.ndarray) -> list[ChangePoint]:
     for place in range(1, len(ends) - 1):
         ends[place] = _placed(values, *ends[place - 1 : place + 2])
     levels = [float(np.median(values[start:stop])) for start, stop in pairwise(ends)]
-    chances = [chance for _, chance in found]
-    return [ChangePoint(ends[place + 1], *levels[place : place + 2], chance) for place, chance in enumerate(chances)]
+    return [
+        ChangePoint(index, before, after, chance)
+        for index, (before, after), (_, chance) in zip(ends[1:-1], pairwise(levels), found, strict=True)
+    ]
 
 
 def _placed(values: np.ndarray, start: int, index: int, stop: int) -> int:

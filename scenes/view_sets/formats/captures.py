@@ -126,13 +126,8 @@ def _capture(
         notes.append("Images without alpha count as wholly covered, background included.")
         near, far = np.percentile(depths[depths > 0], [1.0, 99.0]) if (depths > 0).any() else (1.0, 1.0)
         if far > MOST_RANGE * near:
-            bounds, unbounded = (
-                None,
-                (
-                    f"depths from {near:.3g} to {far:.3g} are an unbounded scene, which no box holds; cut the object out "
-                    "as alpha"
-                ),
-            )
+            bounds = None
+            unbounded = f"depths from {near:.3g} to {far:.3g} are an unbounded scene, which no box holds"
     if bounds is not None:
         notes.append("Bounds are those of what was reconstructed; --bounds says better.")
     return Source(
