@@ -1,5 +1,6 @@
 """Groups of cells on this machine: one worker process per core, each with its own threads."""
 
+import dataclasses
 import multiprocessing
 import os
 import signal
@@ -9,7 +10,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from harness.execution.group import failed_cells, run_group
+from harness.execution.group import failed_cells, missing_methods, run_group
 from harness.machine.cores import own_cores
 from harness.machine.device import gpu_masks
 from harness.machine.provenance import changed_since, versions
@@ -60,7 +61,8 @@ class _Refusal:
 def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
     """Run all tasks, at most `workers` at a time, each on cores and a GPU of its own as far as there are as many.
 
-    A worker that dies costs its group, which is recorded as an error. One that finds other sources than this process
+    A worker that dies costs what it was in the middle of: the methods of its group are then trained one at a time, and
+    one that ends its worker again is recorded as an error. A worker that finds other sources than this process
     was started with trains nothing: its group goes to another, or is recorded as an error if none is left.
 
     Raises the `OSError` of a worker that cannot write its records: no other could. Closing the generator (Ctrl-C)
@@ -112,8 +114,17 @@ def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
                 try:
                     message = worker.connection.recv()
                 except (EOFError, OSError):  # the latter without a number if it died in the middle of a message
+                    alone = [dataclasses.replace(task, methods=(name,)) for name in missing_methods(task)]
+                    again = len(task.methods) > 1 and bool(alone)
+                    if again:
+                        waiting[:0] = alone
                     replace(worker)
-                    yield from _failed(task, f"the worker process ended with {_ending(worker.process.exitcode)}")
+                    reason = f"the worker process ended with {_ending(worker.process.exitcode)}"
+                    if again:
+                        each = f"{task.scene}, seed {task.seed}: {reason}; its methods are trained one at a time"
+                        yield Event(task, notice=each)
+                    else:
+                        yield from _failed(task, reason)
                     continue
                 if message is None:
                     feed(worker)

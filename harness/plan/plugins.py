@@ -11,6 +11,7 @@ import csv
 import hashlib
 import importlib.util
 import json
+import multiprocessing
 import pkgutil
 import re
 from collections.abc import Iterable, Sequence
@@ -27,9 +28,11 @@ from baselines.catalog import CATALOG, Method
 from baselines.composition import LADDERS, SKIPS, Parts
 from baselines.numerics.quadrature import QUADRATURES
 from scenes.files.errors import InputError
+from scenes.files.trial import how_it_ends
 
 GROUP = "radiance_verdict.methods"
 OURS = frozenset(CATALOG)
+LOAD = "from importlib.metadata import EntryPoint; EntryPoint(*arguments).load()"
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """The form of a method's name, which becomes a part of file names."""
 
@@ -129,9 +132,12 @@ def _take(name: str, points: list[EntryPoint]) -> None:
     point = points[0]
     if not NAME.fullmatch(name):
         raise InputError(f"{where}: a method's name is made of 1 to 64 letters, digits, _ and -; rename it")
+    # a worker is told by its parent what can be imported
+    if multiprocessing.parent_process() is None and (ended := how_it_ends(LOAD, point.name, point.value, GROUP)):
+        raise InputError(f"{where}: importing it {ended}; mend the package, or leave its method out")
     try:
         method = point.load()
-    except (KeyboardInterrupt, MemoryError):
+    except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a package that ends the process does not end this one
         raise InputError(f"{where} cannot be loaded: {one_line(error)}") from error

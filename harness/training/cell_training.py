@@ -23,6 +23,7 @@ from harness.training.checkpoints import checkpoint_path, restore_training, save
 from harness.training.learner import Learner, take_step
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
+from harness.training.shared_state import left_as_it_was
 from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
 from scenes.rendering.occupancy import read_occupancy
@@ -153,8 +154,9 @@ class CellTraining:
     def warm_up(self) -> CellRecord | None:
         """Run everything before the clock starts; returns the record if the cell ends with it."""
         try:
-            self.trainer.warm_up(*self.batch_at(0))
-        except Exception as error:
+            with left_as_it_was():
+                self.trainer.warm_up(*self.batch_at(0))
+        except (Exception, SystemExit) as error:
             return self._failed(error, "before the first step")
         return None
 
@@ -245,16 +247,17 @@ class CellTraining:
     def advance(self) -> CellRecord | None:
         """Take one step and run whatever is due after it; returns the record when the cell has ended."""
         try:
-            take_step(self.trainer, self.batch_at)
-            if self.trainer.progress < self.due[0]:
-                return None
-            self.due = [share for share in self.due if self.trainer.progress < share]
-            with self.trainer.averaged():
-                return self._scored()
+            with left_as_it_was():
+                take_step(self.trainer, self.batch_at)
+                if self.trainer.progress < self.due[0]:
+                    return None
+                self.due = [share for share in self.due if self.trainer.progress < share]
+                with self.trainer.averaged():
+                    return self._scored()
         except OSError:
             raise
-        except Exception as error:
-            # an error of ours costs its own cell, not the others of the group
+        except (Exception, SystemExit) as error:
+            # an error of ours, or of a user's method, costs its own cell, not the others of the group
             return self._failed(error, f"at step {self.trainer.step}")
 
     def _scored(self) -> CellRecord | None:
@@ -276,7 +279,7 @@ class CellTraining:
         self.curve.append(self._checkpoint(map(scored, images)))
         return self._finished(rows, float(np.mean(opacities)))
 
-    def _failed(self, error: Exception, when: str) -> CellRecord:
+    def _failed(self, error: BaseException, when: str) -> CellRecord:
         if isinstance(error, Diverged):
             return self._record("diverged", str(error), {}, [], {})
         return self._record("error", f"{type(error).__name__} {when}: {error}", {}, [], {})

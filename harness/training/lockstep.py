@@ -18,6 +18,7 @@ from harness.training.learner import Learner, train
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.saved_renders import keep_truth
 from harness.training.scoring import evaluate
+from harness.training.shared_state import left_as_it_was
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import Split, ViewSet
 
@@ -52,13 +53,14 @@ def train_group(
 
     for method in task.methods:
         try:
-            runner = fresh(method)
+            with left_as_it_was():
+                runner = fresh(method)
         except NotAvailable as missing:
             yield unscored(task.scene, method, task.seed, "not_available", str(missing))
             continue
         except InputError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             yield unscored(
                 task.scene, method, task.seed, "error", f"{type(error).__name__} before the first step: {error}"
             )

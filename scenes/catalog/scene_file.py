@@ -13,10 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenes.catalog.entries import CATALOG
+from scenes.files.digest import digest_of
 from scenes.files.errors import InputError
+from scenes.files.trial import how_it_ends
 from scenes.modelling.scene import Scene
 
 SUFFIXES = (".xml", ".py")
+BUILD = """
+from pathlib import Path
+from scenes.catalog.scene_file import _python_scene
+_python_scene(Path(arguments[0])).build()
+"""
 LONGEST_TITLE = 500
 """The most characters of a title; a manifest with more is not read (`scenes.view_sets.manifest`)."""
 
@@ -42,11 +49,15 @@ def scene_from_file(file: Path) -> Scene:
         from scenes.catalog.mitsuba_xml import xml_scene
 
         return xml_scene(file, name_of_file(file))
+    if ended := how_it_ends(BUILD, str(file)):
+        raise InputError(f"{file}: {ended}; mend the scene")
     with mistakes_in(file):
         scene = _python_scene(file)
         description = scene.build()
         if not isinstance(description, dict):
             raise InputError(f"{file}: build() gives {type(description).__name__}; it must give a dictionary")
+        if digest_of(description) != digest_of(scene.build()):
+            raise InputError(f"{file}: build() gives something else each time; give its random numbers a seed")
         if not isinstance(scene.title, str) or len(scene.title) > LONGEST_TITLE or not scene.title.isprintable():
             raise InputError(f"{file}: title is no printable text of at most {LONGEST_TITLE} characters; change it")
     return replace(scene, name=name_of_file(file), file=file)

@@ -16,10 +16,10 @@ def after_its_last_word(connection: Connection, *_: Any) -> None:
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-def in_the_middle_of_a_message(connection: Connection, *_: Any) -> None:
-    """At seed 0, 1000 bytes into one of 50000."""
+def at_qnerf_in_the_middle_of_a_message(connection: Connection, *_: Any) -> None:
+    """Wherever qnerf is among the methods, 1000 bytes into a message of 50000."""
     while (task := connection.recv()) is not None:
-        if task.seed == 0:
+        if "qnerf" in task.methods:
             os.write(connection.fileno(), struct.pack("!i", 50_000) + bytes(1000))
             os.kill(os.getpid(), signal.SIGKILL)
         connection.send(None)

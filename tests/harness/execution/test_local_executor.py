@@ -1,4 +1,4 @@
-"""Worker processes: results do not depend on how many there are, and a dead one costs its own group alone."""
+"""Worker processes: results do not depend on how many there are, and a dead one costs no finished cell."""
 
 import multiprocessing
 import os
@@ -75,7 +75,7 @@ def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tm
 
 @pytest.mark.thorough
 @pytest.mark.slow
-def test_a_killed_worker_costs_its_group_and_the_rest_completes(ball_folder: Path, tmp_path: Path) -> None:
+def test_what_a_killed_worker_was_at_is_trained_again_one_method_at_a_time(ball_folder: Path, tmp_path: Path) -> None:
     events = run_locally(tasks(ball_folder, tmp_path, Budget(60, None)), 1)
     seen = [next(events)]
     assert seen[0].share is not None
@@ -87,12 +87,12 @@ def test_a_killed_worker_costs_its_group_and_the_rest_completes(ball_folder: Pat
     seen += list(events)
     cells = {(cell.method, cell.seed): cell for cell in read_cells(tmp_path)}
     assert {key: cell.status for key, cell in cells.items()} == {
-        ("nerf", 0): "error",
-        ("qnerf", 0): "error",
-        ("nerf", 1): "done",
-        ("qnerf", 1): "done",
+        (method, seed): "done" for method in ("nerf", "qnerf") for seed in range(2)
     }
-    assert "SIGKILL" in (cells["nerf", 0].reason or "")
+    assert [cells["nerf", seed].provenance["in_lockstep"] for seed in range(2)] == [["nerf"], ["nerf", "qnerf"]]
+    (notice,) = [event.notice for event in seen if event.notice is not None]
+    assert "ball, seed 0" in notice
+    assert "SIGKILL" in notice
     assert {(event.cell.method, event.cell.seed) for event in seen if event.cell is not None} == set(cells)
     assert {event.task.seed for event in seen if event.share == 1.0} == {0, 1}
 
@@ -154,14 +154,17 @@ def test_a_worker_that_dies_after_its_last_word_costs_nothing(tmp_path: Path, mo
     assert ended == [0, 1]
 
 
-def test_a_worker_that_dies_in_the_middle_of_a_message_costs_its_group_alone(
+def test_a_method_that_ends_its_worker_again_is_an_error_and_costs_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local_executor, "_work", dying_workers.in_the_middle_of_a_message)
-    events = list(run_locally(tasks(tmp_path, tmp_path), 1))
-    assert [event.task.seed for event in events if event.share == 1.0] == [0, 1]
-    reasons = {(event.cell.seed, event.cell.reason) for event in events if event.cell is not None}
-    assert reasons == {(0, "the worker process ended with signal 9 (SIGKILL); out of memory, perhaps")}
+    monkeypatch.setattr(local_executor, "_work", dying_workers.at_qnerf_in_the_middle_of_a_message)
+    events = list(run_locally(tasks(tmp_path, tmp_path)[:1], 1))
+    ended = [event.task.methods for event in events if event.share == 1.0]
+    assert ended == [("nerf",), ("qnerf",)]
+    (notice,) = [event.notice for event in events if event.notice is not None]
+    died = "the worker process ended with signal 9 (SIGKILL); out of memory, perhaps"
+    assert notice == f"ball, seed 0: {died}; its methods are trained one at a time"
+    assert [(event.cell.method, event.cell.reason) for event in events if event.cell is not None] == [("qnerf", died)]
 
 
 def test_a_worker_of_other_sources_trains_nothing(

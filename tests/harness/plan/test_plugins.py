@@ -45,6 +45,30 @@ def install(site: Path, package: str, points: dict[str, str], files: dict[str, s
     return site
 
 
+@pytest.fixture(autouse=True)
+def without_a_trial(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process of its own for each import takes seconds: one test has it."""
+    if "ended" not in request.fixturenames:
+        monkeypatch.setattr(plugins, "how_it_ends", lambda *_: "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("text", "ended"),
+    [
+        ("import os\nos._exit(0)", "importing it ends the process with exit code 0"),
+        ("raise KeyboardInterrupt", "importing it raises KeyboardInterrupt"),
+        ("raise MemoryError", "cannot be loaded: MemoryError"),
+        ("raise SystemExit(0)", "cannot be loaded: SystemExit: 0"),
+    ],
+)
+def test_a_package_that_ends_its_process_is_named(site: Path, text: str, ended: str) -> None:
+    install(site, "ender", {"mine": "ender:METHOD"}, {"__init__.py": text})
+    with pytest.raises(InputError, match=ended) as caught:
+        plugins.require_methods(["mine"])
+    assert "package ender 1.2" in str(caught.value)
+
+
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty folder of packages; whatever is loaded from it is forgotten afterwards."""

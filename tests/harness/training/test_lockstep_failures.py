@@ -1,9 +1,11 @@
 """A method of a group that fails or diverges, before training, in it or in scoring: the others get the same bits."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
@@ -15,6 +17,23 @@ from harness.training.trainer import Trainer
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.training.test_lockstep import group, watched, without_time
+
+
+def ends(learner: Trainer) -> None:
+    raise SystemExit(0)
+
+
+MISDEEDS: dict[str, tuple[Callable[[Trainer], object], str]] = {
+    "ends": (ends, "SystemExit at step 7: 0"),
+    "dtype": (
+        lambda _: torch.set_default_dtype(torch.float64),
+        "torch's default dtype from torch.float32 to torch.float64",
+    ),
+    "threads": (lambda _: torch.set_num_threads(3), "torch's number of threads from"),
+    "gradients": (lambda _: torch.set_grad_enabled(False), "does not require grad"),
+    "numpy": (lambda _: np.seterr(all="ignore"), "numpy's handling of errors from"),
+}
+"""What a user's method may do in a step, and what its cell says of it."""
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +63,19 @@ def test_a_method_that_diverges_does_not_stop_or_change_the_others(
     for method in ("nerf", "nerf_matched"):
         assert without_time(cells[method]) == without_time(trained[method])
     assert shares[-1] == 1.0
+
+
+@pytest.mark.parametrize("misdeed", MISDEEDS)
+def test_what_a_method_does_to_its_process_costs_its_own_cell_alone(
+    trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, misdeed: str
+) -> None:
+    act, said = MISDEEDS[misdeed]
+    watched(monkeypatch, lambda one, *_: act(one) if (one.method, one.step) == ("nerf", 7) else None)
+    cells = group(ball, tmp_path)
+    assert cells["nerf"].status == "error"
+    assert said in (cells["nerf"].reason or "")
+    for method in ("nerf_matched", "qnerf"):
+        assert without_time(cells[method]) == without_time(trained[method])
 
 
 def test_an_error_of_ours_costs_its_own_cell_alone(

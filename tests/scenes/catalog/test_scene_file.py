@@ -101,6 +101,12 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:
         ("import no_such_module_of_anybody", "ModuleNotFoundError in line 1"),
         ("raise SystemExit(3)", "SystemExit in line 1"),
         (f"{IMPORT}def build():\n    return {{}}['x']\nSCENE = Scene('a', 'b', build)", "KeyError in line 3"),
+        ("import os\nos._exit(0)", "mine.py: ends the process with exit code 0"),
+        ("raise KeyboardInterrupt", "mine.py: raises KeyboardInterrupt"),
+        (
+            f"{IMPORT}import random\nSCENE = Scene('a', 'b', lambda: {{'x': random.random()}})",
+            "gives something else each time",
+        ),
         ("open('none.txt')", "FileNotFoundError in line 1: .*none.txt"),
         (f"{IMPORT}def build():\n    return open('/')\nSCENE = Scene('a', 'b', build)", "IsADirectoryError in line 3"),
         (f"{IMPORT}SCENE = Scene('a', 'b', lambda: [1])", "build.. gives list"),
