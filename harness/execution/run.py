@@ -26,6 +26,7 @@ from harness.records.cells import (
     RunRecord,
     SceneRecord,
     cell_path,
+    digests_of,
     read_cells_of,
     write_comparisons,
     write_run,
@@ -151,8 +152,10 @@ def _compare(out: Path, keys: list[Key], everywhere: list[str], methods: list[st
     missing.subtract((cell.scene, cell.seed) for cell in cells)
     complete = [cell for cell in cells if not missing[cell.scene, cell.seed]]
     if complete:
-        write_comparisons(out, compare(complete, methods), complete)
-        write_targets(out, targets([cell for cell in complete if cell.method in everywhere], everywhere))
+        digests = digests_of(complete)
+        write_comparisons(out, compare(complete, methods), digests)
+        record = targets([cell for cell in complete if cell.method in everywhere], everywhere)
+        write_targets(out, structs.replace(record, digests=digests))
     return cells
 
 

@@ -155,7 +155,7 @@ def read_stored(file: Path, kind: type[Stored]) -> Stored:
     if not file.exists():
         raise InputError(f"{file}: there is no such file; {remedy}")
     try:
-        return read_record(file, kind, SCHEMA, remedy=remedy)
+        return read_record(file, kind, SCHEMA, remedy=remedy, by_hand=True)
     except DamagedRecord as error:
         raise InputError(error) from error
 

@@ -294,10 +294,21 @@ def write_run(out: Path, run: RunRecord) -> None:
     write_record(records_folder(out) / "run.json", run)
 
 
-def write_comparisons(out: Path, comparisons: list[Comparison], cells: Iterable[CellRecord] = ()) -> None:
-    """Write the comparisons of `cells`, which they are held to when they are read."""
-    digests = {_file_of(cell): digest_of(plain(cell)) for cell in cells}
-    write_record(records_folder(out) / "comparisons.json", Comparisons(comparisons, digests))
+def digests_of(cells: Iterable[CellRecord]) -> dict[str, str]:
+    """Return the digests of cells by the names of their files: what is computed from cells is held to them."""
+    return {_file_of(cell): digest_of(plain(cell)) for cell in cells}
+
+
+def require_unchanged(path: Path, digests: dict[str, str], cells: Iterable[CellRecord]) -> None:
+    """Raise `DamagedRecord` for a file that was computed when one of `cells` held something else."""
+    for name, digest in digests_of(cells).items():
+        if digests.get(name) not in (None, digest):
+            raise DamagedRecord(f"{path}: was made when the cell {name} held something else; {REMEDY}")
+
+
+def write_comparisons(out: Path, comparisons: list[Comparison], digests: dict[str, str] | None = None) -> None:
+    """Write comparisons of the cells that have these `digests_of`."""
+    write_record(records_folder(out) / "comparisons.json", Comparisons(comparisons, digests or {}))
 
 
 def read_cell(path: Path) -> CellRecord:
@@ -350,9 +361,7 @@ def read_comparisons(out: Path, cells: Iterable[CellRecord] = ()) -> list[Compar
     if not path.exists():
         return []
     record = read_record(path, Comparisons, None)
-    for cell in cells:
-        if record.digests.get(name := _file_of(cell)) not in (None, digest_of(plain(cell))):
-            raise DamagedRecord(f"{path}: was made when the cell {name} held something else; {REMEDY}")
+    require_unchanged(path, record.digests, cells)
     return record.rows
 
 

@@ -41,13 +41,18 @@ def write_record(path: Path, record: Any) -> None:
 
 def load_record(path: Path) -> dict[str, Any]:
     """Return what `write_record` was given as plain data; raises `OSError`, and `ValueError`, which names no file."""
+    return _loaded(path)[0]
+
+
+def _loaded(path: Path) -> tuple[dict[str, Any], bool]:
+    """Return the data, and whether a digest says that it is what was written."""
     data = load_json(path)
     if not isinstance(data, dict):
         raise ValueError(f"holds a {type(data).__name__}, not an object")
     claimed = data.pop(DIGEST, None)
     if claimed not in (None, digest_of(data)):
         raise ValueError("its digest does not match its content, so it was damaged or changed by hand")
-    return data
+    return data, claimed is not None
 
 
 def load_json(path: Path) -> Any:
@@ -93,15 +98,25 @@ One = TypeVar("One")
 
 
 def read_record(
-    path: Path, kind: type[One], schema: int | None, formerly: tuple[str, ...] = (), remedy: str = REMEDY
+    path: Path,
+    kind: type[One],
+    schema: int | None,
+    formerly: tuple[str, ...] = (),
+    remedy: str = REMEDY,
+    by_hand: bool = False,
 ) -> One:
-    """Read a record; keys that were there `formerly` are dropped. Raises `DamagedRecord` for anything else."""
+    """Read a record; keys that were there `formerly` are dropped. Raises `DamagedRecord` for anything else, and for one
+    without its digest, unless it may be written `by_hand`.
+    """
     try:
-        data = load_record(path)
+        data, sealed = _loaded(path)
         if (written := data.get("schema")) != schema:
             remedy = "run again into a fresh folder" if remedy == REMEDY else remedy
             raise ValueError(f"schema {shown(written)}, this version reads {schema}")
-        return as_promised({name: value for name, value in data.items() if name not in formerly}, kind)
+        record = as_promised({name: value for name, value in data.items() if name not in formerly}, kind)
+        if not (sealed or by_hand):
+            raise ValueError("its digest is missing, so it was changed by hand")
+        return record
     except (OSError, ValueError) as error:
         raise DamagedRecord(f"{path}: {error}; {remedy}") from error
 

@@ -4,10 +4,13 @@ it.
 This module imports modules of records alone, as reports read it.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
-from harness.records.cells import Budget, Estimate, Verdict, records_folder
+from msgspec import field
+
+from harness.records.cells import Budget, CellRecord, Estimate, Verdict, records_folder, require_unchanged
 from harness.records.json_record import Record, read_record, write_record
 
 TARGETS_SCHEMA = 1
@@ -109,6 +112,8 @@ class TargetsRecord(Record, frozen=True):
     curves: list[ReachCurve]
     comparisons: list[TargetComparison]
     schema: int = TARGETS_SCHEMA
+    digests: dict[str, str] = field(default_factory=dict)
+    """The digest of each cell's record that it was computed from, by the name of its file; empty in an older run."""
 
     def comparison(self, scene: str, method: str, against: str, axis: str) -> TargetComparison | None:
         for row in self.comparisons:
@@ -122,7 +127,13 @@ def write_targets(out: Path, record: TargetsRecord) -> None:
     write_record(records_folder(out) / TARGETS_FILE, record)
 
 
-def read_targets(out: Path) -> TargetsRecord | None:
-    """Read the record; None for an older run. Raises `DamagedRecord` for anything that this version does not write."""
+def read_targets(out: Path, cells: Iterable[CellRecord] = ()) -> TargetsRecord | None:
+    """Read the record; None for an older run. Raises `DamagedRecord` for anything that this version does not write, and
+    where one of `cells` has changed since.
+    """
     path = records_folder(out) / TARGETS_FILE
-    return read_record(path, TargetsRecord, TARGETS_SCHEMA) if path.exists() else None
+    if not path.exists():
+        return None
+    record = read_record(path, TargetsRecord, TARGETS_SCHEMA)
+    require_unchanged(path, record.digests, cells)
+    return record

@@ -155,7 +155,7 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
     tries: dict[str, tuple[Callable[[Path], Any], str]] = {
         "records/run.json": (lambda _: read_run(out), "written again"),
         "records/comparisons.json": (lambda _: read_comparisons(out, read_cells(out)), "computed again"),
-        f"records/{TARGETS_FILE}": (lambda _: read_targets(out), "computed again"),
+        f"records/{TARGETS_FILE}": (lambda _: read_targets(out, read_cells(out)), "computed again"),
         SHELVES["serving"]: (read_studies, f"moved aside; `python -m harness study serving {out}` measures it again"),
     }
     for name, (read, remedy) in tries.items():

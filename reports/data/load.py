@@ -128,7 +128,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
     comparisons: list[Comparison] = if_sound(partial(read_comparisons, out, cells), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
     known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
-    targets = if_sound(partial(_targets, out, known), None, left_out)
+    targets = if_sound(partial(_targets, out, known, cells), None, left_out)
     if len(cells) < len(paths):  # both are of cells that are not shown
         comparisons, targets = compare(of_whole_groups(cells, run.main_methods), list(run.methods)), None
     unsorted = Records(out, run, cells, comparisons)
@@ -152,9 +152,9 @@ def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRec
     return [cell for cell in cells if ended[cell.scene, cell.seed] == len(methods)]
 
 
-def _targets(out: Path, methods: list[str]) -> TargetsRecord | None:
+def _targets(out: Path, methods: list[str], cells: list[CellRecord]) -> TargetsRecord | None:
     """Read the record; raises `DamagedRecord` also where a curve is of none of the methods."""
-    record = read_targets(out)
+    record = read_targets(out, cells)
     for curve in record.curves if record else []:
         if curve.method not in methods:
             why = f"a curve is of {shown(curve.method)}, which is no method of the run; {REMEDY}"

@@ -20,6 +20,7 @@ from harness.records.cells import (
     SceneRecord,
     ViewScore,
     cell_path,
+    digests_of,
     read_cell,
     read_cells,
     read_cells_of,
@@ -141,7 +142,7 @@ def test_scores_that_no_images_have_are_refused(metric: str, value: float, tmp_p
 
 def test_comparisons_of_other_cells_are_not_believed(tmp_path: Path) -> None:
     cell = one_cell()
-    write_comparisons(tmp_path, [], [cell])
+    write_comparisons(tmp_path, [], digests_of([cell]))
     assert read_comparisons(tmp_path, [cell]) == []
     with pytest.raises(DamagedRecord, match=r"was made when the cell lego\.qnerf\.2\.json held something else"):
         read_comparisons(tmp_path, [replace(cell, scores={**cell.scores, "psnr": cell.scores["psnr"] + 30.0})])

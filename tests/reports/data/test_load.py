@@ -5,7 +5,7 @@ import json
 import pytest
 
 from harness.records.cells import cell_path
-from harness.records.json_record import DamagedRecord
+from harness.records.json_record import DamagedRecord, write_record
 from harness.records.targets import ReachCurve, TargetsRecord, write_targets
 from reports.data.load import NoRecords, Records, read_records
 from tests.reports.fake_run import write_fake_run
@@ -76,5 +76,5 @@ def test_a_scene_that_the_run_does_not_list_comes_last(tmp_path):
     run = json.loads((out / "records" / "run.json").read_text(encoding="utf-8"))
     del run["digest"]
     run["scenes"] = [scene for scene in run["scenes"] if scene["name"] != "attic"]
-    (out / "records" / "run.json").write_text(json.dumps(run), encoding="utf-8")
+    write_record(out / "records" / "run.json", run)
     assert read_records(out).scenes == ["drums", "attic"]
