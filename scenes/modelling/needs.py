@@ -7,6 +7,7 @@ measured (`harness.studies.choices.omissions`), not assumed.
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -84,8 +85,8 @@ SCALES = (1e-2, 1e2)
 """The sizes and distances from the origin at which Mitsuba's own ray epsilon is negligible."""
 
 
-NOBODY_HAS = frozenset({"linear_quadrature", "hdr_metrics"})
-"""The parts that no method of a run and no score has yet: a need is reported, but not doing them leaves nothing out."""
+NOBODY_HAS = frozenset({"linear_quadrature"})
+"""The parts that no method of a run has yet: a need is reported, but not doing them leaves nothing out."""
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,9 @@ def needs_of(views: "ViewSet") -> Needs:
 
 
 def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]) -> "ViewSet":
-    """Return the same images, with parts forced in or out, and without depth if nothing has one."""
+    """Return the same images, with parts forced in or out, without depth if nothing has one, and with the light of the
+    test views if display colour cannot hold it.
+    """
     if need or no_need:
         known = needs_of(views) | {name: Need(name, True, "forced in by --need") for name in need}
         known |= {name: Need(name, False, "forced out by --no-need") for name in no_need}
@@ -186,6 +189,11 @@ def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]
     depth = needs_of(views).get("depth_metric")
     if depth is not None and not depth.needed:
         views = replace(views, val=replace(views.val, depth=None), test=replace(views.test, depth=None))
+    bright = needs_of(views).get("hdr_metrics")
+    if bright is not None and bright.needed:
+        from scenes.view_sets.view_set import linear_over_white
+
+        views = replace(views, test=replace(views.test, light=partial(linear_over_white, views)))
     return views
 
 

@@ -12,7 +12,7 @@ have readers of their own (`scenes.view_sets.formats.foreign`).
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -57,6 +57,8 @@ class Split:
     """The unit normal in the world frame, float32 [n, h, w, 3]; 0 if nothing was hit."""
     noise_mse: np.ndarray | None = None
     """The expected mean square error of the image over white from rendering noise at this size, float64 [n]."""
+    light: Callable[[str], np.ndarray | None] | None = None
+    """Name of a view → its linear light over white, not clipped, if display colour cannot hold what the scene shows."""
 
 
 @dataclass(frozen=True)

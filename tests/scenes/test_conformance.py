@@ -106,6 +106,7 @@ def test_its_needs_are_known(name: str) -> None:
     assert list(found) == [part for part in PARTS if part not in OF_TRAINING]
     assert {row["name"] for row in left_out(found)} == {
         "background_model", "outside_box", "empty_space", "behind_opaque", "participating_media", "scale_checks",
+        "hdr_metrics",
     }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from harness.training.batches import Cameras
 from harness.training.learner import Learner
 from harness.training.scoring import metrics
 from harness.training.trainer import Diverged
-from scenes.view_sets.pixels import over_white
+from scenes.view_sets.pixels import decode_srgb, over_white
 from scenes.view_sets.view_set import Split, ViewSet
 
 HISTOGRAM_BINS = 40
@@ -80,6 +80,8 @@ def scores_of(image: View, split: Split, index: int, chosen: Iterable[str]) -> d
         "colour": (image.colour, over_white(rgba)),
         "opacity": (image.opacity, rgba[..., 3]),
     }
+    if split.light is not None and (light := split.light(split.names[index])) is not None:
+        sides["light"] = (decode_srgb(image.colour), light)
     if split.depth is not None:
         sides["depth"] = (image.depth, split.depth[index], rgba[..., 3] > 0.99)
     scores: dict[str, float | None] = {}

@@ -84,6 +84,34 @@ def delta_e(image: np.ndarray, truth: np.ndarray) -> float:
     return float(np.mean(colour.delta_E(first, second, method="CIE 2000")))
 
 
+LIGHT_FLOOR = 0.01
+"""What keeps relative errors of dark pixels finite, in units of the light of display white."""
+
+
+def rel_mse(light: np.ndarray, truth: np.ndarray) -> float:
+    """Return the mean of (x − t)² / (t² + 0.01), linear light that need not lie below 1 (Rousselle et al. 2011)."""
+    _require_finite(light, truth)
+    x, t = light.astype(np.float64), truth.astype(np.float64)
+    return float(np.mean((x - t) ** 2 / (t**2 + LIGHT_FLOOR)))
+
+
+def smape(light: np.ndarray, truth: np.ndarray) -> float:
+    """Return the symmetric mean absolute percentage error |x − t| / (|x| + |t| + 0.01) of linear light, 0 to 1."""
+    _require_finite(light, truth)
+    x, t = light.astype(np.float64), truth.astype(np.float64)
+    return float(np.mean(np.abs(x - t) / (np.abs(x) + np.abs(t) + LIGHT_FLOOR)))
+
+
+def hdr_flip(light: np.ndarray, truth: np.ndarray) -> float:
+    """Return the mean HDR-FLIP error of linear light (Andersson et al. 2021), 0 to 1, over exposures of its choice."""
+    _require_finite(light, truth)
+    import flip_evaluator
+
+    reference, test = (np.maximum(side, 0.0).astype(np.float32) for side in (truth, light))
+    _, mean, _ = flip_evaluator.evaluate(reference, test, "HDR", applyMagma=False, computeMeanError=True)
+    return float(mean)
+
+
 def depth_rmse(depth: np.ndarray, truth: np.ndarray, opaque: np.ndarray) -> float | None:
     """Return the root mean squared depth error in scene units over the truly opaque pixels; None if there are none."""
     if not opaque.any():

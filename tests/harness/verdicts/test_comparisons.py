@@ -8,7 +8,16 @@ from msgspec.structs import replace
 
 from harness.records.cells import CellRecord, Comparison, unscored
 from harness.records.metric_table import METRICS
-from harness.verdicts.comparisons import budgets_of, compare, differences, family_of, judged, keyed, score_on_curve
+from harness.verdicts.comparisons import (
+    OF_HDR,
+    budgets_of,
+    compare,
+    differences,
+    family_of,
+    judged,
+    keyed,
+    score_on_curve,
+)
 from tests.harness.cells import cell, checkpoint, diverged
 
 
@@ -43,6 +52,9 @@ def test_equal_steps_compare_final_scores_and_equal_time_reads_the_slower_where_
     rows = [row for row in compare(many, ["nerf", "qnerf"]) if row.scene == "lego" and row.metric == "psnr"]
     assert of(rows, budget="steps").verdict == "better"
     assert of(rows, budget="seconds").verdict == "worse", "who wins may differ"
+
+
+DUEL = ("nerf", "qnerf")
 
 
 def with_cores(cell: CellRecord, threads: float) -> CellRecord:
@@ -111,10 +123,23 @@ def test_the_verdict_is_taken_from_the_interval_of_the_whole_family() -> None:
 def test_families_are_the_declared_ones() -> None:
     rows = compare(planted({scene: [1.0, 2.0] for scene in "abc"}), ["nerf", "qnerf"])
     families = {(row.metric, row.scene): row.family for row in rows}
-    others = len(METRICS) - 1
+    others = len(METRICS) - 1 - len(OF_HDR)
     assert (families["psnr", "all"], families["psnr", "b"]) == (1, 3)
     assert (families["ssim", "all"], families["ssim", "b"]) == (others, 3 * others)
     assert family_of("psnr", "all", 8, 1) == family_of("ssim", "all", 8, 2) == 1
+
+
+def test_metrics_of_bright_scenes_are_compared_on_those_alone() -> None:
+    def bright(cell: CellRecord) -> CellRecord:
+        return replace(cell, scores={**cell.scores, "smape": 0.2 + 0.01 * cell.seed}) if cell.scene == "b" else cell
+
+    cells = [bright(quick(method, seed, 20.0, scene)) for method in DUEL for scene in "abc" for seed in range(3)]
+    rows = [row for row in compare(cells, list(DUEL)) if row.metric == "smape"]
+    assert [(row.scene, row.budget, row.pairs, row.unpaired) for row in rows] == [
+        ("all", "steps", 3, 0),
+        ("b", "steps", 3, 0),
+    ]
+    assert rows[1].family == len(METRICS) - 1
 
 
 def test_pairs_of_the_same_seed_stand_in_the_same_column() -> None:
@@ -151,7 +176,7 @@ def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_con
 
 def test_every_metric_is_compared_at_equal_steps_and_those_of_the_curve_at_equal_time() -> None:
     rows = compare([quick("nerf", 0, 20.0), quick("qnerf", 0, 21.0)], ["nerf", "qnerf"])
-    assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS)
+    assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS) - set(OF_HDR)
     assert {row.metric for row in rows if row.budget == "seconds"} == {
         "psnr", "ssim", "rmse_linear", "flip", "depth_rmse",
     }  # fmt: skip

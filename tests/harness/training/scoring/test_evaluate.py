@@ -11,7 +11,7 @@ from harness.records.cells import ViewScore
 from harness.training.scoring import evaluate
 from harness.training.trainer import Diverged
 from scenes.view_sets.image_stack import ImageStack
-from scenes.view_sets.pixels import over_white
+from scenes.view_sets.pixels import decode_srgb, over_white
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.tiny import CPU, trainer
 
@@ -102,3 +102,15 @@ def test_pixels_rendered_in_mixed_order_come_back_to_their_places(ball: ViewSet)
     straight = learner.render(cameras.all_rays(1), 10_000)
     for name, shape in (("colour", (24, 24, 3)), ("opacity", (24, 24)), ("depth", (24, 24))):
         np.testing.assert_allclose(getattr(view, name), getattr(straight, name).reshape(shape), atol=2e-5)
+
+
+def test_unclipped_light_is_scored_where_the_scene_needs_it(ball: ViewSet) -> None:
+    colour = over_white(ball.test.rgba[0])
+    view = evaluate.View(colour, ball.test.rgba[0][..., 3], np.zeros(colour.shape[:2]))
+    bright = replace(ball.test, light=lambda name: 4.0 * decode_srgb(colour) if name == ball.test.names[0] else None)
+    assert evaluate.view_scores(view, ball.test, 0).smape is None
+    scores = evaluate.view_scores(view, bright, 0)
+    light = decode_srgb(colour)
+    assert scores.smape == pytest.approx(float(np.mean(3.0 * light / (5.0 * light + 0.01))))
+    assert scores.psnr == 100.0
+    assert evaluate.view_scores(view, bright, 1).smape is None

@@ -48,7 +48,25 @@ def test_rmse_linear_decodes_both_images_first() -> None:
     assert metrics.rmse_linear(grey, black) == pytest.approx(((0.5 + 0.055) / 1.055) ** 2.4)
 
 
-SCORES = [metrics.mse, metrics.psnr, metrics.ssim, metrics.flip, metrics.delta_e, metrics.rmse_linear]
+@pytest.mark.parametrize("light", [0.0, 0.25, 40.0, 1e6])
+def test_errors_relative_to_unclipped_light_are_closed_forms_of_a_constant_pair(light: float) -> None:
+    truth = np.full((5, 4, 3), light)
+    for factor in (0.0, 0.5, 1.0, 3.0):
+        image, off = factor * truth, abs(factor - 1.0) * light
+        assert metrics.rel_mse(image, truth) == pytest.approx(off**2 / (light**2 + 0.01))
+        assert metrics.smape(image, truth) == pytest.approx(off / ((1.0 + factor) * light + 0.01))
+
+
+def test_relative_errors_see_what_display_colour_clips() -> None:
+    truth, image = np.full((16, 16, 3), 50.0), np.full((16, 16, 3), 1.0)
+    assert metrics.rel_mse(image, truth) > 0.9
+    assert metrics.smape(image, truth) > 0.9
+    assert metrics.hdr_flip(image, truth) > 0.1
+    assert metrics.hdr_flip(truth, truth) == metrics.rel_mse(truth, truth) == metrics.smape(truth, truth) == 0.0
+
+
+LIGHT = [metrics.rel_mse, metrics.smape, metrics.hdr_flip]
+SCORES = [*LIGHT, metrics.mse, metrics.psnr, metrics.ssim, metrics.flip, metrics.delta_e, metrics.rmse_linear]
 
 
 @pytest.mark.parametrize("score", SCORES)
