@@ -269,15 +269,18 @@ class CellTraining:
             return None
         rows: list[ViewScore] = []
         opacities: list[np.floating[Any]] = []
+        angles: list[float] = []
 
         def scored(image: evaluate.View) -> evaluate.View:
             """Take note of a view: only one is in memory at a time."""
+            angle = evaluate.normal_error(self.trainer, image, self.test, self.views.test, len(rows))
+            angles.extend([] if angle is None else [angle])
             rows.append(evaluate.view_scores(image, self.views.test, len(rows)))
             opacities.append(image.opacity.mean())
             return image
 
         self.curve.append(self._checkpoint(map(scored, images)))
-        return self._finished(rows, float(np.mean(opacities)))
+        return self._finished(rows, float(np.mean(opacities)), float(np.mean(angles)) if angles else None)
 
     def _failed(self, error: BaseException, when: str) -> CellRecord:
         if isinstance(error, Diverged):
@@ -297,13 +300,14 @@ class CellTraining:
             **trainer.amplifier_scalars(),
         )
 
-    def _finished(self, rows: list[ViewScore], mean_opacity: float) -> CellRecord:
+    def _finished(self, rows: list[ViewScore], mean_opacity: float, normal_error: float | None) -> CellRecord:
         trainer, score = self.trainer, self.task.score
         scores = evaluate.mean_scores(rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
         save_checkpoint(trainer, checkpoint_path(self.task.out, self.task.scene, trainer.method, self.task.seed))
         properties = evaluate.measured_properties(trainer, self.test)
+        properties["normal_error"] = normal_error
         properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
         return self._record("done", None, scores, rows, properties, mean_opacity)
 

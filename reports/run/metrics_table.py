@@ -76,6 +76,7 @@ PROPERTY_NAMES = {
     "chunk_rms_difference": "RMS change of a view when rendered in small chunks",
     "largest_density": "largest density found, per half of the box’s longest side",
     "opacity_unit_slab": "opacity of that length of it",
+    "normal_error": "mean angle between learned and true normals, in degrees, where both are opaque",
     "occupied_share": "share of the scene's box that holds matter",
 }
 

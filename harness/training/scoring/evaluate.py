@@ -183,6 +183,40 @@ def _shares(values: np.ndarray, edges: np.ndarray) -> list[float]:
     return [float(share) for share in counts / max(len(values), 1)]
 
 
+NORMALS = 2000
+"""The pixels of a view, at most, whose normals are compared."""
+ACROSS = 256.0
+"""The steps across the box between which differences of density are taken: about two to a pixel."""
+
+
+@torch.no_grad()
+def normal_error(trainer: Learner, image: View, cameras: Cameras, split: Split, index: int) -> float | None:
+    """Return the mean angle in degrees between the true normal and the direction in which the learned density falls at
+    the rendered depth, over evenly spread pixels that are opaque in both; None if the view has no true normal, or no
+    such pixel. Both are turned towards the camera; where the density is level, the angle counts as 90°.
+    """
+    if split.normal is None:
+        return None
+    truth = split.normal[index].reshape(-1, 3)
+    opaque = (split.rgba[index][..., 3] > 0.99) & (image.opacity > 0.5)
+    seen = np.flatnonzero(opaque.ravel() & (np.linalg.norm(truth, axis=-1) > 0.5))
+    if not len(seen):
+        return None
+    seen = seen[:: max(1, len(seen) // NORMALS)]
+    chosen = torch.from_numpy(seen).to(trainer.device)
+    rays = cameras.all_rays(index)
+    direction = rays.directions[chosen]
+    depth = torch.from_numpy(image.depth.ravel()[seen]).to(direction)
+    points = rays.origins[chosen] + depth[:, None] * direction
+    steps = 2.0 * trainer.box.half_extent / ACROSS * torch.eye(3, device=trainer.device)
+    falls = torch.stack([trainer.field.density(points - step) - trainer.field.density(points + step) for step in steps])
+    normals = [falls.T.double(), torch.from_numpy(truth[seen]).to(direction).double()]
+    ours, true = (torch.nn.functional.normalize(n, dim=-1) for n in normals)
+    away = -direction.double()
+    ours, true = (torch.where((n * away).sum(-1, keepdim=True) < 0.0, -n, n) for n in (ours, true))
+    return float(torch.rad2deg(torch.arccos((ours * true).sum(-1).clamp(-1.0, 1.0))).mean())
+
+
 @torch.no_grad()
 def measured_properties(trainer: Learner, test: Cameras) -> dict[str, float | str | None]:
     """Return the chunk dependence of one test view, the grid's occupied share, and the largest density found, per half

@@ -12,7 +12,7 @@ from harness.training.scoring import evaluate
 from harness.training.trainer import Diverged
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import decode_srgb, over_white
-from scenes.view_sets.view_set import ViewSet
+from scenes.view_sets.view_set import Split, ViewSet
 from tests.harness.tiny import CPU, trainer
 
 
@@ -50,7 +50,7 @@ def test_means_leave_out_the_views_that_lack_a_score() -> None:
     means = evaluate.mean_scores(rows)
     assert means == pytest.approx(
         {"psnr": 20.0, "ssim": 0.6, "flip": 0.2, "delta_e": 2.0, "rmse_linear": 0.15, "depth_rmse": 0.3,
-         "opacity_iou": None, "psnr_ceiling": 40.0}
+         "opacity_iou": None, "psnr_ceiling": 40.0, "rel_mse": None, "smape": None, "hdr_flip": None}
     )  # fmt: skip
 
 
@@ -114,3 +114,41 @@ def test_unclipped_light_is_scored_where_the_scene_needs_it(ball: ViewSet) -> No
     assert scores.smape == pytest.approx(float(np.mean(3.0 * light / (5.0 * light + 0.01))))
     assert scores.psnr == 100.0
     assert evaluate.view_scores(view, bright, 1).smape is None
+
+
+def ball_seen(ball: ViewSet, index: int, turned: float) -> tuple[evaluate.View, Split]:
+    """What the unit ball shows exactly in the middle of each pixel, and its split with normals turned by an angle."""
+    cameras = evaluate.cameras_of(ball, ball.test, CPU)
+    rays = cameras.all_rays(index)
+    along = -(rays.origins * rays.directions).sum(-1)
+    inside = 1.0 - (rays.origins.square().sum(-1) - along**2)
+    depth = torch.where(inside > 0, along - inside.clamp(min=0.0).sqrt(), 0.0)
+    normal = rays.origins + depth[:, None] * rays.directions
+    across = torch.nn.functional.normalize(torch.linalg.cross(normal, rays.directions), dim=-1)
+    normal = math.cos(turned) * normal + math.sin(turned) * across
+    normal = torch.where((inside > 0)[:, None], normal, 0.0).reshape(24, 24, 3).numpy()
+    rgba = ball.test.rgba[index]
+    view = evaluate.View(over_white(rgba), rgba[..., 3], depth.reshape(24, 24).numpy())
+    stack = ImageStack.of(np.stack([normal.astype(np.float32)] * len(ball.test.names)))
+    return view, replace(ball.test, normal=stack)
+
+
+@pytest.mark.parametrize("turned", [0.0, 20.0])
+def test_the_angle_between_normals_is_that_by_which_the_truth_is_turned(ball: ViewSet, turned: float) -> None:
+    learner = trainer()
+    learner.field.density = lambda x: torch.exp(20.0 * (1.0 - x.norm(dim=-1)))  # type: ignore[method-assign]
+    cameras = evaluate.cameras_of(ball, ball.test, CPU)
+    view, split = ball_seen(ball, 1, math.radians(turned))
+    angle = evaluate.normal_error(learner, view, cameras, split, 1)
+    assert angle == pytest.approx(turned, abs=0.5)
+    assert evaluate.normal_error(learner, view, cameras, ball.test, 1) is None
+    nothing = evaluate.View(view.colour, np.zeros_like(view.opacity), view.depth)
+    assert evaluate.normal_error(learner, nothing, cameras, split, 1) is None
+
+
+def test_a_level_density_has_no_normal(ball: ViewSet) -> None:
+    learner = trainer()
+    learner.field.density = lambda x: torch.ones(len(x))  # type: ignore[method-assign]
+    view, split = ball_seen(ball, 0, 0.0)
+    cameras = evaluate.cameras_of(ball, ball.test, CPU)
+    assert evaluate.normal_error(learner, view, cameras, split, 0) == pytest.approx(90.0)
