@@ -65,6 +65,7 @@ def add_score_options(command: argparse.ArgumentParser) -> None:
     add("--seed", type=int, default=0, metavar="N", help="of its training, for the table (default: 0)")
     add("--seconds", type=float, metavar="S", help="that its training took, for the table")
     add_shared(command, "--resolution", help="width at which both are compared (default: that of the pictures)")
+    add("--lpips", type=Path, metavar="FILE", help="weights of LPIPS, to score with (docs/read-the-report.md)")
     add("--as-they-are", action="store_true", help="score pictures that seem to be in another order or colour space")
     add("--to", type=Path, default=Path("out/scores.json"), metavar="FILE", help="table that gets a row more, or anew "
         "(default: out/scores.json)")  # fmt: skip
@@ -91,10 +92,12 @@ def run_score(options: argparse.Namespace, show: "Progress") -> int:
         seconds=options.seconds,
         resolution=options.resolution,
         as_they_are=options.as_they_are,
+        lpips=options.lpips,
         each=lambda done, total: show.part("scoring views", done, total),
     )
     write_scores(options.to, table, row)
-    scores = (f"{METRICS[name].label} {getattr(row, name):.{METRICS[name].digits}f}" for name in SCORED)
+    known = [METRICS[name] for name in SCORED if getattr(row, name) is not None]
+    scores = (f"{metric.label} {getattr(row, metric.name):.{metric.digits}f}" for metric in known)
     show.line(f"{row.scene} {row.method} seed {row.seed}, {len(row.views)} views of {row.made['width']} px: "
               f"{', '.join(scores)}")  # fmt: skip
     worst = min(row.views, key=lambda view: view.psnr)

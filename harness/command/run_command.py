@@ -32,6 +32,9 @@ def add_run_options(run: argparse.ArgumentParser) -> None:
     add_shared(run, "--resume", help="go on with the missing cells of --out")
     add_shared(run, "--dry-run")
     verify = "train with and without everything that is left out (exit code 3)"
+    run.add_argument(
+        "--lpips", type=Path, metavar="FILE", help="weights of LPIPS, to score with (docs/read-the-report.md)"
+    )
     run.add_argument("--verify-omissions", action="store_true", help=verify)
     run.add_argument("--tensorboard", action="store_true", help="write each cell to OUT/tensorboard as it ends")
     run.add_argument("--no-serving", action="store_true", help="do not measure view cache and attention at the end")
@@ -68,7 +71,9 @@ def add_plan_options(command: argparse.ArgumentParser) -> None:
 def add_scene_options(command: argparse.ArgumentParser) -> None:
     """Add the options for images, or a scene to render, of the user's own."""
     add = command.add_argument
-    images = "train on these images, a scene each: a folder in the Blender format or nerfstudio's, a tiny-NeRF .npz"
+    images = (
+        "train on these images, a scene each: Blender's, nerfstudio's, COLMAP's or LLFF's folder, or a tiny-NeRF .npz"
+    )
     add("--view-set", type=Path, nargs="+", metavar="PATH", help=images)
     scene = (
         "render your own scene instead: Mitsuba .xml, or .py with SCENE. It has your rights: Python is code, and an "
@@ -111,6 +116,8 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
 
     checked(options)
     plan, device = planned_by(options, show.line)
+    if options.lpips is not None:
+        plan = _with_lpips(plan, options)
     if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
         raise InputError(
             f"--verify-omissions: {len(plan.seeds)} seeds tell nothing about an interval; --seeds {LEAST_SEEDS} or more"
@@ -145,6 +152,22 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
     outcome = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
     show.line(f"{outcome}; records in {out / 'records'}")
     return code
+
+
+def _with_lpips(plan: "Plan", options: argparse.Namespace) -> "Plan":
+    """Return the plan with the weights of `--lpips`; raises `InputError` if they cannot be used."""
+    from dataclasses import replace
+
+    from harness.records.cells import read_cells
+    from harness.training.scoring.lpips import lpips_of
+
+    if options.executor != "local":
+        raise InputError("--lpips: the file is on this machine alone; leave it out, or run here (--executor local)")
+    digest = lpips_of(options.lpips).digest
+    for cell in read_cells(options.out) if options.resume and options.out else ():
+        if cell.provenance.get("lpips", digest) != digest:
+            raise InputError(f"--lpips {options.lpips}: not the weights that {options.out} was scored with; give those")
+    return replace(plan, lpips=str(options.lpips.resolve()))
 
 
 def _afterwards(

@@ -166,4 +166,6 @@ def not_tested(plan: Plan) -> list[str]:
             "Training made for equal time: equal-time scores are read off runs of equal steps, where the slower method "
             "is met before its learning rate has fallen all the way. --budget-seconds gives every method its own."
         )
+    if plan.lpips is None:
+        missing.append("LPIPS: its weights are not part of this program; --lpips FILE scores with them.")
     return missing

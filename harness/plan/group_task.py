@@ -27,6 +27,8 @@ class GroupTask:
     threads: int = 1
     keep_every: float = KEPT_EVERY
     """The seconds between two times that the cells are kept in the middle of their training."""
+    lpips: Path | None = None
+    """The weights of LPIPS, if there are any."""
 
     def settings(self) -> dict[str, Any]:
         """Return the settings of each of its cells, as records hold them."""

@@ -30,7 +30,7 @@ from scenes.files.errors import InputError
 from scenes.modelling.needs import PARTS
 from scenes.view_sets.source import Region
 
-APART = ("scenes", "methods", "seeds", "render_limit")
+APART = ("scenes", "methods", "seeds", "render_limit", "lpips")
 """The fields that settings have elsewhere or not at all."""
 LARGEST = {
     "seeds": 1000,
@@ -84,6 +84,8 @@ class Plan:
     render_limit: float | None = None
     """The seconds that the scene file, or one of its views, may take, else the default; no result depends on it."""
     extras: tuple[Extra, ...] = ()
+    lpips: str | None = None
+    """The file of the weights of LPIPS; cells name its digest."""
 
     def groups(self) -> dict[tuple[str, int], tuple[str, ...]]:
         """Map (scene, seed) → the methods that train in lockstep there: those of the plan, then the further ones.
@@ -120,6 +122,7 @@ class Plan:
                 device=machine.device,
                 threads=machine.threads,
                 keep_every=machine.keep_every,
+                lpips=None if self.lpips is None else Path(self.lpips),
             )
             for (scene, seed), methods in self.groups().items()
         ]

@@ -21,7 +21,7 @@ class Metric(NamedTuple):
     smallest_of_interest: float
     """The difference below which nobody is interested; for PSNR the smallest step of the paper's Table 4."""
     meaning: str
-    compares: Literal["colour", "light", "depth", "opacity"] = "colour"
+    compares: Literal["colour", "light", "features", "depth", "opacity"] = "colour"
     """What of a view its function is given, with the truth of it."""
     along_training: bool = True
     """Whether it is scored at every checkpoint, so that it is compared at equal time and drawn over training."""
@@ -29,8 +29,10 @@ class Metric(NamedTuple):
     """What a larger score counts as."""
     error: str = ""
     """The label of its figure of error against work, 1 − score if higher is better; empty for no such figure."""
-    of_hdr: bool = False
-    """Whether only scenes are scored by it whose light display colour cannot hold (`hdr_metrics` of their needs)."""
+    optional: bool = False
+    """Whether only some scenes or runs have it: unclipped light is compared where display colour cannot hold it
+    (`hdr_metrics` of a scene's needs), and features where the user brought the weights of LPIPS.
+    """
 
 
 LARGEST_PSNR = 100.0
@@ -52,18 +54,20 @@ METRICS: dict[str, Metric] = {
         Metric("opacity_iou", "opacity IoU", "", 3, 4, True, 0.005, "overlap of the opaque silhouettes",
                "opacity", along_training=False),
         Metric("rel_mse", "relMSE", "", 4, 4, False, 0.01,
-               "squared error over the true light's square + 0.01, light not clipped", "light", False, of_hdr=True),
+               "squared error over the true light's square + 0.01, light not clipped", "light", False, optional=True),
         Metric("smape", "SMAPE", "", 4, 4, False, 0.01,
-               "absolute error over the sum of both lights + 0.01, light not clipped", "light", False, of_hdr=True),
+               "absolute error over the sum of both lights + 0.01, light not clipped", "light", False, optional=True),
         Metric("hdr_flip", "HDR-FLIP", "", 3, 4, False, 0.005,
-               "FLIP, the largest over exposures, light not clipped", "light", False, of_hdr=True),
+               "FLIP, the largest over exposures, light not clipped", "light", False, optional=True),
+        Metric("lpips", "LPIPS", "", 3, 4, False, 0.005, "distance of AlexNet's features, version 0.1", "features",
+               False, optional=True),
     )
 }  # fmt: skip
 """The order is that of columns and comparisons."""
 POSSIBLE = {
     "psnr": (0.0, 400.0), "ssim": (-1.0, 1.0), "rmse_linear": (0.0, 1.0), "flip": (0.0, 1.0),
     "delta_e": (0.0, 200.0), "depth_rmse": (0.0, math.inf), "opacity_iou": (0.0, 1.0),
-    "rel_mse": (0.0, math.inf), "smape": (0.0, 1.0), "hdr_flip": (0.0, 1.0),
+    "rel_mse": (0.0, math.inf), "lpips": (0.0, math.inf), "smape": (0.0, 1.0), "hdr_flip": (0.0, 1.0),
 }  # fmt: skip
 """The least and the largest score of images in 0 … 1, whatever is compared."""
 PRIMARY = "psnr"

@@ -23,6 +23,7 @@ from harness.training.checkpoints import checkpoint_path, restore_training, save
 from harness.training.learner import Learner, take_step
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
+from harness.training.scoring.lpips import lpips_of
 from harness.training.shared_state import left_as_it_was
 from harness.training.trainer import Diverged
 from scenes.files.errors import InputError
@@ -142,6 +143,7 @@ class CellTraining:
         self.curve: list[Checkpoint] = []
         self.kept = KeptRenders.of(views.test, score.stored_views, self.task.seed, score.checkpoints)
         self.occupied = read_occupancy(views)
+        self.lpips = None if self.task.lpips is None else lpips_of(self.task.lpips)
         self.ended = False
         self.resumed_at: list[int] = []
         """The steps at which it was resumed in another process."""
@@ -275,7 +277,7 @@ class CellTraining:
             """Take note of a view: only one is in memory at a time."""
             angle = evaluate.normal_error(self.trainer, image, self.test, self.views.test, len(rows))
             angles.extend([] if angle is None else [angle])
-            rows.append(evaluate.view_scores(image, self.views.test, len(rows)))
+            rows.append(evaluate.view_scores(image, self.views.test, len(rows), lpips=self.lpips))
             opacities.append(image.opacity.mean())
             return image
 
@@ -346,7 +348,8 @@ class CellTraining:
             settings={**task.settings(), "view_set": view_set_facts(self.views)},
             # the others of the group change no bit of it: after an interruption they may differ
             provenance={**self.provenance, "in_lockstep": list(task.methods)}
-            | ({"resumed_at": self.resumed_at} if self.resumed_at else {}),
+            | ({"resumed_at": self.resumed_at} if self.resumed_at else {})
+            | ({"lpips": self.lpips.digest} if self.lpips else {}),
         )
 
 

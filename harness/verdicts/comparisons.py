@@ -26,19 +26,19 @@ Key = tuple[str, str, int]
 NO_ESTIMATE = Estimate(None, None, 1, "inconclusive", None, None)
 
 
-OF_HDR = tuple(name for name, metric in METRICS.items() if metric.of_hdr)
+OPTIONAL = tuple(name for name, metric in METRICS.items() if metric.optional)
 
 
-def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS) - len(OF_HDR)) -> int:
+def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS) - len(OPTIONAL)) -> int:
     """Return how many comparisons of two methods at one budget are looked at together with this one.
 
     Declared before any data: PSNR over all scenes is the question itself, and stands alone. PSNR by scene is asked once
     per scene, the other metrics over all scenes once per metric, and by scene as often as both. Methods and budgets are
-    questions of their own. `metrics` is the number of metrics, PSNR included, that every scene has; those of scenes
-    with bright lights alone are looked at beside all of them.
+    questions of their own. `metrics` is the number of metrics, PSNR included, that every run has; optional ones are
+    looked at beside all of them.
     """
     by_metric = 1 if metric == PRIMARY else max(1, metrics - (metrics > 1))
-    by_metric += len(OF_HDR) if metric in OF_HDR else 0
+    by_metric += len(OPTIONAL) if metric in OPTIONAL else 0
     return by_metric * (1 if scene == "all" else scenes)
 
 
@@ -84,7 +84,7 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
         for name, metric in METRICS.items():
             for budget in along if metric.along_training else along[:1]:
                 table = differences(by_key, shared, seeds, method, against, name, budget)
-                if metric.of_hdr:  # a scene without such lights is no missing pair
+                if metric.optional:  # a scene that has no such score is no missing pair
                     table = {scene: values for scene, values in table.items() if np.isfinite(values).any()}
                 for scene in (scene for scene in where if scene in table or (scene == "all" and table)):
                     family = family_of(name, scene, len(table))

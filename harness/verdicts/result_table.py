@@ -188,10 +188,10 @@ def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
 KEYS = ("scene", "method", "seed", "steps", "seconds", "core_seconds")
 """The columns that are no metric."""
 LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
-LOWER |= {"lpips", "rmse", "mse", "mae", "fid", "kid", "dists", "chamfer"}
+LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer"}
 """The metrics that are better when lower, also as parts of a name: `lpips_vgg`."""
 HIGHER = {"psnr", "ssim", "iou", "msssim", "accuracy", "f1"}
-MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()} | {"lpips": 0.005}
+MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
 """The smallest effect of interest of each metric that has an agreed one."""
 MOST_METHODS = 200
 MOST_CELLS = 5_000_000

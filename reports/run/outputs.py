@@ -126,7 +126,7 @@ def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[
             budgets: tuple[Budget, ...] = ("steps", "seconds") if about.along_training and same_clock else ("steps",)
             for budget in budgets:
                 table = differences(keyed, scenes, seeds, OTHER, FIRST, metric, budget)
-                if about.of_hdr and not any(np.isfinite(values).any() for values in table.values()):
+                if about.optional and not any(np.isfinite(values).any() for values in table.values()):
                     continue
                 # a seed that a scene has in neither run is not a pair that was lost
                 there = {scene: values[has[scene]] for scene, values in table.items()}

@@ -1,6 +1,6 @@
 """A trained method compared with the views: scores of the fixed test set, properties, and pictures for the report."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,12 +73,19 @@ def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None
     return {name: finite_or_none(value) for name, value in zip(("psnr", "ssim", "rmse_linear"), means, strict=True)}
 
 
-def scores_of(image: View, split: Split, index: int, chosen: Iterable[str]) -> dict[str, float | None]:
+Distance = Callable[[np.ndarray, np.ndarray], float | None]
+"""An image and the truth [h, w, 3] → how far they are apart, as `harness.training.scoring.lpips` says it."""
+
+
+def scores_of(
+    image: View, split: Split, index: int, chosen: Iterable[str], lpips: Distance | None = None
+) -> dict[str, float | None]:
     """Return metrics of one view, each by the function of its name; None for geometry that the truth has none of."""
     rgba = split.rgba[index]
     sides: dict[str, tuple[np.ndarray, ...]] = {
         "colour": (image.colour, over_white(rgba)),
         "opacity": (image.opacity, rgba[..., 3]),
+        "features": (image.colour, over_white(rgba)),
     }
     if split.light is not None and (light := split.light(split.names[index])) is not None:
         sides["light"] = (decode_srgb(image.colour), light)
@@ -87,7 +94,8 @@ def scores_of(image: View, split: Split, index: int, chosen: Iterable[str]) -> d
     scores: dict[str, float | None] = {}
     for name in chosen:
         arrays = sides.get(METRICS[name].compares)
-        score = None if arrays is None else getattr(metrics, name)(*arrays)
+        measure = lpips if METRICS[name].compares == "features" else getattr(metrics, name)
+        score = None if arrays is None or measure is None else measure(*arrays)
         scores[name] = None if score is None else min(score, METRICS[name].largest)
     return scores
 
@@ -111,13 +119,15 @@ def _mean_psnr(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float | None:
     return finite_or_none(float(np.mean([_capped_psnr(image, truth) for image, truth in pairs])))
 
 
-def view_scores(image: View, split: Split, index: int, chosen: Iterable[str] = METRICS) -> ViewScore:
+def view_scores(
+    image: View, split: Split, index: int, chosen: Iterable[str] = METRICS, lpips: Distance | None = None
+) -> ViewScore:
     """Return the chosen scores of one view; geometry if the view set carries it."""
     noise = None if split.noise_mse is None else float(split.noise_mse[index])
     return ViewScore(
         view=split.names[index],
         psnr_ceiling=None if noise is None else finite_or_none(metrics.psnr_from_mse(noise)),
-        **scores_of(image, split, index, chosen),
+        **scores_of(image, split, index, chosen, lpips),
     )
 
 

@@ -9,13 +9,14 @@ import numpy as np
 from harness.records.metric_table import METRICS
 from harness.records.scored_pictures import ScoredPictures
 from harness.training.scoring.evaluate import View, mean_scores, view_scores
+from harness.training.scoring.lpips import lpips_of
 from harness.training.scoring.misread import as_read, likely_mistake
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.rendered_pictures import of_views, pictures_in, read_picture
 from scenes.view_sets.images import display_image
 from scenes.view_sets.view_set import ViewSet, read_view_set
 
-SCORED = tuple(name for name, metric in METRICS.items() if metric.compares == "colour")
+SCORED = tuple(name for name, metric in METRICS.items() if metric.compares in ("colour", "features"))
 
 
 class _Pictures:
@@ -46,14 +47,16 @@ def score_pictures(
     seconds: float | None = None,
     resolution: int | None = None,
     as_they_are: bool = False,
+    lpips: Path | None = None,
     each: Callable[[int, int], None] = lambda done, total: None,
 ) -> ScoredPictures:
     """Return the scores of the pictures in `folder` at `resolution` pixels of width (default: their own).
 
     `each` is told how many of the views are done. Raises `InputError` for pictures that are not those of the test
     views, and for those that seem to be meant otherwise than they are read, unless they are to be scored
-    `as_they_are`.
+    `as_they_are`. `lpips` is the file of its weights.
     """
+    distance = None if lpips is None else lpips_of(lpips)
     found = pictures_in(folder)
     width = resolution or display_image(found[0]).shape[1]
     views = read_view_set(view_set, width, splits=("test",), geometry=())
@@ -65,7 +68,7 @@ def score_pictures(
         raise InputError(f"{files[0].parent}: the pictures {mistake}; if they are meant as they are, --as-they-are")
     rows = []
     for index, view in enumerate(_as_views(pictures, views)):
-        rows.append(view_scores(view, views.test, index, SCORED))
+        rows.append(view_scores(view, views.test, index, SCORED, distance))
         each(index + 1, len(files))
     scores = {name: score for name, score in mean_scores(rows).items() if name in SCORED}
     return ScoredPictures(
@@ -80,6 +83,7 @@ def score_pictures(
             "view_set": str(view_set),
             "width": views.width,
             "as_they_are": as_they_are,
+            "lpips": None if distance is None else distance.digest,
         },
         **scores,
     )

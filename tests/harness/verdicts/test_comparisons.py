@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from harness.records.cells import CellRecord, Comparison, unscored
 from harness.records.metric_table import METRICS
 from harness.verdicts.comparisons import (
-    OF_HDR,
+    OPTIONAL,
     budgets_of,
     compare,
     differences,
@@ -123,7 +123,7 @@ def test_the_verdict_is_taken_from_the_interval_of_the_whole_family() -> None:
 def test_families_are_the_declared_ones() -> None:
     rows = compare(planted({scene: [1.0, 2.0] for scene in "abc"}), ["nerf", "qnerf"])
     families = {(row.metric, row.scene): row.family for row in rows}
-    others = len(METRICS) - 1 - len(OF_HDR)
+    others = len(METRICS) - 1 - len(OPTIONAL)
     assert (families["psnr", "all"], families["psnr", "b"]) == (1, 3)
     assert (families["ssim", "all"], families["ssim", "b"]) == (others, 3 * others)
     assert family_of("psnr", "all", 8, 1) == family_of("ssim", "all", 8, 2) == 1
@@ -176,7 +176,7 @@ def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_con
 
 def test_every_metric_is_compared_at_equal_steps_and_those_of_the_curve_at_equal_time() -> None:
     rows = compare([quick("nerf", 0, 20.0), quick("qnerf", 0, 21.0)], ["nerf", "qnerf"])
-    assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS) - set(OF_HDR)
+    assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS) - set(OPTIONAL)
     assert {row.metric for row in rows if row.budget == "seconds"} == {
         "psnr", "ssim", "rmse_linear", "flip", "depth_rmse",
     }  # fmt: skip

@@ -66,7 +66,7 @@ def test_every_metric_is_judged_at_equal_steps_and_those_along_training_at_equal
     _, found = compared(tmp_path)
     judged = {(metric, budget) for _, _, metric, budget in found.rows}
     assert {metric for metric, budget in judged if budget == "steps"} == {
-        name for name, metric in METRICS.items() if not metric.of_hdr
+        name for name, metric in METRICS.items() if not metric.optional
     }
     assert {metric for metric, budget in judged if budget == "seconds"} == {
         name for name, metric in METRICS.items() if metric.along_training

@@ -50,7 +50,8 @@ def test_means_leave_out_the_views_that_lack_a_score() -> None:
     means = evaluate.mean_scores(rows)
     assert means == pytest.approx(
         {"psnr": 20.0, "ssim": 0.6, "flip": 0.2, "delta_e": 2.0, "rmse_linear": 0.15, "depth_rmse": 0.3,
-         "opacity_iou": None, "psnr_ceiling": 40.0, "rel_mse": None, "smape": None, "hdr_flip": None}
+         "opacity_iou": None, "psnr_ceiling": 40.0, "rel_mse": None, "smape": None, "hdr_flip": None,
+         "lpips": None}
     )  # fmt: skip
 
 
