@@ -35,7 +35,7 @@ class Lpips:
             weights = load(file.read_bytes())
         except (OSError, SafetensorError) as error:
             raise InputError(f"--lpips {file}: cannot be read ({short(error, 120)}); name the weights") from error
-        wanted = {f"{name}.weight": shape for name, shape in LAYERS}
+        wanted: dict[str, tuple[int, ...]] = {f"{name}.weight": shape for name, shape in LAYERS}
         wanted |= {f"{name}.bias": shape[:1] for name, shape in LAYERS}
         wanted |= {f"lin{place}.model.1.weight": (1, shape[0], 1, 1) for place, (_, shape) in enumerate(LAYERS)}
         for name, shape in wanted.items():
