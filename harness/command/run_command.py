@@ -226,7 +226,7 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
     precision = None if options.precision == "auto" else options.precision
     plan = planned(options.profile, **given, **scene_source(options), precision=precision)
     if options.command != "run":  # what explains a run's result is no part of other measurements
-        plan = replace(plan, extras=())
+        plan = replace(plan, extras=(), guest=None)
     # last, as it may join a cluster
     device, bfloat16 = device_and_bfloat16(options, *say)
     if options.precision == "auto" and not bfloat16:

@@ -74,11 +74,11 @@ def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
         except DamagedRecord:
             return False
 
-    return tuple(
-        methods
-        for (scene, seed), methods in plan.groups().items()
-        if not all(is_there(scene, name, seed) for name in methods)
-    )
+    # a guest takes as long as nerf
+    guests = [("nerf",) for key in plan.guest_cells() if not is_there(*key)]
+    groups = plan.groups().items()
+    left = [methods for (scene, seed), methods in groups if not all(is_there(scene, name, seed) for name in methods)]
+    return (*left, *guests)
 
 
 def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int) -> list[str]:
@@ -108,9 +108,9 @@ def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores
             most = "at most, " if name in at_most else ""
             note = f" ({notes[name]})" if notes.get(name) else ""
             lines.append(f"  {name} {most}{length}{note}")
-    if len(groups) < len(plan.groups()):
-        ended = len(plan.groups()) - len(groups)
-        lines.append(f"  {ended} of {len(plan.groups())} groups of cells are finished, not in it")
+    every = len(plan.groups()) + len(plan.guest_cells())
+    if len(groups) < every:
+        lines.append(f"  {every - len(groups)} of {every} groups of cells are finished, not in it")
     if extent.verify:
         lines.append("  verification of omissions is not in it: it trains cells again")
     if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # none of the catalogue is full

@@ -20,6 +20,7 @@ from harness.machine.provenance import provenance
 from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
 from harness.plan.profiles import Machine, Plan
+from harness.plan.schedule import Budget
 from harness.plan.stated_omissions import with_stated
 from harness.records.cells import (
     CellRecord,
@@ -27,6 +28,7 @@ from harness.records.cells import (
     SceneRecord,
     cell_path,
     digests_of,
+    read_cell,
     read_cells_of,
     write_comparisons,
     write_run,
@@ -95,6 +97,7 @@ def run(
     try:
         with phases.timed("train"):
             _train(tasks, keys, record, machine, show)
+            _train_guest(plan, tasks, record, machine, show)
     except KeyboardInterrupt:
         write(finished=False)
         raise KeyboardInterrupt(_kept(out, keys)) from None
@@ -141,6 +144,27 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
             if event.share == 1.0:
                 _compare(out, keys, record.main_methods, list(record.methods))
     drop_folder(out)
+
+
+def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine: Machine, show: Progress) -> None:
+    """Train the guest on each scene for the core seconds that `nerf` took there, where that is known and not done."""
+    out, budgets = tasks[0].out, {}
+    for scene, guest, seed in plan.guest_cells():
+        path = cell_path(out, scene, "nerf", seed)
+        if not cell_path(out, scene, guest, seed).exists() and path.exists():
+            budgets[scene] = read_cell(path).train_core_seconds
+    due = [
+        replace(task, methods=(plan.guest or "",), budget=Budget(None, None, seconds))
+        for task in tasks
+        if task.seed == plan.seeds[0] and (seconds := budgets.get(task.scene))
+    ]
+    for event in run_groups(machine, due, record.provenance["commit"], run_locally) if due else ():
+        if event.notice is not None:
+            show.line(event.notice)
+        if event.cell is not None:
+            show.cell(event.cell)
+    if due:
+        drop_folder(out)
 
 
 def _compare(out: Path, keys: list[Key], everywhere: list[str], methods: list[str]) -> list[CellRecord]:

@@ -8,7 +8,8 @@ from harness.records.cells import RunRecord
 
 def planned_record(plan: Plan, command: str) -> RunRecord:
     """Return the record of a run of `command` that has not begun; its provenance holds the methods' packages alone."""
-    methods = plan.all_methods()
+    guests = (plan.guest,) if plan.guest else ()
+    methods = (*plan.all_methods(), *guests)
     return RunRecord(
         profile=plan.profile,
         command=command,
@@ -22,4 +23,5 @@ def planned_record(plan: Plan, command: str) -> RunRecord:
         finished=False,
         not_tested=not_tested(plan),
         deviations=deviations(plan),
+        guests=list(guests),
     )

@@ -30,7 +30,7 @@ from scenes.files.errors import InputError
 from scenes.modelling.needs import PARTS
 from scenes.view_sets.source import Region
 
-APART = ("scenes", "methods", "seeds", "render_limit", "lpips")
+APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "guest")
 """The fields that settings have elsewhere or not at all."""
 LARGEST = {
     "seeds": 1000,
@@ -84,6 +84,10 @@ class Plan:
     render_limit: float | None = None
     """The seconds that the scene file, or one of its views, may take, else the default; no result depends on it."""
     extras: tuple[Extra, ...] = ()
+    guest: str | None = None
+    """A method of another family, trained with the first seed for the core seconds that `nerf` took on each scene: it
+    shows what else these would have bought, and is compared with nothing.
+    """
     lpips: str | None = None
     """The file of the weights of LPIPS; cells name its digest."""
 
@@ -146,6 +150,10 @@ class Plan:
             kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
         names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
         return {**kept, **names, "density_units": self.density_units()}
+
+    def guest_cells(self) -> list[tuple[str, str, int]]:
+        """Return (scene, method, seed) of the guest's cells."""
+        return [(scene, self.guest, self.seeds[0]) for scene in self.scenes] if self.guest else []
 
     def density_units(self) -> dict[str, dict[str, Any]]:
         """Map method → the density where its amplifier gives 1 and the length that it is per, for
@@ -283,6 +291,7 @@ PROFILES: dict[str, Plan] = {
         score=ScoreSettings(checkpoints=4, earliest=0.125, chunk=2048),
         views=REDUCED_VIEWS,
         extras=(Extra(EXPLAINED, EXPLAINING, (0, 1, 2)), Extra(EXPLAINED, tuple(LADDER), (0,))),
+        guest="splats",
     ),
     "stress": Plan(
         profile="stress",
@@ -394,7 +403,7 @@ def planned(
             plan, scenes=own, scene_file=str(scene_file), scene_file_digest=digest, render_limit=render_limit
         )
     if methods is not None:  # a user who names methods wants these and no others
-        plan = replace(plan, methods=known_names("--methods", methods, method_names()), extras=())
+        plan = replace(plan, methods=known_names("--methods", methods, method_names()), extras=(), guest=None)
     require_methods(plan.methods)
     if seeds is not None:
         plan = replace(plan, seeds=tuple(range(seeds)))

@@ -258,6 +258,8 @@ class RunRecord(Record, frozen=True):
     not_tested: list[str]
     """What a reader might expect and this run did not test; one sentence each."""
     schema: int = SCHEMA
+    guests: list[str] = field(default_factory=list)
+    """The methods of other families that were trained for scale, and are compared with nothing."""
 
     @property
     def main_methods(self) -> list[str]:

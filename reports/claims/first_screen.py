@@ -4,6 +4,7 @@ It is built from the ledger, the run's comparisons and, if it lies beside, the e
 """
 
 from dataclasses import dataclass
+from statistics import fmean
 from typing import Any
 
 from harness.records.study import Studies
@@ -14,7 +15,7 @@ from reports.claims.table import LOOKS, in_a_sentence, measured_entry, printed_e
 from reports.data.beside import Beside
 from reports.data.load import Records
 from reports.data.scale import in_a_line
-from reports.data.wording import NARROW, UNTESTED, listed, number
+from reports.data.wording import NARROW, UNTESTED, counted, listed, number
 from reports.page.grid import Entry
 from reports.studies.check_words import described
 
@@ -63,6 +64,7 @@ def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[
         "question": question(records, by_id),
         "lines": lines,
         "sure": how_sure(records, beside.evidence),
+        "guests": guests(records),
         "untested": [sentence for sentence, _ in by_cause(list(shown.values()))],
         "tally": in_a_sentence(claims),
     }
@@ -78,6 +80,25 @@ def question(records: Records, by_id: dict[str, Claim]) -> str:
     if not cast.contenders:
         return f"How does {cast.baseline} do?"
     return f"How {'do' if len(cast.contenders) > 1 else 'does'} {listed(cast.contenders)} compare with {cast.baseline}?"
+
+
+def guests(records: Records) -> str:
+    """State what a method of another family reaches in as many core seconds as `nerf`; empty if none was trained."""
+    for name in records.run.guests:
+        pairs = []
+        for cell in (one for one in records.guest_cells if one.method == name):
+            beside = next((one for one in records.cells_of(cell.scene, "nerf") if one.seed == cell.seed), None)
+            scores = cell.scores.get("psnr"), beside and beside.scores.get("psnr"), cell.train_core_seconds
+            if None not in scores:
+                pairs.append(scores)
+        if pairs:
+            theirs, ours, spent = (fmean(float(pair[place] or 0.0) for pair in pairs) for place in range(3))
+            scenes = f"{counted(len(pairs), 'scene')}, {spent:.0f} core seconds a cell"
+            return (
+                f"{name} reaches {number(theirs)} dB in as many core seconds as nerf, which reaches {number(ours)} dB "
+                f"({scenes}; one seed, not judged)"
+            )
+    return ""
 
 
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:

@@ -60,6 +60,8 @@ class Records:
     """The cells of methods that were planned on single scenes: they are in no table of all scenes."""
     extra_comparisons: list[Comparison] = field(default_factory=list)
     """The comparisons of those methods."""
+    guest_cells: list[CellRecord] = field(default_factory=list)
+    """The cells of methods of other families, which are compared with nothing."""
 
     @property
     def folder(self) -> Path:
@@ -78,7 +80,8 @@ class Records:
     @property
     def failed(self) -> list[CellRecord]:
         """Return cells that diverged or ended in an error."""
-        return [cell for cell in (*self.cells, *self.extra_cells) if cell.status in ("diverged", "error")]
+        every = (*self.cells, *self.extra_cells, *self.guest_cells)
+        return [cell for cell in every if cell.status in ("diverged", "error")]
 
     @property
     def not_available(self) -> dict[str, dict[str, int]]:
@@ -94,7 +97,7 @@ class Records:
         return next((scene for scene in self.run.scenes if scene.name == name), None)
 
     def cells_of(self, scene: str, method: str) -> list[CellRecord]:
-        every = (*self.cells, *self.extra_cells)
+        every = (*self.cells, *self.extra_cells, *self.guest_cells)
         return [cell for cell in every if cell.scene == scene and cell.method == method]
 
     def comparison(
@@ -130,7 +133,8 @@ def read_records(out: Path, partly: bool = False) -> Records:
     known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
     targets = if_sound(partial(_targets, out, known, cells), None, left_out)
     if len(cells) < len(paths):  # both are of cells that are not shown
-        comparisons, targets = compare(of_whole_groups(cells, run.main_methods), list(run.methods)), None
+        compared = [name for name in run.methods if name not in run.guests]
+        comparisons, targets = compare(of_whole_groups(cells, run.main_methods), compared), None
     unsorted = Records(out, run, cells, comparisons)
     scenes, methods = unsorted.scenes, [*known, *run.methods]
     cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))
@@ -141,8 +145,9 @@ def read_records(out: Path, partly: bool = False) -> Records:
         [row for row in comparisons if row.method not in extra],
         targets,
         left_out or [],
-        [cell for cell in cells if cell.method in extra],
+        [cell for cell in cells if cell.method in extra - set(run.guests)],
         [row for row in comparisons if row.method in extra],
+        [cell for cell in cells if cell.method in run.guests],
     )
 
 

@@ -65,10 +65,9 @@ AXES = {"step": "training step", "seconds": "training seconds", "core_seconds": 
 
 def convergence(records: Records, axis: str) -> list[Panel]:
     """Draw test PSNR against one of `AXES`: a panel for each scene, the mean over several scenes first."""
-    curves = curves_frame(records)
-    chosen = points_of(curves.assign(x=curves[axis], y=curves["psnr"]))
     colours, panels = colours_of(records.methods), []
-    for scene, points in by_scene(chosen, records, log=False):
+    guests = {} if axis == "step" else dict(_along(replace(records, cells=records.guest_cells), axis))
+    for scene, points in _along(records, axis):
         about = records.scene(scene)
         levels = [Level("floor", about.psnr_floor), Level("ceiling", about.psnr_ceiling, INK)] if about else []
         near = [
@@ -78,8 +77,18 @@ def convergence(records: Records, axis: str) -> list[Panel]:
         ]
         title = "all scenes (mean)" if scene == EVERYWHERE else scene
         traces = traces_of(points, colours, scene, "psnr", log=False)
+        if scene in guests:  # which are no runs of the tables
+            of_guests = colours_of([*records.methods, *records.run.guests])
+            own = {name: of_guests[name] for name in records.run.guests}
+            traces += [replace(trace, runs=()) for trace in traces_of(guests[scene], own, scene, "psnr", log=False)]
         panels.append(_panel(title, AXES[axis], "test PSNR (dB)", traces, points, near))
     return with_common_limits(panels, "x")
+
+
+def _along(records: Records, axis: str) -> Iterable[tuple[str, pd.DataFrame]]:
+    """Yield the test PSNR of each scene's cells over an axis, the mean over several scenes first."""
+    curves = curves_frame(records)
+    return by_scene(points_of(curves.assign(x=curves[axis], y=curves["psnr"])), records, log=False)
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
             {"scene": scene.name, **{name: getattr(scene, name) for name in ABOUT_SCENE}} for scene in run.scenes
         ],
         "last_doubling": [asdict(row) for row in last_doublings(records.cells, records.methods)],
-        "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells)],
+        "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells, *records.guest_cells)],
         "comparisons": [plain(comparison) for comparison in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(found_failures(records)),
         "claims": [{name: getattr(claim, name) for name in CLAIM} for claim in ledger],

@@ -114,6 +114,7 @@ def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:
         budget=Budget(steps=None, seconds=SECONDS),
         train=plan.train if precision_as_planned else replace(plan.train, precision="float32"),
         extras=(),
+        guest=None,
     )
     if not quick:
         return whole

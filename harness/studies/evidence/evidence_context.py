@@ -112,6 +112,7 @@ class EvidenceContext(TrainedContext):
             views=views,
             train=profile.train if self.precision_as_planned else replace(profile.train, precision="float32"),
             extras=(),
+            guest=None,
         )
 
 

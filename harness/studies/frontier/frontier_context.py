@@ -109,6 +109,7 @@ class FrontierContext(TrainedContext):
             score=replace(profile.score, checkpoints=1, stored_views=1),
             views=replace(profile.views, resolution=amount.resolution),
             extras=(),
+            guest=None,
         )
 
     def frontier(self) -> "Frontier":

@@ -138,3 +138,11 @@ def test_two_view_sets_of_one_name_are_refused_by_both_paths(ball_folder: Path, 
     for again in (other, ball_folder):
         with pytest.raises(InputError, match=f"--view-set {ball_folder} {again}: both would be the scene ball; rename"):
             planned("smoke", view_set=[ball_folder, again])
+
+
+def test_a_guest_has_a_cell_on_each_scene_and_none_where_methods_are_named() -> None:
+    plan = planned("reduced")
+    assert plan.guest_cells() == [(scene, "splats", 0) for scene in plan.scenes]
+    assert not {key for key in plan.guest_cells()} & set(plan.cells())
+    assert "guest" not in plan.settings(), "no result of the others depends on it"
+    assert planned("reduced", methods=["nerf", "qnerf"]).guest_cells() == []

@@ -1,0 +1,80 @@
+"""A method of another family is a sentence and a curve, and is in no table, comparison or verdict."""
+
+import math
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from harness.records.cells import CellRecord, RunRecord, write_cell
+from reports.claims.claim_list import claims
+from reports.claims.first_screen import first_screen, guests
+from reports.data.beside import Beside
+from reports.data.load import Records, read_records
+from reports.run.curves import convergence
+from reports.run.publish import summary
+from reports.run.run_page import page
+from tests.reports.fake_run import write_fake_run
+
+
+def with_cores(cell: CellRecord) -> CellRecord:
+    curve = [replace(point, core_seconds=point.seconds) for point in cell.curve]
+    return replace(cell, curve=curve, train_core_seconds=20.0)
+
+
+def invited(run: RunRecord) -> RunRecord:
+    settings = {**run.settings, "methods": list(run.methods)}
+    return replace(run, methods={**run.methods, "splats": "Gaussians"}, guests=["splats"], settings=settings)
+
+
+@pytest.fixture(scope="module")
+def visited(tmp_path_factory: pytest.TempPathFactory) -> Records:
+    out = write_fake_run(
+        tmp_path_factory.mktemp("visited") / "run", pictures=False, with_diverged=False, change=invited,
+        change_cell=with_cores,
+    )  # fmt: skip
+    own = read_records(out)
+    for place, scene in enumerate(own.scenes):
+        (cell,) = [cell for cell in own.cells_of(scene, "nerf") if cell.seed == 0]
+        write_cell(out, replace(cell, method="splats", scores={**cell.scores, "psnr": 30.0 + place}, files={}))
+    return read_records(out)
+
+
+def test_it_is_in_no_table_and_no_comparison(visited: Records, whole: Records) -> None:
+    assert visited.methods == whole.methods
+    assert visited.comparisons == whole.comparisons
+    assert visited.extra_cells == []
+    assert [(cell.scene, cell.method, cell.seed) for cell in visited.guest_cells] == [
+        (scene, "splats", 0) for scene in visited.scenes
+    ]
+
+
+def test_the_first_screen_says_what_it_reaches_in_nerfs_core_seconds(visited: Records, whole: Records) -> None:
+    ours = [cell.scores["psnr"] or 0.0 for cell in visited.cells if (cell.method, cell.seed) == ("nerf", 0)]
+    assert guests(visited) == (
+        f"splats reaches 30.50 dB in as many core seconds as nerf, which reaches {sum(ours) / 2:.2f} dB (2 scenes, "
+        "20 core seconds a cell; one seed, not judged)"
+    )
+    beside = Beside()
+    assert first_screen(visited, claims(visited, beside), beside)["guests"] == guests(visited)
+    assert guests(whole) == ""
+    assert "splats</" in page(visited)
+    assert "Elsewhere" not in page(whole)
+
+
+def test_its_curve_stands_over_core_seconds(visited: Records) -> None:
+    together, *single = convergence(visited, "core_seconds")
+    lines = {trace.label: trace for trace in together.traces if trace.kind == "line"}
+    assert set(lines) == {*(f"{name} mean" for name in visited.methods), "splats mean"}
+    assert not math.isnan(lines["splats mean"].y[-1])
+    assert lines["splats mean"].runs == ()
+    assert len(single) == 2
+    assert all(trace.label.partition(" ")[0] != "splats" for trace in convergence(visited, "step")[0].traces)
+
+
+def test_the_summary_has_its_cells(visited: Records) -> None:
+    assert sum(cell["method"] == "splats" for cell in summary(visited)["cells"]) == 2
+
+
+def test_one_without_a_score_is_said_nothing_of(visited: Records, tmp_path: Path) -> None:
+    assert guests(visited.__class__(**{**vars(visited), "guest_cells": []})) == ""
