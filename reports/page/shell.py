@@ -113,11 +113,13 @@ class Section(NamedTuple):
     parts: list[Markup]
     question: str | None = None
     """The question of a study, which stands below its title; None for anything else."""
+    folded: bool = False
+    """Whether a reader unfolds it; a link to it does."""
 
 
-def section(name: str, title: str, *parts: Markup, question: str | None = None) -> Section:
+def section(name: str, title: str, *parts: Markup, question: str | None = None, folded: bool = False) -> Section:
     """Return a section without the parts that turned out empty."""
-    return Section(name, title, [part for part in parts if part.strip()], question)
+    return Section(name, title, [part for part in parts if part.strip()], question, folded)
 
 
 class Layout:
@@ -144,6 +146,7 @@ class Layout:
         scripts: tuple[str, ...] = (*SCRIPTS, START),
         files: bool = False,
         rules: str = "",
+        fold_origins: bool = False,
         **content: Any,
     ) -> str:
         """Return a page as text; sections without parts are left out. `files` lets it load script files that lie
@@ -153,7 +156,7 @@ class Layout:
             self.parts.folded(name, self.parts.terms("provenance", pairs), place == 0)
             for place, (name, pairs) in enumerate(provenance)
         ]
-        every = [*sections, section("provenance", "Provenance", *origins)]
+        every = [*sections, section("provenance", "Provenance", *origins, folded=fold_origins)]
         code = script(*scripts)
         return self.environment.get_template(template).render(
             **content,

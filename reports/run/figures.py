@@ -92,6 +92,8 @@ class Drawn(NamedTuple):
     """What lines and marks mean, behind the methods' colours."""
     note: str = ""
     wide: bool = False
+    all_first: bool = False
+    """Whether the first panel is of all scenes together, and the others of one each."""
 
 
 FIGURES = (
@@ -111,9 +113,21 @@ FIGURES = (
         "printed form, the dashed line the floor: copying the nearest training view.",
         wide=True,
     ),
-    Drawn("steps", "convergence", lambda records: convergence(records, "step"), "At equal steps"),
-    Drawn("seconds", "convergence", lambda records: convergence(records, "seconds"), "At equal training time"),
-    Drawn("core-seconds", "convergence", lambda records: convergence(records, "core_seconds"), "At equal core seconds"),
+    Drawn("steps", "convergence", lambda records: convergence(records, "step"), "At equal steps", all_first=True),
+    Drawn(
+        "seconds",
+        "convergence",
+        lambda records: convergence(records, "seconds"),
+        "At equal training time",
+        all_first=True,
+    ),
+    Drawn(
+        "core-seconds",
+        "convergence",
+        lambda records: convergence(records, "core_seconds"),
+        "At equal core seconds",
+        all_first=True,
+    ),
     Drawn(
         "reach",
         "reaching",

@@ -92,6 +92,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         answer.title,
         _sections(records, layout, ledger, shelves, pixels, work),
         provenance(records),
+        fold_origins=True,
         scripts=SCRIPTS,
         files=bool(pixels and pixels.files),
         rules=chooser_rules(work),
@@ -135,18 +136,25 @@ def _sections(
             if figure.section == name and (drawn := plots(figure.panels(records), figure.name)):
                 shown += HEADING.format(figure.title) if figure.title else ""
                 shown += parts.legend(keys, figure.legend) if figure.legend else ""
-                shown += parts.figures(drawn, "pairs" if figure.wide else "")
+                # by scene on request, where one panel is of all of them
+                together = drawn[:1] if figure.all_first and len(records.scenes) > 1 else drawn
+                shown += parts.figures(together, "pairs" if figure.wide else "")
+                if by_scene := drawn[len(together) :]:
+                    shown += parts.folded("Scene by scene", parts.figures(by_scene))
                 shown += parts.paragraph(named(figure.note), "note")
         return shown
 
+    def folded(name: str, title: str, *content: Markup) -> Section:
+        return section(name, title, *content, folded=True)
+
     def shelf(name: str) -> Section:
-        return section(name, WORDS[name].title, *map(layout.study_parts.shelf, filter(None, [shelves.get(name)])))
+        return folded(name, WORDS[name].title, *map(layout.study_parts.shelf, filter(None, [shelves.get(name)])))
 
     scores = [scores_grid(records), senses_grid(records), *differences_grids(records)]
     yield section("psnr", "PSNR", *map(parts.table, scores), figures("psnr"))
     sentences = [parts.paragraph(named(sentence)) for sentence in unit_sentences(records)]
     tables = map(parts.table, unit_grids(records))
-    yield section("units", "The unit of density", *sentences, figures("units"), *tables)
+    yield folded("units", "The unit of density", *sentences, figures("units"), *tables)
     yield shelf("evidence")
     if converging := figures("convergence"):
         yield section("convergence", "Convergence", parts.legend(keys, CONVERGENCE), converging)
@@ -168,12 +176,11 @@ def _sections(
     if still := views(records):
         beside = parts.paragraph(pixels.data["beside"], "alert mild") if pixels else Markup("")
         yield section("pictures", "Pictures", beside, parts.comparer(still))
-    yield shelf("serving")
-    yield section("metrics", "Other scores", parts.table(metrics_table.metrics_grid(records), False))
+    yield folded("metrics", "Other scores", parts.table(metrics_table.metrics_grid(records), False))
     density = figures("amplifier")
     after = [(parts.swatch(method), f"density after it, {method}") for method in amplified_methods(records)]
     legend = parts.legend([(MUTED, "density before the amplifier"), *after], AMPLIFIER) if density else Markup("")
-    yield section("amplifier", "Amplifier", legend, density, figures("learned"))
+    yield folded("amplifier", "Amplifier", legend, density, figures("learned"))
     yield shelf("stability")
     if tested := chapters(ledger, in_a_line(records)):
         judged = [HEADING.format(chapter["title"]) + parts.table(chapter["grid"], False) for chapter in tested]
@@ -183,14 +190,15 @@ def _sections(
         ]
         rule = parts.paragraph(CLAIMS.format(standing(records), in_a_line(records)))
         heading = HEADING.format("Not tested") if untested else Markup("")
-        yield section("claims", "The paper’s claims", rule, *judged, heading, *folded)
+        yield folded("claims", "The paper’s claims", rule, *judged, heading, *folded)
     for title, (name, grid) in TABLES.items():
-        yield section(name, title, parts.table(grid(records), False))
-    yield section("deviations", "Deviations from the paper", parts.bullets(run.deviations))
+        yield folded(name, title, parts.table(grid(records), False))
+    yield shelf("serving")
+    yield folded("deviations", "Deviations from the paper", parts.bullets(run.deviations))
     compared = metrics_table.comparisons_grid(records)
     many = f"{len(compared.rows)} paired comparisons with intervals and smallest detectable differences"
     every = parts.folded(many, parts.table(compared, False)) if compared.rows else Markup("")
-    yield section("comparisons", "Every comparison", every)
+    yield folded("comparisons", "Every comparison", every)
 
 
 def provenance(records: Records) -> shell.Groups:

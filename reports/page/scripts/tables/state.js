@@ -69,6 +69,7 @@ const state = (() => {
   function goTo(name, focused = false) {
     const target = name && document.getElementById(name);
     if (!target) return;
+    target.querySelector(":scope > details.fold")?.setAttribute("open", "");
     for (let node = target; node; node = node.parentElement) if (node.tagName === "DETAILS") node.open = true;
     target.scrollIntoView();
     if (!focused) return;
