@@ -185,12 +185,12 @@ def _sections(
     if tested := chapters(ledger, in_a_line(records)):
         judged = [HEADING.format(chapter["title"]) + parts.table(chapter["grid"], False) for chapter in tested]
         untested = folds(ledger)
-        folded = [
+        unread = [
             parts.folded(shell.with_code(chapter["title"]), parts.bullets(chapter["claims"])) for chapter in untested
         ]
         rule = parts.paragraph(CLAIMS.format(standing(records), in_a_line(records)))
         heading = HEADING.format("Not tested") if untested else Markup("")
-        yield folded("claims", "The paper’s claims", rule, *judged, heading, *folded)
+        yield folded("claims", "The paper’s claims", rule, *judged, heading, *unread)
     for title, (name, grid) in TABLES.items():
         yield folded(name, title, parts.table(grid(records), False))
     yield shelf("serving")
