@@ -79,7 +79,7 @@ def page(records: Records, beside: Beside = ALONE) -> str:
 
 
 def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
-    layout = Layout(colours_of(records.methods))
+    layout = Layout(colours_of([*records.methods, *records.run.guests]))
     filters = {"signed": wording.signed, "interval": wording.interval, "as_data": as_data, "behind": behind_difference}
     layout.environment.filters.update(filters)
     run, ledger = records.run, claims(records, beside)
@@ -157,7 +157,8 @@ def _sections(
     yield folded("units", "The unit of density", *sentences, figures("units"), *tables)
     yield shelf("evidence")
     if converging := figures("convergence"):
-        yield section("convergence", "Convergence", parts.legend(keys, CONVERGENCE), converging)
+        guests = [(parts.swatch(guest), guest) for guest in records.run.guests]
+        yield section("convergence", "Convergence", parts.legend([*keys, *guests], CONVERGENCE), converging)
     if work:
         chooser = parts.chooser(work, [plots(diagram.panels, diagram.name) for diagram in work])
         yield section("work", "Error against run time", parts.legend(keys, WORK), chooser)

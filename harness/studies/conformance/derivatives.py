@@ -28,18 +28,18 @@ RESOLVED = 0.05
 
 
 @dataclass(frozen=True)
-class Precision:
-    """How short steps are in a precision, and how far a gradient may be off."""
+class Ladder:
+    """The steps in a precision, and by how much a gradient may be off."""
 
     dtype: torch.dtype
-    ladder: tuple[float, ...]
+    steps: tuple[float, ...]
     """The steps, in lengths of the parameter, from long to short."""
     share: float
     """The share of itself by which a gradient may be off in any case."""
 
 
-DOUBLE = Precision(torch.float64, tuple(8.0**-k for k in range(5, 10)), 1e-5)
-SINGLE = Precision(torch.float32, tuple(4.0**-k for k in range(2, 9)), 0.1)
+DOUBLE = Ladder(torch.float64, tuple(8.0**-k for k in range(5, 10)), 1e-5)
+SINGLE = Ladder(torch.float32, tuple(4.0**-k for k in range(2, 9)), 0.1)
 
 
 class Difference(NamedTuple):
@@ -66,19 +66,19 @@ def gradients_are_derivatives(subject: Subject) -> None:
     _compare(*_loss_of(subject, torch.float32), SINGLE)
 
 
-def _compare(loss: Callable[[], Tensor], field: Any, precision: Precision) -> None:
+def _compare(loss: Callable[[], Tensor], field: Any, ladder: Ladder) -> None:
     loss().backward()
-    rounding = ROUNDINGS * torch.finfo(precision.dtype).eps * RAYS**0.5
+    rounding = ROUNDINGS * torch.finfo(ladder.dtype).eps * RAYS**0.5
     resolved = 0
     for name, parameter in field.named_parameters():
         size = 0.0 if parameter.grad is None else float(parameter.grad.norm())
         if size == 0.0:  # which `gradients_reach_everything` judges
             continue
-        found = difference(loss, parameter, parameter.grad / size, precision.ladder, rounding)
+        found = difference(loss, parameter, parameter.grad / size, ladder.steps, rounding)
         if found.bar > RESOLVED * size:
             continue
         resolved += 1
-        if abs(size - found.value) > BARS * found.bar + precision.share * size:
+        if abs(size - found.value) > BARS * found.bar + ladder.share * size:
             raise Broken(
                 f"along its gradient, {name} has the derivative {found.value:.6g} ± {found.bar:.1g} by differences "
                 f"and {size:.6g} by the gradient"

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from harness.execution.cost import Extent, estimate_lines, lines_of, shared, training_seconds
+from harness.execution.cost import Extent, estimate_lines, groups_left, lines_of, shared, training_seconds
 from harness.execution.probe import Pace, Probe
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
 
 SUMMARY = json.loads((Path(__file__).parents[3] / "docs/reduced/summary.json").read_text(encoding="utf-8"))
-PLAN = replace(PROFILES["reduced"], extras=())
+PLAN = replace(PROFILES["reduced"], extras=(), guest=None)
 MACHINE = Machine("cpu", 2, 1)
 PACE = Pace(first_step=0.02, step=(0.01, 0.02), ray=(5e-6, 1e-5), point=1e-6)
 PROBE = Probe(dict.fromkeys(PLAN.methods, PACE), {}, start=5.0, compared=0.05, delayed=1.0)
@@ -83,3 +83,8 @@ def test_of_a_scene_of_ones_own_no_rendering_is_foretold() -> None:
 def test_a_cluster_is_not_measured() -> None:
     found = estimate_lines(PLAN, Machine("cpu", 2, 1, "ray"), Path("nowhere"), verify=False, serving=True, before=None)
     assert "not measured" in found[0]
+
+
+def test_a_guest_is_counted_as_long_as_it_is_not_there(tmp_path: Path) -> None:
+    plan = replace(PLAN, guest="splats")
+    assert groups_left(plan, None) == (*ALL, *[("nerf",)] * len(PLAN.scenes))

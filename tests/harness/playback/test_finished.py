@@ -15,7 +15,7 @@ from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, VoxelSettings
 from harness.playback.run_loader import FinishedRun, from_plain
 from harness.records.cells import cell_path, checkpoint_name, read_cell
-from harness.records.json_record import DamagedRecord
+from harness.records.json_record import DamagedRecord, write_record
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
 from scenes.files.errors import InputError
@@ -177,7 +177,7 @@ def edited(change: Callable[[dict[str, Any]], None]) -> Callable[[Path], None]:
         data = json.loads(path.read_text(encoding="utf-8"))
         data.pop("digest", None)
         change(data)
-        path.write_text(json.dumps(data), encoding="utf-8")
+        write_record(path, data)
 
     return edit
 

@@ -221,6 +221,7 @@ NOT_RENDERING = {
     "harness.records.metric_table",
     "harness.records.pictures",
     "harness.records.snapshot",
+    "scenes.files.trial",
     "harness.training.checkpoints",
     "scenes.files.atomic",
     "scenes.files.errors",

@@ -30,7 +30,7 @@ from harness.records.cells import (
     write_comparisons,
     write_run,
 )
-from harness.records.json_record import DamagedRecord, finite_or_none, load_json, write_json
+from harness.records.json_record import DamagedRecord, finite_or_none, load_json, write_json, write_record
 from harness.records.metric_table import METRICS
 from scenes.files.errors import as_text
 from tests.harness.cells import cell, checkpoint, diverged
@@ -185,6 +185,7 @@ def damage(out: Path, change: Any) -> Path:
 
 def test_a_record_with_pictures_of_the_former_kind_still_opens(tmp_path: Path) -> None:
     path = damage(tmp_path, lambda data: [data.pop("pictures"), data.update(images=[{"view": "test/r_0"}])])
+    write_record(path, json.loads(path.read_text(encoding="utf-8")))
     assert read_cell(path).pictures is None
 
 
@@ -194,6 +195,7 @@ def test_a_whole_number_is_a_number_and_what_was_added_later_may_be_missing(tmp_
         lambda data: [data["curve"][0].pop(name) for name in ("flip", "core_seconds")],
     )
     path = damage(tmp_path, lambda data: [data.update(train_seconds=3), *(change(data) for change in older)])
+    write_record(path, json.loads(path.read_text(encoding="utf-8")))
     assert read_cell(path) == replace(one_cell(), train_seconds=3.0)
 
 

@@ -9,6 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from harness.records.cells import cell_path
+from harness.records.json_record import write_record
 from reports.data.load import read_records
 from reports.drawing.palette import colours_of
 from reports.page.script import content_policy
@@ -112,11 +113,11 @@ def test_text_from_data_is_escaped_everywhere(tmp_path):
         cell["reason"] = HOSTILE if cell["reason"] else None
         path.unlink()
         named = cell_path(out, HOSTILE, cell["method"], cell["seed"]).name
-        (path.parent / named).write_text(json.dumps(cell), encoding="utf-8")
+        write_record(path.parent / named, cell)
     comparisons = json.loads((out / "records" / "comparisons.json").read_text(encoding="utf-8"))["rows"]
     for one in comparisons:
         one["scene"] = one["scene"].replace("x", HOSTILE)
-    (out / "records" / "comparisons.json").write_text(json.dumps({"rows": comparisons}), encoding="utf-8")
+    write_record(out / "records" / "comparisons.json", {"rows": comparisons})
     text = page(read_records(out))
     assert foreign_scripts(text) == []
     assert "&lt;script&gt;" in text

@@ -3,31 +3,31 @@
 import pytest
 import torch
 
-from harness.studies.conformance.derivatives import BARS, DOUBLE, SINGLE, Precision, difference
+from harness.studies.conformance.derivatives import BARS, DOUBLE, SINGLE, Ladder, difference
 
 E1 = torch.tensor([1.0, 0.0])
 
 
-@pytest.mark.parametrize("precision", [DOUBLE, SINGLE])
-def test_the_bar_holds_the_error_of_a_smooth_function(precision: Precision) -> None:
-    parameter = torch.tensor([0.7, -0.2], dtype=precision.dtype)
-    eps = torch.finfo(precision.dtype).eps
-    found = difference(lambda: torch.exp(parameter).sum(), parameter, E1.to(precision.dtype), precision.ladder, 4 * eps)
+@pytest.mark.parametrize("ladder", [DOUBLE, SINGLE])
+def test_the_bar_holds_the_error_of_a_smooth_function(ladder: Ladder) -> None:
+    parameter = torch.tensor([0.7, -0.2], dtype=ladder.dtype)
+    eps = torch.finfo(ladder.dtype).eps
+    found = difference(lambda: torch.exp(parameter).sum(), parameter, E1.to(ladder.dtype), ladder.steps, 4 * eps)
     assert abs(found.value - float(torch.exp(torch.tensor(0.7, dtype=torch.float64)))) <= BARS * found.bar
     assert found.bar < 1e4 * eps**0.5
-    assert parameter.tolist() == torch.tensor([0.7, -0.2], dtype=precision.dtype).tolist()
+    assert parameter.tolist() == torch.tensor([0.7, -0.2], dtype=ladder.dtype).tolist()
 
 
 def test_a_step_function_is_not_resolved() -> None:
     parameter = torch.tensor([0.0, 1.0], dtype=torch.float64)
-    found = difference(lambda: (parameter[0] > 0).double(), parameter, E1.double(), DOUBLE.ladder, 1e-16)
+    found = difference(lambda: (parameter[0] > 0).double(), parameter, E1.double(), DOUBLE.steps, 1e-16)
     assert found.bar > 0.4 * abs(found.value) > 0.0
 
 
 def test_rounding_widens_the_bar() -> None:
     parameter = torch.tensor([0.7, 0.1], dtype=torch.float64)
     bars = [
-        difference(lambda: torch.sin(parameter).sum(), parameter, E1.double(), DOUBLE.ladder, error).bar
+        difference(lambda: torch.sin(parameter).sum(), parameter, E1.double(), DOUBLE.steps, error).bar
         for error in (1e-16, 1e-10)
     ]
     assert bars[1] > 100 * bars[0]
