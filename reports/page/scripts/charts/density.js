@@ -131,7 +131,7 @@ const density = (() => {
       element("p", { class: "legend" }, element("span", {}, element.swatch("--muted"), "density before the amplifier"),
         element("span", {}, nodes.swatch, "after it"), "One run, checkpoint by checkpoint."),
       element("div", { class: "plots" }, nodes.figures), nodes.note);
-    section.querySelector("h2").after(nodes.whole);
+    (section.querySelector(".fold > summary") ?? section.querySelector("h2")).after(nodes.whole);
     nodes.figures.forEach(figures.enhance);
     show();
     state.on((changed) => {
