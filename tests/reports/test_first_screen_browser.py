@@ -8,7 +8,7 @@ from reports.data.load import read_records
 from reports.run.run_page import write_page
 from tests.reports.browsing import address_of, opened, unfold
 from tests.reports.exploring import rows_of, saved
-from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_run import EIGHT, write_fake_run
 
 pytestmark = pytest.mark.slow
 
@@ -84,3 +84,25 @@ def test_a_long_name_makes_no_page_wider_and_is_not_cut(browser, lengthy, width)
     assert view.evaluate(cut) == []
     for place in (".alert", "#convergence figcaption"):
         assert view.locator(place, has_text=LONG).count() > 0
+
+
+def test_eight_scenes_take_at_most_fifteen_screens(browser, tmp_path):
+    address = written(tmp_path, *EIGHT)
+    view, _ = opened(browser, address, viewport={"width": 1280, "height": 900})
+    assert view.evaluate("document.documentElement.scrollHeight") <= 15 * 900
+    view.context.close()
+    view, _ = opened(browser, address, viewport={"width": 390, "height": 844})
+    assert view.evaluate("document.documentElement.scrollWidth") == 390
+    view.context.close()
+
+
+def test_a_link_unfolds_the_section_that_it_leads_to(browser, whole):
+    view, _ = opened(browser, whole, viewport={"width": 1280, "height": 900}, reduced_motion="reduce")
+    assert not view.evaluate("document.querySelector('#metrics > details').open")
+    view.locator('nav a[href="#metrics"]').click()
+    assert view.evaluate("document.querySelector('#metrics > details').open")
+    view.context.close()
+    view, _ = opened(browser, f"{whole}#provenance", viewport={"width": 1280, "height": 900})
+    assert view.evaluate("document.querySelector('#provenance > details').open")
+    assert not view.evaluate("document.querySelector('#metrics > details').open")
+    view.context.close()
