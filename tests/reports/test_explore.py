@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from harness.verdicts.comparisons import scores_at
-from tests.reports.browsing import address_of, opened, until
+from tests.reports.browsing import address_of, opened, unfold, until
 from tests.reports.exploring import FORMULA, HOSTILE, MACRO, rows_of, saved, write_exploring
 
 pytestmark = pytest.mark.slow
@@ -31,6 +31,7 @@ def view(browser, explored):
 
 
 def tools(view, section, place=0):
+    unfold(view)
     return view.locator(f"#{section} .tools").nth(place)
 
 
@@ -92,7 +93,7 @@ def test_markdown_and_latex_are_tables(view):
 
 
 def test_a_header_sorts_by_value_and_back_and_the_address_keeps_it(view, explored, browser):
-    view.evaluate("document.querySelector('#comparisons details').open = true")
+    unfold(view)
     before = column(view, "comparisons", 4)
     header = view.locator("#comparisons th .sort").nth(4)
     header.focus()
@@ -102,7 +103,8 @@ def test_a_header_sorts_by_value_and_back_and_the_address_keeps_it(view, explore
     assert falling[-1] < 0 < falling[0]
     assert view.locator("#comparisons th").nth(4).get_attribute("aria-sort") == "descending"
     again, _ = opened(browser, address_of(view))
-    assert [float(value) for value in column(again, "comparisons", 4)] == falling
+    again.evaluate("document.querySelector('#comparisons details details').open = true")
+    assert [float(value) for value in column(again, "comparisons", 4)] == falling, "its section is unfolded"
     again.context.close()
     header.click()
     assert [float(value) for value in column(view, "comparisons", 4)] == falling[::-1]
@@ -132,6 +134,7 @@ def test_a_cell_shows_its_runs_and_escape_returns(view, records):
 
 
 def test_the_number_of_a_claim_shows_the_runs_that_it_was_judged_by(view, records):
+    unfold(view)
     row = view.locator("#claims tbody tr", has_text="Q-NeRF gains over NeRF on average")
     row.locator(".behind").focus()
     view.keyboard.press("Enter")
@@ -160,6 +163,7 @@ def test_the_pairs_of_a_difference_are_those_that_were_compared(view, records, b
 
 
 def figure(view, section, title):
+    unfold(view)
     return view.locator(f"#{section} figure", has=view.locator("figcaption", has_text=title)).first
 
 
@@ -201,6 +205,7 @@ def test_points_lie_where_they_are_drawn(view):
 
 
 def test_density_moves_with_the_checkpoint_and_the_address_keeps_it(view, records):
+    unfold(view)
     player = view.locator(".density")
     assert player.locator("output").inner_text() == "step 1\u202f600"
     assert player.locator("figure:visible").count() == 3
@@ -220,6 +225,7 @@ def test_the_page_is_whole_without_script(browser, explored):
     page = browser.new_context(java_script_enabled=False).new_page()
     page.goto(explored[1])
     assert page.locator("#psnr table").first.is_visible()
+    page.locator("#amplifier summary").first.click()
     assert page.locator("#amplifier svg.plot").first.is_visible()
     assert page.locator(".save").count() == 0
     page.context.close()

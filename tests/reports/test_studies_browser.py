@@ -44,6 +44,7 @@ def test_one_pair_of_error_and_cost_is_seen_and_the_reader_chooses_which(browser
 
 def test_a_forest_is_saved_as_it_is_drawn_with_its_numbers(browser, address):
     view, _ = opened(browser, address)
+    unfold(view)
     figure = view.locator("#study-factorial .forests figure").first
     drawn = next(one for one in fake_evidence().studies if one.info.id == "factorial")
     (panel, *_) = forests(drawn.effects, INTEREST).values()

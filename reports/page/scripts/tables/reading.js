@@ -9,6 +9,7 @@ const reading = (() => {
   ];
   const help = element.keys(KEYS);
   let opened = [];
+  let printing = false;
 
   function search() {
     const inSight = [...document.querySelectorAll("input.rows")].find((field) => {
@@ -17,6 +18,25 @@ const reading = (() => {
     });
     if (inSight) inSight.focus();
     else filter.toggle(true);
+  }
+
+  // Which sections are unfolded is kept in the address.
+  function keepFolds() {
+    const folds = [...document.querySelectorAll("section > details.fold")];
+    const name = (fold) => fold.parentElement.id;
+    const unfold = () => {
+      const open = new Set((state.get("open") ?? "").split("."));
+      for (const fold of folds) fold.open = open.has(name(fold)) || name(fold) === state.get("at");
+    };
+    if (state.get("open")) unfold();
+    for (const fold of folds) {
+      fold.addEventListener("toggle", () => {
+        if (!printing) state.set({ open: folds.filter((one) => one.open).map(name).join(".") || null });
+      });
+    }
+    state.on((changed) => {
+      if (changed.has("open")) unfold();
+    });
   }
 
   function start(bar) {
@@ -30,13 +50,16 @@ const reading = (() => {
       event.preventDefault();
       actions[event.key]();
     });
+    keepFolds();
     // paper has no way to unfold
     addEventListener("beforeprint", () => {
+      printing = true;
       opened = [...document.querySelectorAll("details:not([open])")];
       for (const details of opened) details.open = true;
     });
     addEventListener("afterprint", () => {
       for (const details of opened.splice(0)) details.open = false;
+      setTimeout(() => (printing = false), 100); // after the last toggle is told
     });
   }
   return { start };
