@@ -47,8 +47,8 @@ python -m scenes integrators glass --resolution 8 --views 1 --spp 2
 python -m scenes noise --scenes lego --resolution 8 --spp 1 2 --reference-spp 4 --repeats 1
 python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
+nox -s stability -- --cases S1 --quick --out {here}/stability {sets} → 3
 
-nox -s stability -- --cases S1 --quick --out {here}/stability {other_sets} → 3
 nox -s frontier -- --scenes lego --methods nerf splats --budgets 0.3 --seeds 1 --resolution 16 --out {here}/f {sets}
 python -m harness frontier --pick lego --seconds 1 --out {here}/f
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
