@@ -158,13 +158,15 @@ def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine:
         for task in tasks
         if task.seed == plan.seeds[0] and (seconds := budgets.get(task.scene))
     ]
-    for event in run_groups(machine, due, record.provenance["commit"], run_locally) if due else ():
+    if not due:
+        return
+    show.line(f"training {plan.guest} for scale, on each scene for the core seconds of nerf")
+    for event in run_groups(machine, due, record.provenance["commit"], run_locally):
         if event.notice is not None:
             show.line(event.notice)
         if event.cell is not None:
             show.cell(event.cell)
-    if due:
-        drop_folder(out)
+    drop_folder(out)
 
 
 def _compare(out: Path, keys: list[Key], everywhere: list[str], methods: list[str]) -> list[CellRecord]:
