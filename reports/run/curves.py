@@ -88,6 +88,8 @@ def convergence(records: Records, axis: str) -> list[Panel]:
 def _along(records: Records, axis: str) -> Iterable[tuple[str, pd.DataFrame]]:
     """Yield the test PSNR of each scene's cells over an axis, the mean over several scenes first."""
     curves = curves_frame(records)
+    if records.cells and records.cells[0].method in records.run.guests:  # whose scenes end after as many seconds
+        curves["step"] = curves.groupby(["scene", "method", "seed"]).cumcount()
     return by_scene(points_of(curves.assign(x=curves[axis], y=curves["psnr"])), records, log=False)
 
 

@@ -131,18 +131,19 @@ def _sections(
     keys = [(parts.swatch(method), method) for method in records.methods]
 
     def figures(name: str) -> Markup:
-        shown = Markup("")
+        shown, together, by_scene = Markup(""), [], Markup("")
         for figure in FIGURES:
-            if figure.section == name and (drawn := plots(figure.panels(records), figure.name)):
-                shown += HEADING.format(figure.title) if figure.title else ""
-                shown += parts.legend(keys, figure.legend) if figure.legend else ""
-                # by scene on request, where one panel is of all of them
-                together = drawn[:1] if figure.all_first and len(records.scenes) > 1 else drawn
-                shown += parts.figures(together, "pairs" if figure.wide else "")
-                if by_scene := drawn[len(together) :]:
-                    shown += parts.folded("Scene by scene", parts.figures(by_scene))
-                shown += parts.paragraph(named(figure.note), "note")
-        return shown
+            if figure.section != name or not (drawn := plots(figure.panels(records), figure.name)):
+                continue
+            if figure.all_first and len(records.scenes) > 1:
+                together.append(drawn[0])
+                by_scene += parts.folded(f"{figure.title}, scene by scene", parts.figures(drawn[1:]))
+                continue
+            shown += HEADING.format(figure.title) if figure.title else ""
+            shown += parts.legend(keys, figure.legend) if figure.legend else ""
+            shown += parts.figures(drawn, "pairs" if figure.wide else "")
+            shown += parts.paragraph(named(figure.note), "note")
+        return (parts.figures(together) if together else "") + by_scene + shown
 
     def folded(name: str, title: str, *content: Markup) -> Section:
         return section(name, title, *content, folded=True)
