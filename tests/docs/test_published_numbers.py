@@ -270,3 +270,14 @@ def test_a_run_of_some_scenes_is_compared_on_each(tmp_path: Path) -> None:
 
 
 DUELISTS = ("nerf", "nerf_matched", "qnerf")
+
+
+def test_no_published_omission_costs_more_and_leaving_out_empty_space_may_cost_nothing() -> None:
+    """The words above the table of what is left out."""
+    rows = json.loads((ROOT / "docs" / "left_out.json").read_text(encoding="utf-8"))["omissions"]
+    assert not [row for row in rows if row["verdict"] == "costs more"]
+    assert len({row["scene"] for row in rows}) == 8
+    empty = [row for row in rows if row["name"] == "empty_space"]
+    assert all(row["interval"][0] < 0 < row["interval"][1] for row in empty)
+    others = [row["seconds_saved"] for row in rows if row["clock"] == empty[0]["clock"] and row not in empty]
+    assert min(row["seconds_saved"] for row in empty) > max(others)
