@@ -48,6 +48,21 @@ def display_image(file: Path) -> np.ndarray:
     return pixels
 
 
+def display_rgba(file: Path, channels: int) -> np.ndarray:
+    """Read straight RGBA as `display_image` does; RGB is fully opaque. Also refused is an image with alpha where the
+    first of its set, which has so many `channels`, has none, or the other way round.
+    """
+    pixels = display_image(file)
+    found = pixels.shape[2]
+    if {found, channels} == {3, 4}:
+        alpha = "no alpha, but the first view has it" if found == 3 else "alpha, but the first view has none"
+        raise InputError(f"{file}: has {alpha}; save all views of a set with alpha, or all without")
+    if found not in (3, 4):
+        raise InputError(f"{file}: {found} channels; views must be RGB or RGBA: save them so")
+    covered = np.ones((*pixels.shape[:2], 4 - found), dtype=pixels.dtype)
+    return np.concatenate([pixels, covered], axis=-1)
+
+
 def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     import OpenImageIO as oiio  # where it is used: reading a manifest must not pay for it
 

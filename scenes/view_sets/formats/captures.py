@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from scenes.files.errors import InputError, short
 from scenes.view_sets.formats.lens import Lens
 from scenes.view_sets.formats.transforms import Frames, image_file, shown
-from scenes.view_sets.images import display_image
+from scenes.view_sets.images import display_image, display_rgba
 from scenes.view_sets.source import Region, Source
 from scenes.view_sets.viewpoints import check_field_of_view, check_poses
 
@@ -143,7 +143,7 @@ def _capture(
 
 def _through(file: Path, lens: Lens, focal: float, channels: int) -> np.ndarray:
     """Return straight RGBA of an image as the common pinhole shows it."""
-    pixels = _rgba(file, channels)
+    pixels = display_rgba(file, channels)
     height, width = pixels.shape[:2]
     if abs(height - width * lens.height / lens.width) > 1.0:
         raise InputError(
@@ -153,18 +153,6 @@ def _through(file: Path, lens: Lens, focal: float, channels: int) -> np.ndarray:
     if lens.is_pinhole and lens.fx == focal:
         return pixels
     return lens.scaled(width, height).as_pinhole(pixels, focal * width / lens.width)
-
-
-def _rgba(file: Path, channels: int) -> np.ndarray:
-    """Return straight RGBA of an image that has as many channels as the first one; RGB is fully opaque."""
-    pixels = display_image(file)
-    if {pixels.shape[2], channels} == {3, 4}:
-        has = "no alpha, but the first view has it" if channels == 4 else "alpha, but the first view has none"
-        raise InputError(f"{file}: has {has}; save all views of a set with alpha, or all without")
-    if pixels.shape[2] not in (3, 4):
-        raise InputError(f"{file}: {pixels.shape[2]} channels; views must be RGB or RGBA: save them so")
-    covered = np.ones((*pixels.shape[:2], 4 - pixels.shape[2]), dtype=pixels.dtype)
-    return np.concatenate([pixels, covered], axis=-1)
 
 
 def _angle(width: float, focal: float, where: str) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.transforms import Document, ViewRegion, image_file, read_listing, shown
-from scenes.view_sets.images import display_image
+from scenes.view_sets.images import display_image, display_rgba
 from scenes.view_sets.source import Region, Source, nine_to_one, region_in
 from scenes.view_sets.viewpoints import SPLITS
 
@@ -93,21 +93,14 @@ def _pixels(image: Path, shape: float | None, expected: int) -> np.ndarray:
     """Return pixels, float32 [h, w, 4], of an image whose height over width is `shape` and that has `expected`
     channels, as the first one; RGB is fully opaque.
     """
-    pixels = display_image(image)
-    height, width, channels = pixels.shape
-    if {channels, expected} == {3, 4}:
-        alpha = "no alpha, but the first view has it" if channels == 3 else "alpha, but the first view has none"
-        raise InputError(f"{image}: has {alpha}; save all views of a set with alpha, or all without")
-    if channels not in (3, 4):
-        raise InputError(f"{image}: {channels} channels; views must be RGB or RGBA: save them so")
+    pixels = display_rgba(image, expected)
+    height, width = pixels.shape[:2]
     if shape is not None and abs(height - shape * width) > max(1.0, shape):  # a pixel of rounding in either side
         raise InputError(
             f"{image}: {width} × {height} pixels, but {NAME} says h / w = {shape:.4g}; give w and h of these "
             "images, or resized copies of the whole pictures"
         )
-    if channels == 4:
-        return pixels
-    return np.concatenate([pixels, np.ones((height, width, 1), dtype=pixels.dtype)], axis=-1)
+    return pixels
 
 
 def _splits(document: Document, file: Path, files: list[Path]) -> tuple[dict[str, list[int]], list[str]]:
