@@ -13,8 +13,7 @@ import torch
 from torch import Tensor
 
 from baselines.contract import Box, Rays
-from baselines.rendering import Sampling, render_rays
-from harness.studies.conformance.subject import BOX, WHITE, Broken, Subject, roughened, some_rays
+from harness.studies.conformance.subject import BOX, Broken, Subject, roughened, some_rays
 
 RAYS = 20
 WINDOW = 3
@@ -124,11 +123,9 @@ def _loss_of(subject: Subject, dtype: torch.dtype) -> tuple[Callable[[], Tensor]
     field, rays = roughened(field, 1.0), some_rays(RAYS)
     rays = Rays(rays.origins.to(dtype), rays.directions.to(dtype), rays.near, rays.far)
     weights = torch.randn(RAYS, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(63))
-    sampling = Sampling(bins=24, quadrature=subject.quadrature, clip_to_box=subject.quadrature != "listing4")
 
     def loss() -> Tensor:
-        colour = render_rays(field, None, rays, box, sampling, None, WHITE.to(dtype), None).colour
-        return (colour.double() * weights).sum()
+        return (subject.rendered(field, rays).colour.double() * weights).sum()
 
     return loss, field
 

@@ -52,9 +52,11 @@ class Subject:
 
 def rendered(field: Any, quadrature: str, rays: Rays, generator: torch.Generator | None = None) -> Rendering:
     """Render with 24 bins per ray; given a generator, points are random inside them."""
+    kind = rays.origins.dtype
+    box = Box(BOX.lower.to(kind), BOX.upper.to(kind))
     # Listing 4 takes its background from the last point before `far`
     sampling = Sampling(bins=24, quadrature=quadrature, clip_to_box=quadrature != "listing4")
-    return render_rays(field, None, rays, BOX, sampling, None, WHITE, generator)
+    return render_rays(field, None, rays, box, sampling, None, WHITE.to(kind), generator)
 
 
 def some_rays(count: int = 60, seed: int = 62) -> Rays:
