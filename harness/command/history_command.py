@@ -1,12 +1,10 @@
 """`python -m harness history`: its options, what it does, and how `gate` and `speed` append to its file."""
 
 import argparse
-import subprocess
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.command.options import add_shared
+from harness.command.options import add_shared, reported, require_folder
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
@@ -35,10 +33,8 @@ def run_history(options: argparse.Namespace, show: "Progress") -> int:
     from harness.records.past_runs import read_history
     from harness.records.study import SHELVES, write_studies
     from harness.verdicts.history.figures_over_runs import figures_over_runs
-    from scenes.files.errors import InputError
 
-    if options.out.exists() and not options.out.is_dir():
-        raise InputError(f"--out {options.out}: is a file; name a folder")
+    require_folder(options.out)
     runs, damaged = read_history(options.file)
     record = figures_over_runs(runs, damaged, {"file": str(options.file)}, code_here())
     write_studies(options.out / SHELVES["history"], record)
@@ -46,8 +42,7 @@ def run_history(options: argparse.Namespace, show: "Progress") -> int:
         show.line(f"{study.info.title}: {study.scale}")
         for answer in study.answers:
             show.line(f"  {answer}")
-    # the page is made from the record alone, as every page is
-    return subprocess.run([sys.executable, "-m", "reports", str(options.out), "--quiet"], check=False).returncode
+    return reported(options.out)
 
 
 def remember(file: Path | None, record: Path, of_class: str, show: "Progress") -> None:

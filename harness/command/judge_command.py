@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.command.options import add_shared, require_between
+from harness.command.options import add_shared, reported, require_between, require_folder
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
@@ -30,26 +30,22 @@ def add_judge_options(command: argparse.ArgumentParser) -> None:
 
 def run_judge(options: argparse.Namespace, show: "Progress") -> int:
     """Write judgement.json and judgement.html; raises `InputError` for a table that cannot be judged."""
-    import subprocess
     import time
 
     from harness.records.json_record import file_digest
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
     from harness.verdicts.judgement import judge, lines
     from harness.verdicts.result_table import read_table
-    from scenes.files.errors import InputError
 
     table = read_table(options.tables, options.metric, options.lower)
     digests = {str(path): file_digest(path) for path in options.tables if path.is_file()}
     record = judge(table, options.margin, options.baseline, digests)
     out = options.out or Path("out") / f"judge-{time.strftime('%Y%m%d-%H%M%S')}"
-    if out.exists() and not out.is_dir():
-        raise InputError(f"--out {out}: is a file; name a folder")
+    require_folder(out)
     write_judgement(out / JUDGEMENT_FILE, record)
     for line in lines(record):
         show.line(line)
-    # the page is made from the record alone, as every page is
-    return subprocess.run([sys.executable, "-m", "reports", str(out), "--quiet"], check=False).returncode
+    return reported(out)
 
 
 def add_score_options(command: argparse.ArgumentParser) -> None:

@@ -2,6 +2,8 @@
 
 import argparse
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,19 @@ def add_finished_run(command: argparse.ArgumentParser, name: str = "out") -> Non
     """Add the argument that names a finished run."""
     what = "output folder of a finished run (default: out/latest)"
     command.add_argument(name, type=Path, nargs="?", default=Path("out/latest"), metavar="OUT", help=what)
+
+
+def require_folder(out: Path) -> None:
+    """Raise `InputError` for an `--out` that is a file."""
+    from scenes.files.errors import InputError
+
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: is a file; name a folder")
+
+
+def reported(out: Path) -> int:
+    """Have the page of `out` made from its records alone, as every page is; returns the exit code."""
+    return subprocess.run([sys.executable, "-m", "reports", str(out), "--quiet"], check=False).returncode
 
 
 def require_between(options: argparse.Namespace, **bounds: tuple[float, float]) -> None:
