@@ -66,7 +66,9 @@ AXES = {"step": "training step", "seconds": "training seconds", "core_seconds": 
 def convergence(records: Records, axis: str) -> list[Panel]:
     """Draw test PSNR against one of `AXES`: a panel for each scene, the mean over several scenes first."""
     colours, panels = colours_of(records.methods), []
-    guests = {} if axis == "step" else dict(_along(replace(records, cells=records.guest_cells), axis))
+    guests = (
+        {} if axis == "step" else dict(_along(replace(records, cells=records.guest_cells), axis, by_checkpoint=True))
+    )
     for scene, points in _along(records, axis):
         about = records.scene(scene)
         levels = [Level("floor", about.psnr_floor), Level("ceiling", about.psnr_ceiling, INK)] if about else []
@@ -85,10 +87,12 @@ def convergence(records: Records, axis: str) -> list[Panel]:
     return with_common_limits(panels, "x")
 
 
-def _along(records: Records, axis: str) -> Iterable[tuple[str, pd.DataFrame]]:
-    """Yield the test PSNR of each scene's cells over an axis, the mean over several scenes first."""
+def _along(records: Records, axis: str, by_checkpoint: bool = False) -> Iterable[tuple[str, pd.DataFrame]]:
+    """Yield the test PSNR of each scene's cells over an axis, the mean over several scenes first: at the same steps, or
+    `by_checkpoint` where budgets of seconds ended at different ones.
+    """
     curves = curves_frame(records)
-    if records.cells and records.cells[0].method in records.run.guests:  # whose scenes end after as many seconds
+    if by_checkpoint:
         curves["step"] = curves.groupby(["scene", "method", "seed"]).cumcount()
     return by_scene(points_of(curves.assign(x=curves[axis], y=curves["psnr"])), records, log=False)
 
