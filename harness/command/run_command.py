@@ -217,7 +217,6 @@ def _at_once(machine: "Machine") -> str:
 
 
 def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":
-    from dataclasses import replace
 
     from harness.plan.profiles import planned
 
@@ -226,7 +225,7 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
     precision = None if options.precision == "auto" else options.precision
     plan = planned(options.profile, **given, **scene_source(options), precision=precision)
     if options.command != "run":  # what explains a run's result is no part of other measurements
-        plan = replace(plan, extras=(), guest=None)
+        plan = plan.alone()
     # last, as it may join a cluster
     device, bfloat16 = device_and_bfloat16(options, *say)
     if options.precision == "auto" and not bfloat16:

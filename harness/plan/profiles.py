@@ -155,6 +155,10 @@ class Plan:
         """Return (scene, method, seed) of the guest's cells."""
         return [(scene, self.guest, self.seeds[0]) for scene in self.scenes] if self.guest else []
 
+    def alone(self) -> "Plan":
+        """Return the plan of its own methods, without those that explain a result or show its scale."""
+        return replace(self, extras=(), guest=None)
+
     def density_units(self) -> dict[str, dict[str, Any]]:
         """Map method → the density where its amplifier gives 1 and the length that it is per, for
         methods of our parts.
@@ -403,7 +407,7 @@ def planned(
             plan, scenes=own, scene_file=str(scene_file), scene_file_digest=digest, render_limit=render_limit
         )
     if methods is not None:  # a user who names methods wants these and no others
-        plan = replace(plan, methods=known_names("--methods", methods, method_names()), extras=(), guest=None)
+        plan = replace(plan.alone(), methods=known_names("--methods", methods, method_names()))
     require_methods(plan.methods)
     if seeds is not None:
         plan = replace(plan, seeds=tuple(range(seeds)))

@@ -136,7 +136,7 @@ def kept_cell(task: CellTask) -> CellArms:
 
 def identity(task: CellTask) -> str:
     """Return the digest of all that a cell's results depend on, beside its scene, method and seed."""
-    plan = replace(task.plan, scenes=(), methods=(), seeds=(), extras=(), guest=None)
+    plan = replace(task.plan.alone(), scenes=(), methods=(), seeds=())
     arms = {name: asdict(arm) for name, arm in task.arms.items()}
     return digest_of([plan.settings(), arms, task.view_set.name, task.device, task.scored_on])[:12]
 

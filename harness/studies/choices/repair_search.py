@@ -105,7 +105,7 @@ def read_search(path: Path = PUBLISHED) -> Search:
 
 def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:
     """Return the profile `reduced` on the search's scenes and seeds, at equal time; `quick` trains next to nothing."""
-    plan = PROFILES["reduced"]
+    plan = PROFILES["reduced"].alone()
     whole = replace(
         plan,
         scenes=SEARCHED,
@@ -113,8 +113,6 @@ def search_plan(precision_as_planned: bool, quick: bool = False) -> Plan:
         seeds=SEEDS,
         budget=Budget(steps=None, seconds=SECONDS),
         train=plan.train if precision_as_planned else replace(plan.train, precision="float32"),
-        extras=(),
-        guest=None,
     )
     if not quick:
         return whole

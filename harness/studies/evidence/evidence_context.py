@@ -103,7 +103,7 @@ class EvidenceContext(TrainedContext):
             views = replace(views, resolution=12 + size // 25, train=6, val=2, test=2, spp_train=4, spp_test=4)
             seeds, steps = seeds[:2], 4
         return replace(
-            profile,
+            profile.alone(),
             scenes=training.scenes,
             methods=training.methods,
             seeds=seeds,
@@ -111,8 +111,6 @@ class EvidenceContext(TrainedContext):
             score=replace(profile.score, checkpoints=training.checkpoints, stored_views=0),
             views=views,
             train=profile.train if self.precision_as_planned else replace(profile.train, precision="float32"),
-            extras=(),
-            guest=None,
         )
 
 

@@ -100,7 +100,7 @@ class FrontierContext(TrainedContext):
         train = profile.train if self.precision_as_planned else replace(profile.train, precision="float32")
         budget = amount.phi_budget if is_phi else float(name.removeprefix(CORE_SECONDS))
         return replace(
-            profile,
+            profile.alone(),
             scenes=amount.scenes,
             methods=PHI_METHODS if is_phi else amount.families,
             seeds=amount.phi_seeds if is_phi else amount.seeds,
@@ -108,8 +108,6 @@ class FrontierContext(TrainedContext):
             train=settings_for(budget, train),
             score=replace(profile.score, checkpoints=1, stored_views=1),
             views=replace(profile.views, resolution=amount.resolution),
-            extras=(),
-            guest=None,
         )
 
     def frontier(self) -> "Frontier":
