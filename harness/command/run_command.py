@@ -123,16 +123,20 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
             f"--verify-omissions: {len(plan.seeds)} seeds tell nothing about an interval; --seeds {LEAST_SEEDS} or more"
         )
     machine = chosen_machine(options, device, len(plan.groups()), show.line)
-    if options.dry_run:
-        from harness.execution.cost import estimate_lines
+    say: Callable[[str], None] = print if options.dry_run else show.line
+    for line in plan_lines(plan, machine):
+        say(line)
+    if options.dry_run or not options.quiet:
+        from harness.execution.cost import estimate_apart
 
         before = options.out if options.resume else None
         extras = options.verify_omissions, not options.no_serving
-        lines = estimate_lines(plan, machine, options.view_sets, *extras, before)
-        print(*plan_lines(plan, machine), *lines, sep="\n")
+        estimate = estimate_apart(plan, machine, options.view_sets, *extras, before)
+        for line in estimate.lines:
+            say(line)
+        show.expect(estimate.phases)
+    if options.dry_run:
         return 0
-    for line in plan_lines(plan, machine):
-        show.line(line)
     out = options.out or fresh_folder(options.profile, options.resume)
     before = latest_folder()
     try:

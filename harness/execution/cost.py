@@ -1,16 +1,20 @@
 """The estimated cost of a plan on this machine, as a range; printed before anything is done."""
 
 import math
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from harness.execution.ground_truth import MEGASAMPLE, MEGASAMPLE_CORES, is_cached
-from harness.execution.progress import span
+from harness.execution.ground_truth import MEGASAMPLE, MEGASAMPLE_CORES, SCALAR_MEGASAMPLE, is_cached
+from harness.execution.progress import Range, span
+from harness.machine.stopping import in_workers
 from harness.plan.profiles import Machine, Plan
-from harness.records.cells import cell_path, read_cell
+from harness.records.cells import WAITED, cell_path, read_cell
 from harness.records.json_record import DamagedRecord
 from harness.records.snapshot import ENDED
+from scenes.rendering.variant import llvm_libraries
 
 if TYPE_CHECKING:
     from harness.execution.probe import Pace, Probe
@@ -23,10 +27,6 @@ alone.
 """
 HISTOGRAM_POINTS = 32**3
 PROPERTY_POINTS = 48**3
-BUSY = 1.3
-"""The wall seconds per processor second from which the machine is not ours alone."""
-
-Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,26 @@ class Extent:
     """Whether view cache and attention are measured at the end."""
 
 
-def estimate_lines(
+@dataclass(frozen=True)
+class Estimate:
+    """The estimated wall time of a run."""
+
+    lines: list[str]
+    """In words, by phase."""
+    phases: dict[str, Range]
+    """Map phase, as `harness.execution.progress.Progress.expect` names it, → its seconds; empty if not known."""
+
+
+def estimate(
     plan: Plan, machine: Machine, view_sets: Path, verify: bool, serving: bool, before: Path | None
-) -> list[str]:
-    """Return the estimated wall time in words, by phase; nothing for a cluster on which nothing was trained yet.
+) -> Estimate:
+    """Measure a few steps and views, and estimate the run; a cluster is not measured.
 
     `view_sets` is the cache of rendered ones, `before` the output folder that is resumed.
     """
     if machine.executor == "ray":
-        return ["estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"]
+        words = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
+        return Estimate([words], {})
     import torch
 
     from harness.execution.probe import probed
@@ -61,7 +72,16 @@ def estimate_lines(
     rendered = () if plan.view_set or plan.scene_file else plan.scenes
     missing = sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
     extent = Extent(missing, groups_left(plan, before), verify, serving)
-    return lines_of(plan, machine, probe, extent, available_cores())
+    return estimated(plan, machine, probe, extent, available_cores(), bool(llvm_libraries()))
+
+
+def estimate_apart(*arguments: Any) -> Estimate:
+    """Return `estimate` from a process of its own: what it loads is no part of the run, and a method may end it."""
+    try:
+        (found,) = in_workers([partial(estimate, *arguments)], workers=1)
+    except BrokenProcessPool:
+        return Estimate(["estimated cost: not known, as the process that tried the methods ended"], {})
+    return found
 
 
 def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
@@ -81,12 +101,14 @@ def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
     return (*left, *guests)
 
 
-def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int) -> list[str]:
-    """Return the lines of `estimate_lines` from measurements on a machine of so many `cores`."""
+def estimated(
+    plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int, compiled: bool = True
+) -> Estimate:
+    """Return the estimate from measurements on a machine of so many `cores`, which has LLVM for Mitsuba or not."""
     paces = [probe.paces[name] for name in plan.methods if name in probe.paces]
     groups = [[probe.paces[name] for name in methods if name in probe.paces] for methods in extent.groups]
     phases = {
-        "rendering": rendering_seconds(plan, extent.missing, cores),
+        "rendering": rendering_seconds(plan, extent.missing, cores, compiled),
         "training": shared([[training_seconds(plan, pace) for pace in group] for group in groups], machine),
         "scoring": shared([[scoring_seconds(plan, pace, probe) for pace in group] for group in groups], machine),
     }
@@ -99,7 +121,7 @@ def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores
     at_most = {"scoring"} if plan.view_set else set()  # the number of test views was not read
     notes = {"rendering": _where_from(plan, extent.missing)}
     lines = [f"estimated cost: {span(low, high)}"]
-    if probe.delayed > BUSY:
+    if probe.delayed > WAITED:
         lines[0] += " if nothing else ran here; now others use this machine, and it takes "
         lines[0] += f"{probe.delayed:.1f}".removesuffix(".0") + " times as long"
     for name, phase in phases.items():
@@ -116,7 +138,11 @@ def lines_of(plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores
     if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # none of the catalogue is full
         lines.append("  training and scoring take longer if a medium fills your scene: no empty space is left out then")
     lines += [f"  {method} is not in it: {why}" for method, why in probe.untried.items()]
-    return lines
+    in_cells = [phases["training"][end] + phases["scoring"][end] + 2 * probe.start for end in (0, 1)]
+    by_bar = {"rendering": phases["rendering"], "training": (in_cells[0], in_cells[1])}
+    if extent.serving:
+        by_bar["part"] = phases["view cache and attention"]
+    return Estimate(lines, by_bar)
 
 
 def training_seconds(plan: Plan, pace: "Pace") -> Range:
@@ -152,13 +178,13 @@ def shared(groups: list[list[Range]], machine: Machine) -> Range:
     return BESIDE[0] * max(even, max(least, default=0.0)), BESIDE[1] * late
 
 
-def rendering_seconds(plan: Plan, missing: int, cores: int) -> Range:
+def rendering_seconds(plan: Plan, missing: int, cores: int, compiled: bool = True) -> Range:
     """Return the rendering seconds on all cores, at best that much faster than on those of the measurement, or slower
     on fewer.
     """
-    scale = MEGASAMPLE_CORES / cores
+    scale, megasample = MEGASAMPLE_CORES / cores, MEGASAMPLE if compiled else SCALAR_MEGASAMPLE
     low, high = (missing * samples * plan.views.resolution**2 / 1e6 for samples in plan.views.samples())
-    return scale * MEGASAMPLE[0] * low, max(scale, 1.0) * MEGASAMPLE[1] * high
+    return scale * megasample[0] * low, max(scale, 1.0) * megasample[1] * high
 
 
 def serving_seconds(plan: Plan, paces: "list[Pace]", run: Range) -> Range:

@@ -136,14 +136,14 @@ def _forced_integrator(views: ViewSettings) -> str | None:
     return "volpath" if "participating_media" in views.need else None
 
 
-MEGASAMPLE, MEGASAMPLE_CORES = (0.2, 0.9), 2
+MEGASAMPLE, SCALAR_MEGASAMPLE, MEGASAMPLE_CORES = (0.2, 0.9), (0.6, 1.6), 2
 """The seconds of Mitsuba's path tracer on so many cores, over the scenes: compiled by LLVM, and scalar."""
 
 
 def usual_limit(views: ViewSettings) -> float:
     """Return the seconds that a view may take: four times those of the slower variant for most large views."""
     megasamples = views.resolution**2 * max(views.spp_train, views.spp_test) / 1e6
-    return max(RENDER_LIMIT, 4 * MEGASAMPLE[1] * megasamples)
+    return max(RENDER_LIMIT, 4 * SCALAR_MEGASAMPLE[1] * megasamples)
 
 
 BEAT_SECONDS = 15.0

@@ -1,6 +1,7 @@
 """The display of a running command: bars on a terminal, plain lines elsewhere, nothing with --quiet.
 
-The remaining time is estimated from finished work; there is no estimate before anything is finished.
+The remaining time is estimated from finished work. Of a run whose cost was estimated it is that of the whole run, which
+is said from the first line on; of other work there is none before anything is finished.
 """
 
 import sys
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from harness.plan.group_task import GroupTask
     from harness.records.cells import CellRecord
 
+Range = tuple[float, float]
+"""The least and the most seconds."""
 UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 ENOUGH = 0.25
 """The share of a piece of work after which its pace allows an estimate of the rest."""
@@ -63,9 +66,9 @@ class TimeLeft:
         """The share of the work that is done."""
         return sum(self._done.values()) / self._total if self._total else 1.0
 
-    def words(self, done: float, piece: Hashable = None, size: float = 1.0) -> str:
-        """Note that `done` units of a `piece` of `size` are done, and return the time left in words; empty until a
-        quarter of a piece was done since its first report, and at the end.
+    def after(self, done: float, piece: Hashable = None, size: float = 1.0) -> Range | None:
+        """Note that `done` units of a `piece` of `size` are done, and return the seconds left; None until a quarter of
+        a piece was done since its first report, and at the end.
         """
         now = time.monotonic()
         if not self._first:
@@ -76,9 +79,9 @@ class TimeLeft:
         gained = sum(self._done.values()) - sum(self._first.values())
         seconds, rest = now - self._began, self._total - sum(self._done.values())
         if not self._enough or min(seconds, gained, rest) <= 0:
-            return ""
+            return None
         left = seconds * rest / gained
-        return f"{span(SPREAD[0] * left, SPREAD[1] * left)} left"
+        return SPREAD[0] * left, SPREAD[1] * left
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,10 @@ class Progress(Protocol):
 
     def line(self, text: str) -> None: ...
 
+    def expect(self, phases: dict[str, Range]) -> None:
+        """Note how long the phases of a run, named `rendering`, `training` and `part`, are to take in this order."""
+        ...
+
     def rendered(self, event: RenderProgress, scenes: int) -> None: ...
 
     def start_training(self, cells: int, missing: int) -> None: ...
@@ -125,6 +132,8 @@ class Quiet:
 
     def line(self, text: str) -> None: ...
 
+    def expect(self, phases: dict[str, Range]) -> None: ...
+
     def rendered(self, event: RenderProgress, scenes: int) -> None: ...
 
     def start_training(self, cells: int, missing: int) -> None: ...
@@ -144,7 +153,8 @@ class Lines:
     def __init__(self, every_seconds: float = 15.0) -> None:
         self._every = every_seconds
         self._last = time.monotonic()
-        self._training = TimeLeft()
+        self._expected: dict[str, Range] = {}
+        self._rendering = self._training = TimeLeft()
         self._scenes_done = 0
         self._part = "", 0.0, TimeLeft()
 
@@ -152,7 +162,13 @@ class Lines:
         sys.stdout.write(printable(text) + "\n")
         sys.stdout.flush()
 
+    def expect(self, phases: dict[str, Range]) -> None:
+        self._expected = phases
+
     def rendered(self, event: RenderProgress, scenes: int) -> None:
+        if not self._scenes_done and self._rendering.share == 0:
+            self._rendering = TimeLeft(scenes)
+        left = self._rendering.after(1.0 if event.path is not None else event.share, event.scene)
         if event.path is not None:
             self._scenes_done += 1
             self._show("rendering", f"rendered {event.scene}", self._scenes_done / scenes)
@@ -160,38 +176,49 @@ class Lines:
             return
         kept = f" ({event.kept} from before)" if event.kept else ""
         done = f"{event.done} of {event.total} views done{kept}, " if event.total else ""
-        left = self._left(event.scene, event.share)
         share = (self._scenes_done + event.done / max(event.total, 1)) / scenes
-        self._show("rendering", f"rendering {event.scene}: {done}{event.doing}{left}", share)
+        words = f"rendering {event.scene}: {done}{event.doing}{self._left('rendering', share, left)}"
+        self._show("rendering", words, share)
 
     def start_training(self, cells: int, missing: int) -> None:
-        self._training = TimeLeft(missing)
+        self._rendering, self._training = TimeLeft(), TimeLeft(missing)
         self._scenes_done = 0
         kept = f", {cells - missing} kept from before" if missing < cells else ""
         self.line(f"training {missing} cells{kept}")
 
     def trained(self, task: "GroupTask", share: float) -> None:
         cells = len(task.methods)
-        left = self._training.words(_work(task, share) * cells, (task.scene, task.seed), cells)
-        self._show("training", f"trained {self._training.share:.0%}{left and f', {left}'}", self._training.share)
+        left = self._training.after(_work(task, share) * cells, (task.scene, task.seed), cells)
+        done = self._training.share
+        self._show("training", f"trained {done:.0%}{self._left('training', done, left)}", done)
 
     def cell(self, cell: "CellRecord") -> None:
         self.line(cell_line(cell))
 
     def part(self, what: str, done: int, total: int) -> None:
         share = done / max(total, 1)
-        self._show("part", f"{what}: {done} of {total}{self._left(str(total), share)}", share)
+        known, before, clock = self._part
+        if str(total) != known or share < before:  # another piece of work
+            clock = TimeLeft()
+        self._part = str(total), share, clock
+        self._show("part", f"{what}: {done} of {total}{self._left('part', share, clock.after(share))}", share)
 
     def close(self) -> None: ...
 
-    def _left(self, name: str, share: float) -> str:
-        """Return the time left of the current piece of work; another name or a smaller share starts another piece."""
-        known, before, clock = self._part
-        if name != known or share < before:
-            clock = TimeLeft()
-        self._part = name, share, clock
-        left = clock.words(share)
-        return f", {left}" if left else ""
+    def _left(self, phase: str, share: float, own: Range | None) -> str:
+        """Return the time left in words: of the run, if it was estimated, else of the phase; `own` is what the phase's
+        pace so far makes of its rest.
+        """
+        later = [(0.0, 0.0)]
+        if phase in self._expected:
+            names = list(self._expected)
+            low, high = self._expected[phase]
+            own = own or ((1.0 - share) * low, (1.0 - share) * high)
+            later += [self._expected[name] for name in names[names.index(phase) + 1 :]]
+        if own is None:
+            return ""
+        low, high = (end + sum(phase[place] for phase in later) for place, end in enumerate(own))
+        return f", {span(low, high)} left" if high > 0 else ""
 
     def _show(self, bar: str, text: str, share: float) -> None:
         now = time.monotonic()
@@ -247,7 +274,8 @@ def cell_line(cell: "CellRecord") -> str:
     psnr = cell.scores.get("psnr")
     score = "identical images" if psnr is None else f"{psnr:.2f} dB"
     cores = "" if cell.train_core_seconds is None else f", {cell.train_core_seconds:.1f} core s"
-    return f"{name}: {score} after {cell.steps} steps, {cell.train_seconds:.1f} s{cores}"
+    waits = "; other work shared its processor" if cell.waited else ""
+    return f"{name}: {score} after {cell.steps} steps, {cell.train_seconds:.1f} s{cores}{waits}"
 
 
 def chosen_progress(quiet: bool) -> Progress:

@@ -1,10 +1,14 @@
 """Training time of one method, by the wall and by the processor: only what is between `start` and `stop` counts."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from itertools import islice
+from typing import TypeVar
 
 import torch
+
+T = TypeVar("T")
 
 
 class Stopwatch:
@@ -36,6 +40,16 @@ class Stopwatch:
             self._synchronise()
             self.seconds += self._clock() - began
             self.core_seconds += self._core_clock() - core_began
+
+    def counting(self, items: Iterable[T]) -> Iterator[T]:
+        """Yield the items; the time to make each counts, and not what is done with it."""
+        source = iter(items)
+        while True:
+            with self.running():
+                made = list(islice(source, 1))
+            if not made:
+                return
+            yield from made
 
 
 def _nothing() -> None:

@@ -22,6 +22,8 @@ from harness.records.metric_table import ALONG_TRAINING, METRICS, POSSIBLE
 
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 Budget = Literal["steps", "seconds", "core_seconds"]
+WAITED = 1.3
+"""The wall seconds per core second from which work shares its processor with that of others."""
 """What two methods are given equal amounts of: training steps, wall seconds or core seconds, each on its own clock."""
 
 
@@ -198,9 +200,28 @@ class CellRecord(Record, frozen=True):
     """The processor seconds of training, as `Checkpoint.core_seconds`."""
     pictures: str | None = None
     """The file of its saved renders (`harness.records.pictures`) relative to `OUT/records`; None if there is none."""
+    costs: dict[str, float] = field(default_factory=dict)
+    """What changes from run to run, of a cell that is done: view_seconds and view_core_seconds, the time to draw a test
+    view (mean of the last scoring), weights_bytes of its file, gpu_memory_bytes, the peak that torch allocated on a
+    GPU, and memory_bytes, the peak so far of its process, which trains all methods of a group."""
     files: dict[str, str] = field(default_factory=dict)
     """Map every further file of the cell, relative to OUT → its SHA-256 (`with_files`)."""
     schema: int = SCHEMA
+
+    @property
+    def wall_per_core_second(self) -> float | None:
+        """Return the wall seconds of training per core second: above 1, it waited for a processor that others used.
+
+        None where no processor's seconds were counted, and on a GPU, whose work is no processor's.
+        """
+        if not self.train_core_seconds or self.provenance.get("device", "cpu") != "cpu":
+            return None
+        return self.train_seconds / self.train_core_seconds
+
+    @property
+    def waited(self) -> bool:
+        """Tell whether its wall seconds are longer than its own work accounts for."""
+        return (self.wall_per_core_second or 0.0) > WAITED
 
 
 class SceneRecord(Record, frozen=True):

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from torch import nn
 
+from harness.machine.peak_memory import peak_bytes, peak_gpu_bytes
 from harness.machine.provenance import CHECKED, PROGRAM
+from harness.machine.stopwatch import Stopwatch
 from harness.plan.group_task import GroupTask
 from harness.plan.plugins import origins
 from harness.plan.schedule import checkpoint_fractions
@@ -264,7 +266,8 @@ class CellTraining:
 
     def _scored(self) -> CellRecord | None:
         """Score a checkpoint; returns the record if it is the last one."""
-        rendered = evaluate.render_split(self.trainer, self.test, self.task.score.chunk)
+        drawing = Stopwatch(self.trainer.device)
+        rendered = drawing.counting(evaluate.render_split(self.trainer, self.test, self.task.score.chunk))
         images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
         if self.due:
             self.curve.append(self._checkpoint(images))
@@ -282,7 +285,7 @@ class CellTraining:
             return image
 
         self.curve.append(self._checkpoint(map(scored, images)))
-        return self._finished(rows, float(np.mean(opacities)), float(np.mean(angles)) if angles else None)
+        return self._finished(rows, float(np.mean(opacities)), float(np.mean(angles)) if angles else None, drawing)
 
     def _failed(self, error: BaseException, when: str) -> CellRecord:
         if isinstance(error, Diverged):
@@ -302,16 +305,27 @@ class CellTraining:
             **trainer.amplifier_scalars(),
         )
 
-    def _finished(self, rows: list[ViewScore], mean_opacity: float, normal_error: float | None) -> CellRecord:
+    def _finished(
+        self, rows: list[ViewScore], mean_opacity: float, normal_error: float | None, drawing: Stopwatch
+    ) -> CellRecord:
         trainer, score = self.trainer, self.task.score
         scores = evaluate.mean_scores(rows)
         scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
         scores["psnr_floor"] = self.floor
-        save_checkpoint(trainer, checkpoint_path(self.task.out, self.task.scene, trainer.method, self.task.seed))
+        weights = checkpoint_path(self.task.out, self.task.scene, trainer.method, self.task.seed)
+        save_checkpoint(trainer, weights)
         properties = evaluate.measured_properties(trainer, self.test)
         properties["normal_error"] = normal_error
         properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
-        return self._record("done", None, scores, rows, properties, mean_opacity)
+        costs = {
+            "view_seconds": drawing.seconds / len(rows),
+            "view_core_seconds": drawing.core_seconds / len(rows),
+            "weights_bytes": weights.stat().st_size,
+            "memory_bytes": peak_bytes(),
+            "gpu_memory_bytes": peak_gpu_bytes(trainer.device),
+        }
+        known = {name: float(amount) for name, amount in costs.items() if amount is not None}
+        return self._record("done", None, scores, rows, properties, mean_opacity, known)
 
     def _record(
         self,
@@ -321,6 +335,7 @@ class CellTraining:
         rows: list[ViewScore],
         properties: dict[str, float | str | None],
         mean_opacity: float | None = None,
+        costs: dict[str, float] | None = None,
     ) -> CellRecord:
         trainer, task = self.trainer, self.task
         self.ended = True
@@ -345,6 +360,7 @@ class CellTraining:
             },
             warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
             pictures=self.kept.write(task.out, task.scene, trainer.method, task.seed),
+            costs=costs or {},
             settings={**task.settings(), "view_set": view_set_facts(self.views)},
             # the others of the group change no bit of it: after an interruption they may differ
             provenance={**self.provenance, "in_lockstep": list(task.methods)}

@@ -110,9 +110,14 @@ def budgets_of(cells: Iterable[CellRecord]) -> tuple[Budget, ...]:
     return ("steps", "seconds", "core_seconds") if counted else ("steps", "seconds")
 
 
+def baseline_of(methods: list[str]) -> str:
+    """Return the method that the others are compared with."""
+    return "nerf" if "nerf" in methods else methods[0]
+
+
 def duels(methods: list[str]) -> list[tuple[str, str]]:
     """Return the pairs to compare, (method, against); rows of the paper's ablation also with the row above."""
-    baseline = "nerf" if "nerf" in methods else methods[0]
+    baseline = baseline_of(methods)
     pairs = [(method, baseline) for method in methods if method != baseline]
     if "nerf_matched" in methods:
         pairs += [(method, "nerf_matched") for method in methods if method not in (baseline, "nerf_matched")]

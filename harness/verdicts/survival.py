@@ -24,6 +24,7 @@ from harness.verdicts.comparisons import (
     NO_ESTIMATE,
     SPENT,
     Key,
+    baseline_of,
     budgets_of,
     duels,
     family_of,
@@ -54,7 +55,7 @@ def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
     Cells that were not available here are no runs.
     """
     runs = [cell for cell in cells if cell.status != "not_available"]
-    baseline = "nerf" if "nerf" in methods else methods[0]
+    baseline = baseline_of(methods)
     target, declared = chosen_target([cell for cell in runs if cell.method == baseline], baseline)
     if target is None:
         return TargetsRecord(None, False, baseline, declared, [], [], [])

@@ -8,6 +8,7 @@ bandwidth alone.
 from dataclasses import dataclass
 
 from harness.records.cells import Comparison
+from harness.verdicts.comparisons import baseline_of
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
 from reports.data.table import average_of, cells_frame, shared_scenes
@@ -50,7 +51,7 @@ class Headline:
 
 def roles(records: Records) -> Roles:
     methods = records.methods
-    baseline = BASELINE if BASELINE in methods else methods[0]
+    baseline = baseline_of(methods)
     control = CONTROL if CONTROL in methods and baseline != CONTROL else None
     others = [method for method in methods if method not in (baseline, control)]
     others.sort(key=lambda method: method != FAVOURITE)

@@ -2,15 +2,18 @@
 
 from collections import Counter
 from dataclasses import replace
+from statistics import fmean
 
-from harness.records.cells import LeftOut
+from harness.records.cells import CellRecord, LeftOut
 from harness.records.metric_table import METRICS, Metric, metric_of
+from harness.verdicts.comparisons import baseline_of
+from harness.verdicts.training_cost import CostRatio, cost_ratios
 from reports.claims.arithmetic import COMPONENT_TITLES
-from reports.claims.psnr_table import FAILURES, TOGETHER, difference_entry, losses, tone_of
+from reports.claims.psnr_table import FAILURES, TOGETHER, difference_entry, losses, spent_entry, tone_of
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import average_of, cells_frame, shared_scenes, spread_of
-from reports.data.wording import BUDGETS, count, duration, interval, listed, number, signed, significant
+from reports.data.wording import BUDGETS, NARROW, count, duration, interval, listed, number, signed, significant
 from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 
@@ -135,6 +138,83 @@ def parameters_grid(records: Records) -> Grid:
 
 def _weights(value: object) -> Entry:
     return Entry(count(round(value))) if isinstance(value, int | float) else EMPTY
+
+
+BYTES = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
+
+
+def costs_grid(records: Records) -> Grid:
+    """Tabulate what training, drawing and keeping a model of each method costs: means over its finished cells."""
+    against = baseline_of(records.methods)
+    columns = [Column("method", numeric=False), Column("training", small="a cell"), Column("of that of", small=against)]
+    columns += [Column("drawing", small="a test view"), Column("weights"), Column("file"), Column("memory")]
+    columns.append(Column("of the GPU"))
+    rows = []
+    for ratio in cost_ratios(records.cells, records.methods):
+        cells = [cell for cell in records.cells if (cell.method, cell.status) == (ratio.method, "done")]
+        if not cells:
+            continue
+
+        def mean(name: str, cells: list[CellRecord] = cells) -> float | None:
+            known = [cell.costs[name] for cell in cells if name in cell.costs]
+            return fmean(known) if known else None
+
+        def most(name: str, cells: list[CellRecord] = cells) -> Entry:
+            return _bytes(max((cell.costs[name] for cell in cells if name in cell.costs), default=None))
+
+        view = mean("view_seconds")
+        drawn = EMPTY if view is None else Entry(f"{significant(1000 * view)}{NARROW}ms", value=1000 * view)
+        rows.append(
+            [
+                Entry(ratio.method, runs=Selection("", ratio.method)),
+                spent_entry(cells),
+                _ratio(ratio),
+                drawn,
+                _weights(mean_weights(cells)),
+                _bytes(mean("weights_bytes")),
+                most("memory_bytes"),
+                most("gpu_memory_bytes"),
+            ]
+        )
+    note = (
+        f"Training: core seconds, below them seconds of the wall, without scoring; as a multiple of {against}’s on the "
+        "same scene and seed, for as many steps (geometric mean, 95 % interval). Drawing: wall time of a view at the "
+        "end. Memory: the peak of the process, libraries included, which trains all methods of a scene and seed."
+    )
+    return without_empty_columns(Grid("What a method costs", columns, rows, note=note), always=3)
+
+
+def mean_weights(cells: list[CellRecord]) -> float | None:
+    """Return the mean number of weights, which differs between cells where a method adds and removes primitives."""
+    counted_cells = [cell.parameters["total"] for cell in cells if "total" in cell.parameters]
+    return fmean(counted_cells) if counted_cells else None
+
+
+def _ratio(row: CostRatio) -> Entry:
+    if row.ratio is None:
+        return Entry("1", value=1.0)
+    low, high = row.interval or (None, None)
+    ends = "" if low is None else f"[{number(low)}, {number(high)}]"
+    return Entry(f"× {number(row.ratio)}", ends, "", row.ratio, {"low": low, "high": high}, Selection("", row.method))
+
+
+def _bytes(amount: float | None) -> Entry:
+    if amount is None:
+        return EMPTY
+    size, unit = next((each for each in BYTES if amount >= each[0]), BYTES[-1])
+    return Entry(f"{number(amount / size, 1)}{NARROW}{unit}", value=amount)
+
+
+def waiting(records: Records) -> str:
+    """Return the share of the cells that waited for a processor, in a sentence; empty if none did."""
+    slow = [cell for cell in records.cells if cell.waited]
+    if not slow:
+        return ""
+    most = max(cell.wall_per_core_second or 0.0 for cell in slow)
+    return (
+        f"{len(slow)} of {len(records.cells)} cells shared their processor with other work: up to {number(most, 1)} "
+        "seconds of the wall per core second. Scores do not mind; trust core seconds, and no seconds of the wall."
+    )
 
 
 def failures_grid(records: Records) -> Grid:

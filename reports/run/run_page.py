@@ -109,6 +109,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         not_tested_in_short=in_short(missing),
         warned=sum(bool(cell.warnings) for cell in records.cells),
         warning_kinds=metrics_table.warning_kinds(records),
+        waiting=metrics_table.waiting(records),
         shelves=shelves.values(),
         pages_beside=[
             (page_of(shelf), words.link) for shelf, words in WORDS.items() if (records.out / SHELVES[shelf]).is_file()
@@ -163,6 +164,7 @@ def _sections(
     if work:
         chooser = parts.chooser(work, [plots(diagram.panels, diagram.name) for diagram in work])
         yield section("work", "Error against run time", parts.legend(keys, WORK), chooser)
+    yield section("costs", "Costs", parts.table(metrics_table.costs_grid(records), False))
     if (targets := records.targets) is not None:
         by_scene = [figures("reaching_scenes")]
         by_scene += [parts.table(savings_grid(targets, records.scenes), own="own")] if by_scene[0] else []

@@ -13,7 +13,7 @@ SAME_JSON = (
     "out/records/targets.json", "view_sets/*/view_set.json",
 )  # fmt: skip
 """Everything else: the journal of what was rendered is in the order of rendering."""
-CLOCKS = ("train_seconds", "seconds", "train_core_seconds", "core_seconds", "phases")
+CLOCKS = ("train_seconds", "seconds", "train_core_seconds", "core_seconds", "costs", "phases")
 CLOCKS += ("provenance", "files", "digest", "digests", "command", "checksum")
 """Keys left out wherever they stand: clocks, how and where a run was made, and digests of files with clocks in them."""
 BY_TIME = {"seconds", "core_seconds"}

@@ -178,7 +178,7 @@ WORK = {
     "harness.studies.serving.serving_run": ("run",),
     "harness.gate.gate_run": ("run", "renew"),
     "harness.viewer.film.film_making": ("filmed",),
-    "harness.execution.cost": ("estimate_lines",),
+    "harness.execution.cost": ("estimate_apart",),
     "harness.viewer.server": ("application",),
     "harness.studies.conformance.method_checks": ("conformance",),
     "harness.machine.doctor": ("findings",),

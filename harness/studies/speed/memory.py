@@ -2,7 +2,6 @@
 
 import multiprocessing
 import re
-import resource
 import shlex
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from harness.execution.group import run_group
+from harness.machine.peak_memory import peak_bytes
 from harness.machine.stopping import end_with_parent
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
@@ -29,7 +29,6 @@ IMAGES, RESOLUTIONS = (25, 100), (50, 100, 200)
 QUICK_IMAGES, QUICK_RESOLUTIONS = (4,), (16, 24)
 METHODS = {"nerf": ("nerf alone", ("nerf",)), "three": ("three methods", ("nerf", "nerf_matched", "qnerf"))}
 WHOLE_RUN_SCENES = ("lego", "hotdog")
-STATUS = Path("/proc/self/status")
 
 
 def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
@@ -92,16 +91,6 @@ def _send_peaks(task: GroupTask, connection: Connection) -> None:
 
     run_group(task, on_progress, on_cell)
     connection.send("; ".join(failed) or (training, peak_bytes()))
-
-
-def peak_bytes(status: Path = STATUS) -> int:
-    """Return the peak of all pages so far. What `getrusage` says, in bytes on macOS and in kibibytes on Linux, may be
-    that of the process from which this one was started.
-    """
-    with suppress(OSError):
-        if peak := re.search(r"VmHWM:\s+(\d+) kB", status.read_text(encoding="utf-8")):
-            return 1024 * int(peak[1])
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Series | Table]:

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from harness.execution.cost import Extent, estimate_lines, groups_left, lines_of, shared, training_seconds
+from harness.execution.cost import Extent, estimate, estimated, groups_left, shared, training_seconds
 from harness.execution.probe import Pace, Probe
+from harness.execution.progress import span
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
 
@@ -30,7 +31,7 @@ def said(
     serving: bool = False,
     **changes: Any,
 ) -> list[str]:
-    return lines_of(plan, MACHINE, replace(PROBE, **changes), Extent(missing, groups, verify, serving), cores=2)
+    return estimated(plan, MACHINE, replace(PROBE, **changes), Extent(missing, groups, verify, serving), cores=2).lines
 
 
 def test_training_as_recorded_is_estimated_as_recorded() -> None:
@@ -81,8 +82,26 @@ def test_of_a_scene_of_ones_own_no_rendering_is_foretold() -> None:
 
 
 def test_a_cluster_is_not_measured() -> None:
-    found = estimate_lines(PLAN, Machine("cpu", 2, 1, "ray"), Path("nowhere"), verify=False, serving=True, before=None)
-    assert "not measured" in found[0]
+    found = estimate(PLAN, Machine("cpu", 2, 1, "ray"), Path("nowhere"), verify=False, serving=True, before=None)
+    assert "not measured" in found.lines[0]
+    assert not found.phases
+
+
+def test_the_phases_that_are_expected_add_up_to_what_is_said() -> None:
+    extent = Extent(8, ALL, verify=False, serving=True)
+    found = estimated(PLAN, MACHINE, PROBE, extent, cores=2)
+    assert list(found.phases) == ["rendering", "training", "part"]
+    low, high = (sum(phase[end] for phase in found.phases.values()) for end in (0, 1))
+    assert found.lines[0] == f"estimated cost: {span(low, high)}"
+    scalar = estimated(PLAN, MACHINE, PROBE, extent, cores=2, compiled=False).phases
+    assert scalar["rendering"] > found.phases["rendering"]
+    assert scalar["training"] == found.phases["training"]
+
+
+def test_rendering_as_recorded_is_within_its_range() -> None:
+    phases = estimated(PLAN, MACHINE, PROBE, Extent(8, ALL, verify=False, serving=True), cores=2).phases
+    low, high = phases["rendering"]
+    assert low < SUMMARY["phases"]["render"] < high
 
 
 def test_a_guest_is_counted_as_long_as_it_is_not_there(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.progress import Lines, RenderProgress
+from harness.execution.progress import Lines, RenderProgress, span
 from harness.plan.group_task import GroupTask
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
@@ -62,17 +62,48 @@ def test_work_that_was_scored_counts_as_done_and_a_budget_of_seconds_has_no_such
     assert capsys.readouterr().out.splitlines()[-1].startswith("trained 50%")
 
 
-def test_a_scene_that_is_rendered_says_what_is_left_of_it(
-    clock: list[float], capsys: pytest.CaptureFixture[str]
+def test_rendering_says_what_is_left_of_all_scenes(
+    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     show = Lines(every_seconds=0.0)
+    show.rendered(RenderProgress("chair", 0, 0, tmp_path), 3)
     for scene in ("lego", "mic"):
-        for done in (1, 20, 60):
+        for done in (0, 30, 120):
             clock[0] += 20.0
-            show.rendered(RenderProgress(scene, done, 120, doing="view", kept=7, share=done / 120), 2)
-    said = capsys.readouterr().out.splitlines()
-    assert ["left" in line for line in said] == [False, False, True] * 2
-    assert said[0] == "rendering lego: 1 of 120 views done (7 from before), view"
+            show.rendered(RenderProgress(scene, done, 120, doing="view", kept=7, share=done / 120), 3)
+        show.rendered(RenderProgress(scene, 120, 120, tmp_path), 3)
+    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("rendering")]
+    assert said[0] == "rendering lego: 0 of 120 views done (7 from before), view"
+    # 40 s for a quarter of a scene, as one that was cached took none; seven quarters are left
+    assert said[1].endswith(f", {span(0.7 * 7 * 40, 1.4 * 7 * 40)} left")
+    assert ["left" in line for line in said] == [False, True, True, True, True, False]
+
+
+def test_a_run_says_what_is_left_of_it_from_the_first_line(
+    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    show = Lines(every_seconds=0.0)
+    show.expect({"rendering": (100.0, 200.0), "training": (600.0, 1200.0), "part": (60.0, 60.0)})
+    show.rendered(RenderProgress("lego", 12, 120, doing="view", share=0.1), 1)
+    show.start_training(6, 6)
+    show.trained(task(tmp_path), 0.0)
+    show.part("view cache", 1, 10)
+    rendering, _, training, serving = capsys.readouterr().out.splitlines()
+    assert rendering.endswith(f", {span(90 + 660, 180 + 1260)} left")
+    assert training.endswith(f", {span(660, 1260)} left")
+    assert serving.endswith(f", {span(54, 54)} left")
+
+
+def test_the_pace_so_far_takes_the_place_of_what_was_expected_of_a_phase(
+    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    show, group = Lines(every_seconds=0.0), task(tmp_path)
+    show.expect({"training": (600.0, 1200.0), "part": (60.0, 60.0)})
+    show.start_training(len(group.methods), len(group.methods))
+    show.trained(replace(group, budget=Budget(None, 10.0)), 0.0)
+    clock[0] = 30.0
+    show.trained(replace(group, budget=Budget(None, 10.0)), 0.5)
+    assert capsys.readouterr().out.splitlines()[-1].endswith(f", {span(0.7 * 30 + 60, 1.4 * 30 + 60)} left")
 
 
 def test_what_a_terminal_would_obey_is_written_out(capsys: pytest.CaptureFixture[str]) -> None:

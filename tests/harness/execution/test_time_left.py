@@ -20,18 +20,18 @@ def test_a_span_is_no_more_exact_than_it_is_known(low: float, high: float, words
     assert span(low, high) == words
 
 
-def left(seconds: float) -> str:
-    return f"{span(SPREAD[0] * seconds, SPREAD[1] * seconds)} left"
+def left(seconds: float) -> tuple[float, float]:
+    return pytest.approx((SPREAD[0] * seconds, SPREAD[1] * seconds))
 
 
 def test_the_pace_counts_from_the_first_report_of_each_piece(monkeypatch: pytest.MonkeyPatch) -> None:
     times = iter((900.0, 930.0, 960.0, 960.0, 990.0, 990.0))
     monkeypatch.setattr("time.monotonic", lambda: next(times))
     clock = TimeLeft(2.0)
-    assert clock.words(0.1, "a") == ""
-    assert clock.words(0.2, "a") == "", "too little to tell"
-    assert clock.words(0.4, "a") == left(60.0 / 0.3 * 1.6)
-    assert clock.words(0.5, "b") == left(60.0 / 0.3 * 1.1), "what an interrupted piece brings took no time"
-    assert clock.words(1.0, "a") == left(90.0 / 0.9 * 0.5)
-    assert clock.words(1.0, "b") == "", "all is done"
+    assert clock.after(0.1, "a") is None
+    assert clock.after(0.2, "a") is None, "too little to tell"
+    assert clock.after(0.4, "a") == left(60.0 / 0.3 * 1.6)
+    assert clock.after(0.5, "b") == left(60.0 / 0.3 * 1.1), "what an interrupted piece brings took no time"
+    assert clock.after(1.0, "a") == left(90.0 / 0.9 * 0.5)
+    assert clock.after(1.0, "b") is None, "all is done"
     assert clock.share == 1.0

@@ -1,6 +1,7 @@
 """What is between start and stop counts, and nothing else."""
 
 import time
+from collections.abc import Iterator
 
 import pytest
 import torch
@@ -74,3 +75,19 @@ def test_launched_work_is_waited_for_before_each_reading(monkeypatch: pytest.Mon
         clock.now += 1
     assert pending == []
     assert watch.seconds == 12
+
+
+def test_the_time_to_make_items_counts_and_not_what_is_done_with_them() -> None:
+    now = 0.0
+
+    def items() -> Iterator[str]:
+        nonlocal now
+        for name in "abc":
+            now += 2.0
+            yield name
+        now += 0.5
+
+    watch = Stopwatch(torch.device("cpu"), lambda: now, lambda: 3 * now)
+    for _ in watch.counting(items()):
+        now += 100.0
+    assert (watch.seconds, watch.core_seconds) == (6.5, 19.5)

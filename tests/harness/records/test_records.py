@@ -191,7 +191,7 @@ def test_a_record_with_pictures_of_the_former_kind_still_opens(tmp_path: Path) -
 
 def test_a_whole_number_is_a_number_and_what_was_added_later_may_be_missing(tmp_path: Path) -> None:
     older = (
-        lambda data: [data.pop(name) for name in ("files", "train_core_seconds")],
+        lambda data: [data.pop(name) for name in ("files", "costs", "train_core_seconds")],
         lambda data: [data["curve"][0].pop(name) for name in ("flip", "core_seconds")],
     )
     path = damage(tmp_path, lambda data: [data.update(train_seconds=3), *(change(data) for change in older)])

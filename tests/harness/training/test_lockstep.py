@@ -57,7 +57,7 @@ def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
 def without_time(cell: CellRecord) -> CellRecord:
     """What must be equal to the bit; no clock ever runs twice alike."""
     curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
-    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, curve=curve, provenance={})
+    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, costs={}, curve=curve, provenance={})
 
 
 def test_records_are_complete(trained: tuple[Path, dict[str, CellRecord], list[float]]) -> None:

@@ -8,12 +8,13 @@ from typing import Any
 import pytest
 
 from harness.execution.progress import Quiet
+from harness.machine.peak_memory import STATUS
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import records_folder
 from harness.records.pictures import read_renders
 from harness.studies.drawn_views import write_noise
-from harness.studies.speed.memory import STATUS, peaks_of
+from harness.studies.speed.memory import peaks_of
 from harness.studies.speed.speed_context import SpeedContext
 from harness.training.lockstep import train_group
 from harness.training.scoring import evaluate

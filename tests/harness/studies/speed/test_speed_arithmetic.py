@@ -11,9 +11,10 @@ from baselines.contract import Box, NetworkSize
 from baselines.numerics.encoding import PHI, fourier_features, frequency_ladder
 from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
+from harness.machine.peak_memory import peak_bytes
 from harness.studies.speed.growth import exponent
 from harness.studies.speed.kernels import by_autograd, by_product, largest_error
-from harness.studies.speed.memory import peak_bytes, session_bytes
+from harness.studies.speed.memory import session_bytes
 from harness.studies.speed.speed_context import interleaved
 from harness.studies.speed.throughput import step_flops
 from tests.harness.tiny import rays_and_colours
