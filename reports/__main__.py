@@ -57,6 +57,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--publish", metavar="DIR", type=Path, help="also write the README's small plots and numbers to DIR"
     )
+    made.add_argument(
+        "--export", metavar="FILE", type=Path, help="also write all figures (PDF, SVG, PNG) and tables to this zip"
+    )
     return made
 
 
@@ -68,6 +71,7 @@ def main(arguments: list[str] | None = None) -> int:
     refusals = {
         "--page: goes with several outputs alone; give a second one, or leave it out": options.page and not several,
         "--publish: goes with one output alone": options.publish and several,
+        "--export: goes with one output alone": options.export and several,
         "--partial: goes without --publish; finish the run first": options.publish and options.partial,
         f"{''.join(twice[:1])}: named twice; name each output once": twice,
     }
@@ -80,7 +84,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if several:
             return build_outputs(options.out, options.page or out / "outputs.html", options.partial, show)
-        return build(out, options.publish, options.partial, show)
+        return build(out, options.publish, options.partial, show, options.export)
     except KeyboardInterrupt:
         print("interrupted: pages that were written are whole; give the command again", file=sys.stderr)
         return STOPPED
@@ -100,7 +104,7 @@ def _say(what: object, to: TextIO | None = None) -> None:
     print(printable(str(what)), file=to)
 
 
-def build(out: Path, publish: Path | None, partly: bool, show: Show) -> int:
+def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Path | None = None) -> int:
     """Read, write and print, with `partly` of a damaged run what is valid; what is heavy is imported last."""
     from harness.records.cells import records_folder
     from harness.records.judgements import JUDGEMENT_FILE, read_judgement
@@ -148,6 +152,13 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show) -> int:
     if records is not None:
         beside = Beside(*(studies.get(shelf) for shelf in ("stability", "evidence", "serving")))
         failed.append(build_report(records, publish, beside, shown, show))
+        if export is not None:
+            from reports.run.saving.export import write_export
+
+            write_export(records, export, beside)
+            _say(export)
+    elif export is not None:
+        raise NoRecords(f"{out}: --export writes the figures of a run, and there is none; leave it out")
     return SOME_FAILED if any(failed) else 0
 
 
@@ -200,8 +211,8 @@ def build_report(
 ) -> bool:
     """Build the page and the numbers of a run; returns whether a cell of it failed."""
     from reports.claims.headline import headline
-    from reports.run.publish import write_published, write_summary
     from reports.run.run_page import write_page
+    from reports.run.saving.publish import write_published, write_summary
 
     out = records.out
     write_summary(records, out / "summary.json", beside)

@@ -26,7 +26,7 @@ TYPED = """
 nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --out {here}/run {sets}
 nox -s film -- {here}/run --frames 1 --resolution 16 {sets}
 nox -s view -- {here}/run --no-browser --port 0 {sets} → 130
-python -m reports {here}/run --partial
+python -m reports {here}/run --partial --export {here}/all.zip
 nox -s evidence -- --studies ceilings --quick --out {here}/run {sets} → 3
 python -m harness compare {here}/run {here}/run
 python -m harness study serving {here}/run --methods qnerf --width 16 --quick {sets}

@@ -34,8 +34,8 @@ def run_judge(options: argparse.Namespace, show: "Progress") -> int:
 
     from harness.records.json_record import file_digest
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
-    from harness.verdicts.judgement import judge, lines
-    from harness.verdicts.result_table import read_table
+    from harness.verdicts.judging.judgement import judge, lines
+    from harness.verdicts.judging.result_table import read_table
 
     table = read_table(options.tables, options.metric, options.lower)
     digests = {str(path): file_digest(path) for path in options.tables if path.is_file()}
@@ -115,7 +115,7 @@ def add_compare_options(command: argparse.ArgumentParser) -> None:
 def run_compare(options: argparse.Namespace, show: "Progress") -> int:
     """Compare two outputs. Raises `InputError` for outputs of different plans, and `DamagedRecord`."""
     from harness.records.json_record import write_json
-    from harness.verdicts.two_runs import as_json, lines_of, two_runs
+    from harness.verdicts.judging.two_runs import as_json, lines_of, two_runs
 
     runs = two_runs(options.first, options.second)
     sys.stdout.write("\n".join(lines_of(runs)) + "\n")

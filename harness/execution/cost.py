@@ -44,7 +44,7 @@ class Extent:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class CostEstimate:
     """The estimated wall time of a run."""
 
     lines: list[str]
@@ -55,14 +55,14 @@ class Estimate:
 
 def estimate(
     plan: Plan, machine: Machine, view_sets: Path, verify: bool, serving: bool, before: Path | None
-) -> Estimate:
+) -> CostEstimate:
     """Measure a few steps and views, and estimate the run; a cluster is not measured.
 
     `view_sets` is the cache of rendered ones, `before` the output folder that is resumed.
     """
     if machine.executor == "ray":
         words = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
-        return Estimate([words], {})
+        return CostEstimate([words], {})
     import torch
 
     from harness.execution.probe import probed
@@ -75,12 +75,12 @@ def estimate(
     return estimated(plan, machine, probe, extent, available_cores(), bool(llvm_libraries()))
 
 
-def estimate_apart(*arguments: Any) -> Estimate:
+def estimate_apart(*arguments: Any) -> CostEstimate:
     """Return `estimate` from a process of its own: what it loads is no part of the run, and a method may end it."""
     try:
         (found,) = in_workers([partial(estimate, *arguments)], workers=1)
     except BrokenProcessPool:
-        return Estimate(["estimated cost: not known, as the process that tried the methods ended"], {})
+        return CostEstimate(["estimated cost: not known, as the process that tried the methods ended"], {})
     return found
 
 
@@ -103,7 +103,7 @@ def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
 
 def estimated(
     plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int, compiled: bool = True
-) -> Estimate:
+) -> CostEstimate:
     """Return the estimate from measurements on a machine of so many `cores`, which has LLVM for Mitsuba or not."""
     paces = [probe.paces[name] for name in plan.methods if name in probe.paces]
     groups = [[probe.paces[name] for name in methods if name in probe.paces] for methods in extent.groups]
@@ -142,7 +142,7 @@ def estimated(
     by_bar = {"rendering": phases["rendering"], "training": (in_cells[0], in_cells[1])}
     if extent.serving:
         by_bar["part"] = phases["view cache and attention"]
-    return Estimate(lines, by_bar)
+    return CostEstimate(lines, by_bar)
 
 
 def training_seconds(plan: Plan, pace: "Pace") -> Range:

@@ -183,6 +183,16 @@ def torch_findings() -> Iterator[Finding]:
     yield judge("GPU", ", ".join(names) or none, (not names, "limited", driver if built else other))
 
 
+def clock_findings() -> Iterator[Finding]:
+    """Yield how well the clock of training counts."""
+    from harness.machine.clock_check import TOLERATED, clock_errors, system_clocks
+
+    errors = clock_errors(system_clocks())
+    found = ", ".join(f"{load} {100 * error:.1f} %" for load, error in errors.items())
+    to_do = "stop other programs and try again; else trust comparisons at equal steps alone"
+    yield judge("clock of training", f"wrong by: {found}", (max(errors.values()) > TOLERATED, "limited", to_do))
+
+
 def product_findings() -> Iterator[Finding]:
     """Yield AMX, AVX-512 and what torch makes of them."""
     import torch
@@ -237,6 +247,7 @@ PROBES: dict[str, Callable[[], Iterator[Finding]]] = {
     "memory": memory_findings,
     "disk": disk_findings,
     "torch": torch_findings,
+    "clock": clock_findings,
     "products": product_findings,
     "scalar_rgb": scalar_findings,
     "llvm_ad_rgb": llvm_findings,

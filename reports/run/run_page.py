@@ -29,7 +29,8 @@ from reports.run.density import amplified_methods, printed_form, unit_grids, uni
 from reports.run.figures import FIGURES
 from reports.run.pictures import PictureData, picture_data, remove_others, views, write_files
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
-from reports.run.time_to_target import notes, savings_grid, target_title
+from reports.run.saving.citation import bibtex, records_digest
+from reports.run.time_to_target import at_risk_grid, notes, savings_grid, target_title
 from reports.studies.shelves import WORDS, page_of
 from reports.studies.study_page import ShelfShown, shelf_shown
 from scenes.files.atomic import write_atomically
@@ -174,6 +175,7 @@ def _sections(
             parts.paragraph(named(targets.declared)),
             parts.table(savings_grid(targets, ["all"])),
             figures("reaching"),
+            parts.folded("Numbers at risk", parts.table(at_risk_grid(targets), False)),
             *(parts.paragraph(named(sentence), "note") for sentence in notes(targets)),
             parts.folded("Scene by scene", Markup("").join(by_scene)) if by_scene[0] else Markup(""),
         )
@@ -199,6 +201,9 @@ def _sections(
         yield folded(name, title, parts.table(grid(records), False))
     yield shelf("serving")
     yield folded("deviations", "Deviations from the paper", parts.bullets(run.deviations))
+    how = "`python -m reports OUT --export FILE.zip` writes all figures (PDF, SVG, PNG) and tables (CSV, LaTeX)."
+    cited = Markup('<pre class="cite">{}</pre>').format(bibtex(records))
+    yield folded("cite", "Cite this run, save all", parts.paragraph(shell.with_code(how)), cited)
     compared = metrics_table.comparisons_grid(records)
     many = f"{len(compared.rows)} paired comparisons with intervals and smallest detectable differences"
     every = parts.folded(many, parts.table(compared, False)) if compared.rows else Markup("")
@@ -218,7 +223,7 @@ def provenance(records: Records) -> shell.Groups:
         facts = [scene.view_set, split, f"box {corners}{hull}", scene.seen, *rendered]
         sets.append((scene.name, "; ".join(filter(None, facts))))
     groups = [
-        ("Run", [("command", run.command), *phases]),
+        ("Run", [("command", run.command), *phases, ("digest of the records", records_digest(records))]),
         ("Settings", flat(run.settings)),
         ("Machine and versions", flat(run.provenance)),
         ("View sets", sets),

@@ -1,12 +1,12 @@
 """When runs reached a PSNR: curves, and how much sooner. A run that never did is censored and stays in sight."""
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
 from reports.claims.psnr_table import lines
 from reports.data.load import Records
 from reports.data.selection import Selection, behind_saving
-from reports.data.wording import NARROW, count, counted, interval, number, signed
+from reports.data.wording import NARROW, count, counted, interval, number, signed, significant
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Kind, Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
@@ -74,6 +74,38 @@ def _reach_panel(records: Records, record: TargetsRecord, scene: str, axis: Axis
     ends = "; ".join(f"{curve.method} {curve.share[-1]:.0%} by {curve.time[-1]:.4g}" for curve in curves)
     alt = f"{title}: {label} against {AXES[axis][0]}. {ends}."
     return Panel(title, AXES[axis][0], label, (*outlines, *marks), alt, "log", y_limits=(-0.05, 1.05), size=(3.7, 2.6))
+
+
+RISK_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""The parts of the longest time watched at which numbers at risk are given."""
+
+
+def at_risk_grid(record: TargetsRecord) -> Grid | None:
+    """Tabulate how many runs of each method were still watched and below the target, over all scenes."""
+    curves = [curve for curve in record.curves if curve.scene == "all" and curve.time]
+    if not curves:
+        return None
+    rows = []
+    for axis, (_, _, unit) in AXES.items():
+        of_axis = [curve for curve in curves if curve.axis == axis]
+        longest = max((curve.time[-1] for curve in of_axis), default=0.0)
+        times = [share * longest for share in RISK_SHARES]
+        for place, curve in enumerate(of_axis):
+            words = f"{', '.join(significant(time) for time in times)} {unit}" if place == 0 else ""
+            row = [Entry(curve.method, words, runs=Selection("", curve.method))]
+            rows.append([*row, *(Entry(count(risk), value=risk) for risk in (watched_at(curve, at) for at in times))])
+    columns = [Column("method", numeric=False), *(Column(f"{share:.0%}") for share in RISK_SHARES)]
+    note = (
+        "Runs that were still watched and had not reached the target, at parts of the longest time (which stands under "
+        f"the first method). The curve over all scenes ends where fewer than {AT_RISK} are left."
+    )
+    return Grid("Numbers at risk", columns, rows, note=note)
+
+
+def watched_at(curve: ReachCurve, time: float) -> int:
+    """Return the number of runs at risk just before `time`."""
+    place = bisect_left(curve.time, time)
+    return curve.at_risk[place] if place < len(curve.time) else 0
 
 
 def is_lost(reach: Reach) -> bool:

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Ranking, changed_pairs
-from harness.verdicts.judgement import headline, missing_line, number, shown_groups, suspect_line, without_line
+from harness.verdicts.judging.judgement import headline, missing_line, number, shown_groups, suspect_line, without_line
 from reports.data.wording import duration
 from reports.drawing.figure import padded, plots
 from reports.drawing.palette import INK, KNOWN, MUTED

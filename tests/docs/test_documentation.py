@@ -113,7 +113,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_python_of_the_records_page_gives_a_row_a_cell(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from reports.data.load import read_records
-    from reports.run.publish import summary
+    from reports.run.saving.publish import summary
 
     write_json(run / "summary.json", summary(read_records(run)))
     text = (ROOT / "docs" / "records.md").read_text(encoding="utf-8")

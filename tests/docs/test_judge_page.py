@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from harness.records.judgements import JudgementRecord, changed_pairs
-from harness.verdicts.judgement import judge, lines
-from harness.verdicts.result_table import read_table
+from harness.verdicts.judging.judgement import judge, lines
+from harness.verdicts.judging.result_table import read_table
 from tests.harness.shell import ROOT
 
 EXAMPLES = ROOT / "docs" / "examples"

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from harness.records.study import Answer, Studies, StudyInfo, StudyRecord, Table, check, read_studies, write_studies
-from reports.run.published import BLOCKS, MARKED, SAYS, block, main, pages, rewritten
+from reports.run.saving.published import BLOCKS, MARKED, SAYS, block, main, pages, rewritten
 from tests.harness.shell import ROOT
 
 ELSEWHERE = {
@@ -42,7 +42,7 @@ def outside_of_blocks(text: str) -> str:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_blocks_are_what_the_data_give(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert text == rewritten(text, ROOT / "docs"), "python -m reports.run.published"
+    assert text == rewritten(text, ROOT / "docs"), "python -m reports.run.saving.published"
     assert text.count("<!-- numbers:") == len(MARKED.findall(text)) == text.count("<!-- end -->")
 
 
@@ -52,7 +52,9 @@ def test_no_measured_number_stands_outside_of_a_block(page: Path) -> None:
     for known in NOT_MEASURED.get(page.name, ()):
         assert known in text, f"{known}: no longer on the page; take it from the list"
         text = text.replace(known, "")
-    assert not (numbers := MEASURED.findall(text)), f"{numbers}: put them into a block of reports/run/published.py"
+    assert not (numbers := MEASURED.findall(text)), (
+        f"{numbers}: put them into a block of published.py"
+    )
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,8 @@ from random import Random
 from typing import Any
 from unittest import mock
 
-from reports.run import outputs, publish, run_page
+from reports.run import outputs, run_page
+from reports.run.saving import publish
 from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError, readable
 from tests.fuzz.mutations import NUMBERS, TEXTS

@@ -32,8 +32,8 @@ from harness.playback.run_loader import FinishedRun
 from harness.records.cells import read_cells, read_comparisons, read_run
 from harness.records.judgements import read_judgement, write_judgement
 from harness.records.pictures import last_of, read_renders, read_truth
-from harness.verdicts.judgement import judge
-from harness.verdicts.result_table import read_table
+from harness.verdicts.judging.judgement import judge
+from harness.verdicts.judging.result_table import read_table
 from reports.data.load import read_records
 from reports.drawing.images import read
 from scenes.catalog import scene_file

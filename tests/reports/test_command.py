@@ -76,7 +76,7 @@ def test_a_folder_that_cannot_be_written_gives_2(out, capsys, monkeypatch):
     def read_only(*_):
         raise PermissionError(13, "Permission denied", str(out / "summary.json"))
 
-    monkeypatch.setattr("reports.run.publish.write_json", read_only)
+    monkeypatch.setattr("reports.run.saving.publish.write_json", read_only)
     assert main([str(out)]) == 2
     assert capsys.readouterr().err == (
         f"{out / 'summary.json'}: Permission denied; make room or choose a folder that can be written\n"

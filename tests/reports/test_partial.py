@@ -11,7 +11,7 @@ from reports.__main__ import main
 from reports.data.kept_pictures import NOT_KEPT, damaged
 from reports.data.load import read_records
 from reports.run.pictures import picture_data, views
-from reports.run.publish import summary
+from reports.run.saving.publish import summary
 from tests.reports.fake_run import write_fake_run
 
 CELL, TRUTH, RENDERS = "chair.nerf.0.json", "drums.safetensors", "chair.qnerf.0.safetensors"

@@ -7,7 +7,7 @@ from reports.claims.psnr_table import difference_entry, differences_grids, score
 from reports.data.load import Records, read_records
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
 from reports.page.grid import Entry
-from reports.run.metrics_table import failures_grid, left_out_grid, metrics_grid, properties_grid
+from reports.run.metrics_table import costs_grid, failures_grid, left_out_grid, metrics_grid, properties_grid, waiting
 from tests.replacing import replace
 from tests.reports.fake_run import write_fake_run
 
@@ -167,3 +167,28 @@ def test_the_interval_of_a_family_stands_beside_the_one_of_the_comparison_alone(
     assert difference_entry(of_eight).small == "[−0.30, +1.30]\ninconclusive"
     older = replace(of_eight, simultaneous=None)
     assert "together" not in difference_entry(older).small
+
+
+def test_what_a_method_costs_is_told_beside_what_nerf_does(records: Records):
+    grid = costs_grid(records)
+    assert [column.label for column in grid.columns] == [
+        "method", "training", "of that of", "drawing", "weights", "file", "memory",
+    ]  # fmt: skip
+    nerf, matched, qnerf = grid.rows
+    assert [entry.text for entry in nerf[1:]] == [
+        "54.4 core s", "1", "42.1\u202fms", "24\u202f965", "101.4\u202fkB", "910.0\u202fMB",
+    ]  # fmt: skip
+    assert matched[2].text == "× 0.97"
+    assert matched[2].small == "[0.97, 0.97]"
+    assert qnerf[2].value == pytest.approx(1.06, rel=1e-12), "the cell that diverged did fewer steps, and is no pair"
+    older = costs_grid(replace(records, cells=[replace(cell, costs={}) for cell in records.cells]))
+    assert [column.label for column in older.columns] == ["method", "training", "of that of", "weights"]
+
+
+def test_cells_that_waited_for_a_processor_are_counted(records: Records):
+    assert waiting(records) == ""
+    slow = [replace(records.cells[0], train_seconds=1.5 * 54.4), *records.cells[1:]]
+    assert waiting(replace(records, cells=slow)) == (
+        "1 of 18 cells shared their processor with other work: up to 1.5 seconds of the wall per core second. Scores "
+        "do not mind; trust core seconds, and no seconds of the wall."
+    )

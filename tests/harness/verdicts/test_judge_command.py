@@ -10,7 +10,7 @@ import pytest
 from harness.__main__ import main
 from harness.records.json_record import DamagedRecord
 from harness.records.judgements import JUDGEMENT_FILE, JudgementRecord, read_judgement, write_judgement
-from harness.verdicts.judgement import judge
+from harness.verdicts.judging.judgement import judge
 from reports.__main__ import main as report
 from reports.studies.judgement import judgement_page, matrix, methods_grid, panel, suspects_grid
 from tests.harness.shell import refused

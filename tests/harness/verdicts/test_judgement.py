@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import ttest_rel
 
 from harness.records.judgements import JudgementRecord, Ranking, changed_pairs
-from harness.verdicts.judgement import adjusted_means, judge, ranking, suspects, without
-from harness.verdicts.result_table import ResultTable
+from harness.verdicts.judging.judgement import adjusted_means, judge, ranking, suspects, without
+from harness.verdicts.judging.result_table import ResultTable
 
 
 def table_of(values: np.ndarray, **more: object) -> ResultTable:

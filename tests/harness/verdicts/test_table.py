@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.verdicts.result_table import MOST_CELLS, ResultTable, read_table
+from harness.verdicts.judging.result_table import MOST_CELLS, ResultTable, read_table
 from scenes.files.errors import InputError
 
 ROWS: list[dict[str, Any]] = [

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from harness.__main__ import main
 from harness.records.cells import CellRecord, write_cell, write_run
-from harness.verdicts.two_runs import two_runs
+from harness.verdicts.judging.two_runs import two_runs
 from scenes.files.errors import InputError
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.records.test_records import one_run

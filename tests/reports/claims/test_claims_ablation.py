@@ -11,7 +11,7 @@ from reports.data.beside import Beside
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.wording import UNTESTED
-from reports.run.publish import summary, write_published
+from reports.run.saving.publish import summary, write_published
 from tests.replacing import replace
 from tests.reports.claims.claimed import claimed
 

@@ -2,7 +2,7 @@
 
 from reports.claims.estimands import difference_in_words, found_failures, rates_grid, senses_grid
 from reports.data.load import Records
-from reports.run.publish import summary
+from reports.run.saving.publish import summary
 from tests.replacing import replace
 
 

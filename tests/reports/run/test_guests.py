@@ -12,8 +12,8 @@ from reports.claims.first_screen import first_screen, guests
 from reports.data.beside import Beside
 from reports.data.load import Records, read_records
 from reports.run.curves import convergence
-from reports.run.publish import summary
 from reports.run.run_page import page
+from reports.run.saving.publish import summary
 from tests.reports.fake_run import write_fake_run
 
 

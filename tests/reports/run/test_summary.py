@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from reports.run.publish import summary, write_summary
+from reports.run.saving.publish import summary, write_summary
 from tests.replacing import replace
 
 CELL = {

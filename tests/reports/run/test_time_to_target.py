@@ -5,7 +5,7 @@ from harness.verdicts.survival import targets
 from reports.data.load import Records
 from reports.drawing.palette import KNOWN
 from reports.run.run_page import page
-from reports.run.time_to_target import is_lost, notes, reach_panels, savings_grid, share_at, target_title
+from reports.run.time_to_target import at_risk_grid, is_lost, notes, reach_panels, savings_grid, share_at, target_title
 from tests.replacing import replace
 
 CURVE = ReachCurve("nerf", "all", "steps", [100.0, 200.0, 800.0], [0.25, 0.5, 0.5], [4, 3, 2])
@@ -87,3 +87,15 @@ def test_where_there_is_no_target_the_section_says_why(records: Records):
     assert target_title(bare.targets) == "Time to a target"
     assert "No target: nothing has a score." in page(bare)
     assert reach_panels(bare, ["all", *bare.scenes]) == []
+
+
+def test_numbers_at_risk_are_those_still_watched_and_below() -> None:
+    later = ReachCurve("qnerf", "all", "steps", [400.0], [0.5], [2])
+    grid = at_risk_grid(replace(RECORD, curves=[CURVE, later, replace(CURVE, scene="chair")]))
+    assert grid is not None
+    assert [[entry.text for entry in row] for row in grid.rows] == [
+        ["nerf", "4", "3", "2", "2", "2"],
+        ["qnerf", "2", "2", "2", "0", "0"],
+    ]
+    assert grid.rows[0][0].small == "0, 200, 400, 600, 800 steps"
+    assert at_risk_grid(replace(RECORD, curves=[replace(CURVE, scene="chair")])) is None

@@ -12,7 +12,7 @@ from harness.__main__ import main
 from harness.records.scored_pictures import read_scores
 from harness.training.scoring.misread import likely_mistake
 from harness.training.scoring.others import score_pictures
-from harness.verdicts.result_table import read_table
+from harness.verdicts.judging.result_table import read_table
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.rendered_pictures import of_views, pictures_in
 from scenes.view_sets.images import write_png

@@ -10,7 +10,7 @@ import numpy as np
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
 from harness.records.metric_table import PRIMARY
-from harness.verdicts.result_table import MARGINS, ResultTable
+from harness.verdicts.judging.result_table import MARGINS, ResultTable
 from harness.verdicts.statistics import PairedDifference, detectable, on_these_scenes, paired_difference, verdict
 from scenes.files.errors import InputError
 

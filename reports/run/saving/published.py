@@ -1,4 +1,4 @@
-"""python -m reports.run.published: the numbers of README.md and docs, written from what is published.
+"""python -m reports.run.saving.published: the numbers of README.md and docs, written from what is published.
 
     <!-- numbers: NAME -->
     what `block(NAME, docs)` makes of docs/*.json

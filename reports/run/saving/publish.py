@@ -88,7 +88,7 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
             name: getattr(cell, name)
             for name in (
                 *("scene", "method", "seed", "status", "reason"),
-                *("steps", "train_seconds", "train_core_seconds"),
+                *("steps", "train_seconds", "train_core_seconds", "costs"),
             )
         },
         **{name: finite_or_none(cell.scores.get(name)) for name in dict.fromkeys(scores)},

@@ -1,0 +1,81 @@
+"""Does the clock of training count the right seconds? Held against other clocks of the system on three known loads."""
+
+import resource
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+
+from harness.machine.stopwatch import Stopwatch
+
+SECONDS = 0.25
+"""The length of each load."""
+TOLERATED = 0.02
+"""The share of a load by which the clock may be wrong."""
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """The system as the check uses it; tests put other clocks in the place of these."""
+
+    wall: Callable[[], float]
+    """Seconds of the wall, from another source than the stopwatch has."""
+    cores: Callable[[], float]
+    """Processor seconds of this process, likewise."""
+    sleep: Callable[[float], None]
+    work: Callable[[float], None]
+    """Use the processor for so many seconds."""
+    watch: Callable[[], Stopwatch]
+
+
+def _used() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+def _work(seconds: float) -> None:
+    until = time.thread_time() + seconds
+    while time.thread_time() < until:
+        pass
+
+
+def system_clocks() -> Clocks:
+    # the raw clock is not steered by network time, as `perf_counter` is; systems without it have the calendar's
+    raw = getattr(time, "CLOCK_MONOTONIC_RAW", None)
+    wall = time.time if raw is None else lambda: time.clock_gettime(raw)
+    return Clocks(wall, _used, time.sleep, _work, lambda: Stopwatch(torch.device("cpu")))
+
+
+def clock_errors(clocks: Clocks, seconds: float = SECONDS) -> dict[str, float]:
+    """Return by load how far the clock of training is wrong, as a share of the load.
+
+    A sleep has seconds of the wall and none of a core; a busy loop has both; and of training with a slow evaluation in
+    the middle, the evaluation must not count.
+    """
+    return {
+        "a sleep": _counted(clocks, clocks.sleep, seconds),
+        "a busy loop": _counted(clocks, clocks.work, seconds),
+        "a slow evaluation": _beside(clocks, seconds),
+    }
+
+
+def _counted(clocks: Clocks, load: Callable[[float], None], seconds: float) -> float:
+    watch = clocks.watch()
+    wall, cores = clocks.wall(), clocks.cores()
+    with watch.running():
+        load(seconds)
+    wall, cores = clocks.wall() - wall, clocks.cores() - cores
+    return max(abs(watch.seconds - wall), abs(watch.core_seconds - cores)) / wall
+
+
+def _beside(clocks: Clocks, seconds: float) -> float:
+    watch, trained = clocks.watch(), 0.0
+    for evaluate in (True, False):
+        began = clocks.wall()
+        with watch.running():
+            clocks.work(seconds / 2)
+        trained += clocks.wall() - began
+        if evaluate:
+            clocks.sleep(seconds)
+    return abs(watch.seconds - trained) / seconds

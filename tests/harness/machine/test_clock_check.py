@@ -1,0 +1,85 @@
+"""The check of the clock, on made-up clocks: a sound one passes, and each fault is found where it shows."""
+
+from collections.abc import Callable
+
+import pytest
+import torch
+
+from harness.machine.clock_check import TOLERATED, Clocks, clock_errors, system_clocks
+from harness.machine.stopwatch import Stopwatch
+
+
+class Machine:
+    """A machine whose time passes only while something is done."""
+
+    def __init__(self) -> None:
+        self.wall = self.cores = 0.0
+
+    def sleep(self, seconds: float) -> None:
+        self.wall += seconds
+
+    def work(self, seconds: float) -> None:
+        self.wall += seconds
+        self.cores += seconds
+
+
+def errors(
+    wall: Callable[[float], float] = lambda now: now,
+    cores: Callable[[Machine], float] = lambda machine: machine.cores,
+    watch: type[Stopwatch] = Stopwatch,
+) -> dict[str, float]:
+    """What the check says of a stopwatch that reads the machine's time by `wall` and `cores`."""
+    machine = Machine()
+
+    def made() -> Stopwatch:
+        return watch(torch.device("cpu"), lambda: wall(machine.wall), lambda: cores(machine))
+
+    return clock_errors(Clocks(lambda: machine.wall, lambda: machine.cores, machine.sleep, machine.work, made))
+
+
+class NeverStops(Stopwatch):
+    """Counts from its first start to its last stop."""
+
+    first = None
+
+    def running(self):  # type: ignore[no-untyped-def]
+        if self.first is None:
+            self.first = self._clock()
+        context = super().running()
+        watch = self
+
+        class Both:
+            def __enter__(self) -> None:
+                context.__enter__()
+
+            def __exit__(self, *_: object) -> None:
+                context.__exit__(None, None, None)
+                watch.seconds = watch._clock() - watch.first
+
+        return Both()
+
+
+def test_a_sound_clock_is_right_to_the_last_digit() -> None:
+    assert errors() == dict.fromkeys(("a sleep", "a busy loop", "a slow evaluation"), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({"wall": lambda now: 1.05 * now}, {"a sleep", "a busy loop", "a slow evaluation"}),
+        ({"cores": lambda machine: machine.wall}, {"a sleep"}),
+        ({"cores": lambda machine: 0.5 * machine.cores}, {"a busy loop"}),
+        ({"watch": NeverStops}, {"a slow evaluation"}),
+    ],
+    ids=["it runs fast", "a sleep counts as work", "half of the work", "an evaluation counts"],
+)
+def test_each_fault_is_found_where_it_shows(changes: dict[str, object], found: set[str]) -> None:
+    assert {load for load, error in errors(**changes).items() if error > TOLERATED} == found
+
+
+def test_this_systems_clocks_are_what_they_are_held_against() -> None:
+    clocks = system_clocks()
+    wall, cores = clocks.wall(), clocks.cores()
+    clocks.work(0.05)
+    assert clocks.wall() - wall >= 0.049
+    assert clocks.cores() - cores >= 0.049
