@@ -116,6 +116,16 @@ class NetworkField(nn.Module):
         """Return raw densities at points that are the same in every call, evenly spread over the box."""
         return self._outputs(self.box.from_unit(_evenly_spread().to(self.box.lower)), None, None)[0]
 
+    @torch.no_grad()
+    def dead_units(self) -> dict[str, float]:
+        """Return by layer of the density network the share of its units that are 0 at all of the points evenly spread
+        over the box: no gradient reaches them from there.
+        """
+        x = self.box.from_unit(_evenly_spread().to(self.box.lower))
+        position = encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
+        layers = self._hidden(position.to(self.dtype))
+        return {f"density_net.{index}": float((hidden == 0).all(dim=0).float().mean()) for index, hidden in layers}
+
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Return raw density [points] and, with a view, colour logits [points, 3], both float32."""
         position = encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
@@ -128,10 +138,8 @@ class NetworkField(nn.Module):
 
     def _composed(self, position: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Compute the network from single operations, differentiable by autograd."""
-        hidden, skipped = position, None
-        for index, layer in enumerate(_linears(self.density_net)):
-            hidden = relu(self._split_linear(layer, hidden, skipped))
-            skipped = position if index == self.skip else None
+        *_, (last, hidden) = self._hidden(position)
+        skipped = position if last == self.skip else None
         raw = self._split_linear(self.density_head, hidden, skipped)[:, 0].float()
         if view is None or ray is None:
             return raw, None
@@ -142,6 +150,14 @@ class NetworkField(nn.Module):
         for layer in others:
             h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))
         return raw, h.float()
+
+    def _hidden(self, position: Tensor) -> Iterator[tuple[int, Tensor]]:
+        """Yield the outputs of the layers of the density network, [points, width] each."""
+        hidden, skipped = position, None
+        for index, layer in enumerate(_linears(self.density_net)):
+            hidden = relu(self._split_linear(layer, hidden, skipped))
+            skipped = position if index == self.skip else None
+            yield index, hidden
 
     def _split_linear(self, layer: nn.Linear, hidden: Tensor, skipped: Tensor | None, with_bias: bool = True) -> Tensor:
         """Apply `layer` to [hidden, skipped, …]; further columns of its weight are left to the caller."""

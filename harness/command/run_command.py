@@ -47,7 +47,8 @@ def add_plan_options(command: argparse.ArgumentParser) -> None:
     add("--profile", default="reduced", metavar="|".join(PROFILES), help="how much (default: reduced)")
     add_shared(command, "--scenes", help="scenes to train on (default: the profile's)")
     add_shared(command, "--methods", help="methods to compare (default: the profile's)")
-    add("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
+    add("--seeds", type=int, metavar="N", help="number of seeds")
+    add("--first-seed", type=int, metavar="K", help="the first of them (default: 0)")
     add("--budget-steps", type=int, metavar="N", help="training steps of each cell")
     add("--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock")
     add("--budget-core-seconds", type=float, metavar="S", help="processor seconds of each cell's training, all threads")
@@ -224,7 +225,16 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
 
     from harness.plan.profiles import planned
 
-    amount = ("scenes", "methods", "seeds", "budget_steps", "budget_seconds", "budget_core_seconds", "resolution")
+    amount = (
+        "scenes",
+        "methods",
+        "seeds",
+        "first_seed",
+        "budget_steps",
+        "budget_seconds",
+        "budget_core_seconds",
+        "resolution",
+    )
     given = {name: getattr(options, name) for name in (*amount, "without", "need", "no_need", "optimiser")}
     precision = None if options.precision == "auto" else options.precision
     plan = planned(options.profile, **given, **scene_source(options), precision=precision)

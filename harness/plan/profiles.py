@@ -34,6 +34,7 @@ APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "guest")
 """The fields that settings have elsewhere or not at all."""
 LARGEST = {
     "seeds": 1000,
+    "first_seed": 1_000_000,
     "budget_steps": 10_000_000,
     "budget_seconds": 3e7,
     "budget_core_seconds": 3e7,
@@ -42,6 +43,7 @@ LARGEST = {
 }
 SMALLEST = {
     "seeds": 1,
+    "first_seed": 0,
     "budget_steps": 1,
     "budget_seconds": 0.1,
     "budget_core_seconds": 0.1,
@@ -353,6 +355,7 @@ def planned(
     scenes: list[str] | None = None,
     methods: list[str] | None = None,
     seeds: int | None = None,
+    first_seed: int | None = None,
     budget_steps: int | None = None,
     budget_seconds: float | None = None,
     budget_core_seconds: float | None = None,
@@ -380,6 +383,7 @@ def planned(
         raise InputError(f"--profile: unknown profile {profile!r}; known profiles: {' '.join(PROFILES)}")
     for name, value in {
         "seeds": seeds,
+        "first_seed": first_seed,
         "budget_steps": budget_steps,
         "budget_seconds": budget_seconds,
         "budget_core_seconds": budget_core_seconds,
@@ -409,8 +413,9 @@ def planned(
     if methods is not None:  # a user who names methods wants these and no others
         plan = replace(plan.alone(), methods=known_names("--methods", methods, method_names()))
     require_methods(plan.methods)
-    if seeds is not None:
-        plan = replace(plan, seeds=tuple(range(seeds)))
+    if seeds is not None or first_seed is not None:
+        first, many = first_seed or 0, seeds or len(plan.seeds)
+        plan = replace(plan, seeds=tuple(range(first, first + many)))
     there = [extra for extra in plan.extras if extra.scene in plan.scenes]
     there = [replace(extra, seeds=tuple(seed for seed in extra.seeds if seed in plan.seeds)) for extra in there]
     plan = replace(plan, extras=tuple(extra for extra in there if extra.seeds))

@@ -124,6 +124,9 @@ class Checkpoint(ScoresAlong):
     Where the true occupancy of the scene is known also `before_inside`, `after_inside`, `before_outside` and
     `after_outside` [bins], shares of the points that truly lie inside and outside matter (sum 1, or 0 where there are
     none), and `points` [2], how many are inside and outside (`scenes.rendering.occupancy`)."""
+    dead_units: dict[str, float] | None = None
+    """Map layer → the share of its units that are 0 at all of the points spread over the box; None where the method's
+    field does not tell, and in older records."""
     alpha: float | None = None
     """The amplifier's α and β (Listing 2) where the method has them."""
     beta: float | None = None
@@ -185,7 +188,8 @@ class CellRecord(Record, frozen=True):
     views: list[ViewScore]
     trace: dict[str, list[float | None]]
     """Lists of equal length over training: step, loss, gradient_norm (before clipping), clipped_norm (what the
-    optimiser got; absent from older runs), alpha, beta, samples_per_ray."""
+    optimiser got; absent from older runs), alpha, beta, samples_per_ray, learning_rate (if all
+    weights have the same), and "gradient_norm LAYER" of each layer, before clipping."""
     parameters: dict[str, int]
     """The number of weights by component: density_net, density_head, colour_net, amplifier, total."""
     properties: dict[str, int | float | str | None]

@@ -301,6 +301,7 @@ class CellTraining:
             core_seconds=trainer.clock.core_seconds,
             network_evaluations=trainer.network_evaluations,
             density=evaluate.density_histogram(trainer, self.occupied),
+            dead_units=dead_units() if (dead_units := getattr(trainer.field, "dead_units", None)) else None,
             **scores,
             **trainer.amplifier_scalars(),
         )

@@ -31,7 +31,9 @@ LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16"
 """The factor of the loss in the backward pass alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
 512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32.
 """
-TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray")
+TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray", "learning_rate")
+LAYER = "gradient_norm "
+"""The beginning of the names of the layers' own norms in a trace, before clipping."""
 TRACE_EVERY = 20
 MEAN = "mean."
 """The beginning of the names of the weights' running means, beside the state of the optimiser."""
@@ -71,6 +73,7 @@ class BudgetedTrainer(ABC):
         self.last_loss: float | None = None
         """The loss of the batch of the last step, before that step."""
         self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
+        self._layer_norms: dict[str, float] = {}
 
     @property
     def progress(self) -> float:
@@ -86,16 +89,20 @@ class BudgetedTrainer(ABC):
         """Return whether the trace takes note of the next step."""
         return (self.step + 1) % TRACE_EVERY == 0 or self.step == 0
 
-    def _count(self, loss: float, norms: tuple[float, float], evaluations: int, rays: int) -> None:
-        """End a step on `rays` rays; `norms` are those of the gradient before and after it was clipped."""
+    def _count(
+        self, loss: float, norms: tuple[float, float], evaluations: int, rays: int, rate: float | None = None
+    ) -> None:
+        """End a step on `rays` rays; `norms` are those of the gradient before and after it was clipped, `rate` is the
+        learning rate if all weights have the same.
+        """
         traced = self._is_traced
         self.step += 1
         self.last_loss = loss
         self.network_evaluations += evaluations
         if traced:
-            values = (float(self.step), loss, *norms, *self.amplifier_scalars().values(), evaluations / rays)
-            for series, value in zip(self.trace.values(), values, strict=True):
-                series.append(value)
+            values = (float(self.step), loss, *norms, *self.amplifier_scalars().values(), evaluations / rays, rate)
+            for name, value in (dict(zip(TRACED, values, strict=True)) | self._layer_norms).items():
+                self.trace.setdefault(name, []).append(value)
 
     def amplifier_scalars(self) -> dict[str, float | None]:
         """Return α and β of the amplifier, None if the method has none."""
@@ -207,7 +214,7 @@ class Trainer(BudgetedTrainer):
                 raise Diverged(self.step, self._first_not_finite("weight"))
             if self.average:
                 self.average.observe()
-        self._count(loss_value, norms, rendering.network_evaluations, len(rays))
+        self._count(loss_value, norms, rendering.network_evaluations, len(rays), rate)
         if self.average and self.progress >= 1.0:
             self.average.adopt()
 
@@ -309,9 +316,20 @@ class Trainer(BudgetedTrainer):
         if not math.isfinite(norm := float(nn.utils.get_total_norm(gradients))):
             # before anything is scaled by it, which would make every gradient NaN
             raise Diverged(self.step, self._first_not_finite("gradient"))
+        if self._is_traced:
+            self._layer_norms = self._norms_by_layer()
         if (kept := self.clipping.scale(norm)) < 1.0:
             torch._foreach_mul_(gradients, kept)
         return norm, float(nn.utils.get_total_norm(gradients)) if self._is_traced else math.nan
+
+    def _norms_by_layer(self) -> dict[str, float]:
+        """Return the norm of the gradient of each layer's weights and biases together."""
+        squares: dict[str, float] = {}
+        for name, weight in self.fields.named_parameters():
+            layer = LAYER + name.removeprefix("coarse.").removesuffix(".weight").removesuffix(".bias")
+            norm = 0.0 if weight.grad is None else float(weight.grad.norm())
+            squares[layer] = squares.get(layer, 0.0) + norm**2
+        return {layer: math.sqrt(square) for layer, square in squares.items()}
 
     def _refresh_grid(self) -> None:
         settings = self.settings.grid

@@ -155,7 +155,7 @@ def _samples(settings: dict[str, Any]) -> str:
 
 def setting(settings: dict[str, Any], *path: str) -> str:
     """Return a nested setting in words; nothing if the run does not state it."""
-    value = _at(settings, *path)
+    value = value_at(settings, *path)
     if isinstance(value, bool) or value is None:
         return ""
     if isinstance(value, int):
@@ -165,11 +165,12 @@ def setting(settings: dict[str, Any], *path: str) -> str:
 
 def number_at(settings: dict[str, Any], *path: str) -> int | float | None:
     """Return a nested setting that is a number; None if the run does not state it."""
-    value = _at(settings, *path)
+    value = value_at(settings, *path)
     return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def _at(settings: dict[str, Any], *path: str) -> Any:
+def value_at(settings: dict[str, Any], *path: str) -> Any:
+    """Return a nested setting; None if the run does not state it."""
     value: Any = settings
     for name in path:
         value = value.get(name) if isinstance(value, dict) else None

@@ -96,7 +96,7 @@ Groups = list[tuple[str, list[tuple[str, str]]]]
 HERE = Path(__file__).parent
 SCRIPTS = (
     *("state.js", "element.js", "numbers.js", "download.js", "menu.js"),
-    *("chart_scale.js", "figure_svg.js", "figures.js", "runs.js"),
+    *("chart_scale.js", "figure_svg.js", "figures.js", "evidence.js", "runs.js"),
     *("tables.js", "filter.js", "reading.js"),
 )
 """The scripts that every page needs to sort, filter and save, in this order."""

@@ -10,11 +10,16 @@ from reports.drawing.palette import colours_of
 from reports.drawing.traces import rounded
 from reports.page.shell import flat
 from reports.run.density import is_histogram
+from reports.run.saving.replay import beside_it, replay
 
 RUN_SCRIPTS = ("density.js",)
 """The further scripts that the page of a run needs."""
 CURVES = ("step", "seconds", "core_seconds", *ALONG_TRAINING, "alpha", "beta")
 """The values of a checkpoint."""
+OF_A_VIEW = ("psnr", "ssim", "flip")
+"""The scores of a view that are shown."""
+TRACED = 30
+"""The points of a small line over training."""
 DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside", "after_outside")
 
 
@@ -24,6 +29,7 @@ def runs_data(records: Records) -> dict[str, Any]:
     compared = {(cell.scene, cell.seed) for cell in of_whole_groups(records.cells, records.run.main_methods)}
     return {
         "scenes": records.scenes,
+        "views": {cell.scene: [view.view for view in cell.views] for cell in records.cells if cell.views},
         "methods": records.methods,
         "metrics": [
             {
@@ -37,7 +43,8 @@ def runs_data(records: Records) -> dict[str, Any]:
         ],
         "colours": {method: colour.variable for method, colour in colours_of(records.methods).items()},
         "cells": [
-            _cell(cell, differing[cell.scene]) | ({} if (cell.scene, cell.seed) in compared else {"whole": False})
+            _cell(records, cell, differing[cell.scene])
+            | ({} if (cell.scene, cell.seed) in compared else {"whole": False})
             for cell in records.cells
         ],
         **_targets(records),
@@ -58,9 +65,11 @@ def _targets(records: Records) -> dict[str, Any]:
     return {"target": record.target, "reached": reached}
 
 
-def _cell(cell: CellRecord, differing: set[str]) -> dict[str, Any]:
+def _cell(records: Records, cell: CellRecord, differing: set[str]) -> dict[str, Any]:
     curve = sorted(cell.curve, key=lambda point: point.step)
     columns = {name: [_number(getattr(point, name)) for point in curve] for name in CURVES}
+    # the largest of the layers: one that is dead cuts off all before it
+    columns["dead_units"] = [_number(max(point.dead_units.values())) if point.dead_units else None for point in curve]
     return {
         **{name: getattr(cell, name) for name in ("scene", "method", "seed", "status", "steps")},
         "reason": cell.reason or "",
@@ -69,8 +78,29 @@ def _cell(cell: CellRecord, differing: set[str]) -> dict[str, Any]:
         "scores": {name: _number(score) for name in SCORES if (score := cell.scores.get(name)) is not None},
         "warnings": cell.warnings,
         "differing": {name: value for name, value in sorted(flat(cell.settings)) if name in differing},
+        "views": _views(cell),
+        "trace": _trace(cell),
+        "costs": {name: _number(amount) for name, amount in cell.costs.items()},
+        "replay": replay(records, cell),
+        "beside": beside_it(cell),
         "file": f"records/cells/{cell.scene}.{cell.method}.{cell.seed}.json",
         "curve": {name: values for name, values in columns.items() if any(value is not None for value in values)},
+    }
+
+
+def _views(cell: CellRecord) -> dict[str, list[float | int | None]]:
+    scores = {name: [_number(getattr(view, name)) for view in cell.views] for name in OF_A_VIEW}
+    return {name: values for name, values in scores.items() if any(value is not None for value in values)}
+
+
+def _trace(cell: CellRecord) -> dict[str, list[float | None]]:
+    """Return at most `TRACED` points of each series, those of the first and the last step among them."""
+    many = len(cell.trace.get("step", []))
+    places = sorted({round(at * (many - 1) / (TRACED - 1)) for at in range(TRACED)}) if many > TRACED else range(many)
+    return {
+        name: [None if series[at] is None else float(f"{series[at]:.3g}") for at in places]
+        for name, series in cell.trace.items()
+        if any(value is not None for value in series)
     }
 
 

@@ -126,3 +126,16 @@ def test_initial_weights_are_glorot_uniform_with_zero_biases() -> None:
 def test_listing_2_alone_says_that_density_is_bounded(method: str) -> None:
     limit = PARTS[method].density_unit(BOX) if "listing2" in PARTS[method].amplifier else math.inf
     assert field_of(method).density_limit == limit
+
+
+def test_dead_units_are_those_that_are_0_everywhere() -> None:
+    field = field_of("nerf")
+    roughened(field)
+    assert max(field.dead_units().values()) < 0.5
+    layer = field.density_net[1]
+    with torch.no_grad():
+        layer.weight[:4] = 0.0
+        layer.bias[:4] = -1.0
+    shares = field.dead_units()
+    assert list(shares) == [f"density_net.{index}" for index in range(len(field.density_net))]
+    assert shares["density_net.1"] >= 4 / layer.out_features

@@ -52,9 +52,7 @@ def test_no_measured_number_stands_outside_of_a_block(page: Path) -> None:
     for known in NOT_MEASURED.get(page.name, ()):
         assert known in text, f"{known}: no longer on the page; take it from the list"
         text = text.replace(known, "")
-    assert not (numbers := MEASURED.findall(text)), (
-        f"{numbers}: put them into a block of published.py"
-    )
+    assert not (numbers := MEASURED.findall(text)), f"{numbers}: put them into a block of published.py"
 
 
 @pytest.mark.parametrize(

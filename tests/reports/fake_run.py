@@ -67,6 +67,7 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
                 rmse_linear=round(1.3 * 10 ** (-psnr / 20), 5),
                 ssim=round(0.6 + psnr / 100, 4),
                 density=_density(step) if method == "qnerf" else None,
+                dead_units={"density_net.0": 0.0, "density_net.1": round(step / 6400, 4)},
                 alpha=round(0.618 + 0.0001 * step, 4) if method == "qnerf" else None,
                 beta=round(1 + 0.00008 * step, 4) if method == "qnerf" else None,
             )
@@ -90,12 +91,20 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
         train_core_seconds=curve[-1].core_seconds,
         scores=scores,
         curve=curve,
-        views=[ViewScore("r_12", scores["psnr_ceiling"], psnr=final, **of_view)],
+        views=[
+            ViewScore(f"r_{12 + view}", scores["psnr_ceiling"], psnr=round(final + 0.3 * (view - 2), 3), **of_view)
+            for view in range(5)
+        ],
         trace={
             "step": [float(step) for step in STEPS],
             "loss": [10 ** (-(point.psnr or 0) / 10) for point in curve],
             "alpha": [point.alpha for point in curve],
             "beta": [point.beta for point in curve],
+            "learning_rate": [0.005 * 0.8**place for place in range(len(STEPS))],
+            **{
+                f"gradient_norm{layer}": [0.3 / (1 + place + size) for place in range(len(STEPS))]
+                for size, layer in enumerate(("", " density_net.0", " density_net.1"))
+            },
         },
         parameters={"density_net": 21_000, "density_head": 65, "colour_net": 3_900, "amplifier": 2 * amplified}
         | {"total": 24_965 + 2 * amplified},
@@ -107,7 +116,7 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
         warnings=["billboard: train PSNR 6.2 dB above test"] if scene == "ficus" and seed == 1 else [],
         costs={"view_seconds": 0.0421, "weights_bytes": 101_376.0, "memory_bytes": 0.91e9},
         settings={"steps": STEPS[-1]},
-        provenance={},
+        provenance={"threads": 1, "commit": "0123456789ab"},
     )
 
 
@@ -226,7 +235,7 @@ def scene_record(name: str, place: int, size: int) -> SceneRecord:
 def run_record(scenes: list[str], methods: dict[str, str], seeds: int, size: int) -> RunRecord:
     return RunRecord(
         profile="reduced",
-        command="nox -s benchmark",
+        command="python -m harness run --out out/latest",
         scenes=[scene_record(name, place, size) for place, name in enumerate(scenes)],
         methods=methods,
         deviations=[

@@ -118,7 +118,7 @@ def test_a_cell_shows_its_runs_and_escape_returns(view, records):
     cell.click()
     panel = view.locator("#runs")
     assert panel.locator("h2").inner_text() == "qnerf, chair"
-    assert panel.locator("details").count() == 3
+    assert panel.locator(".content > details").count() == 3
     score = records.cells_of("chair", "qnerf")[0].scores["psnr"]
     assert f"PSNR {score:.2f}" in panel.locator("summary").first.inner_text()
     assert FORMULA in panel.inner_text()
@@ -133,13 +133,33 @@ def test_a_cell_shows_its_runs_and_escape_returns(view, records):
     assert cell.evaluate("one => one === document.activeElement")
 
 
+def test_a_point_leads_to_everything_behind_it(browser, explored):
+    records, page = explored
+    point = "scene=chair&method=qnerf&seed=1&step=400&runs.open=1"
+    view, _ = opened(browser, f"{page}#{point}", viewport={"width": 1400, "height": 900})
+    panel = view.locator("#runs")
+    drawn = panel.locator("svg[role=img]").evaluate_all("all => all.map((one) => one.getAttribute('aria-label'))")
+    assert [words.split(":")[0] for words in drawn[:3]] == ["loss", "gradient norm", "learning rate"]
+    assert drawn[1] == "gradient norm: 0.3 → 0.05"
+    panel.get_by_text("gradient by layer", exact=True).click()
+    assert panel.get_by_text("density_net.1", exact=True).is_visible()
+    (cell,) = [one for one in records.cells_of("chair", "qnerf") if one.seed == 1]
+    worst = panel.locator("table", has_text="The worst test views").locator("tbody th").all_inner_texts()
+    assert worst == [one.view for one in sorted(cell.views, key=lambda one: one.psnr)][:3]
+    assert "--scenes chair --methods qnerf --seeds 1 --first-seed 1 --device cpu --threads 1" in panel.inner_text()
+    panel.get_by_role("button", name="density at step 400").click()
+    assert "density.step=400" in address_of(view)
+    assert view.locator("#amplifier output").inner_text() == "step 400"
+    view.context.close()
+
+
 def test_the_number_of_a_claim_shows_the_runs_that_it_was_judged_by(view, records):
     unfold(view)
     row = view.locator("#claims tbody tr", has_text="Q-NeRF gains over NeRF on average")
     row.locator(".behind").focus()
     view.keyboard.press("Enter")
     assert view.locator("#runs h2").inner_text() == "qnerf − nerf, all scenes"
-    assert view.locator("#runs details").count() == 2 * sum(cell.method == "qnerf" for cell in records.cells)
+    assert view.locator("#runs .content > details").count() == 2 * sum(cell.method == "qnerf" for cell in records.cells)
     closed = view.locator("#claims tbody tr", has_text="The network has this many weights")
     assert closed.locator("td").nth(1).inner_text() == "546\u202f566", "measured, but not in a run"
     assert closed.locator(".behind").count() == 0

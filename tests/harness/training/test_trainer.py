@@ -12,7 +12,7 @@ from baselines.numerics.optimisers import Optimiser, optimiser_of
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.schedule import Budget, learning_rate
 from harness.plan.settings import GridSettings
-from harness.training.trainer import TRACED, Diverged, Trainer
+from harness.training.trainer import LAYER, TRACED, Diverged, Trainer
 from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours, same, train, trainer, weights
 from tests.harness.voxels import voxels
 
@@ -315,7 +315,13 @@ def test_a_fine_pass_trains_both_fields_and_shows_the_fine_one() -> None:
 
 def test_the_trace_has_series_of_one_length() -> None:
     learner = train(trainer("qnerf", budget=Budget(45, None)), 45)
-    assert set(learner.trace) == set(TRACED)
+    layers = {name.removeprefix(LAYER) for name in learner.trace if name.startswith(LAYER)}
+    assert set(learner.trace) - {LAYER + name for name in layers} == set(TRACED)
+    assert {"density_net.0", "density_head", "colour_net.0", "amplifier.alpha"} <= layers
+    squares = [sum((learner.trace[LAYER + name][at] or 0.0) ** 2 for name in layers) for at in range(3)]
+    assert squares == pytest.approx([(norm or 0.0) ** 2 for norm in learner.trace["gradient_norm"]], rel=1e-5)
+    rates = learner.trace["learning_rate"]
+    assert all(0.0 < (rate or 0.0) <= TRAIN.learning_rate for rate in rates)
     assert learner.trace["step"] == [1.0, 20.0, 40.0]
     assert {len(series) for series in learner.trace.values()} == {3}
     assert learner.trace["alpha"][0] == pytest.approx(0.618, abs=0.02)

@@ -152,23 +152,36 @@ const runs = (() => {
       ...(cell.core_seconds === null ? [] : [["core seconds", numbers.brief(cell.core_seconds)]]),
       ...scores.filter(({ name }) => cell.scores[name] !== undefined)
         .map((each) => [each.label, `${numbers.fixed(cell.scores[each.name], each.digits)}${unitOf(each)}`]),
-      ...Object.entries(cell.differing), ["record", cell.file],
+      ...costsOf(cell), ...Object.entries(cell.differing), ["record", cell.file],
     ];
     return [
       cell.reason ? element("p", { class: "failed" }, cell.reason) : null,
       ...cell.warnings.map((text) => element("p", { class: "warned" }, text)),
       element.terms(facts, { class: "provenance" }), checkpoints(cell, step), pictures(cell, step),
-    ];
+      evidence.histogram(cell, step), evidence.training(cell), evidence.views(cell, data.views[cell.scene], grid), evidence.again(cell),
+    ].flat().filter(Boolean);
+  }
+
+  function costsOf({ costs }) {
+    const bytes = (value) => `${numbers.fixed(value / 1e6, 1)}\u202fMB`;
+    const words = {
+      view_seconds: ["drawing a view", (value) => `${numbers.brief(1000 * value)}\u202fms`],
+      weights_bytes: ["file of weights", bytes], memory_bytes: ["memory of its process", bytes], gpu_memory_bytes: ["memory of the GPU", bytes],
+    };
+    return Object.entries(words).filter(([name]) => costs?.[name] !== undefined).map(([name, [label, write]]) => [label, write(costs[name])]);
   }
 
   function unit(cell, one, isOpen) {
     const metric = metricOf(one.metric);
     const figure = cell.status === "done" ? `${metric.label} ${numbers.fixed(score(cell, metric.name), metric.digits)}` : WORDS[cell.status];
     const title = [one.scene ? null : cell.scene, one.method && !one.against ? null : cell.method, `seed ${cell.seed}`];
-    return element("details", { open: isOpen, class: cell.status === "done" ? null : "lost" },
+    // what is folded is made when it is unfolded: a panel may hold a hundred runs
+    const fill = () => { if (node.open && node.children.length === 1) node.append(...details(cell, one.step)); };
+    const node = element("details", { open: isOpen, class: cell.status === "done" ? null : "lost", toggle: () => fill() },
       element("summary", {}, element("b", {}, title.filter(Boolean).join(" · ")), element("span", {}, figure),
-        cell.warnings.length > 0 ? element("span", { class: "flag" }, "warning") : null),
-      details(cell, one.step));
+        cell.warnings.length > 0 ? element("span", { class: "flag" }, "warning") : null));
+    fill();
+    return node;
   }
 
   function summary(cells, metric) {
