@@ -85,3 +85,16 @@ def test_text_stands_out_from_its_ground(browser, address, scheme):
     ratio, words = weakest_contrast(view, "h1, p, td, th, small, figcaption, summary, nav a, .plot text")
     assert ratio >= 4.5, words
     view.context.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_to_complain_of(browser, address, scheme):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
+    view, _ = opened(browser, address, viewport={"width": 1280, "height": 900}, color_scheme=scheme)
+    if view.locator("#psnr tbody .behind").count():
+        view.locator("#psnr tbody .behind").first.click()
+    unfold(view)
+    found = axe.Axe().run(view).response["violations"]
+    assert [(each["id"], node["html"][:120]) for each in found for node in each["nodes"]] == []
+    view.context.close()

@@ -119,7 +119,7 @@ const tables = (() => {
     one.key = `table.${one.name}.sort`;
     one.heads = [...one.table.tHead.rows[0].cells];
     one.heads.forEach((head, place) => {
-      if (!head.textContent.trim()) return;
+      if (!head.textContent.trim() || head.querySelector(".hidden")) return;
       // numbers fall first, words rise; the third click puts the rows back
       const numeric = one.rows.some((row) => row.cells[place]?.dataset.value !== undefined);
       const ways = (numeric ? ["d", "a"] : ["a", "d"]).map((way) => `${place}${way}`);
