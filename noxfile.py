@@ -1,6 +1,7 @@
 """nox -s SESSION -- OPTIONS: uv makes the environment, and `nox -s SESSION -- --help` explains the options."""
 
 import argparse
+import os
 import sys
 import time
 
@@ -18,14 +19,19 @@ OPTIONS.add_argument("--out")
 
 
 def install(session: nox.Session, *groups: str) -> None:
-    """Install the pinned dependencies of the project and of the named groups, and the extras that the options need."""
+    """Install the pinned dependencies of the project and of the named groups, and the extras that the options need;
+    what these depend on is pinned by version and hash in requirements.lock.
+    """
     extras = PROJECT["project"]["optional-dependencies"]
     options = set(session.posargs)
     words = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
     words["parquet"] = {option for option in options if option.endswith(".parquet")}
     takes_all = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
     needed = [package for name in words if takes_all or words[name] & options for package in extras[name]]
-    session.install(*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *needed)
+    wanted = [*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *needed]
+    # another build of torch has other hashes than the one on PyPI
+    locked = session.virtualenv.venv_backend == "uv" and not os.environ.get("UV_TORCH_BACKEND")
+    session.install(*wanted, *(("--require-hashes", "--constraint", "requirements.lock") if locked else ()))
 
 
 @nox.session

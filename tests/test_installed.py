@@ -1,8 +1,10 @@
 """Commands typed with a Python that has none of the pinned packages."""
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -28,6 +30,19 @@ def test_a_missing_package_is_one_line_that_names_the_environment(command: str) 
     assert ended.stderr.startswith(f"error: {sys.executable} has no package ")
     assert ". .nox/benchmark/bin/activate" in ended.stderr
     assert ended.stderr.count("\n") == 1
+
+
+def test_every_package_is_locked_by_version_and_hash_and_by_no_address() -> None:
+    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    assert "://" not in text
+    entries = re.split(r"\n(?=[a-z0-9])", text.strip())
+    locked = {entry.partition("==")[0]: entry.partition("==")[2].split()[0] for entry in entries}
+    assert all(re.search(r"--hash=sha256:[0-9a-f]{64}\b", entry) for entry in entries)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    groups = [*project["project"]["optional-dependencies"].values(), *project["dependency-groups"].values()]
+    for pin in [*project["project"]["dependencies"], *(pin for group in groups for pin in group)]:
+        name, version = pin.split("==")
+        assert locked[name.lower()] == version, f"renew requirements.lock as CONTRIBUTING.md says: {pin}"
 
 
 @pytest.mark.parametrize("package", ["harness", "reports", "scenes"])

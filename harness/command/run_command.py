@@ -127,7 +127,7 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
     say: Callable[[str], None] = print if options.dry_run else show.line
     for line in plan_lines(plan, machine):
         say(line)
-    if options.dry_run or not options.quiet:
+    if options.dry_run or not (options.quiet or options.profile == "smoke"):  # whose run takes hardly longer
         from harness.execution.cost import estimate_apart
 
         before = options.out if options.resume else None

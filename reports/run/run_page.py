@@ -13,7 +13,7 @@ from reports.claims.headline import headline
 from reports.claims.ledger import Claim, in_short, not_tested
 from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters, folds
-from reports.data import wording
+from reports.data import glossary, wording
 from reports.data.beside import ALONE, Beside
 from reports.data.load import Records
 from reports.data.packing import as_data
@@ -201,6 +201,7 @@ def _sections(
         yield folded(name, title, parts.table(grid(records), False))
     yield shelf("serving")
     yield folded("deviations", "Deviations from the paper", parts.bullets(run.deviations))
+    yield folded("words", "Words used here", parts.terms("provenance", glossary.WORDS))
     how = "`python -m reports OUT --export FILE.zip` writes all figures (PDF, SVG, PNG) and tables (CSV, LaTeX)."
     cited = Markup('<pre class="cite">{}</pre>').format(bibtex(records))
     yield folded("cite", "Cite this run, save all", parts.paragraph(shell.with_code(how)), cited)

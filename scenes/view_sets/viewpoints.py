@@ -16,6 +16,7 @@ SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
 Z_AXIS = np.array([0.0, 0.0, 1.0])
 FOV_X_RADIANS = 0.6911112070083618
+LEAST_FIELD_OF_VIEW = math.radians(0.1)
 RADIUS = float(np.hypot(4.0, 0.5))
 TILT = float(np.arctan2(0.5, 4.0))
 """The elevation of the original rig at rest (7.125°), by which random elevations are turned up."""
@@ -96,11 +97,11 @@ def look_at(origin: np.ndarray, target: np.ndarray, up: np.ndarray = Z_AXIS) -> 
 
 
 def check_field_of_view(radians: float, where: str) -> None:
-    """Raise `InputError` unless it lies strictly between 0 and 180°; `where` names its owner."""
-    if not 0 < radians < math.pi:
+    """Raise `InputError` unless it lies between `LEAST_FIELD_OF_VIEW` and 180°; `where` names its owner."""
+    if not LEAST_FIELD_OF_VIEW <= radians < math.pi:
         raise InputError(
-            f"{where}: the field of view is {math.degrees(radians):g}°; it must lie "
-            "between 0 and π, that is 180°, both excluded"
+            f"{where}: the field of view is {math.degrees(radians):g}°; it must lie between "
+            f"{LEAST_FIELD_OF_VIEW:.4f} and π, that is from 0.1° to less than 180°"
         )
 
 

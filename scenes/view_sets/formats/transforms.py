@@ -19,6 +19,8 @@ SUFFIXES = (".png", ".jpg", ".jpeg")
 """The suffixes tried in turn if a frame's path has none."""
 SAME_FOCAL = 1e-4
 """The relative difference between views below which they have one lens: 0.04 pixels at the edge of 800."""
+BOTH_FOCAL = 0.01
+"""The relative difference between two statements of one lens below which they are the same."""
 CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 """The models that are a pinhole if no distortion is given."""
 _LENS_ZERO = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4")
@@ -130,6 +132,11 @@ def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, 
         image = image_file(file.parent, frame.file_path, where)
         if image in cameras:
             raise InputError(f"{where} names {image}, as a frame before it does; list each image once")
+        for key, value in above.items():
+            if not _same(own := getattr(frame, key), value):
+                raise InputError(
+                    f"{where}: {key} is {shown(own)}, and {shown(value)} for the whole file; keep one of them"
+                )
         cameras[image] = structs.replace(frame, **above)
         angles.append(_field_of_view(cameras[image], where, by_angle))
         _check_lens(cameras[image], where, angles[-1])
@@ -141,6 +148,13 @@ def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, 
     poses = np.array([frame.transform_matrix for frame in document.frames], dtype=np.float64)
     check_poses(poses, [f"{file}: frame {i} ({frame.file_path})" for i, frame in enumerate(document.frames)])
     return document, Frames(angles[0], list(cameras), poses), list(cameras.values())
+
+
+def _same(own: Any, value: Any) -> bool:
+    """Return whether what a frame says for itself is nothing, or what its file says for all."""
+    if isinstance(own, float) and isinstance(value, float):
+        return abs(own - value) <= SAME_FOCAL * abs(value)
+    return own is None or own == value
 
 
 def read_json(file: Path) -> Any:
@@ -202,7 +216,14 @@ def _field_of_view(camera: Camera, where: str, by_angle: bool) -> float:
     if camera.fl_x is not None and not (by_angle and angle is not None):
         if camera.w is None:
             raise InputError(f"{where}: fl_x without w; give the width in pixels that the focal length is meant for")
-        angle = 2 * math.atan(0.5 * camera.w / camera.fl_x)
+        by_length = 2 * math.atan(0.5 * camera.w / camera.fl_x)
+        if angle is not None and abs(math.tan(angle / 2) - math.tan(by_length / 2)) > BOTH_FOCAL * math.tan(
+            by_length / 2
+        ):
+            raise InputError(
+                f"{where}: camera_angle_x is {angle:.6g}, and fl_x and w say {by_length:.6g}; correct one of them"
+            )
+        angle = by_length
     if angle is None:
         raise InputError(f"{where}: neither camera_angle_x nor fl_x is given; give the camera's angle in radians")
     check_field_of_view(angle, f"{where}: camera_angle_x (in radians) or fl_x")
