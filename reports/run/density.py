@@ -137,6 +137,37 @@ def amplifier_over_time(records: Records) -> list[Panel]:
     return panels
 
 
+def separation(density: dict[str, list[float]]) -> float | None:
+    """Return how often a point inside true matter is denser than one outside (the area under the ROC curve), from the
+    histograms of both; 0.5 is chance. Points of one bin count as half. None where the truth is not known.
+    """
+    inside, outside = (np.asarray(density.get(f"after_{where}", ()), dtype=float) for where in ("inside", "outside"))
+    if inside.size == 0 or inside.size != outside.size or inside.sum() == 0 or outside.sum() == 0:
+        return None
+    below = np.cumsum(outside) - outside
+    return float(np.sum(inside * (below + 0.5 * outside)) / (inside.sum() * outside.sum()))
+
+
+def separation_grid(records: Records) -> Grid:
+    """Tabulate `separation` at the end of training: means over the finished seeds."""
+    columns = [Column("scene", numeric=False), *(Column(method, method) for method in records.methods)]
+    rows = []
+    for scene in records.scenes:
+        row = [Entry(scene)]
+        for method in records.methods:
+            ends = [cell.curve[-1].density or {} for cell in records.cells_of(scene, method) if cell.status == "done"]
+            known = [value for value in map(separation, ends) if value is not None]
+            behind = Selection(scene, method)
+            row.append(Entry(number(fmean(known), 3), value=fmean(known), runs=behind) if known else EMPTY)
+        rows.append(row)
+    note = (
+        "How often a point inside true matter is denser than one outside of it, of points on a grid over the box; 1 is "
+        "perfect, 0.5 chance. What no camera sees, the inside of solid things, is learnt from nothing."
+    )
+    caption = "Density against the true geometry"
+    return Grid(caption, columns, [row for row in rows if any(entry != EMPTY for entry in row[1:])], note=note)
+
+
 PRINTED = "qnerf_printed"
 BASES = ("nerf", "qnerf")
 MARKERS = {"nerf": "o", "qnerf": "D"}

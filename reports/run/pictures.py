@@ -311,7 +311,8 @@ def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, 
 
 
 def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, texts: dict[str, str]) -> dict[str, Any]:
-    scored = next((score for score in cell.views if score.view == render.view), None) if last else None
+    of_view = next((score for score in cell.views if score.view == render.view), None)
+    scored, ceiling = of_view if last else None, of_view.psnr_ceiling if of_view else None
     return {
         "method": cell.method,
         "seed": cell.seed,
@@ -320,6 +321,8 @@ def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, t
         "last": last,
         "view": place,
         **{name: getattr(scored, name, None) for name in ("psnr", "flip", "delta_e")},
+        # the RMS of what renders of the truth itself differ by
+        "noise": None if ceiling is None else 10.0 ** (-ceiling / 20.0),
         "colour": _put(packing.display(render.colour), texts),
         "opacity": _put(packing.display(render.opacity), texts),
         "depth": _put(packing.depth(render.depth, far), texts),

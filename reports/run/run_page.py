@@ -25,7 +25,7 @@ from reports.page import shell
 from reports.page.shell import Layout, Section, flat, section
 from reports.run import metrics_table, pictures
 from reports.run.curves import Diagram, chooser_rules, diagrams
-from reports.run.density import amplified_methods, printed_form, unit_grids, unit_sentences
+from reports.run.density import amplified_methods, printed_form, separation_grid, unit_grids, unit_sentences
 from reports.run.figures import FIGURES
 from reports.run.pictures import PictureData, picture_data, remove_others, views, write_files
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
@@ -186,7 +186,7 @@ def _sections(
     density = figures("amplifier")
     after = [(parts.swatch(method), f"density after it, {method}") for method in amplified_methods(records)]
     legend = parts.legend([(MUTED, "density before the amplifier"), *after], AMPLIFIER) if density else Markup("")
-    yield folded("amplifier", "Amplifier", legend, density, figures("learned"))
+    yield folded("amplifier", "Amplifier", legend, density, figures("learned"), parts.table(separation_grid(records)))
     yield shelf("stability")
     if tested := chapters(ledger, in_a_line(records)):
         judged = [HEADING.format(chapter["title"]) + parts.table(chapter["grid"], False) for chapter in tested]

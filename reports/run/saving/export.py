@@ -22,7 +22,7 @@ from reports.drawing.traces import Panel
 from reports.page.grid import Grid
 from reports.run import metrics_table
 from reports.run.curves import diagrams
-from reports.run.density import unit_grids
+from reports.run.density import separation_grid, unit_grids
 from reports.run.figures import FIGURES
 from reports.run.run_page import TABLES
 from reports.run.saving.citation import bibtex
@@ -53,7 +53,7 @@ def tables(records: Records, beside: Beside) -> Iterator[Grid]:
         *differences_grids(records),
         *unit_grids(records),
     ]
-    grids.append(metrics_table.costs_grid(records))
+    grids += [metrics_table.costs_grid(records), separation_grid(records)]
     if targets is not None:
         grids += [savings_grid(targets, ["all"]), savings_grid(targets, records.scenes), at_risk_grid(targets)]
     grids += [metrics_table.metrics_grid(records), *(grid(records) for _, grid in TABLES.values())]

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -10,7 +11,7 @@ from harness.records.cells import write_comparisons as write_rows
 from harness.records.json_record import load_record, write_record
 from harness.verdicts.comparisons import compare
 from reports.data.load import Records, read_records
-from reports.run.density import PRINTED, ladder_panel, printed_form, rungs_of, unit_grids, unit_sentences
+from reports.run.density import PRINTED, ladder_panel, printed_form, rungs_of, separation, unit_grids, unit_sentences
 from reports.run.run_page import page
 
 RUNGS = {"nerf_unit_1": 20.0, "nerf_unit_100": 24.0, "qnerf_unit_1": 15.0, "qnerf_unit_100": 25.0}
@@ -88,3 +89,19 @@ def test_a_run_without_further_methods_has_no_such_section(whole: Records) -> No
     assert not any(grid.rows for grid in unit_grids(whole))
     assert printed_form(whole) == ""
     assert 'id="units"' not in page(whole)
+
+
+def test_density_is_held_to_the_true_geometry() -> None:
+    perfect = {"after_inside": [0.0, 0.0, 1.0], "after_outside": [0.5, 0.5, 0.0]}
+    assert separation(perfect) == 1.0
+    assert separation({"after_inside": [0.5, 0.5, 0.0], "after_outside": [0.0, 0.0, 1.0]}) == 0.0
+    assert separation({"after_inside": [0.2, 0.8], "after_outside": [0.2, 0.8]}) == pytest.approx(0.5)
+    inside, outside = np.random.default_rng(0).integers(0, 5, (2, 200))
+    pairs = (inside[:, None] > outside).mean() + 0.5 * (inside[:, None] == outside).mean()
+    counts = {
+        f"after_{name}": np.bincount(some, minlength=5).tolist()
+        for name, some in (("inside", inside), ("outside", outside))
+    }
+    assert separation(counts) == pytest.approx(pairs, rel=1e-12)
+    assert separation({"after": [1.0]}) is None
+    assert separation({"after_inside": [0.0, 0.0], "after_outside": [0.5, 0.5]}) is None

@@ -23,6 +23,14 @@ const errorMaps = (() => {
     return there.reduce((sum, value) => sum + of(value), 0) / there.length;
   }
 
+  // The median, and what 95 and 99 of 100 pixels lie below: a mean hides whether an error is everywhere or in a spot.
+  function quantiles(values, digits) {
+    const sorted = values.filter((value) => !Number.isNaN(value)).sort();
+    const at = (share) => fixed(sorted[Math.max(0, Math.ceil(share * sorted.length) - 1)], digits);
+    return `median ${at(0.5)}, 95 % below ${at(0.95)}, 99 % below ${at(0.99)}`;
+  }
+
+  const noise = (record) => (Number.isFinite(record?.noise) ? `; noise of the truth ${fixed(record.noise, 4)} (RMS)` : "");
   const square = (v) => v * v;
   const fixed = (value, digits) => (value === Infinity ? "∞" : numbers.fixed(value, digits));
   const beside = (value, digits) => (Number.isFinite(value) ? ` (record ${fixed(value, digits)})` : "");
@@ -49,22 +57,23 @@ const errorMaps = (() => {
       colours: "diverging", range: 0.25, signed: true, scaled: true,
       work: (pair) => differences(pair, LUMA, (v) => v),
       // errors of opposite sign cancel in luma, so that its own RMSE would not be the picture's
-      said: (values, pair) => `mean ${fixed(mean(values), 4)}, RMSE of all channels ${fixed(Math.sqrt(squaredError(pair)), 4)}`,
+      said: (values, pair, record) =>
+        `mean ${fixed(mean(values), 4)}, RMSE of all channels ${fixed(Math.sqrt(squaredError(pair)), 4)}${noise(record)}`,
     },
     absolute: {
       title: "Absolute error", about: "display value", colours: "magma", range: 0.25, scaled: true,
       work: (pair) => differences(pair, EVEN, Math.abs),
-      said: (values) => `mean ${fixed(mean(values), 4)}`,
+      said: (values, _, record) => `mean ${fixed(mean(values), 4)}, ${quantiles(values, 4)}${noise(record)}`,
     },
     flip: {
       title: "FLIP", about: "FLIP, 67 pixels a degree", colours: "magma", range: 1,
       work: ({ test, truth }) => flip.map(truth.planes, test.planes, test.width, test.height),
-      said: (values, _, record) => `mean ${fixed(mean(values), 4)}${beside(record?.flip, 4)}`,
+      said: (values, _, record) => `mean ${fixed(mean(values), 4)}${beside(record?.flip, 4)}, ${quantiles(values, 3)}`,
     },
     delta_e: {
       title: "ΔE₀₀", about: "CIEDE2000", colours: "magma", range: 20, scaled: true,
       work: ({ test, truth }) => deltaE.map(truth.planes, test.planes, test.width, test.height),
-      said: (values, _, record) => `mean ${fixed(mean(values), 2)}${beside(record?.delta_e, 2)}`,
+      said: (values, _, record) => `mean ${fixed(mean(values), 2)}${beside(record?.delta_e, 2)}, ${quantiles(values, 1)}`,
     },
     depth_error: {
       title: "Depth error", about: "scene units, nearer … farther than; where the truth is opaque",
