@@ -23,39 +23,40 @@ SECONDS = 600.0
 # Blocks run side by side, the lines of a block one after another. `→ 3`: this exit code is a result as well, as at
 # these sizes no figure means anything.
 TYPED = """
-nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --out {here}/run {sets}
-nox -s film -- {here}/run --frames 1 --resolution 16 {sets}
+nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --tensorboard --out {here}/run {sets}
+nox -s film -- {here}/run --path orbit --scenes lego --frames 1 --resolution 16 {sets}
 nox -s view -- {here}/run --no-browser --port 0 {sets} → 130
 python -m reports {here}/run --partial --export {here}/all.zip
 nox -s evidence -- --studies ceilings --quick --out {here}/run {sets} → 3
 python -m harness compare {here}/run {here}/run
 python -m harness study serving {here}/run --methods qnerf --width 16 --quick {sets}
 python -m harness tensorboard {here}/run
-python -m scenes render hotdog --resolution 16 --train 3 --test 1 --spp-train 2 --spp-test 2 {sets}
+python -m scenes render hotdog --resolution 16 --train 3 --test 1 --spp-train 2 --spp-test 2 {ceilings} {sets}
 python -m scenes export {here}/sets/{set} --format blender --out {here}/blender
-python -m harness score {here}/blender/test --view-set {here}/blender --method theirs --to {here}/scores.json
+python -m harness score {here}/blender/test --view-set {here}/blender --method me --seconds 9 --to {here}/scores.json
 python -m scenes export {here}/sets/{set} --format nerfstudio --out {here}/nerfstudio
 python -m scenes export {here}/sets/{set} --format npz --out {here}/tiny.npz
-python -m harness run --profile smoke --view-set {here}/blender {tiny} --no-serving --out {here}/foreign
+python -m harness run --profile smoke --view-set {here}/blender {tiny} {region} --no-serving --out {here}/foreign
 python -m reports {here}/run {here}/foreign --page {here}/outputs.html
 python -m reports {here}/foreign --publish {here}/published
 python -m harness run --profile smoke --view-set {here}/nerfstudio --dry-run
 python -m harness run --profile smoke --view-set {here}/tiny.npz --dry-run
 python -m harness run --profile full --device cpu --dry-run {sets}
 python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
+python -m harness run {smoke} --scene-file docs/examples/my_scene.xml {tiny} --out {here}/own {sets}
 python -m scenes integrators glass --resolution 8 --views 1 --spp 2
 python -m scenes noise --scenes lego --resolution 8 --spp 1 2 --reference-spp 4 --repeats 1
 python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
 nox -s stability -- --cases S1 --quick --out {here}/stability {sets} → 3
 
-nox -s frontier -- --scenes lego --methods nerf splats --budgets 0.3 --seeds 1 --resolution 16 --out {here}/f {sets}
+nox -s frontier -- {one} --methods nerf splats --budgets 0.3 --seeds 1 --resolution 16 --out {here}/f {sets}
 python -m harness frontier --pick lego --seconds 1 --out {here}/f
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
 nox -s endurance -- --kills 1 --typed-kills 0 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --scratch {here}/fuzz
-nox -s tests_thorough -- --collect-only -q
+nox -s tests_thorough -- --collect-only -q tests/harness/execution
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
 python -m harness history {here}/history.jsonl --out {here}/history
 python -m harness gate --list
@@ -67,17 +68,26 @@ python -m harness study equivalence --profile smoke --scenes lego {tiny} --out {
 python -m harness study omissions --profile smoke --scenes lego {tiny} --out {here}/left.json {other_sets} → 3
 python -m harness study repair --quick --out {here}/repair.json {other_sets}
 nox -s judge -- docs/examples/nerfbaselines-blender.csv --out {here}/judgement
+nox -s judge -- docs/examples/own-seeds.csv --baseline nerf --out {here}/judgement-2
 python -m harness study scaling
 python -m harness doctor
 python -m harness completion bash
 """
-TINY = "--methods nerf --seeds 2 --budget-steps 4 --resolution 16"
+FILLED = {
+    "{tiny}": "--methods nerf --seeds 2 --budget-steps 4 --resolution 16",
+    "{smoke}": "--profile smoke --no-serving",
+    "{one}": "--studies error_against_time --scenes lego",
+    "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam",
+    "{ceilings}": "--val 1 --ceiling-train 20 --ceiling-val 20 --ceiling-test 20",
+}
 
 
 def blocks(here: str) -> list[list[str]]:
     """The lines of each block, with folders filled in."""
     sets = f"--view-sets {here}/sets"
-    filled = TYPED.replace("{tiny}", TINY).replace("{other_sets}", f"{sets}-2").replace("{sets}", sets)
+    filled = TYPED
+    for name, words in (*FILLED.items(), ("{other_sets}", f"{sets}-2"), ("{sets}", sets)):
+        filled = filled.replace(name, words)
     return [block.strip().replace("{here}", here).splitlines() for block in filled.split("\n\n")]
 
 

@@ -64,6 +64,47 @@ def test_every_session_and_command_is_run_from_end_to_end() -> None:
     assert len(COMMANDS) <= 12, "what a newcomer can look through"
 
 
+ELSEWHERE = {
+    ("harness run", "--executor"): "tests of the cluster",
+    ("harness run", "--ray-address"): "tests of the cluster",
+    ("harness run", "--with"): "tests of a package, which is installed",
+    ("harness conformance", "--with"): "tests of a package, which is installed",
+    ("harness run", "--lpips"): "its tests, with weights that they make",
+    ("harness gate", "--renew"): "half an hour",
+    ("harness gate", "--rank"): "its tests, with a made run",
+    ("harness lint", ""): "CI",
+    ("harness tests", ""): "CI",
+}
+"""Options that are documented and that `nox -s commands` does not type → what tries them."""
+
+
+def options_of(command: str) -> set[tuple[str, str]]:
+    """The command with each of its options."""
+    words = shlex.split(re.split(r" && | [|] | → ", command)[0])
+    if words[0] == "nox":
+        names, _, given = " ".join(words[2:]).partition(" -- ")
+        name, given = f"harness {THROUGH.get(names.split()[0], names.split()[0])}", given.split()
+    elif words[2] == "reports":
+        name, given = "reports", words[3:]
+    else:
+        place = 3 + (words[3:4] == ["study"])
+        words += [""] * (place + 1 - len(words))
+        name, given = f"{words[2]} {words[place]}", words[place + 1 :]
+    return {(name, ""), *((name, word.partition("=")[0]) for word in given if word.startswith("--"))}
+
+
+def test_every_documented_option_is_typed() -> None:
+    typed = {each for block in blocks("here") for line in block for each in options_of(line)}
+    kinds = r"(?:python -m (?:harness|reports|scenes)|nox -s) "
+    for page in [page for page in PAGES if page.name != "CHANGELOG.md"]:
+        text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+        lines = [line.strip().removeprefix("- run: ").partition(" # ")[0] for line in text.splitlines()]
+        found = [line for line in lines if re.match(kinds, line)] + re.findall(rf"`({kinds}[^`]+)`", text)
+        for command in found:
+            missing = options_of(command) - typed - set(ELSEWHERE)
+            assert not {each for each in missing if each[0] != "harness NAME"}, f"{page.name}: {command}"
+
+
 def test_contributing_fits_one_screen() -> None:
     lines = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").splitlines()
     assert len(lines) <= 45
