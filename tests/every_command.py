@@ -76,7 +76,7 @@ python -m harness completion bash
 FILLED = {
     "{tiny}": "--methods nerf --seeds 2 --budget-steps 4 --resolution 16",
     "{smoke}": "--profile smoke --no-serving",
-    "{one}": "--studies error_against_time --scenes lego",
+    "{one}": "--studies error_against_time needs --scenes lego",
     "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam",
     "{ceilings}": "--val 1 --ceiling-train 20 --ceiling-val 20 --ceiling-test 20",
 }
