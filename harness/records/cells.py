@@ -22,9 +22,9 @@ from harness.records.metric_table import ALONG_TRAINING, METRICS, POSSIBLE
 
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 Budget = Literal["steps", "seconds", "core_seconds"]
+"""What two methods are given equal amounts of: training steps, wall seconds or core seconds, each on its own clock."""
 WAITED = 1.3
 """The wall seconds per core second from which work shares its processor with that of others."""
-"""What two methods are given equal amounts of: training steps, wall seconds or core seconds, each on its own clock."""
 
 
 class Estimate(Record, frozen=True):
@@ -188,8 +188,8 @@ class CellRecord(Record, frozen=True):
     views: list[ViewScore]
     trace: dict[str, list[float | None]]
     """Lists of equal length over training: step, loss, gradient_norm (before clipping), clipped_norm (what the
-    optimiser got; absent from older runs), alpha, beta, samples_per_ray, learning_rate (if all
-    weights have the same), and "gradient_norm LAYER" of each layer, before clipping."""
+    optimiser got; absent from older runs), alpha, beta, samples_per_ray, learning_rate (if all weights
+    have the same), and "gradient_norm LAYER" of each layer, before clipping."""
     parameters: dict[str, int]
     """The number of weights by component: density_net, density_head, colour_net, amplifier, total."""
     properties: dict[str, int | float | str | None]

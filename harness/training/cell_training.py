@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from torch import nn
 
+from baselines.field import NetworkField
 from harness.machine.peak_memory import peak_bytes, peak_gpu_bytes
 from harness.machine.provenance import CHECKED, PROGRAM
 from harness.machine.stopwatch import Stopwatch
@@ -301,7 +302,7 @@ class CellTraining:
             core_seconds=trainer.clock.core_seconds,
             network_evaluations=trainer.network_evaluations,
             density=evaluate.density_histogram(trainer, self.occupied),
-            dead_units=dead_units() if (dead_units := getattr(trainer.field, "dead_units", None)) else None,
+            dead_units=trainer.field.dead_units() if isinstance(trainer.field, NetworkField) else None,
             **scores,
             **trainer.amplifier_scalars(),
         )
