@@ -4,6 +4,7 @@ A writer that was killed leaves `.<name>.<process>.part`, followed by the suffix
 that.
 """
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator
@@ -24,8 +25,11 @@ def write_atomically(path: Path, content: bytes | str, fsync: bool = True) -> No
 def replacing(path: Path, suffix: str = "") -> Iterator[Path]:
     """Yield a free name, which ends in `suffix`, for what then takes the place of a file or of an empty folder.
 
-    What stands there is removed if anything fails. Raises `OSError`, naming `path` unless it is about a file elsewhere.
+    What stands there is removed if anything fails. Raises `OSError`, naming `path` unless it is about a file elsewhere;
+    a device, a pipe or a socket is never replaced.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EPERM, "is a device, a pipe or a socket, which no file replaces", str(path))
     beside = path.with_name(f".{path.name}.{os.getpid()}.part{suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,12 +5,12 @@ LONGEST = 1500
 
 
 class _Readable(ValueError):
-    """Text taken from a file can hold anything: it is cut if it would be endless, and control characters, which a
-    terminal would obey, are written out.
+    """Text taken from a file can hold anything: it is cut if it would be endless, and what a terminal would obey, the
+    ends of lines among it, is written out.
     """
 
     def __init__(self, message: object = "") -> None:
-        super().__init__(readable(str(message)))
+        super().__init__(readable(str(message)).replace("\n", "\\n"))
 
 
 class InputError(_Readable):

@@ -15,6 +15,7 @@ BRIGHT = 0.5
 
 HARDLY = 0.5
 """The share of covered pixels below which poses are not believed if another reading of them sees the box."""
+NOTHING = "no training view has a covered pixel"
 ELSE = "choose a box around what is seen, in the units of the poses (--bounds)"
 
 
@@ -35,7 +36,11 @@ def cautions(views: ViewSet, found: Sight) -> list[str]:
             raise InputError(f"{views.path}: {said}")
         told.append(f"only {said}")
     if not any(image[..., 3].any() for image in views.train.rgba):
-        told.append("no training view has a covered pixel")
+        if not views.rendered:
+            raise InputError(
+                f"{views.path}: {NOTHING}; save the object's silhouette as their alpha, or leave alpha out"
+            )
+        told.append(NOTHING)
     if is_premultiplied(views):
         told.append(
             "colours of half covered pixels never exceed their alpha: they seem premultiplied, straight is read"

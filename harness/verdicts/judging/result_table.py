@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from harness.records.json_record import LARGEST_FILE, load_json
-from harness.records.metric_table import METRICS, PRIMARY
+from harness.records.metric_table import METRICS, POSSIBLE, PRIMARY
 from scenes.files.errors import InputError
 
 SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
@@ -237,7 +237,10 @@ def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence
         )
     flat = np.asarray(np.ravel_multi_index(codes, shape))
     _refuse_duplicates(flat, rows)
+    if unknown := [name for name in lower if name.lower() not in rows.columns]:
+        raise InputError(f"--lower {unknown[0]}: no such column; metrics of the table: {', '.join(metrics)}")
     scores, *spent = (_numbers(rows, name) for name in (chosen, "seconds", "core_seconds", "steps"))
+    _refuse_impossible(rows, chosen, scores)
     values = np.full(shape, np.nan)
     values.ravel()[flat] = scores
     there = np.isfinite(values)
@@ -324,6 +327,18 @@ def _numbers(rows: Rows, name: str) -> np.ndarray:
             "empty where there is no result"
         )
     return np.array(numbers, dtype=np.float64)
+
+
+def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
+    """Raise `InputError` at the first score that no two images have, by a metric that we know."""
+    low, high = POSSIBLE.get(name, (-math.inf, math.inf))
+    wrong = np.flatnonzero((scores < low) | (scores > high))
+    if wrong.size:
+        first = int(wrong[0])
+        raise InputError(
+            f"{rows.where(first)}: {name} is {scores[first]:g}, and lies between {low:g} and {high:g} for any two "
+            "images; correct it, or give the column another name"
+        )
 
 
 def _number(value: Any) -> float | None:

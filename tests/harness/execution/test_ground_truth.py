@@ -104,7 +104,7 @@ def test_a_large_view_may_take_longer_and_a_limit_that_is_given_holds(
 ) -> None:
     assert usual_limit(VIEWS) == usual_limit(replace(VIEWS, resolution=800, spp_test=256)) == 1800.0
     large = replace(VIEWS, resolution=4000, spp_test=256)
-    assert usual_limit(large) == pytest.approx(4 * 0.9 * 4096.0)
+    assert usual_limit(large) == pytest.approx(4 * 1.6 * 4096.0)
     given: list[object] = []
 
     def noted(*arguments: object) -> Iterator[RenderProgress]:

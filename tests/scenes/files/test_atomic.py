@@ -114,3 +114,17 @@ def test_leftovers_of_this_version_and_of_those_before_are_known(tmp_path: Path)
     assert remove_leftovers(tmp_path) == len(left)
     assert {one.name for one in tmp_path.iterdir()} == {*mine, ".folder.12.part"}
     assert remove_leftovers(tmp_path / "nowhere") == 0
+
+
+@pytest.mark.parametrize("to", [None, "elsewhere"])
+def test_what_is_no_file_is_not_replaced(to: str | None, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    path = pipe
+    if to is not None:  # as /dev/stdout is
+        path = tmp_path / to
+        path.symlink_to(pipe)
+    with pytest.raises(OSError, match="is a device, a pipe or a socket"):
+        write_atomically(path, "text")
+    assert pipe.is_fifo()
+    assert path.exists()

@@ -102,7 +102,10 @@ def test_without_alpha_only_rays_are_told() -> None:
     whole = replace(views, train=replace(views.train, rgba=stack(*[np.ones((SIZE, SIZE, 4))] * 8)))
     assert sight(whole).covered is None
     nothing = replace(views, train=replace(views.train, rgba=stack(*[np.zeros((SIZE, SIZE, 4))] * 8)))
-    assert cautions(nothing, sight(nothing)) == ["no training view has a covered pixel"]
+    with pytest.raises(InputError, match="no training view has a covered pixel; save the object's silhouette"):
+        cautions(nothing, sight(nothing))
+    rendered = replace(nothing, rendered={"variant": "scalar_rgb"})
+    assert cautions(rendered, sight(rendered)) == ["no training view has a covered pixel"]
 
 
 def test_repeated_cameras_are_told() -> None:

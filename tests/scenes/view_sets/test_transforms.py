@@ -127,10 +127,10 @@ def test_bad_frames_are_refused(folder: Path, change: dict[str, Any], said: str)
 HEAD_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
     ("no angle", {"camera_angle_x": None}, "neither camera_angle_x nor fl_x"),
     ("angle of another type", {"camera_angle_x": "0.69"}, "`str` .*camera_angle_x"),
-    ("angle zero", {"camera_angle_x": 0}, "between 0 and π"),
-    ("angle negative", {"camera_angle_x": -0.69}, "between 0 and π"),
+    ("angle zero", {"camera_angle_x": 0}, "between 0.0017 and π"),
+    ("angle negative", {"camera_angle_x": -0.69}, "between 0.0017 and π"),
     ("angle in degrees", {"camera_angle_x": 39.6}, "radians"),
-    ("angle of π", {"camera_angle_x": math.pi}, "between 0 and π"),
+    ("angle of π", {"camera_angle_x": math.pi}, "between 0.0017 and π"),
     ("no frames", {"frames": None}, "`null` .*frames"),
     ("zero frames", {"frames": []}, "length >= 1 .*frames"),
     ("frames of another type", {"frames": {"a": 1}}, "`object` .*frames"),
