@@ -231,7 +231,7 @@ OPTIONS: dict[str, tuple[str, str]] = {
     "no scene file": ("scenes render --scene-file {}/no.py", "--scene-file {}/no.py: no such file"),
     "an export of nothing": (
         "scenes export {}/none --format npz --out {}/x.npz",
-        "none: no view set; a view set is",
+        "none: no such folder; a view set is",
     ),
     "an export onto itself": (
         "scenes export {}/set --format blender --out {}/set",
