@@ -172,7 +172,7 @@ def test_the_interval_of_a_family_stands_beside_the_one_of_the_comparison_alone(
 def test_what_a_method_costs_is_told_beside_what_nerf_does(records: Records):
     grid = costs_grid(records)
     assert [column.label for column in grid.columns] == [
-        "method", "training", "of that of", "drawing", "weights", "file", "memory",
+        "method", "training", "multiple", "drawing", "weights", "file", "memory",
     ]  # fmt: skip
     nerf, matched, qnerf = grid.rows
     assert [entry.text for entry in nerf[1:]] == [
@@ -182,7 +182,7 @@ def test_what_a_method_costs_is_told_beside_what_nerf_does(records: Records):
     assert matched[2].small == "[0.97, 0.97]"
     assert qnerf[2].value == pytest.approx(1.06, rel=1e-12), "the cell that diverged did fewer steps, and is no pair"
     older = costs_grid(replace(records, cells=[replace(cell, costs={}) for cell in records.cells]))
-    assert [column.label for column in older.columns] == ["method", "training", "of that of", "weights"]
+    assert [column.label for column in older.columns] == ["method", "training", "multiple", "weights"]
 
 
 def test_cells_that_waited_for_a_processor_are_counted(records: Records):
