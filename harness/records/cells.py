@@ -124,9 +124,6 @@ class Checkpoint(ScoresAlong):
     Where the true occupancy of the scene is known also `before_inside`, `after_inside`, `before_outside` and
     `after_outside` [bins], shares of the points that truly lie inside and outside matter (sum 1, or 0 where there are
     none), and `points` [2], how many are inside and outside (`scenes.rendering.occupancy`)."""
-    dead_units: dict[str, float] | None = None
-    """Map layer → the share of its units that are 0 at all of the points spread over the box; None where the method's
-    field does not tell, and in older records."""
     alpha: float | None = None
     """The amplifier's α and β (Listing 2) where the method has them."""
     beta: float | None = None
@@ -134,6 +131,9 @@ class Checkpoint(ScoresAlong):
     """The processor seconds of the same work, by all threads of the process (on a GPU the host's alone); None in older
     records.
     """
+    dead_units: dict[str, float] | None = None
+    """Map layer → the share of its units that are 0 at all of the points spread over the box; None where the method's
+    field does not tell, and in older records."""
 
 
 class ViewScore(ViewScores):

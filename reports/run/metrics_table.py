@@ -146,7 +146,11 @@ BYTES = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 def costs_grid(records: Records) -> Grid:
     """Tabulate what training, drawing and keeping a model of each method costs: means over its finished cells."""
     against = baseline_of(records.methods)
-    columns = [Column("method", numeric=False), Column("training", small="a cell"), Column("multiple", small=f"of {against}’s")]
+    columns = [
+        Column("method", numeric=False),
+        Column("training", small="a cell"),
+        Column("multiple", small=f"of {against}’s"),
+    ]
     columns += [Column("drawing", small="a test view"), Column("weights"), Column("file"), Column("memory")]
     columns.append(Column("of the GPU"))
     rows = []

@@ -26,10 +26,12 @@ def replacing(path: Path, suffix: str = "") -> Iterator[Path]:
     """Yield a free name, which ends in `suffix`, for what then takes the place of a file or of an empty folder.
 
     What stands there is removed if anything fails. Raises `OSError`, naming `path` unless it is about a file elsewhere;
-    a device, a pipe or a socket is never replaced.
+    a device is never replaced.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise OSError(errno.EPERM, "is a device, a pipe or a socket, which no file replaces", str(path))
+    # a link of ours to a device is replaced as any other; one of the system, as /dev/stdout, is not
+    of_the_system = not path.is_symlink() or path.parent == Path("/dev")
+    if of_the_system and (path.is_char_device() or path.is_block_device()):
+        raise OSError(errno.EPERM, "is a device, which no file replaces", str(path))
     beside = path.with_name(f".{path.name}.{os.getpid()}.part{suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -21,7 +21,7 @@ from harness.training.learner import Learner
 from harness.training.lockstep import train_group
 from harness.training.make_learner import NotAvailable, drjit_backend
 from harness.training.scoring.evaluate import density_histogram
-from harness.training.trainer import Diverged
+from harness.training.trainer import TRACED, Diverged
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.ball import write_ball
 from tests.harness.tiny import CPU, SCORE, rays_and_colours, train
@@ -134,8 +134,9 @@ def test_its_records_are_as_complete_as_those_of_others_and_it_learns(ball: View
     cells = {cell.method: cell for cell in train_group(task, ball, {}, lambda share: None)}
     cell, other = cells["voxels_drjit"], cells["nerf"]
     assert (cell.status, cell.reason, cell.steps) == ("done", None, 100)
-    for part in ("scores", "trace", "properties"):
+    for part in ("scores", "properties", "costs"):
         assert set(getattr(cell, part)) == set(getattr(other, part))
+    assert set(cell.trace) == set(TRACED)
     known = {name for name, value in other.scores.items() if value is not None}
     assert {name for name, value in cell.scores.items() if value is not None} == known
     assert cell.scores["psnr"] is not None
