@@ -18,7 +18,7 @@
     });
     const where = element("p", { class: "where" });
     const notes = element("div", { class: "notes", role: "status", id: "comparer-notes" });
-    const table = element("div", { class: "scroll probe", tabindex: "0", role: "region", "aria-label": "Numbers of a pixel" });
+    const table = element("div", { class: "scroll probe", tabindex: "0", role: "group", "aria-label": "Numbers of a pixel" });
     const spoken = element("p", { class: "hidden", "aria-live": "polite" });
     const dialog = compareControls.dialog();
 

@@ -70,7 +70,7 @@ const runs = (() => {
   function grid(caption, head, rows) {
     const line = (cells) => element("tr", {}, element("th", { scope: "row" }, cells[0]), cells.slice(1).map((cell) => element("td", {}, cell)));
     const heads = head.map((cell) => element("th", { scope: "col" }, cell));
-    return element("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption }, element("table", {}, element("caption", {}, caption),
+    return element("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": caption }, element("table", {}, element("caption", {}, caption),
       element("thead", {}, element("tr", {}, heads)), element("tbody", {}, rows.map(line))));
   }
 
@@ -157,7 +157,7 @@ const runs = (() => {
     return [
       cell.reason ? element("p", { class: "failed" }, cell.reason) : null,
       ...cell.warnings.map((text) => element("p", { class: "warned" }, text)),
-      element.terms(facts, { class: "provenance" }), checkpoints(cell, step), pictures(cell, step),
+      pictures(cell, step), element.terms(facts, { class: "provenance" }), checkpoints(cell, step),
       evidence.histogram(cell, step), evidence.training(cell), evidence.views(cell, data.views[cell.scene], grid), evidence.again(cell),
     ].flat().filter(Boolean);
   }
