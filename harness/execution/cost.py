@@ -183,8 +183,17 @@ def rendering_seconds(plan: Plan, missing: int, cores: int, compiled: bool = Tru
     on fewer.
     """
     scale, megasample = MEGASAMPLE_CORES / cores, MEGASAMPLE if compiled else SCALAR_MEGASAMPLE
-    low, high = (missing * samples * plan.views.resolution**2 / 1e6 for samples in plan.views.samples())
+    of_a_scene = mean_of(max(missing, 1), plan.views.samples())
+    low, high = (missing * samples * plan.views.resolution**2 / 1e6 for samples in of_a_scene)
     return scale * megasample[0] * low, max(scale, 1.0) * megasample[1] * high
+
+
+def mean_of(count: int, each: Range) -> Range:
+    """Return the range of the mean of so many, of which each lies within a range: the few extreme ones make up for
+    each other.
+    """
+    middle, half = (each[0] + each[1]) / 2, (each[1] - each[0]) / 2
+    return middle - half / math.sqrt(count), middle + half / math.sqrt(count)
 
 
 def serving_seconds(plan: Plan, paces: "list[Pace]", run: Range) -> Range:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from harness.execution.cost import Extent, estimate, estimated, groups_left, shared, training_seconds
+from harness.execution.cost import Extent, estimate, estimated, groups_left, mean_of, shared, training_seconds
 from harness.execution.probe import Pace, Probe
 from harness.execution.progress import span
 from harness.plan.profiles import PROFILES, Machine, Plan
@@ -107,3 +107,8 @@ def test_rendering_as_recorded_is_within_its_range() -> None:
 def test_a_guest_is_counted_as_long_as_it_is_not_there(tmp_path: Path) -> None:
     plan = replace(PLAN, guest="splats")
     assert groups_left(plan, None) == (*ALL, *[("nerf",)] * len(PLAN.scenes))
+
+
+def test_a_mean_of_many_is_known_better_than_one() -> None:
+    assert mean_of(1, (2.0, 6.0)) == (2.0, 6.0)
+    assert mean_of(4, (2.0, 6.0)) == (3.0, 5.0)
