@@ -154,8 +154,12 @@ def costs_grid(records: Records) -> Grid:
     columns += [Column("drawing", small="a test view"), Column("weights"), Column("file"), Column("memory")]
     columns.append(Column("of the GPU"))
     rows = []
-    for ratio in cost_ratios(records.cells, records.methods):
-        cells = [cell for cell in records.cells if (cell.method, cell.status) == (ratio.method, "done")]
+    ratios = [(row, _ratio(row)) for row in cost_ratios(records.cells, records.methods)]
+    # a guest is given the core seconds of nerf
+    ratios += [(CostRatio(guest, None, None), EMPTY) for guest in records.run.guests]
+    for ratio, multiple in ratios:
+        every = [*records.cells, *records.guest_cells]
+        cells = [cell for cell in every if (cell.method, cell.status) == (ratio.method, "done")]
         if not cells:
             continue
 
@@ -170,9 +174,9 @@ def costs_grid(records: Records) -> Grid:
         drawn = EMPTY if view is None else Entry(f"{significant(1000 * view)}{NARROW}ms", value=1000 * view)
         rows.append(
             [
-                Entry(ratio.method, runs=Selection("", ratio.method)),
+                Entry(ratio.method, runs=Selection("", ratio.method) if ratio.method in records.methods else None),
                 spent_entry(cells),
-                _ratio(ratio),
+                multiple,
                 drawn,
                 _weights(mean_weights(cells)),
                 _bytes(mean("weights_bytes")),

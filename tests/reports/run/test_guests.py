@@ -1,4 +1,4 @@
-"""A method of another family is a sentence and a curve, and is in no table, comparison or verdict."""
+"""A method of another family is a sentence, a curve and a row of costs, and is in no other table and no verdict."""
 
 import math
 from pathlib import Path
@@ -12,6 +12,7 @@ from reports.claims.first_screen import first_screen, guests
 from reports.data.beside import Beside
 from reports.data.load import Records, read_records
 from reports.run.curves import convergence
+from reports.run.metrics_table import costs_grid
 from reports.run.run_page import page
 from reports.run.saving.publish import summary
 from tests.reports.fake_run import write_fake_run
@@ -80,3 +81,10 @@ def test_the_summary_has_its_cells(visited: Records) -> None:
 
 def test_one_without_a_score_is_said_nothing_of(visited: Records, tmp_path: Path) -> None:
     assert guests(visited.__class__(**{**vars(visited), "guest_cells": []})) == ""
+
+
+def test_its_model_has_its_costs_and_no_ratio_as_it_is_given_the_time_of_nerf(visited: Records, whole: Records) -> None:
+    grid, without = costs_grid(visited), costs_grid(whole)
+    assert [row[0].text for row in grid.rows] == [*(row[0].text for row in without.rows), "splats"]
+    assert [entry.text for entry in grid.rows[-1][:3]] == ["splats", "20.0 core s", "–"]
+    assert grid.rows[-1][0].runs is None
