@@ -83,6 +83,16 @@ def digest_of(data: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def without_gaps(data: Any) -> Any:
+    """Return plain data with the keys of every object in order, and without those that hold nothing: what a version
+    adds to a record changes no digest of one that lacks it.
+    """
+    if isinstance(data, dict):
+        held = {key: without_gaps(data[key]) for key in sorted(data)}
+        return {key: value for key, value in held.items() if value is not None and value not in ({}, [])}
+    return [without_gaps(value) for value in data] if isinstance(data, list | tuple) else data
+
+
 def file_digest(path: Path) -> str:
     """Return the SHA-256 of a file's bytes; raises `OSError`."""
     with path.open("rb") as file:

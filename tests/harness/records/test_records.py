@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.records.cells import (
+    HELD,
     CellRecord,
     Checkpoint,
     Comparison,
@@ -30,7 +31,16 @@ from harness.records.cells import (
     write_comparisons,
     write_run,
 )
-from harness.records.json_record import DamagedRecord, finite_or_none, load_json, write_json, write_record
+from harness.records.json_record import (
+    DamagedRecord,
+    digest_of,
+    finite_or_none,
+    load_json,
+    plain,
+    without_gaps,
+    write_json,
+    write_record,
+)
 from harness.records.metric_table import METRICS
 from scenes.files.errors import as_text
 from tests.harness.cells import cell, checkpoint, diverged
@@ -146,6 +156,20 @@ def test_comparisons_of_other_cells_are_not_believed(tmp_path: Path) -> None:
     assert read_comparisons(tmp_path, [cell]) == []
     with pytest.raises(DamagedRecord, match=r"was made when the cell lego\.qnerf\.2\.json held something else"):
         read_comparisons(tmp_path, [replace(cell, scores={**cell.scores, "psnr": cell.scores["psnr"] + 30.0})])
+
+
+def test_what_a_version_adds_to_a_record_changes_no_digest_of_an_older_one(tmp_path: Path) -> None:
+    cell = replace(one_cell(), costs={}, curve=[replace(point, dead_units=None) for point in one_cell().curve])
+    (digest,) = digests_of([cell]).values()
+    data = json.loads(json.dumps(plain(cell)))
+    data.pop("costs")
+    data["curve"] = [dict(reversed([(key, value) for key, value in point.items() if key != "dead_units"]))
+                     for point in data["curve"]]  # fmt: skip
+    assert digest == HELD + digest_of(without_gaps(dict(reversed(data.items()))))
+    assert digests_of([replace(cell, costs={"view_seconds": 1.0})]) != {"lego.qnerf.2.json": digest}
+    # by the version before, which digested keys in their order, and those that hold nothing
+    write_comparisons(tmp_path, [], {"lego.qnerf.2.json": digest_of(plain(cell))})
+    assert read_comparisons(tmp_path, [cell]) == []
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
