@@ -133,6 +133,21 @@ def test_a_cell_shows_its_runs_and_escape_returns(view, records):
     assert cell.evaluate("one => one === document.activeElement")
 
 
+@pytest.mark.parametrize("width", [965, 1100, 1280, 1340, 1400])
+def test_the_panel_lies_beside_what_it_belongs_to(browser, explored, width):
+    view, _ = opened(browser, explored[1], viewport={"width": width, "height": 800}, reduced_motion="reduce")
+    cell = view.locator("#psnr tbody .behind").nth(2)
+    cell.click()
+    panel = view.locator("#runs").bounding_box()
+    assert view.evaluate("document.documentElement.scrollWidth") <= width
+    right = """Math.max(...[...document.querySelectorAll('main section > *')]
+        .map(one => one.getBoundingClientRect().right))"""
+    assert view.evaluate(right) <= panel["x"] + 1
+    row = cell.locator("xpath=ancestor::tr").bounding_box()
+    assert -row["height"] < row["y"] < 800, "what was pointed at is in sight"
+    view.context.close()
+
+
 def test_a_point_leads_to_everything_behind_it(browser, explored):
     records, page = explored
     point = "scene=chair&method=qnerf&seed=1&step=400&runs.open=1"
