@@ -14,7 +14,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines import amplifiers, composition, field, held_mean, occupancy, rendering
+from baselines import amplifiers, composition, contract, held_mean, occupancy, rendering
 from baselines.contract import Box
 from baselines.numerics import amplifier, encoding, quadrature, soap
 from harness.gate import early
@@ -153,7 +153,7 @@ MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
         amplifiers, "amplify_listing2", _clamp
     ),
     ("amplifier", "share by which a held mean moves", "× 1.01"): lambda patch: _held_mean(patch),
-    ("weights", "bound of the first weights", "× 1.01"): lambda patch: _argument(patch, field, "uniform_weights", 1),
+    ("weights", "bound of the first weights", "× 1.01"): lambda patch: _argument(patch, contract, "uniform_weights", 1),
     ("optimiser", "learning rate", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 2),
     ("optimiser", "last learning rate", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 3),
     ("optimiser", "steps of the warm-up", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 4),
