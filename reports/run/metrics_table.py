@@ -1,6 +1,7 @@
 """The properties of a method, the scores beside PSNR, and every comparison that was made, in full."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from statistics import fmean
 
@@ -153,35 +154,24 @@ def costs_grid(records: Records) -> Grid:
     ]
     columns += [Column("drawing", small="a test view"), Column("weights"), Column("file"), Column("memory")]
     columns.append(Column("of the GPU"))
+    every = [*records.cells, *records.guest_cells]
+    multiples = {row.method: _multiple(row, against) for row in cost_ratios(records.cells, records.methods)}
     rows = []
-    ratios = [(row, _ratio(row)) for row in cost_ratios(records.cells, records.methods)]
-    # a guest is given the core seconds of nerf
-    ratios += [(CostRatio(guest, None, None), EMPTY) for guest in records.run.guests]
-    for ratio, multiple in ratios:
-        every = [*records.cells, *records.guest_cells]
-        cells = [cell for cell in every if (cell.method, cell.status) == (ratio.method, "done")]
+    for method in (*records.methods, *records.run.guests):
+        cells = [cell for cell in every if (cell.method, cell.status) == (method, "done")]
         if not cells:
             continue
-
-        def mean(name: str, cells: list[CellRecord] = cells) -> float | None:
-            known = [cell.costs[name] for cell in cells if name in cell.costs]
-            return fmean(known) if known else None
-
-        def most(name: str, cells: list[CellRecord] = cells) -> Entry:
-            return _bytes(max((cell.costs[name] for cell in cells if name in cell.costs), default=None))
-
-        view = mean("view_seconds")
-        drawn = EMPTY if view is None else Entry(f"{significant(1000 * view)}{NARROW}ms", value=1000 * view)
+        view = _cost(fmean, cells, "view_seconds")
         rows.append(
             [
-                Entry(ratio.method, runs=Selection("", ratio.method) if ratio.method in records.methods else None),
+                Entry(method, runs=Selection("", method) if method in records.methods else None),
                 spent_entry(cells),
-                multiple,
-                drawn,
+                multiples.get(method, EMPTY),  # a guest is given the core seconds of nerf
+                EMPTY if view is None else Entry(f"{significant(1000 * view)}{NARROW}ms", value=1000 * view),
                 _weights(mean_weights(cells)),
-                _bytes(mean("weights_bytes")),
-                most("memory_bytes"),
-                most("gpu_memory_bytes"),
+                _bytes(_cost(fmean, cells, "weights_bytes")),
+                _bytes(_cost(max, cells, "memory_bytes")),
+                _bytes(_cost(max, cells, "gpu_memory_bytes")),
             ]
         )
     note = (
@@ -198,9 +188,18 @@ def mean_weights(cells: list[CellRecord]) -> float | None:
     return fmean(counted_cells) if counted_cells else None
 
 
-def _ratio(row: CostRatio) -> Entry:
-    if row.ratio is None:
+def _cost(over: Callable[[list[float]], float], cells: list[CellRecord], name: str) -> float | None:
+    """Return the mean or the maximum of a cost `over` the cells that have it; None if none has."""
+    known = [cell.costs[name] for cell in cells if name in cell.costs]
+    return over(known) if known else None
+
+
+def _multiple(row: CostRatio, against: str) -> Entry:
+    """Return 1 for the baseline itself, and nothing for a method without a pair of as many steps."""
+    if row.method == against:
         return Entry("1", value=1.0)
+    if row.ratio is None:
+        return EMPTY
     low, high = row.interval or (None, None)
     ends = "" if low is None else f"[{number(low)}, {number(high)}]"
     return Entry(f"× {number(row.ratio)}", ends, "", row.ratio, {"low": low, "high": high}, Selection("", row.method))

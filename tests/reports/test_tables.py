@@ -185,6 +185,12 @@ def test_what_a_method_costs_is_told_beside_what_nerf_does(records: Records):
     assert [column.label for column in older.columns] == ["method", "training", "multiple", "weights"]
 
 
+def test_without_a_pair_of_as_many_steps_no_multiple_is_told(records: Records):
+    apart = [replace(cell, steps=cell.steps + (cell.method == "qnerf")) for cell in records.cells]
+    multiples = [row[2].text for row in costs_grid(replace(records, cells=apart)).rows]
+    assert multiples == ["1", "× 0.97", "–"]
+
+
 def test_cells_that_waited_for_a_processor_are_counted(records: Records):
     assert waiting(records) == ""
     slow = [replace(records.cells[0], train_seconds=1.5 * 54.4), *records.cells[1:]]
