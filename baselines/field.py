@@ -114,21 +114,25 @@ class NetworkField(nn.Module):
     @torch.no_grad()
     def raw_in_box(self) -> Float[Tensor, " points"]:
         """Return raw densities at points that are the same in every call, evenly spread over the box."""
-        return self._outputs(self.box.from_unit(_evenly_spread().to(self.box.lower)), None, None)[0]
+        return self._outputs(self._spread(), None, None)[0]
 
     @torch.no_grad()
     def dead_units(self) -> dict[str, float]:
         """Return by layer of the density network the share of its units that are 0 at all of the points evenly spread
         over the box: no gradient reaches them from there.
         """
-        x = self.box.from_unit(_evenly_spread().to(self.box.lower))
-        position = encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
-        layers = self._hidden(position.to(self.dtype))
+        layers = self._hidden(self._encoded(self._spread()).to(self.dtype))
         return {f"density_net.{index}": float((hidden == 0).all(dim=0).float().mean()) for index, hidden in layers}
+
+    def _spread(self) -> Tensor:
+        return self.box.from_unit(_evenly_spread().to(self.box.lower))
+
+    def _encoded(self, x: Tensor) -> Tensor:
+        return encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Return raw density [points] and, with a view, colour logits [points, 3], both float32."""
-        position = encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
+        position = self._encoded(x)
         if self.accelerations.fused and (view is not None or not torch.is_grad_enabled()):
             layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
             layers = [*_linears(self.density_net), self.density_head, *_linears(self.colour_net)]

@@ -222,7 +222,6 @@ def _at_once(machine: "Machine") -> str:
 
 
 def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":
-
     from harness.plan.profiles import planned
 
     amount = (

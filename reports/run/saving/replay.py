@@ -27,7 +27,7 @@ def replay(records: Records, cell: CellRecord) -> str:
         if option not in DROPPED and not other_set:
             kept.append(word)
     own = ["--methods", cell.method, "--seeds", "1", "--first-seed", str(cell.seed)]
-    if not {"--view-set", "--scene-file"} & set(kept):
+    if not {"--view-set", "--scene-file"} & {word.partition("=")[0] for word in kept}:
         own = ["--scenes", cell.scene, *own]
     own += ["--device", "cpu" if cell.provenance.get("device", "cpu") == "cpu" else "cuda"]
     given = {"--threads": cell.provenance.get("threads"), "--precision": value_at(cell.settings, "train", "precision")}

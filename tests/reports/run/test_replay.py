@@ -38,6 +38,13 @@ def test_of_several_view_sets_it_is_the_one(records: Records) -> None:
     assert kept == "python -m harness run --view-set my/drums --bounds -1 -1 -1 1 1 1"
 
 
+def test_a_scene_of_ones_own_has_no_name_in_the_catalogue(records: Records) -> None:
+    for given in ("--scene-file my.xml", "--scene-file=my.xml"):
+        assert made(records, f"python -m harness run {given}").startswith(
+            f"python -m harness run {given} --methods qnerf --seeds 1"
+        )
+
+
 def test_what_no_run_made_has_none(records: Records) -> None:
     assert made(records, "nox -s evidence") == ""
     guests = replace(records.run, guests=["qnerf"])

@@ -38,6 +38,9 @@ const element = (() => {
   made.terms = (pairs, attributes = {}) =>
     made("dl", attributes, pairs.map(([term, text]) => made("div", {}, made("dt", {}, term), made("dd", {}, text))));
 
+  // What may be wider than its place, to be scrolled by keys as well.
+  made.scroll = (label, ...children) => made("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": label }, ...children);
+
   // A choice whose options [value, text] are set together with the chosen one.
   made.select = (label, chosen) => {
     const input = made("select", { "aria-label": label, autocomplete: "off", change: () => chosen(input.value) });

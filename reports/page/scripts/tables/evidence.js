@@ -30,7 +30,7 @@ const evidence = (() => {
     const { step, ...traced } = cell.trace ?? {};
     const rows = series.filter(([, name]) => (traced[name] ?? []).some((value) => value !== null));
     if (!step || rows.length === 0) return null;
-    return element("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": caption }, element("table", { class: "sparks" }, element("caption", {}, caption),
+    return element.scroll(caption, element("table", { class: "sparks" }, element("caption", {}, caption),
       element("tbody", {}, rows.map(([label, name]) => spark(step, traced[name], label)))));
   }
 

@@ -70,7 +70,7 @@ const runs = (() => {
   function grid(caption, head, rows) {
     const line = (cells) => element("tr", {}, element("th", { scope: "row" }, cells[0]), cells.slice(1).map((cell) => element("td", {}, cell)));
     const heads = head.map((cell) => element("th", { scope: "col" }, cell));
-    return element("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": caption }, element("table", {}, element("caption", {}, caption),
+    return element.scroll(caption, element("table", {}, element("caption", {}, caption),
       element("thead", {}, element("tr", {}, heads)), element("tbody", {}, rows.map(line))));
   }
 
