@@ -25,6 +25,7 @@ def install(session: nox.Session, *groups: str) -> None:
     extras = PROJECT["project"]["optional-dependencies"]
     options = set(session.posargs)
     words = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
+    words["submitit"] = {"submitit", "--executor=submitit"}
     words["parquet"] = {option for option in options if option.endswith(".parquet")}
     takes_all = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
     needed = [package for name in words if takes_all or words[name] & options for package in extras[name]]

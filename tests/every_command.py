@@ -59,6 +59,7 @@ nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --s
 nox -s tests_thorough -- --collect-only -q tests/harness/execution
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
 python -m harness history {here}/history.jsonl --out {here}/history
+python -m harness run {smoke} --scenes lego {tiny} --executor submitit {job} --out {here}/jobs {other_sets}
 python -m harness gate --list
 python -m harness study evidence --list
 python -m harness study stability --list
@@ -76,6 +77,7 @@ python -m harness completion bash
 FILLED = {
     "{tiny}": "--methods nerf --seeds 2 --budget-steps 4 --resolution 16",
     "{smoke}": "--profile smoke --no-serving",
+    "{job}": "--job timeout_min=9 --workers 1 --threads 1 --device cpu",
     "{one}": "--studies error_against_time needs --scenes lego",
     "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam",
     "{ceilings}": "--val 1 --ceiling-train 20 --ceiling-val 20 --ceiling-test 20",

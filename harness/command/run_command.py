@@ -166,7 +166,7 @@ def _with_lpips(plan: "Plan", options: argparse.Namespace) -> "Plan":
     from harness.records.cells import read_cells
     from harness.training.scoring.lpips import lpips_of
 
-    if options.executor != "local":
+    if options.executor == "ray":
         raise InputError("--lpips: the file is on this machine alone; leave it out, or run here (--executor local)")
     digest = lpips_of(options.lpips).digest
     for cell in read_cells(options.out) if options.resume and options.out else ():
@@ -218,6 +218,8 @@ def _seeds(seeds: tuple[int, ...]) -> str:
 def _at_once(machine: "Machine") -> str:
     if machine.executor == "ray":
         return "as many groups at once as the Ray cluster has room for, each"
+    if machine.executor == "submitit":
+        return f"at most {machine.workers} jobs at once"
     return f"{machine.workers} workers"
 
 

@@ -60,7 +60,7 @@ def estimate(
 
     `view_sets` is the cache of rendered ones, `before` the output folder that is resumed.
     """
-    if machine.executor == "ray":
+    if machine.executor != "local":
         words = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
         return CostEstimate([words], {})
     import torch

@@ -1,8 +1,10 @@
 """The place where cells run: the options, their effect on this machine or a cluster, and the executor of the groups."""
 
 import argparse
+import shutil
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.plan.defaults import KEPT_EVERY
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from harness.plan.group_task import GroupTask
     from harness.plan.profiles import Machine
 
-EXECUTORS = ("local", "ray")
+EXECUTORS = ("local", "ray", "submitit")
 MOST_WORKERS = 256
 
 
@@ -24,13 +26,17 @@ def add_executor_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("--workers", type=int, metavar="N", help="processes on this machine (default: one a core, or one a GPU)")
     add("--threads", type=int, metavar="N", help="threads of each cell (default: cores over workers; on Ray 1)")
-    add("--executor", default="local", choices=EXECUTORS, help="where cells run (ray: an optional extra)")
+    add("--executor", default="local", choices=EXECUTORS, help="where cells run (ray, submitit: optional extras)")
     add(
         "--keep-every", type=float, default=KEPT_EVERY, metavar="S",
         help="seconds between two times that cells are kept in the middle of their training; 0: after every step "
         "(default: %(default)g)",
     )  # fmt: skip
     add("--ray-address", metavar="ADDRESS", help="of a Ray cluster (default: RAY_ADDRESS, else a Ray of this machine)")
+    add(
+        "--job", action="append", default=[], metavar="NAME=VALUE",
+        help="of the jobs of submitit, for example timeout_min=600 or slurm_partition=gpu; may be given again",
+    )  # fmt: skip
 
 
 def device_and_bfloat16(
@@ -45,9 +51,19 @@ def device_and_bfloat16(
 
     from harness.machine.device import chosen_device, multiplies_bfloat16
 
-    if getattr(options, "executor", "local") == "local":
+    executor = getattr(options, "executor", "local")
+    if getattr(options, "job", []) and executor != "submitit":
+        raise InputError(f"--job {options.job[0]}: goes with --executor submitit alone")
+    if executor == "local":
         device = chosen_device(options.device)
         return device, multiplies_bfloat16(device)
+    if executor == "submitit":
+        from harness.execution.submitit_executor import asked
+
+        beside = options.out.parent if options.out else Path("out")
+        name, bfloat16, words = asked(beside, _threads(options) or 1, options.device, options.job)
+        say(words)
+        return torch.device(name), bfloat16
     from harness.execution.cluster.connection import connect, gpus_multiply_bfloat16, hardware
 
     if options.workers is not None:
@@ -84,6 +100,10 @@ def chosen_machine(
     threads, keep = _threads(options), options.keep_every
     if options.executor == "ray":
         return Machine(device.type, max(1, cores // (threads or 1)), threads or 1, "ray", keep)
+    if options.executor == "submitit":
+        usual = groups if shutil.which("srun") else max(1, cores // (threads or 1))
+        workers = options.workers or min(usual, groups)
+        return Machine(device.type, workers, threads or 1, "submitit", keep, tuple(options.job))
     # hardware threads of one core would slow each other down
     own = min(physical_cores(), cores)
     usual = max(1, own // (threads or 1)) if device.type == "cpu" else torch.cuda.device_count()
@@ -117,6 +137,10 @@ def run_groups(
         from harness.execution.ray_executor import run_on_ray
 
         return run_on_ray(tasks, commit)
+    if machine.executor == "submitit":
+        from harness.execution.submitit_executor import run_by_submitit
+
+        return run_by_submitit(tasks, commit, machine.workers, list(machine.job_options))
     return locally(tasks, machine.workers)
 
 

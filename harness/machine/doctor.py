@@ -28,7 +28,7 @@ take half of it.
 """
 PROJECT = Path(__file__).parents[2] / "pyproject.toml"
 RENEW = "start it through nox, which installs the pinned ones, or install the one that pyproject.toml names"
-EXTRAS = {"ray": "--executor ray", "tensorboard": "--tensorboard"}
+EXTRAS = {"ray": "--executor ray", "submitit": "--executor submitit", "tensorboard": "--tensorboard"}
 """Map extra of `pyproject.toml` → the option that needs it."""
 TOOLS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("nox",), "`nox -s …` makes the environments", 'python -m pip install "nox[uv]"'),

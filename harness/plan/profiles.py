@@ -182,9 +182,11 @@ class Machine:
     measurements.
     """
     threads: int
-    executor: Literal["local", "ray"] = "local"
+    executor: Literal["local", "ray", "submitit"] = "local"
     keep_every: float = KEPT_EVERY
     """The seconds between two times that cells are kept in the middle of their training; changes no result."""
+    job_options: tuple[str, ...] = ()
+    """`NAME=VALUE` for the jobs of submitit; change no result."""
 
     def settings(self) -> dict[str, Any]:
         """Return the settings as JSON, without defaults, so that runs from before there was a choice can be resumed."""

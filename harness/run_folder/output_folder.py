@@ -186,7 +186,7 @@ def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> str | Non
             aside(out, path.relative_to(out).as_posix())
         return "missing" if isinstance(error, FileNotFoundError) else str(error)
     now = json.loads(json.dumps(started_with))
-    if any(settings.get("machine", {}).get("executor") == "ray" for settings in (before, now)):
+    if any(settings.get("machine", {}).get("executor") for settings in (before, now)):
         # how many groups run at once is the cluster's affair, and each cell's record says where it ran
         for settings in (before, now):
             settings["machine"] = {key: settings.get("machine", {}).get(key) for key in ("device", "threads")}

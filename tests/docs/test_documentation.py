@@ -65,7 +65,6 @@ def test_every_session_and_command_is_run_from_end_to_end() -> None:
 
 
 ELSEWHERE = {
-    ("harness run", "--executor"): "tests of the cluster",
     ("harness run", "--ray-address"): "tests of the cluster",
     ("harness run", "--with"): "tests of a package, which is installed",
     ("harness conformance", "--with"): "tests of a package, which is installed",

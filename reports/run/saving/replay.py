@@ -9,7 +9,7 @@ from reports.data.scale import value_at
 DROPPED = {
     *("--scenes", "--methods", "--seeds", "--first-seed", "--out", "--resume", "--executor", "--workers", "--threads"),
     *("--device", "--precision", "--verify-omissions", "--tensorboard", "--no-serving", "--quiet", "--lpips"),
-    *("--partial", "--keep-every", "--ray-address"),
+    *("--partial", "--keep-every", "--ray-address", "--job"),
 }
 """What a cell does not depend on, or what its own record says better than the command of the run."""
 

@@ -14,16 +14,10 @@ from harness.execution.cluster.connection import connect, disconnect, hardware
 from harness.execution.cluster.node_work import GroupOrder
 from harness.execution.local_executor import Event, run_locally
 from harness.execution.ray_executor import run_on_ray
-from harness.plan.group_task import GroupTask
-from harness.plan.schedule import Budget
-from harness.plan.settings import ScoreSettings
-from harness.records.cells import CellRecord, read_cells
+from harness.records.cells import read_cells
 from scenes.files.errors import InputError
-from tests.harness.tiny import TRAIN, VIEWS
+from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, tasks, without_place
 from tests.replacing import replace
-
-SLOW_SCORES = ScoreSettings(checkpoints=2, earliest=0.5, chunk=24, train_views=10, stored_views=1)
-"""The end of a cell takes a second: time enough to kill a node between two cells of one group."""
 
 pytestmark = pytest.mark.timeout(1800)
 """On a busy machine Ray's many processes and twelve trainings take many minutes."""
@@ -88,17 +82,6 @@ def joined(cluster: Any) -> Iterator[Any]:
     disconnect()
 
 
-def tasks(ball_folder: Path, out: Path, seeds: int, score: ScoreSettings, **changes: Any) -> list[GroupTask]:
-    task = GroupTask("ball", 0, ("nerf", "qnerf"), TRAIN, score, Budget(24, None), out, ball_folder, VIEWS)
-    return [replace(task, seed=seed, **changes) for seed in range(seeds)]
-
-
-def without_place(cell: CellRecord) -> CellRecord:
-    """Nor time."""
-    curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
-    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, curve=curve, provenance={})
-
-
 def not_on_the_drivers_disk(*parts: Any) -> GroupOrder:
     order = GroupOrder(*parts)
     return replace(order, view_set=replace(order.view_set, folder=Path("/not/on/this/node/ball")))
@@ -148,15 +131,6 @@ def test_a_killed_node_costs_time_and_changes_no_bit(
     here = files_of(tmp_path / "here")
     assert files_of(tmp_path / "ray") == here, "weights and pictures, byte for byte"
     assert {Path(name).parts[0] for name in here} == {"checkpoints", "records"}
-
-
-def files_of(out: Path) -> dict[str, bytes]:
-    """All but what holds clocks."""
-    return {
-        file.relative_to(out).as_posix(): file.read_bytes()
-        for file in out.rglob("*")
-        if file.is_file() and file.suffix != ".json"
-    }
 
 
 @pytest.mark.slow

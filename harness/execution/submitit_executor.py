@@ -1,0 +1,306 @@
+"""Groups of cells as jobs of Slurm, by submitit: each writes into the output folder, which all nodes share.
+
+A job tells its news in a journal, a file of one JSON value a line; its records, pictures and snapshots are those of a
+run on one machine.
+"""
+
+import json
+import platform
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+from harness.execution.group import failed_cells, missing_methods, run_group
+from harness.execution.local_executor import Event
+from harness.machine.provenance import differences, processor, versions
+from harness.plan.group_task import GroupTask
+from harness.records.cells import CellRecord, cell_path, read_cell
+from scenes.files.errors import InputError
+
+HOW_TO_INSTALL = (
+    "--executor submitit: submitit is not installed; `python -m pip install submitit==1.5.4` (or the extra `submitit` "
+    "of pyproject.toml) puts it into this environment"
+)
+FOLDER = "jobs"
+"""The folder of OUT with the scripts, logs and journals of jobs; removed when every job ended well."""
+ALIVE = "alive"
+"""The file in it that the driver touches, so that a job whose driver is gone ends."""
+MOST_ATTEMPTS = 3
+"""The most jobs for one group; Slurm's own requeues, after its time or for another job, are not counted."""
+POLL_SECONDS, TOLD_SECONDS, END_SECONDS, ORPHAN_SECONDS = 1.0, 5.0, 20.0, 600.0
+USUAL = {"timeout_min": 240, "name": "radiance-verdict"}
+"""The parameters of submitit where `--job` says nothing else."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """The work of a job; picklable. submitit calls `checkpoint` before Slurm ends it."""
+
+    task: GroupTask
+    journal: Path
+    versions: dict[str, str]
+    """The driver's versions."""
+    commit: str
+
+    def __call__(self) -> str | None:
+        """Train the group; returns the refusal of a node with other packages in words, else None.
+
+        Raises `OSError` if its files cannot be written.
+        """
+        from harness.machine.cores import own_cores
+        from harness.machine.device import available_cores
+
+        if wrong := _wrong_node(self.versions):
+            return wrong
+        last = 0.0
+
+        def on_progress(share: float) -> None:
+            nonlocal last
+            if monotonic() - last >= TOLD_SECONDS:
+                last = monotonic()
+                self._tell(share)
+                if self._is_orphan():
+                    raise SystemExit(1)
+
+        machine = available_cores()
+        with own_cores(self.task.threads) as cores:
+            placed = {"commit": self.commit, "node": platform.node(), "cores": machine, "own_cores": cores}
+            run_group(
+                replace(self.task, methods=missing_methods(self.task)),
+                on_progress,
+                lambda cell: self._tell([cell.scene, cell.method, cell.seed]),
+                placed,
+                self._tell,
+            )
+        return None
+
+    def checkpoint(self) -> Any:
+        """Return the job that Slurm queues again: it resumes from the snapshots in the output folder."""
+        from submitit.core.utils import DelayedSubmission
+
+        return DelayedSubmission(self)
+
+    def _tell(self, news: float | str | list[Any]) -> None:
+        with self.journal.open("a", encoding="utf-8") as journal:
+            journal.write(json.dumps(news) + "\n")
+
+    def _is_orphan(self) -> bool:
+        # both times are the file server's
+        alive = self.journal.with_name(ALIVE)
+        return not alive.exists() or self.journal.stat().st_mtime - alive.stat().st_mtime > ORPHAN_SECONDS
+
+
+@dataclass
+class _Running:
+    """A job of a group in the queue or at work."""
+
+    task: GroupTask
+    """The task as it was given."""
+    attempt: int
+    journal: Path
+    handle: Any
+    already: int
+    """The number of methods that had ended before."""
+    told: int = 0
+    """The bytes of the journal that were read."""
+
+
+def job_parameters(given: list[str]) -> dict[str, Any]:
+    """Return the parameters of submitit that `NAME=VALUE` set; numbers are numbers. Raises `InputError`."""
+    parameters: dict[str, Any] = dict(USUAL)
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise InputError(f"--job {text}: must read NAME=VALUE, for example slurm_partition=gpu or timeout_min=600")
+        with suppress(ValueError):
+            parameters[name] = json.loads(value)
+            continue
+        parameters[name] = value
+    return parameters
+
+
+def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
+    """Return submitit's executor: Slurm's where `sbatch` is there, else processes of this machine.
+
+    Raises `InputError` without submitit, and for a parameter that it does not know.
+    """
+    try:
+        import submitit
+    except ImportError as error:
+        raise InputError(HOW_TO_INSTALL) from error
+    found, parameters = submitit.AutoExecutor(folder), job_parameters(given)
+    needs = {"nodes": 1, "tasks_per_node": 1, "cpus_per_task": threads, "gpus_per_node": int(device == "cuda")}
+    for name in needs.keys() & parameters.keys():
+        raise InputError(
+            f"--job {name}={parameters[name]}: a job is one process; --threads and --device say what it has"
+        )
+    try:
+        found.update_parameters(**parameters, **needs)
+    except (NameError, AssertionError, TypeError, ValueError) as error:
+        raise InputError(f"--job {' '.join(given)}: {' '.join(str(error).split())[:300]}") from error
+    return found
+
+
+def asked(beside: Path, threads: int, device: str, given: list[str]) -> tuple[str, bool, str]:
+    """Ask one job, whose files lie for a moment in the folder `beside`, what its node has: the device, whether that
+    multiplies bfloat16, and both in words.
+
+    Raises `InputError` if the node's packages are not ours, or no job runs.
+    """
+    beside.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".jobs.", dir=beside, ignore_cleanup_errors=True) as folder:
+        found = executor(Path(folder), threads, device, given)
+        answer = _result(found.submit(_this_node, versions(), device), "no job runs")
+    if isinstance(answer, str):
+        raise InputError(f"--executor submitit: {answer}")
+    chosen, bfloat16, processor = answer
+    cluster = "Slurm" if found.cluster == "slurm" else "no sbatch here: processes of this machine"
+    return chosen, bfloat16, f"submitit: {cluster}; a job trains on {chosen} ({processor})"
+
+
+def _this_node(driver: dict[str, str], device: str) -> tuple[str, bool, str] | str:
+    from harness.machine.device import chosen_device, multiplies_bfloat16
+
+    if wrong := _wrong_node(driver):
+        return wrong
+    try:
+        chosen = chosen_device(device)
+    except InputError as error:
+        return str(error)
+    return chosen.type, multiplies_bfloat16(chosen), processor()
+
+
+def _wrong_node(driver: dict[str, str]) -> str | None:
+    """Return the refusal of a node whose packages are not the driver's; None if they are."""
+    wrong = differences(driver, versions())
+    node = platform.node()
+    return f"node {node} has {wrong}; every node needs the driver's environment" if wrong else None
+
+
+def run_by_submitit(
+    tasks: list[GroupTask], commit: str, at_once: int | None, given: list[str], clock: Callable[[], float] = monotonic
+) -> Iterator[Event]:
+    """Run all tasks as jobs, at most `at_once` of them in the queue (None: all).
+
+    A job that Slurm ends at its time is queued again and resumes; one that dies is tried again without the methods that
+    had ended, to the same bits; an error of ours is recorded and not tried again. Raises the `OSError` of a disk that
+    accepts nothing, and `InputError` if a node has other packages. Closing the generator (Ctrl-C) cancels the jobs;
+    ended cells are on disk.
+    """
+    if not tasks:
+        return
+    folder = tasks[0].out / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    alive = folder / ALIVE
+    alive.touch()
+    found = executor(folder, tasks[0].threads, tasks[0].device, given)
+    waiting = [(task, 1) for task in tasks]
+    running: list[_Running] = []
+    lost_any = False
+    touched = clock()
+    try:
+        while waiting or running:
+            while waiting and len(running) < (at_once or len(tasks)):
+                task, attempt = waiting.pop(0)
+                journal = folder / f"{task.scene}.{task.seed}.{attempt}.jsonl"
+                journal.write_text("", encoding="utf-8")
+                already = len(task.methods) - len(missing_methods(task))
+                handle = found.submit(Job(task, journal, versions(), commit))
+                running.append(_Running(task, attempt, journal, handle, already))
+            sleep(POLL_SECONDS)
+            if clock() - touched > TOLD_SECONDS:
+                touched = clock()
+                alive.touch()
+            for job in list(running):
+                ended = job.handle.done()
+                yield from _news(job)
+                if not ended:
+                    continue
+                running.remove(job)
+                lost = _lost(job)
+                yield from _news(job)
+                missing = missing_methods(job.task)
+                if lost is None or not missing:
+                    yield Event(job.task, share=1.0)
+                    continue
+                lost_any = True
+                if job.attempt < MOST_ATTEMPTS:
+                    where = f"{job.task.scene} seed {job.task.seed}"
+                    yield Event(job.task, notice=f"{where}: {lost}; {len(missing)} cells are trained again")
+                    waiting.append((job.task, job.attempt + 1))
+                    continue
+                for cell in failed_cells(job.task, f"{lost}, {job.attempt} times in a row; its logs are in {folder}"):
+                    yield Event(job.task, cell=cell)
+                yield Event(job.task, share=1.0)
+    finally:
+        alive.unlink(missing_ok=True)  # a job that cannot be cancelled ends by itself
+        for job in running:
+            with suppress(Exception):
+                job.handle.cancel()
+        # processes of this machine write into a folder that is another command's after this one
+        until = clock() + END_SECONDS
+        while found.cluster == "local" and clock() < until and not all(job.handle.done() for job in running):
+            sleep(POLL_SECONDS)
+    if not lost_any:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _news(job: _Running) -> Iterator[Event]:
+    """Yield what the journal has told since it was read last; a line that is not complete yet waits."""
+    with job.journal.open("rb") as journal:
+        journal.seek(job.told)
+        lines = journal.read().splitlines(keepends=True)
+    for line in lines:
+        if not line.endswith(b"\n"):
+            break
+        job.told += len(line)
+        news = json.loads(line)
+        if isinstance(news, float):
+            whole = len(job.task.methods)
+            yield Event(job.task, share=(job.already + news * (whole - job.already)) / whole)
+        elif isinstance(news, str):
+            yield Event(job.task, notice=news)
+        else:
+            yield Event(job.task, cell=_read(job.task, *news))
+
+
+def _read(task: GroupTask, scene: str, method: str, seed: int) -> CellRecord:
+    return read_cell(cell_path(task.out, scene, method, seed))
+
+
+def _lost(job: _Running) -> str | None:
+    """Return why a job ended without an end of its own; None if it had one. Raises `InputError` if no other can."""
+    from submitit.core.utils import UncompletedJobError
+
+    try:
+        refusal = _result(job.handle, f"a job of {job.task.scene}, seed {job.task.seed}, failed")
+    except UncompletedJobError as error:
+        return f"job {job.handle.job_id} died ({_last_line(error)})"
+    if refusal is not None:
+        raise InputError(f"--executor submitit: {refusal}; finished cells are kept: go on with --resume")
+    return None
+
+
+def _result(handle: Any, otherwise: str) -> Any:
+    """Wait for what a job returns; its error is returned in words, as a refusal is. Raises `UncompletedJobError` if it
+    died.
+    """
+    from submitit.core.utils import FailedJobError
+
+    try:
+        return handle.result()
+    except FailedJobError as error:
+        return f"{otherwise} ({_last_line(error)})"
+
+
+def _last_line(error: Exception) -> str:
+    """Return the line of a job's trace that names the error; submitit's own words follow it."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    trace = [line for line in lines if re.match(r"[\w.]+(Error|Exception|Interrupt): ", line)]
+    return (trace or lines)[-1][:300]

@@ -1,0 +1,34 @@
+"""Tiny groups of cells, and what of a run is the same on every executor."""
+
+from pathlib import Path
+from typing import Any
+
+from harness.plan.group_task import GroupTask
+from harness.plan.schedule import Budget
+from harness.plan.settings import ScoreSettings
+from harness.records.cells import CellRecord
+from tests.harness.tiny import TRAIN, VIEWS
+from tests.replacing import replace
+
+SLOW_SCORES = ScoreSettings(checkpoints=2, earliest=0.5, chunk=24, train_views=10, stored_views=1)
+"""The end of a cell takes a second: time enough to kill a node between two cells of one group."""
+
+
+def tasks(ball_folder: Path, out: Path, seeds: int, score: ScoreSettings, **changes: Any) -> list[GroupTask]:
+    task = GroupTask("ball", 0, ("nerf", "qnerf"), TRAIN, score, Budget(24, None), out, ball_folder, VIEWS)
+    return [replace(task, seed=seed, **changes) for seed in range(seeds)]
+
+
+def without_place(cell: CellRecord) -> CellRecord:
+    """Nor time."""
+    curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
+    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, curve=curve, costs={}, provenance={})
+
+
+def files_of(out: Path) -> dict[str, bytes]:
+    """All but what holds clocks."""
+    return {
+        file.relative_to(out).as_posix(): file.read_bytes()
+        for file in out.rglob("*")
+        if file.is_file() and file.suffix != ".json"
+    }

@@ -1,0 +1,156 @@
+"""Jobs by submitit's own executor of this machine, which is Slurm's but for the queue."""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.__main__ import main
+from harness.execution import submitit_executor
+from harness.execution.local_executor import Event, run_locally
+from harness.execution.submitit_executor import FOLDER, Job, asked, job_parameters, run_by_submitit
+from harness.machine.provenance import versions
+from harness.records.cells import read_cells
+from scenes.files.errors import InputError
+from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, tasks, without_place
+from tests.harness.tiny import SCORE
+
+pytestmark = pytest.mark.timeout(900)
+
+
+@pytest.fixture
+def no_slurm(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Without the programs of a Slurm that the machine may have."""
+    pytest.importorskip("submitit", reason="the extra `submitit` is not installed")
+    with monkeypatch.context() as patch:
+        patch.setattr("submitit.SlurmExecutor.affinity", lambda: -1)
+        yield
+
+
+def test_without_submitit_it_is_said_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "submitit", None)
+    assert main(["run", "--profile", "smoke", "--executor", "submitit", "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: --executor submitit: submitit is not installed; `python -m pip install submitit==")
+    assert said.count("\n") == 1
+
+
+def test_numbers_are_numbers_and_words_are_words() -> None:
+    given = job_parameters(["timeout_min=600", "mem_gb=1.5", "slurm_partition=gpu", "name=a=b"])
+    assert given == {"timeout_min": 600, "mem_gb": 1.5, "slurm_partition": "gpu", "name": "a=b"}
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ("timeout_min", "must read NAME=VALUE"),
+        ("=3", "must read NAME=VALUE"),
+        ("timeout_min=soon", "expected type"),
+        ("no_such=1", "no_such"),
+        ("gpus_per_node=8", "--threads and --device"),
+    ],
+)
+def test_wrong_parameters_are_named(no_slurm: None, tmp_path: Path, given: str, says: str) -> None:
+    with pytest.raises(InputError, match=f"^--job {given}") as error:
+        submitit_executor.executor(tmp_path, 1, "cpu", [given])
+    assert says in str(error.value)
+
+
+def test_parameters_of_jobs_are_no_option_of_another_executor(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "--profile", "smoke", "--job", "timeout_min=5"]) == 2
+    assert capsys.readouterr().err == "error: --job timeout_min=5: goes with --executor submitit alone\n"
+
+
+def test_a_node_with_other_packages_trains_nothing(ball_folder: Path, tmp_path: Path) -> None:
+    (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
+    refusal = Job(task, tmp_path / "journal", {**versions(), "torch": "0.1"}, "0123456789ab")()
+    assert refusal is not None
+    assert "torch" in refusal
+    assert "instead of 0.1" in refusal
+    assert not list(read_cells(tmp_path))
+
+
+def test_a_job_without_its_driver_ends(ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(submitit_executor, "TOLD_SECONDS", 0.0)
+    (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
+    with pytest.raises(SystemExit):
+        Job(task, tmp_path / "journal", versions(), "0123456789ab")()
+    alive = tmp_path / submitit_executor.ALIVE
+    alive.touch()
+    os.utime(alive, (0.0, 0.0))
+    with pytest.raises(SystemExit):
+        Job(task, tmp_path / "journal", versions(), "0123456789ab")()
+    alive.touch()
+    assert Job(task, tmp_path / "journal", versions(), "0123456789ab")() is None
+    assert len(list(read_cells(tmp_path))) == 2
+
+
+@pytest.mark.slow
+def test_a_killed_job_costs_time_and_changes_no_bit(
+    no_slurm: None, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(submitit_executor, "POLL_SECONDS", 0.05)
+    handles: list[Any] = []
+    submit = submitit_executor.executor
+
+    def kept(*given: Any) -> Any:
+        found = submit(*given)
+        ask = found.submit
+        found.submit = lambda *job: handles.append(ask(*job)) or handles[-1]
+        return found
+
+    monkeypatch.setattr(submitit_executor, "executor", kept)
+    events: list[Event] = []
+    killed = False
+    for event in run_by_submitit(tasks(ball_folder, tmp_path / "jobs", 1, SLOW_SCORES), "0123456789ab", 1, []):
+        events.append(event)
+        if event.cell is not None and not killed:
+            killed = True
+            _kill(handles[0].job_id)
+    (notice,) = [event.notice for event in events if event.notice is not None]
+    assert notice.startswith("ball seed 0: job ")
+    assert notice.endswith("; 1 cells are trained again")
+    told = [(event.cell.method, event.cell.seed) for event in events if event.cell is not None]
+    assert sorted(told) == [("nerf", 0), ("qnerf", 0)], "each cell once"
+    assert [event.share for event in events if event.share is not None][-1] == 1.0
+    assert (tmp_path / "jobs" / FOLDER).is_dir(), "the logs of a lost job stay"
+
+    list(run_locally(tasks(ball_folder, tmp_path / "here", 1, SLOW_SCORES), 1))
+    for mine, theirs in zip(read_cells(tmp_path / "here"), read_cells(tmp_path / "jobs"), strict=True):
+        assert without_place(mine) == without_place(theirs)
+        assert theirs.provenance["commit"] == "0123456789ab"
+    ours = {name: data for name, data in files_of(tmp_path / "jobs").items() if not name.startswith(f"{FOLDER}/")}
+    assert ours == files_of(tmp_path / "here"), "weights and pictures, byte for byte"
+
+
+def _kill(controller: str) -> None:
+    """Kill what a job of this machine runs: the children of its controller."""
+    children = Path(f"/proc/{controller}/task/{controller}/children").read_text(encoding="ascii").split()
+    assert children
+    for child in children:
+        os.kill(int(child), signal.SIGKILL)
+
+
+@pytest.mark.slow
+def test_a_node_is_asked_before_a_run_and_leaves_nothing(no_slurm: None, tmp_path: Path) -> None:
+    device, _, words = asked(tmp_path / "out", 1, "cpu", [])
+    assert device == "cpu"
+    assert words.startswith("submitit: no sbatch here: processes of this machine; a job trains on cpu (")
+    assert not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.slow
+def test_a_run_that_is_stopped_cancels_its_jobs(no_slurm: None, ball_folder: Path, tmp_path: Path) -> None:
+    going = run_by_submitit(tasks(ball_folder, tmp_path, 2, SLOW_SCORES), "0123456789ab", None, [])
+    for event in going:
+        if event.cell is not None:
+            break
+    going.close()
+    assert len(list(read_cells(tmp_path))) < 4
+    assert not (tmp_path / FOLDER / submitit_executor.ALIVE).exists()
