@@ -19,7 +19,7 @@ from harness.machine.device import keep_freed_memory, use_threads
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
-from harness.records.metric_table import ALONG_TRAINING, METRICS
+from harness.records.metric_table import METRICS
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
 from harness.training.make_learner import learner_for
@@ -190,7 +190,7 @@ def _compared_seconds(width: int, clock: Callable[[], float]) -> float:
     image, truth = np.random.default_rng(0).random((2, width, width, 3), dtype=np.float32)
     for _ in range(2):  # the first call imports
         began = clock()
-        for name in ALONG_TRAINING:
+        for name in METRICS:
             if METRICS[name].compares == "colour":
                 getattr(metrics, name)(image, truth)
     return clock() - began

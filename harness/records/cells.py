@@ -19,7 +19,7 @@ from harness.records.json_record import (
     without_gaps,
     write_record,
 )
-from harness.records.metric_table import ALONG_TRAINING, METRICS, POSSIBLE
+from harness.records.metric_table import METRICS, POSSIBLE
 
 Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 Budget = Literal["steps", "seconds", "core_seconds"]
@@ -103,17 +103,12 @@ class PaperTables(TypedDict, total=False):
 Status = Literal["done", "diverged", "error", "not_available"]
 
 
-def _scores(name: str, metrics: Iterable[str]) -> Any:
-    """Return a struct with a field for every metric; None where a view or a run has no such score."""
-    return defstruct(name, [(metric, float | None, None) for metric in metrics], bases=(Record,), kw_only=True)
+Scores: Any = defstruct("Scores", [(metric, float | None, None) for metric in METRICS], bases=(Record,), kw_only=True)
+"""A struct with a field for every metric; None where a view or a run has no such score."""
 
 
-ScoresAlong: Any = _scores("ScoresAlong", ALONG_TRAINING)
-ViewScores: Any = _scores("ViewScores", METRICS)
-
-
-class Checkpoint(ScoresAlong):
-    """One scoring of the whole fixed test set, by the metrics that are scored along training."""
+class Checkpoint(Scores):
+    """One scoring of the whole fixed test set, by every metric."""
 
     step: int
     seconds: float
@@ -139,7 +134,7 @@ class Checkpoint(ScoresAlong):
     field does not tell, and in older records."""
 
 
-class ViewScore(ViewScores):
+class ViewScore(Scores):
     """The scores of one test view at the end of training, by every metric."""
 
     view: str

@@ -23,8 +23,6 @@ class Metric(NamedTuple):
     meaning: str
     compares: Literal["colour", "light", "features", "depth", "opacity"] = "colour"
     """What of a view its function is given, with the truth of it."""
-    along_training: bool = True
-    """Whether it is scored at every checkpoint, so that it is compared at equal time and drawn over training."""
     largest: float = math.inf
     """What a larger score counts as."""
     error: str = ""
@@ -48,19 +46,19 @@ METRICS: dict[str, Metric] = {
                error="RMSE in linear light"),
         Metric("flip", "FLIP", "", 3, 4, False, 0.005, "visible difference when flipping between the images",
                error="FLIP"),
-        Metric("delta_e", "ΔE₀₀", "", 2, 2, False, 0.1, "CIEDE2000 colour difference", along_training=False),
+        Metric("delta_e", "ΔE₀₀", "", 2, 2, False, 0.1, "CIEDE2000 colour difference"),
         Metric("depth_rmse", "depth RMSE", "", 3, 4, False, 0.02,
                "in scene units, along the ray, where there is matter", "depth", error="depth RMSE (scene units)"),
         Metric("opacity_iou", "opacity IoU", "", 3, 4, True, 0.005, "overlap of the opaque silhouettes",
-               "opacity", along_training=False),
+               "opacity"),
         Metric("rel_mse", "relMSE", "", 4, 4, False, 0.01,
-               "squared error over the true light's square + 0.01, light not clipped", "light", False, optional=True),
+               "squared error over the true light's square + 0.01, light not clipped", "light", optional=True),
         Metric("smape", "SMAPE", "", 4, 4, False, 0.01,
-               "absolute error over the sum of both lights + 0.01, light not clipped", "light", False, optional=True),
+               "absolute error over the sum of both lights + 0.01, light not clipped", "light", optional=True),
         Metric("hdr_flip", "HDR-FLIP", "", 3, 4, False, 0.005,
-               "FLIP, the largest over exposures, light not clipped", "light", False, optional=True),
+               "FLIP, the largest over exposures, light not clipped", "light", optional=True),
         Metric("lpips", "LPIPS", "", 3, 4, False, 0.005, "distance of AlexNet's features, version 0.1", "features",
-               False, optional=True),
+               optional=True),
     )
 }  # fmt: skip
 """The order is that of columns and comparisons."""
@@ -71,7 +69,6 @@ POSSIBLE = {
 }  # fmt: skip
 """The least and the largest score of images in 0 … 1, whatever is compared."""
 PRIMARY = "psnr"
-ALONG_TRAINING = tuple(name for name, metric in METRICS.items() if metric.along_training)
 
 
 def metric_of(name: str) -> Metric:

@@ -6,14 +6,14 @@
 from pathlib import Path
 from typing import Any
 
-from harness.records.cells import ViewScore, ViewScores
+from harness.records.cells import ViewScore, Scores
 from harness.records.json_record import Record, read_record, write_record
 
 SCHEMA = 1
 REMEDY = "delete it, or name another --to"
 
 
-class ScoredPictures(ViewScores):
+class ScoredPictures(Scores):
     """The means of one method's pictures of one scene; None for what was not scored."""
 
     scene: str

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.records.cells import CellRecord, Checkpoint, records_folder
-from harness.records.metric_table import ALONG_TRAINING
+from harness.records.metric_table import METRICS
 from harness.records.pictures import read_renders, read_truth, truth_pictures
 from scenes.files.atomic import replacing
 from scenes.files.errors import InputError
@@ -60,7 +60,7 @@ def write_board(out: Path, cell: CellRecord) -> Path:
 
 def _curve(writer: "SummaryWriter", curve: list[Checkpoint]) -> None:
     for point in curve:
-        for name in ALONG_TRAINING:
+        for name in METRICS:
             _scalar(writer, f"test/{name}", getattr(point, name), point.step, point.seconds)
         for name in ("network_evaluations", "core_seconds"):
             _scalar(writer, f"test/{name}", getattr(point, name), point.step, point.seconds)

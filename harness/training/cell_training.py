@@ -18,7 +18,8 @@ from harness.plan.group_task import GroupTask
 from harness.plan.plugins import origins
 from harness.plan.schedule import checkpoint_fractions
 from harness.records.cells import CellRecord, Checkpoint, Status, ViewScore, cell_path, read_cell
-from harness.records.json_record import DamagedRecord, as_promised, plain
+from harness.records.json_record import DamagedRecord, as_promised, finite_or_none, plain
+from harness.records.metric_table import METRICS
 from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.training.batches import Batch
@@ -270,32 +271,28 @@ class CellTraining:
         drawing = Stopwatch(self.trainer.device)
         rendered = drawing.counting(evaluate.render_split(self.trainer, self.test, self.task.score.chunk))
         images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
-        if self.due:
-            self.curve.append(self._checkpoint(images))
-            return None
+        test = self.views.test
         rows: list[ViewScore] = []
         opacities: list[np.floating[Any]] = []
-        angles: list[float] = []
-
-        def scored(image: evaluate.View) -> evaluate.View:
-            """Take note of a view: only one is in memory at a time."""
-            angle = evaluate.normal_error(self.trainer, image, self.test, self.views.test, len(rows))
-            angles.extend([] if angle is None else [angle])
-            rows.append(evaluate.view_scores(image, self.views.test, len(rows), lpips=self.lpips))
+        angles: list[float | None] = []
+        for index, image in enumerate(images):  # one view is in memory at a time
+            rows.append(evaluate.view_scores(image, test, index, lpips=self.lpips))
             opacities.append(image.opacity.mean())
-            return image
-
-        self.curve.append(self._checkpoint(map(scored, images)))
-        return self._finished(rows, float(np.mean(opacities)), float(np.mean(angles)) if angles else None, drawing)
+            if not self.due:
+                angles.append(evaluate.normal_error(self.trainer, image, self.test, test, index))
+        scores = evaluate.mean_scores(rows)
+        self.curve.append(self._checkpoint(scores))
+        if self.due:
+            return None
+        return self._finished(scores, rows, float(np.mean(opacities)), evaluate.mean_of(angles), drawing)
 
     def _failed(self, error: BaseException, when: str) -> CellRecord:
         if isinstance(error, Diverged):
             return self._record("diverged", str(error), {}, [], {})
         return self._record("error", f"{type(error).__name__} {when}: {error}", {}, [], {})
 
-    def _checkpoint(self, images: Iterable[evaluate.View]) -> Checkpoint:
+    def _checkpoint(self, scores: dict[str, float | None]) -> Checkpoint:
         trainer = self.trainer
-        scores = evaluate.scores_along(images, self.views.test)
         return Checkpoint(
             step=trainer.step,
             seconds=trainer.clock.seconds,
@@ -303,17 +300,21 @@ class CellTraining:
             network_evaluations=trainer.network_evaluations,
             density=evaluate.density_histogram(trainer, self.occupied),
             dead_units=trainer.field.dead_units() if isinstance(trainer.field, NetworkField) else None,
-            **scores,
+            **{name: finite_or_none(scores[name]) for name in METRICS},
             **trainer.amplifier_scalars(),
         )
 
     def _finished(
-        self, rows: list[ViewScore], mean_opacity: float, normal_error: float | None, drawing: Stopwatch
+        self,
+        scores: dict[str, float | None],
+        rows: list[ViewScore],
+        mean_opacity: float,
+        normal_error: float | None,
+        drawing: Stopwatch,
     ) -> CellRecord:
         trainer, score = self.trainer, self.task.score
-        scores = evaluate.mean_scores(rows)
-        scores["psnr_train"] = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
-        scores["psnr_floor"] = self.floor
+        fitted = evaluate.train_psnr(trainer, self.views, score.train_views, score.chunk)
+        scores = {**scores, "psnr_train": fitted, "psnr_floor": self.floor}
         weights = checkpoint_path(self.task.out, self.task.scene, trainer.method, self.task.seed)
         save_checkpoint(trainer, weights)
         properties = evaluate.measured_properties(trainer, self.test)

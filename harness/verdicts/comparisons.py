@@ -82,7 +82,7 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
         where = scenes_of(cells, method, against)
         shared = [scene for scene in where if scene != "all"]
         for name, metric in METRICS.items():
-            for budget in along if metric.along_training else along[:1]:
+            for budget in along if scored_along(cells, name) else along[:1]:
                 table = differences(by_key, shared, seeds, method, against, name, budget)
                 if metric.optional:  # a scene that has no such score is no missing pair
                     table = {scene: values for scene, values in table.items() if np.isfinite(values).any()}
@@ -108,6 +108,11 @@ def budgets_of(cells: Iterable[CellRecord]) -> tuple[Budget, ...]:
     """Return the budgets that `cells` can be compared at: core seconds if every one that trained has counted them."""
     counted = all(cell.train_core_seconds is not None for cell in cells if cell.steps)
     return ("steps", "seconds", "core_seconds") if counted else ("steps", "seconds")
+
+
+def scored_along(cells: Iterable[CellRecord], metric: str) -> bool:
+    """Return whether any checkpoint has the metric: older records have some at the end alone."""
+    return any(getattr(point, metric) is not None for cell in cells for point in cell.curve)
 
 
 def baseline_of(methods: list[str]) -> str:

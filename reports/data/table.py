@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from harness.records.json_record import finite_or_none
-from harness.records.metric_table import ALONG_TRAINING, METRICS
+from harness.records.metric_table import METRICS
 from reports.data.load import Records
 
 FORWARD_AND_BACKWARD = 3
@@ -60,12 +60,12 @@ def curves_frame(records: Records) -> pd.DataFrame:
             "flops": _times(
                 FORWARD_AND_BACKWARD * point.network_evaluations, cell.properties.get("flops_per_evaluation")
             ),
-            **{name: getattr(point, name) for name in ALONG_TRAINING},
+            **{name: getattr(point, name) for name in METRICS},
         }
         for cell in records.cells
         for point in sorted(cell.curve, key=lambda point: point.step)
     ]
-    numbers = ("seconds", "core_seconds", "rays", "evaluations", "flops", *ALONG_TRAINING)
+    numbers = ("seconds", "core_seconds", "rays", "evaluations", "flops", *METRICS)
     columns = ["scene", "method", "seed", "status", "step", *numbers]
     return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, "float64"))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS, PRIMARY
-from harness.verdicts.comparisons import Budget, Judgement, differences, family_of, judged
+from harness.verdicts.comparisons import Budget, Judgement, differences, family_of, judged, scored_along
 from reports.claims.claim_list import claims
 from reports.claims.headline import TABULATED
 from reports.claims.psnr_table import lines, losses, spent_entry, tone_of
@@ -115,6 +115,7 @@ def other_truth(cell: CellRecord, other: CellRecord) -> str:
 
 def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[tuple[str, str, str, str], Judgement]:
     rows: dict[tuple[str, str, str, str], Judgement] = {}
+    budgets: tuple[Budget, ...] = ("steps", "seconds") if same_clock else ("steps",)
     for method in dict.fromkeys(cell.method for cell, _ in pairs):
         own = [pair for pair in pairs if pair[0].method == method]
         keyed = {(cell.scene, FIRST, cell.seed): cell for cell, _ in own}
@@ -123,8 +124,8 @@ def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[
         has = {scene: np.array([(scene, FIRST, seed) in keyed for seed in seeds]) for scene in scenes}
         common = np.all(list(has.values()), axis=0)
         for metric, about in METRICS.items():
-            budgets: tuple[Budget, ...] = ("steps", "seconds") if about.along_training and same_clock else ("steps",)
-            for budget in budgets:
+            along = scored_along((cell for pair in own for cell in pair), metric)
+            for budget in budgets if along else budgets[:1]:
                 table = differences(keyed, scenes, seeds, OTHER, FIRST, metric, budget)
                 if about.optional and not any(np.isfinite(values).any() for values in table.values()):
                     continue

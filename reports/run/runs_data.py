@@ -3,7 +3,7 @@
 from typing import Any
 
 from harness.records.cells import CellRecord
-from harness.records.metric_table import ALONG_TRAINING, METRICS
+from harness.records.metric_table import METRICS
 from reports.data.load import Records, of_whole_groups
 from reports.data.table import SCORES
 from reports.drawing.palette import colours_of
@@ -14,7 +14,7 @@ from reports.run.saving.replay import beside_it, replay
 
 RUN_SCRIPTS = ("density.js",)
 """The further scripts that the page of a run needs."""
-CURVES = ("step", "seconds", "core_seconds", *ALONG_TRAINING, "alpha", "beta")
+CURVES = ("step", "seconds", "core_seconds", *METRICS, "alpha", "beta")
 """The values of a checkpoint."""
 OF_A_VIEW = ("psnr", "ssim", "flip")
 """The scores of a view that are shown."""

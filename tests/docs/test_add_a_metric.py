@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 from harness.records.cells import read_cell, write_cell
-from harness.training.scoring.evaluate import View, mean_scores, scores_along, view_scores
+from harness.training.scoring.evaluate import View, mean_scores, view_scores
 from harness.verdicts.comparisons import compare
 from harness.verdicts.judging.result_table import LOWER, MARGINS
 from reports.data.load import read_records
@@ -29,7 +29,6 @@ rgba = np.ones((1, 12, 12, 4), dtype=np.float32)
 truth = Split(("r_0",), np.eye(4)[None], rgba)
 view = View(rgba[0, ..., :3] - 0.25, rgba[0, ..., 3], rgba[0, ..., 3])
 assert view_scores(view, truth, 0).mae == mean_scores([view_scores(view, truth, 0)])["mae"] == 0.25
-assert scores_along([view], truth)["mae"] == 0.25
 
 def scored(cell):
     scores = cell.scores if cell.status != "done" else {**cell.scores, "mae": 0.125}

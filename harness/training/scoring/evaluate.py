@@ -10,7 +10,7 @@ from baselines.contract import Rays
 from harness.plan.seeds import generator_for
 from harness.records.cells import ViewScore
 from harness.records.json_record import finite_or_none
-from harness.records.metric_table import ALONG_TRAINING, LARGEST_PSNR, METRICS
+from harness.records.metric_table import LARGEST_PSNR, METRICS
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
 from harness.training.scoring import metrics
@@ -100,13 +100,8 @@ def scores_of(
     return scores
 
 
-def scores_along(images: Iterable[View], split: Split) -> dict[str, float | None]:
-    """Return a checkpoint's scores, each the mean over the views that have it."""
-    rows = [scores_of(image, split, index, ALONG_TRAINING) for index, image in enumerate(images)]
-    return {name: finite_or_none(_mean(row[name] for row in rows)) for name in ALONG_TRAINING}
-
-
-def _mean(values: Iterable[float | None]) -> float | None:
+def mean_of(values: Iterable[float | None]) -> float | None:
+    """Return the mean of the values that are there; None if none is."""
     there = [value for value in values if value is not None]
     return float(np.mean(there)) if there else None
 
@@ -133,7 +128,7 @@ def view_scores(
 
 def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
     """Average over views; a score that a view lacks (no true depth, identical images) is averaged over the others."""
-    return {name: _mean(getattr(row, name) for row in rows) for name in (*METRICS, "psnr_ceiling")}
+    return {name: mean_of(getattr(row, name) for row in rows) for name in (*METRICS, "psnr_ceiling")}
 
 
 def train_psnr(trainer: Learner, views: ViewSet, count: int, chunk: int) -> float | None:

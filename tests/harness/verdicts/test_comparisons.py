@@ -70,7 +70,7 @@ def test_equal_core_seconds_are_read_where_the_one_that_spent_less_ended() -> No
     at_200 = 20 + 4 * math.log(5) / math.log(10)
     found = of(rows, scene="lego", metric="psnr", budget="core_seconds")
     assert found.difference == pytest.approx(27 - at_200)
-    along = {name for name, metric in METRICS.items() if metric.along_training}
+    along = {name for name in METRICS if getattr(cells[0].curve[0], name) is not None}
     assert {row.metric for row in rows if row.budget == "core_seconds"} == along < set(METRICS)
 
 
@@ -175,12 +175,14 @@ def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_con
 
 
 def test_every_metric_is_compared_at_equal_steps_and_those_of_the_curve_at_equal_time() -> None:
-    rows = compare([quick("nerf", 0, 20.0), quick("qnerf", 0, 21.0)], ["nerf", "qnerf"])
+    cells = [quick("nerf", 0, 20.0), quick("qnerf", 0, 21.0)]
+    rows = compare(cells, ["nerf", "qnerf"])
     assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS) - set(OPTIONAL)
-    assert {row.metric for row in rows if row.budget == "seconds"} == {
-        "psnr", "ssim", "rmse_linear", "flip", "depth_rmse",
-    }  # fmt: skip
+    assert {row.metric for row in rows if row.budget == "seconds"} == {"psnr"}, "all that an older record has there"
     assert {row.scene for row in rows} == {"lego", "all"}
+    by_all = [replace(one, curve=[replace(point, delta_e=2.0) for point in one.curve]) for one in cells]
+    found = {row.metric for row in compare(by_all, ["nerf", "qnerf"]) if row.budget == "seconds"}
+    assert found == {"psnr", "delta_e"}
 
 
 def test_over_all_scenes_both_senses_stand_side_by_side() -> None:
