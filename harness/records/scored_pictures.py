@@ -6,7 +6,7 @@
 from pathlib import Path
 from typing import Any
 
-from harness.records.cells import ViewScore, Scores
+from harness.records.cells import Scores, ViewScore
 from harness.records.json_record import Record, read_record, write_record
 
 SCHEMA = 1

@@ -320,7 +320,7 @@ def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, t
         "seconds": next((point.seconds for point in cell.curve if point.step == render.step), None),
         "last": last,
         "view": place,
-        **{name: getattr(scored, name, None) for name in ("psnr", "flip", "delta_e")},
+        **{name: getattr(scored, name, None) for name in ("psnr", "flip", "delta_e", "rel_mse", "smape", "hdr_flip")},
         # the RMS of what renders of the truth itself differ by
         "noise": None if ceiling is None else 10.0 ** (-ceiling / 20.0),
         "colour": _put(packing.display(render.colour), texts),

@@ -139,6 +139,29 @@ def test_flip_is_that_of_its_authors(made_of, pair):
     assert found.mean() == pytest.approx(metrics.flip(test, truth), abs=2e-5)
 
 
+def test_maps_of_light_are_those_of_the_harness(made_of, pair):
+    truth, test = (decode_srgb(one).astype(np.float32) for one in pair)
+    truth[2:12, 20:40] *= 40.0
+    truth = np.float32(np.float16(truth))
+    reference, other = light(truth), display(pair[1])
+    expected, mean, _ = flip_evaluator.evaluate(truth, test, "HDR", applyMagma=False)
+    body = """async (lights, planes) => {
+      const rendered = { width, height, light: planes.map((plane) => plane.map(colourSpace.decode)) };
+      const pair = { test: rendered, truth: { ...rendered, light: lights } };
+      const values = {};
+      for (const name of ["rel_mse", "smape", "hdr_flip"]) {
+        values[name] = [...await chunks.run(errorMaps.MAPS[name].work(pair))];
+      }
+      return values;
+    }"""
+    found = made_of(body, reference, other, size=truth.shape)
+    assert np.max(expected) > 0.5
+    assert np.reshape(found["hdr_flip"], (40, 56)) == pytest.approx(np.asarray(expected)[..., 0], abs=2e-3)
+    assert np.mean(found["hdr_flip"]) == pytest.approx(mean, abs=1e-4)
+    for name in ("rel_mse", "smape", "hdr_flip"):
+        assert np.mean(found[name]) == pytest.approx(getattr(metrics, name)(test, truth), rel=2e-3, abs=1e-4), name
+
+
 MAPS = """async (truth, test) => {
   const whole = (planes, depth) => ({ planes, width, height, depth: Float32Array.from(depth), opacity: given.opacity });
   const pair = { test: whole(test, given.depths[0]), truth: whole(truth, given.depths[1]), opaque: given.opacity };

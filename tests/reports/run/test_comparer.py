@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from harness.records.pictures import Render, Truth
+from harness.training.scoring import metrics
 from reports.data.kept_pictures import kept
 from reports.data.load import Records, read_records
 from reports.run.pictures import picture_data
@@ -86,6 +87,21 @@ def test_the_signed_error_says_what_it_weighs_and_its_rmse_is_that_of_the_psnr(b
             for shown, name in (("colour", "PSNR"), ("signed", "RMSE"))
         )
         assert psnr == pytest.approx(-20 * np.log10(rmse), abs=0.005 + 20 / np.log(10) * 0.00005 / rmse), method
+
+
+def test_maps_of_light_are_offered_where_the_truth_is_brighter_than_white(browser, address, records):
+    view, noise = ready(browser, address, "at=pictures&scene=mic&compare.map=rel_mse+smape+hdr_flip")
+    assert noise == []
+    truth, last = pictures(records, "mic")
+    light = decode_srgb(np.round(255 * np.clip(last["nerf"].colour.astype(np.float64), 0, 1)) / 255)
+    for name in ("rel_mse", "smape", "hdr_flip"):
+        said = view.inner_text(f'[data-panel="nerf-{name}"] .said')
+        mean = getattr(metrics, name)(light.astype(np.float32), truth.linear.astype(np.float32))
+        assert float(re.search(r"mean (\d+\.\d+)", said)[1]) == pytest.approx(mean, rel=5e-3, abs=2e-4), name
+    view.get_by_role("combobox", name="Scene").select_option("lego")
+    settle(view)
+    assert view.locator('[data-name="rel_mse"]:visible').count() == 0
+    assert view.locator('[data-panel="nerf-colour"]').count() == 1, "lego's light fits a display"
 
 
 def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, records, tmp_path):

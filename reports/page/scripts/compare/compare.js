@@ -74,7 +74,7 @@
         const text = chosen.join(" ");
         choose({ "compare.map": text === "" || text === "colour" ? null : text });
       },
-      nextMap: (by) => act.map(around(Object.keys(errorMaps.MAPS), choice.maps.at(-1), by), false),
+      nextMap: (by) => act.map(around(errorMaps.namesOf(choice.shown), choice.maps.at(-1), by), false),
       expose: (by) => {
         const stops = by === null ? 0 : limit(choice.stops + by, -compareChoice.EXPOSURES, compareChoice.EXPOSURES);
         choose({ "compare.ev": stops ? Number(stops.toFixed(1)) : null });

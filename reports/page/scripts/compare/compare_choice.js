@@ -75,7 +75,7 @@ const compareChoice = (() => {
     const method = known("method", ids.slice(1), null);
     const a = known("compare.a", ids, compareData.TRUTH);
     const usual = method && method !== a ? method : (ids.filter((id) => id !== a).at(-1) ?? a);
-    const maps = new Set((state.get("compare.map") ?? "").split(" ").filter((name) => Object.hasOwn(errorMaps.MAPS, name)));
+    const maps = new Set((state.get("compare.map") ?? "").split(" ").filter((name) => errorMaps.namesOf(shown).includes(name)));
     const [column, row] = (state.get("compare.pixel") ?? "").split(",").map((text) => within(text, 0, 1e6, NaN));
     const inside = Number.isInteger(column) && Number.isInteger(row) && column < shown.width && row < shown.height;
     return {

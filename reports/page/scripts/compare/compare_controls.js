@@ -53,7 +53,8 @@ const compareControls = (() => {
     const all = Object.entries(names).map(([name, text]) =>
       element("button", { type: "button", "data-name": name, click: (event) => press(name, event) }, text));
     const set = (chosen) => all.forEach((one) => one.setAttribute("aria-pressed", String(chosen.includes(one.dataset.name))));
-    return { whole: element("div", { role: "group", "aria-label": label, class: "choices" }, all), set };
+    const offer = (some) => all.forEach((one) => (one.hidden = !some.includes(one.dataset.name)));
+    return { whole: element("div", { role: "group", "aria-label": label, class: "choices" }, all), set, offer };
   }
 
   function slider(label, least, most, step, moved) {
@@ -101,6 +102,7 @@ const compareControls = (() => {
       seed.set(now.seeds.map((each) => [String(each), String(each)]), String(now.seed));
       modes.set([now.mode]);
       maps.set(now.maps);
+      maps.offer(errorMaps.namesOf(now.shown));
       a.set(names, now.a);
       b.set(names, now.b);
       pair.hidden = now.mode === "side";

@@ -53,9 +53,13 @@ const compareData = (() => {
     const area = width * height;
     const raw = await Promise.all(PARTS.map((part) => (refs[part] ? pixels.raw(refs[part], width, height) : null)));
     const [colour, linear, opacity, depth] = raw;
+    const planes = [0, 1, 2].map((which) => plane(colour, refs.colour, area, refs.colour.channels === 1 ? 0 : which));
     return {
-      width, height, isTruth, refs, colour, linear,
-      planes: [0, 1, 2].map((which) => plane(colour, refs.colour, area, refs.colour.channels === 1 ? 0 : which)),
+      width, height, isTruth, refs, colour, linear, planes,
+      // three planes of linear light, made where a map asks for them
+      get light() {
+        return planes.map((values, which) => (linear ? plane(linear, refs.linear, area, which) : values.map(colourSpace.decode)));
+      },
       opacity: opacity && plane(opacity, refs.opacity, area),
       depth: depth && plane(depth, refs.depth, area),
     };

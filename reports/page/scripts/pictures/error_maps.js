@@ -1,10 +1,11 @@
 // The maps that a picture can be looked at through: their names, colours, ranges, arithmetic and figures.
-// Each works on a pair { test, truth, opaque } of loaded pictures (planes of display colour, opacity, depth: see
+// Each works on a pair { test, truth, opaque } of loaded pictures (planes of display colour, light, opacity, depth: see
 // compare_data.js) and the opacity of the ground truth, which is not `truth` where two methods are compared.
 const errorMaps = (() => {
   const LUMA = [0.2126, 0.7152, 0.0722];
   const EVEN = [1 / 3, 1 / 3, 1 / 3];
   const OPAQUE = 0.99;
+  const LIGHT_FLOOR = 0.01;
 
   // `of(difference of each channel)`, summed with weights over the channels.
   function* differences({ test, truth }, weights, of) {
@@ -30,6 +31,17 @@ const errorMaps = (() => {
     return `median ${at(0.5)}, 95 % below ${at(0.95)}, 99 % below ${at(0.99)}`;
   }
 
+  // The mean over the channels of `of(light, true light)`.
+  function* ofLight({ test, truth }, of) {
+    const [ours, theirs] = [test.light, truth.light];
+    const found = new Float32Array(test.width * test.height);
+    for (let place = 0; place < found.length; place += 1) {
+      for (const which of [0, 1, 2]) found[place] += of(ours[which][place], theirs[which][place]) / 3;
+      if (place % test.width === 0) yield;
+    }
+    return found;
+  }
+
   const noise = (record) => (Number.isFinite(record?.noise) ? `; noise of the truth ${fixed(record.noise, 4)} (RMS)` : "");
   const square = (v) => v * v;
   const fixed = (value, digits) => (value === Infinity ? "∞" : numbers.fixed(value, digits));
@@ -40,8 +52,9 @@ const errorMaps = (() => {
   }
 
   // `range` is the largest value that the colours tell apart; maps with `scaled` let the reader change it.
-  // `alone`: it is of one picture, and no comparison. `depth`: it needs depth.
-  // `said(values, pair, record)`: its figures in words; `record` has psnr, flip and delta_e of the same view or null.
+  // `alone`: it is of one picture, and no comparison. `depth`: it needs depth. `hdr`: it is of light, and offered where
+  // the truth is brighter than white.
+  // `said(values, pair, record)`: its figures in words; `record` has scores of the same view, or is null.
   const MAPS = {
     colour: {
       title: "Colour",
@@ -75,6 +88,21 @@ const errorMaps = (() => {
       work: ({ test, truth }) => deltaE.map(truth.planes, test.planes, test.width, test.height),
       said: (values, _, record) => `mean ${fixed(mean(values), 2)}${beside(record?.delta_e, 2)}, ${quantiles(values, 1)}`,
     },
+    rel_mse: {
+      title: "relMSE", about: "squared error of light over true light² + 0.01", colours: "magma", range: 1, scaled: true, hdr: true,
+      work: (pair) => ofLight(pair, (x, t) => square(x - t) / (t * t + LIGHT_FLOOR)),
+      said: (values, _, record) => `mean ${fixed(mean(values), 4)}${beside(record?.rel_mse, 4)}, ${quantiles(values, 4)}`,
+    },
+    smape: {
+      title: "SMAPE", about: "error of light over the sum of both + 0.01", colours: "magma", range: 1, hdr: true,
+      work: (pair) => ofLight(pair, (x, t) => Math.abs(x - t) / (Math.abs(x) + Math.abs(t) + LIGHT_FLOOR)),
+      said: (values, _, record) => `mean ${fixed(mean(values), 4)}${beside(record?.smape, 4)}, ${quantiles(values, 4)}`,
+    },
+    hdr_flip: {
+      title: "HDR-FLIP", about: "FLIP, the largest over exposures", colours: "magma", range: 1, hdr: true,
+      work: ({ test, truth }) => flip.hdr(truth.light, test.light, test.width, test.height),
+      said: (values, _, record) => `mean ${fixed(mean(values), 4)}${beside(record?.hdr_flip, 4)}, ${quantiles(values, 3)}`,
+    },
     depth_error: {
       title: "Depth error", about: "scene units, nearer … farther than; where the truth is opaque",
       colours: "diverging", range: 0.5, signed: true, scaled: true, depth: true,
@@ -106,6 +134,8 @@ const errorMaps = (() => {
     },
   };
 
+  // The names of the maps that a view has.
+  const namesOf = (view) => Object.keys(MAPS).filter((name) => view.hdr || !MAPS[name].hdr);
   const titleOf = (name) => MAPS[name].titled ?? MAPS[name].title;
 
   // What lies at the two ends of the colours: of depth the view's near and far, else the range as the reader scaled it.
@@ -116,5 +146,5 @@ const errorMaps = (() => {
     return [signed ? -most : 0, most];
   }
 
-  return { MAPS, titleOf, endsOf };
+  return { MAPS, namesOf, titleOf, endsOf };
 })();

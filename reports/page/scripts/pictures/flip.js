@@ -150,5 +150,35 @@ const flip = (() => {
     return found;
   }
 
-  return { map };
+  // The ACES tone mapping of HDR-FLIP (Andersson et al. 2021): (a x² + b x) / (c x² + d x + e).
+  const ACES = [0.6 * 0.6 * 2.51, 0.6 * 0.03, 0.6 * 0.6 * 2.43, 0.6 * 0.59, 0.14];
+  const MOST_TONE = 0.85;
+  const toned = (x) => clip((x * (x * ACES[0] + ACES[1])) / (x * (x * ACES[2] + ACES[3]) + ACES[4]));
+
+  // Stops from the first exposure, at which the brightest pixel of the truth is almost white, to the last, at which its
+  // median is, about one apart.
+  function exposures(truth) {
+    const luma = Float64Array.from(truth[0], (_, place) => times(TO_XYZ, ...truth.map((plane) => plane[place]))[1]).sort();
+    const [half, least] = [luma.length >> 1, 2 ** -23];
+    const median = luma.length % 2 ? luma[half] : (luma[half - 1] + luma[half]) / 2;
+    const [a, b, c] = [ACES[0] - MOST_TONE * ACES[2], ACES[1] - MOST_TONE * ACES[3], -MOST_TONE * ACES[4]];
+    const white = (-b + Math.sqrt(b * b - 4 * a * c)) / (2 * a);
+    const [first, last] = [luma.at(-1), Math.max(median, least)].map((y) => Math.log2(white / y));
+    const many = Math.max(2, Math.ceil(last - first));
+    return Array.from({ length: many }, (_, place) => first + (place * (last - first)) / (many - 1));
+  }
+
+  // Linear light of two pictures, three planes each → HDR-FLIP a pixel: the largest FLIP over the exposures.
+  function* hdr(truth, test, width, height) {
+    const found = new Float32Array(width * height);
+    for (const stops of exposures(truth)) {
+      const shown = [truth, test].map((planes) =>
+        planes.map((plane) => plane.map((v) => colourSpace.encode(toned(Math.max(0, v) * 2 ** stops)))));
+      const values = yield* map(...shown, width, height);
+      values.forEach((value, place) => (found[place] = Math.max(found[place], value)));
+    }
+    return found;
+  }
+
+  return { map, hdr };
 })();
