@@ -131,7 +131,9 @@ class NetworkField(nn.Module):
         return encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
-        """Return raw density [points] and, with a view, colour logits [points, 3], both float32."""
+        """Return raw density [points] and, with a view, colour logits [points, 3], both of the dtype of the weights:
+        float32.
+        """
         position = self._encoded(x)
         if self.accelerations.fused and (view is not None or not torch.is_grad_enabled()):
             layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
@@ -144,7 +146,7 @@ class NetworkField(nn.Module):
         """Compute the network from single operations, differentiable by autograd."""
         *_, (last, hidden) = self._hidden(position)
         skipped = position if last == self.skip else None
-        raw = self._split_linear(self.density_head, hidden, skipped)[:, 0].float()
+        raw = self._split_linear(self.density_head, hidden, skipped)[:, 0].to(self.density_head.weight.dtype)
         if view is None or ray is None:
             return raw, None
         first, *others = _linears(self.colour_net)
@@ -153,7 +155,7 @@ class NetworkField(nn.Module):
         h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, ray)
         for layer in others:
             h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))
-        return raw, h.float()
+        return raw, h.to(raw.dtype)
 
     def _hidden(self, position: Tensor) -> Iterator[tuple[int, Tensor]]:
         """Yield the outputs of the layers of the density network, [points, width] each."""

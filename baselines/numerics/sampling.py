@@ -3,6 +3,8 @@
 `t_edges` [rays, bins + 1] are fenceposts in rising order, `t` [rays, bins] points inside the bins.
 """
 
+from collections.abc import Sequence
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -19,13 +21,17 @@ def uniform_edges(entry: Float[Tensor, " rays"], leave: Float[Tensor, " rays"], 
     return torch.lerp(entry.unsqueeze(-1), leave.unsqueeze(-1), share)
 
 
+def uniform(shape: Sequence[int], generator: torch.Generator, like: Tensor) -> Tensor:
+    """Draw numbers in [0, 1), of the dtype and device of `like`: the same ones in float32 and float64."""
+    return torch.rand(tuple(shape), generator=generator, device=generator.device).to(like)
+
+
 def points_in_bins(t_edges: Edges, generator: torch.Generator | None) -> Bins:
     """Return one point in each bin: uniformly random with a generator, the midpoint without one."""
     left, right = t_edges[:, :-1], t_edges[:, 1:]
     if generator is None:
         return 0.5 * (left + right)
-    u = torch.rand(left.shape, generator=generator, dtype=left.dtype, device=generator.device)
-    return torch.lerp(left, right, u.to(left.device))
+    return torch.lerp(left, right, uniform(left.shape, generator, left))
 
 
 def jittered_edges(t_edges: Edges, generator: torch.Generator | None) -> Edges:
@@ -48,8 +54,7 @@ def inverse_cdf_edges(
     if generator is None:
         u = torch.full((w.shape[0], count), 0.5, dtype=w.dtype, device=w.device)
     else:
-        u = torch.rand((w.shape[0], count), generator=generator, dtype=w.dtype, device=generator.device)
-        u = u.to(w.device)
+        u = uniform((w.shape[0], count), generator, w)
     return inverse_cdf(t_edges, w, (torch.arange(count, dtype=w.dtype, device=w.device) + u) / count)
 
 

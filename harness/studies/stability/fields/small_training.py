@@ -1,5 +1,6 @@
 """One small view set and methods trained on it for a few seconds, for all cases that look at training itself."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -15,7 +16,7 @@ from harness.plan.settings import GridSettings, TrainSettings
 from harness.records.study import Check
 from harness.studies.drawn_views import write_disc
 from harness.studies.stability.stability_context import StabilityContext, not_judged, whose
-from harness.training.batches import Batches, Cameras
+from harness.training.batches import Batch, Batches, Cameras
 from harness.training.learner import at_step, steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.scoring.evaluate import cameras_of
@@ -96,12 +97,12 @@ def train(
     context: StabilityContext,
     trainer: Trainer,
     count: int | None = None,
-    batches: Batches | None = None,
+    batch_at: Callable[[int], Batch] | None = None,
     dead_every: int | None = None,
 ) -> History:
     """Train to the end of its budget, or for `count` steps. Raises `Diverged`."""
     here, history = setup(context), History(trainer)
-    batch_at = (batches or here.batches).stream(STREAM, trainer.settings.rays)
+    batch_at = batch_at or here.batches.stream(STREAM, trainer.settings.rays)
     until = at_step(trainer.step + (here.steps if count is None else count))
     for _ in steps(trainer, batch_at, until):
         assert trainer.last_loss is not None

@@ -16,7 +16,16 @@ from baselines.rendering import Sampling, render_rays
 from harness.plan.seeds import generator_for
 from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found
-from harness.studies.stability.fields.small_training import CPU, PROBES, new_trainer, setup, train, trained, with_parts
+from harness.studies.stability.fields.small_training import (
+    CPU,
+    PROBES,
+    STREAM,
+    new_trainer,
+    setup,
+    train,
+    trained,
+    with_parts,
+)
 from harness.studies.stability.stability_context import Rows, StabilityContext, whose
 from harness.training.batches import Batches, Cameras
 from harness.training.lockstep import box_of
@@ -228,7 +237,8 @@ def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
     """Return the test PSNR after the small training on rescaled views; NaN if a view has none."""
     views = rescaled(setup(context).views, k)
     trainer = new_trainer(context, method, box=box_of(views, CPU))
-    train(context, trainer, batches=Batches(cameras_of(views, views.train, CPU), views.train.rgba))
+    batches = Batches(cameras_of(views, views.train, CPU), views.train.rgba)
+    train(context, trainer, batch_at=batches.stream(STREAM, trainer.settings.rays))
     psnr = quick_scores(render_split(trainer, cameras_of(views, views.test, CPU), 4096), views.test)["psnr"]
     return math.nan if psnr is None else psnr
 

@@ -11,7 +11,7 @@ from baselines.numerics.checks import BadDensity
 from baselines.numerics.encoding import PHI
 from baselines.numerics.optimisers import OPTIMISERS
 from harness.records.study import Check, Picture, Series, Table
-from harness.studies.stability.fields import amplifier_cases, optimiser_cases, small_training, unit_cases
+from harness.studies.stability.fields import amplifier_cases, float64_twin, optimiser_cases, small_training, unit_cases
 from harness.studies.stability.rays import encoding_cases
 from harness.studies.stability.stability_context import METHODS, StabilityContext
 from tests.harness.studies.stability.made_up import checks, context_in, findings
@@ -25,7 +25,7 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> StabilityContext:
     return context_in(tmp_path_factory.mktemp("stability"), *METHODS)
 
 
-@pytest.mark.parametrize("case", ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", "O4", "G1", "G2", *SLOW])
+@pytest.mark.parametrize("case", ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", "O4", "O5", "G1", "G2", *SLOW])
 def test_every_case_says_something_of_every_subject(case: str, context: StabilityContext) -> None:
     small_training.trained.cache_clear()  # a case must not need another one before it
     made = findings(case, context)
@@ -52,6 +52,26 @@ def test_a_method_without_these_parts_is_not_applicable_and_says_why(tmp_path: P
         assert "grid of values" in check.why
     statuses = {check.subject: check.status for check in checks("A3", alone)}
     assert statuses["harness"] == "not_applicable", "without a trainer the harness has nothing to pass"
+
+
+def test_a_twin_in_float64_is_the_same_training_but_for_rounding(context: StabilityContext) -> None:
+    twin = small_training.train(
+        context,
+        float64_twin.in_dtype(small_training.new_trainer(context, "qnerf"), torch.float64),
+        batch_at=float64_twin.doubled(context),
+    )
+    assert {weight.dtype for weight in twin.trainer.fields.parameters()} == {torch.float64}
+    ours = small_training.train(context, small_training.new_trainer(context, "qnerf"))
+    first, last = (abs(ours.losses[step] / twin.losses[step] - 1.0) for step in (0, -1))
+    assert 0.0 < first < 1e-6, "not the same numbers, and the same loss"
+    assert last < 1e-3
+    others = float64_twin.doubled(context)
+    shifted = small_training.train(
+        context,
+        float64_twin.in_dtype(small_training.new_trainer(context, "qnerf"), torch.float64),
+        batch_at=lambda step: others(step + 1),
+    )
+    assert abs(shifted.losses[0] / twin.losses[0] - 1.0) > 1e-3, "another batch is seen at once"
 
 
 # encodings

@@ -1,0 +1,100 @@
+"""O5: trainings and their twins in float64, which take the same batches and the same draws."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import torch
+
+from baselines.contract import Box, Precision, Rays
+from harness.records.study import Table, check
+from harness.studies.framework import Found
+from harness.studies.stability.fields.small_training import (
+    STREAM,
+    History,
+    new_trainer,
+    setup,
+    train,
+    trained,
+    with_parts,
+)
+from harness.studies.stability.stability_context import Rows, StabilityContext, whose
+from harness.training.batches import Batch
+from harness.training.scoring.evaluate import quick_scores, render_split
+from harness.training.trainer import Trainer
+
+HALVES: tuple[Precision, ...] = ("bfloat16", "float16")
+STEPS = (1, 10, 40, 100, 300)
+"""The steps after which losses are compared; those of half precision up to `FEW`."""
+FEW = 40
+
+
+def float64_twin(context: StabilityContext) -> Iterator[Found]:
+    """O5: rounding, and what becomes of it over a training."""
+    methods, others = with_parts(context)
+    here = setup(context)
+    rows: Rows = []
+    first: list[float] = []
+    few = min(FEW, here.steps)
+    for method in methods:
+        twin = train(context, in_dtype(new_trainer(context, method), torch.float64), batch_at=doubled(context))
+        ours = trained(context, method)
+        halves = {
+            name: train(context, new_trainer(context, method, replace(here.settings, precision=name)), few)
+            for name in (HALVES if method == methods[0] else ())
+        }
+        rows += [[method, name, *_apart(history, twin)] for name, history in {"float32": ours, **halves}.items()]
+        first.append(_difference(ours, twin, 1))
+        change = abs(_psnr(context, ours.trainer) - _psnr(context, in_dtype(twin.trainer, torch.float32)))
+        what = f"test PSNR apart after {here.steps} steps, dB"
+        yield check(what, change, high=0.5, subject=method, owner=whose(method))
+    yield from others
+    if methods:
+        what = "largest relative difference of the first loss, float32 against float64"
+        yield check(what, max(first), high=1e-6, subject="the same weights, batch and draws")
+    heads = ["method", "products", *(f"after {step} steps" for step in STEPS)]
+    yield Table(
+        "float64 twin", 5, "Loss of a step's batch, relative difference from a training in float64", heads, rows
+    )
+
+
+def in_dtype(trainer: Trainer, dtype: torch.dtype) -> Trainer:
+    """Return the trainer with its weights, box and grid, and so all that is computed from them, in a dtype; its
+    optimiser stays as it is.
+    """
+    box = Box(trainer.box.lower.to(dtype), trainer.box.upper.to(dtype), trainer.box.hull)
+    trainer.fields.to(dtype)
+    trainer.box, trainer.background = box, trainer.background.to(dtype)
+    field: Any
+    for field in trainer.fields.values():
+        field.box, field.dtype = box, dtype
+    if trainer.grid is not None:
+        trainer.grid.box, trainer.grid.density = box, trainer.grid.density.to(dtype)
+    return trainer
+
+
+def doubled(context: StabilityContext) -> Callable[[int], Batch]:
+    """Return the common stream of batches in float64."""
+    here = setup(context)
+    batch_at = here.batches.stream(STREAM, here.settings.rays)
+
+    def doubled_at(step: int) -> Batch:
+        rays, colours = batch_at(step)
+        return Rays(rays.origins.double(), rays.directions.double(), rays.near, rays.far), colours.double()
+
+    return doubled_at
+
+
+def _apart(history: History, twin: History) -> list[float | None]:
+    return [_difference(history, twin, step) if step <= len(history.losses) else None for step in STEPS]
+
+
+def _difference(history: History, twin: History, step: int) -> float:
+    return abs(history.losses[step - 1] / twin.losses[step - 1] - 1.0)
+
+
+def _psnr(context: StabilityContext, trainer: Trainer) -> float:
+    here = setup(context)
+    found = quick_scores(render_split(trainer, here.test, 4096), here.views.test)["psnr"]
+    assert found is not None
+    return found
