@@ -1,10 +1,14 @@
-"""Does the clock of training count the right seconds? Held against other clocks of the system on three known loads."""
+"""Does the clock of training count the right seconds, and how much do those of the same work differ?
+
+The clock is held against other clocks of the system on three known loads; the same products are timed again and again.
+"""
 
 import resource
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 
 from harness.machine.stopwatch import Stopwatch
@@ -13,6 +17,11 @@ SECONDS = 0.25
 """The length of each load."""
 TOLERATED = 0.02
 """The share of a load by which the clock may be wrong."""
+REPEATS = 20
+NOISY = 0.05
+"""The spread of the same work's core seconds, and the share of the wall seconds that it waits, above which another
+program is to be suspected.
+"""
 
 
 @dataclass(frozen=True)
@@ -58,6 +67,30 @@ def clock_errors(clocks: Clocks, seconds: float = SECONDS) -> dict[str, float]:
         "a busy loop": _counted(clocks, clocks.work, seconds),
         "a slow evaluation": _beside(clocks, seconds),
     }
+
+
+def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
+    """Time the same work again and again. Returns the range of the middle half of its core seconds as a share of their
+    median, and the wall seconds of all per core second less 1.
+    """
+    work()  # the first time loads what it needs
+    each, before = [], watch.core_seconds
+    wall, cores = watch.seconds, watch.core_seconds
+    for _ in range(repeats):
+        with watch.running():
+            work()
+        each.append(watch.core_seconds - before)
+        before = watch.core_seconds
+    low, middle, high = np.quantile(each, (0.25, 0.5, 0.75))
+    return float((high - low) / middle), (watch.seconds - wall) / (watch.core_seconds - cores) - 1.0
+
+
+def products() -> object:
+    """Multiply matrices as large as a training's for some hundredths of a second."""
+    points, weights = torch.ones(1 << 15, 64), torch.ones(64, 64)
+    for _ in range(30):
+        points = points @ weights / 64.0
+    return points
 
 
 def _counted(clocks: Clocks, load: Callable[[float], None], seconds: float) -> float:

@@ -184,13 +184,19 @@ def torch_findings() -> Iterator[Finding]:
 
 
 def clock_findings() -> Iterator[Finding]:
-    """Yield how well the clock of training counts."""
-    from harness.machine.clock_check import TOLERATED, clock_errors, system_clocks
+    """Yield how well the clock of training counts, and how much the same work differs."""
+    from harness.machine.clock_check import NOISY, TOLERATED, clock_errors, noise, products, system_clocks
+    from harness.machine.device import use_threads
 
     errors = clock_errors(system_clocks())
     found = ", ".join(f"{load} {100 * error:.1f} %" for load, error in errors.items())
     to_do = "stop other programs and try again; else trust comparisons at equal steps alone"
     yield judge("clock of training", f"wrong by: {found}", (max(errors.values()) > TOLERATED, "limited", to_do))
+    use_threads(1)  # as a training of the default run
+    spread, waits = noise(system_clocks().watch(), products)
+    found = f"core seconds differ by {100 * spread:.1f} % (middle half), waits for {100 * max(waits, 0.0):.1f} %"
+    to_do = "stop other programs before anything is timed"
+    yield judge("the same work again", found, (max(spread, waits) > NOISY, "limited", to_do))
 
 
 def product_findings() -> Iterator[Finding]:

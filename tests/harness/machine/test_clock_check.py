@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 import torch
 
-from harness.machine.clock_check import TOLERATED, Clocks, clock_errors, system_clocks
+from harness.machine.clock_check import TOLERATED, Clocks, clock_errors, noise, system_clocks
 from harness.machine.stopwatch import Stopwatch
 
 
@@ -83,3 +83,16 @@ def test_this_systems_clocks_are_what_they_are_held_against() -> None:
     clocks.work(0.05)
     assert clocks.wall() - wall >= 0.049
     assert clocks.cores() - cores >= 0.049
+
+
+def test_noise_is_the_spread_of_the_same_work_and_its_waits() -> None:
+    machine, lengths = Machine(), iter([9.0, *(1.0 + 0.01 * number for number in range(9))])
+
+    def work() -> None:
+        machine.work(next(lengths))
+        machine.sleep(0.26)
+
+    watch = Stopwatch(torch.device("cpu"), lambda: machine.wall, lambda: machine.cores)
+    spread, waits = noise(watch, work, repeats=9)
+    assert spread == pytest.approx(0.04 / 1.04), "of 1.00, 1.01 … 1.08, not of the first, which imports"
+    assert waits == pytest.approx(0.26 / 1.04)
