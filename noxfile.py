@@ -2,8 +2,11 @@
 
 import argparse
 import os
+import re
 import sys
 import time
+from collections.abc import Iterable
+from pathlib import Path
 
 import nox
 
@@ -13,26 +16,41 @@ nox.options.reuse_existing_virtualenvs = True
 nox.options.sessions = ["lint", "tests"]
 
 PROJECT = nox.project.load_toml("pyproject.toml")
+LOCKED = dict(re.findall(r"^([a-z0-9-]+)==(\S+)", Path("requirements.lock").read_text(encoding="utf-8"), re.MULTILINE))
+SMALL = ("view", "film", "stability", "completion")
+"""The extras that every environment has: they are small, and commands of the README need them."""
 OPTIONS = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
 OPTIONS.add_argument("--with", dest="packages", action="append", default=[], metavar="FOLDER")
 OPTIONS.add_argument("--out")
 
 
 def install(session: nox.Session, *groups: str) -> None:
-    """Install the pinned dependencies of the project and of the named groups, and the extras that the options need;
-    what these depend on is pinned by version and hash in requirements.lock.
+    """Install the dependencies of the project and of the named groups, and the extras that the options need, each as
+    requirements.lock pins it by version and hash.
     """
-    extras = PROJECT["project"]["optional-dependencies"]
     options = set(session.posargs)
     words = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
     words["submitit"] = {"submitit", "--executor=submitit"}
     words["parquet"] = {option for option in options if option.endswith(".parquet")}
     takes_all = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
-    needed = [package for name in words if takes_all or words[name] & options for package in extras[name]]
-    wanted = [*PROJECT["project"]["dependencies"], *nox.project.dependency_groups(PROJECT, *groups), *needed]
+    needed = [*SMALL, *(name for name in words if takes_all or words[name] & options)]
+    wanted = map(pinned, wanted_by(*groups, extras=needed))
     # another build of torch has other hashes than the one on PyPI
     locked = session.virtualenv.venv_backend == "uv" and not os.environ.get("UV_TORCH_BACKEND")
     session.install(*wanted, *(("--require-hashes", "--constraint", "requirements.lock") if locked else ()))
+
+
+def wanted_by(*groups: str, extras: Iterable[str]) -> list[str]:
+    """Return the requirements of the project, of groups and of extras."""
+    optional = PROJECT["project"]["optional-dependencies"]
+    of_extras = [package for name in extras for package in optional[name]]
+    return [*PROJECT["project"]["dependencies"], *of_extras, *nox.project.dependency_groups(PROJECT, *groups)]
+
+
+def pinned(requirement: str) -> str:
+    """Return a requirement as it is locked."""
+    name = re.split("[<>=]", requirement)[0]
+    return f"{name}=={LOCKED[name.lower()]}"
 
 
 @nox.session
@@ -140,6 +158,13 @@ def tests_thorough(session: nox.Session) -> None:
     session.run("pytest", "-n", "auto", "-m", "thorough and not cluster", *session.posargs)
     # a process of its own: Ray leaves an event loop behind
     session.run("pytest", "-m", "cluster", *session.posargs)
+
+
+@nox.session
+def tests_oldest(session: nox.Session) -> None:
+    """Run the tests with the oldest packages that pyproject.toml allows."""
+    session.install("--resolution", "lowest-direct", *wanted_by("test", extras=(*SMALL, "parquet", "tensorboard")))
+    session.run("pytest", "-n", "auto", "-m", "not slow", *session.posargs)
 
 
 @nox.session

@@ -57,6 +57,7 @@ nox -s conformance -- qnerf
 nox -s endurance -- --kills 12 --typed-kills 0 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --scratch {here}/fuzz
 nox -s tests_thorough -- --collect-only -q tests/harness/execution
+nox -s tests_oldest -- --collect-only -q tests/harness/plan
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
 python -m harness history {here}/history.jsonl --out {here}/history
 python -m harness run {smoke} --scenes lego {tiny} --executor submitit {job} --out {here}/jobs {other_sets}

@@ -27,8 +27,16 @@ LEAST_DISK_GB = 0.3
 take half of it.
 """
 PROJECT = Path(__file__).parents[2] / "pyproject.toml"
-RENEW = "start it through nox, which installs the pinned ones, or install the one that pyproject.toml names"
-EXTRAS = {"ray": "--executor ray", "submitit": "--executor submitit", "tensorboard": "--tensorboard"}
+RENEW = "start it through nox, which installs tested ones, or install one that pyproject.toml allows"
+EXTRAS = {
+    "view": "`view`",
+    "film": "`film`",
+    "stability": "`study stability`",
+    "completion": "`completion`",
+    "ray": "--executor ray",
+    "submitit": "--executor submitit",
+    "tensorboard": "--tensorboard",
+}
 """Map extra of `pyproject.toml` → the option that needs it."""
 TOOLS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("nox",), "`nox -s …` makes the environments", 'python -m pip install "nox[uv]"'),
@@ -126,11 +134,11 @@ def python_findings() -> Iterator[Finding]:
 
 
 def package_findings() -> Iterator[Finding]:
-    """Yield one line on the packages that a run needs, and one for each that is not as pinned."""
-    pins = _pinned(_project()["project"]["dependencies"])
-    findings = [_against_pin(name, pin, f"{RENEW}: {name}=={pin}", needed=True) for name, pin in pins.items()]
+    """Yield one line on the packages that a run needs, and one for each that is not as tested."""
+    ranges = _ranges(_project()["project"]["dependencies"])
+    findings = [_within(name, tested, f"{RENEW}: {name}{tested}", needed=True) for name, tested in ranges.items()]
     odd = [finding for finding in findings if finding.verdict != "ok"]
-    yield Finding("packages", f"{len(findings) - len(odd)} of {len(findings)} as pinned")
+    yield Finding("packages", f"{len(findings) - len(odd)} of {len(findings)} as tested")
     yield from odd
 
 
@@ -138,22 +146,28 @@ def optional_findings() -> Iterator[Finding]:
     """Yield packages that have a command of their own and that nothing else needs."""
     extras = _project()["project"].get("optional-dependencies", {})
     for extra, purpose in EXTRAS.items():
-        for name, pin in _pinned(extras.get(extra, [])).items():
-            yield _against_pin(name, pin, f"only for {purpose}: install {name}=={pin}", needed=False)
+        for name, tested in _ranges(extras.get(extra, [])).items():
+            yield _within(name, tested, f"only for {purpose}: install {name}{tested}", needed=False)
 
 
-def _pinned(requirements: list[str]) -> dict[str, str]:
-    matches = (re.match(r"\s*([A-Za-z0-9._-]+)(?:\[[^\]]*\])?==([^\s;]+)", line) for line in requirements)
+def _ranges(requirements: list[str]) -> dict[str, str]:
+    """Return name → range, as `>=2.11,<2.16`."""
+    matches = (re.match(r"([A-Za-z0-9._-]+)(>=[\d.]+,<[\d.]+)$", line) for line in requirements)
     return {match.group(1): match.group(2) for match in matches if match}
 
 
-def _against_pin(name: str, pin: str, to_do: str, needed: bool) -> Finding:
+def _within(name: str, tested: str, to_do: str, needed: bool) -> Finding:
     try:
         here = version(name)
     except PackageNotFoundError:
         return Finding(name, "not installed", "missing", to_do, needed)
-    # a local part is the build, as in 2.15.0+cpu
-    return judge(name, here, (here.partition("+")[0] != pin, "limited", f"{pin} is what was tested; {RENEW}"))
+    # numbers alone: a local part is the build, as in 2.15.0+cpu
+    low, high, found = (_numbers(text) for text in (*tested.removeprefix(">=").split(",<"), here))
+    return judge(name, here, (not low <= found < high, "limited", f"tested are {tested}; {RENEW}"))
+
+
+def _numbers(version: str) -> list[int]:
+    return [int(part) for part in re.match(r"\d+(\.\d+)*|", version)[0].split(".") if part]  # type: ignore[index]
 
 
 def _project() -> dict[str, Any]:
