@@ -1,6 +1,7 @@
 """`python -m harness study speed`: its own options, and every question at sizes that mean nothing."""
 
 import json
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -92,3 +93,25 @@ def test_growth_and_processes_are_measured(tmp_path: Path) -> None:
 
 def test_help_imports_nothing_heavy() -> None:
     assert heavy_imports_of(run_module("harness", "speed", "--help")) == set()
+
+
+@pytest.mark.cluster
+@pytest.mark.slow
+def test_a_cluster_is_measured_against_processes(tmp_path: Path) -> None:
+    pytest.importorskip("ray", reason="the extra `ray` is not installed")
+    found = answers(tmp_path / "speed", 12)
+    ratio, ray, local = (found[f"cluster.{name}"].value for name in ("ratio", "ray.rate", "local.rate"))
+    assert ratio is not None
+    assert ray is not None
+    assert local is not None
+    assert ratio > 0.0
+    assert ray > 0.0
+    assert local > 0.0
+
+
+def test_without_ray_a_cluster_is_not_measured_and_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    monkeypatch.setattr("harness.studies.speed.clusters.physical_cores", lambda: 2)
+    check = answers(tmp_path / "speed", 12)["cluster.ratio"]
+    assert check.value is None
+    assert "Ray is not installed" in check.why
