@@ -31,6 +31,7 @@ def run_group(
     from harness.machine.provenance import provenance
     from harness.plan.needed import for_scene
     from harness.plan.plugins import origins, require_methods
+    from harness.training.cell_training import content_of
     from harness.training.lockstep import train_group
 
     try:
@@ -38,6 +39,11 @@ def run_group(
         use_threads(task.threads)
         keep_freed_memory()
         views = read_views(task.view_set, task.views, task.out)
+        if task.content not in (None, content_of(views)):
+            raise InputError(
+                f"{task.view_set}: changed since the run began; put it back as it was and go on with --resume, or "
+                "start again with a fresh --out"
+            )
         require_methods(task.methods)
         origin = {**provenance(torch.device(task.device)), **origins(task.methods), **(placed or {})}
         fitted = replace(task, train=for_scene(task.train, views))

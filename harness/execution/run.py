@@ -73,7 +73,9 @@ def run(
         folders = view_set_folders(plan, view_sets, show)
         tasks = plan.tasks(folders, machine, out)
         first_of_scene = tasks[: len(plan.scenes)]
-        scenes = [scene_record(task, keys) for task in first_of_scene]
+        found = {task.scene: scene_record(task, keys) for task in first_of_scene}
+        scenes = [scene for scene, _ in found.values()]
+        tasks = [replace(task, content=found[task.scene][1]) for task in tasks]
         for scene in scenes if plan.view_set else ():
             box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
             show.line(

@@ -14,7 +14,7 @@ from harness.plan.group_task import GroupTask
 from harness.plan.needed import needs_here
 from harness.records.cells import LeftOut, SceneRecord
 from harness.records.json_record import finite_or_none
-from harness.training.cell_training import finished_on
+from harness.training.cell_training import content_of, finished_on
 from harness.training.saved_renders import drop_truth, keep_truth
 from harness.training.scoring.evaluate import floor_psnr
 from harness.training.scoring.metrics import psnr_from_mse
@@ -38,8 +38,9 @@ def measured_at_paper_size(method: str) -> dict[str, Any]:
     }
 
 
-def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRecord:
-    """Read the view set of a task once, so that any fault of it is reported before any training.
+def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> tuple[SceneRecord, str | None]:
+    """Read the view set of a task once, so that any fault of it is reported before any training; returns its digest
+    beside its record.
 
     Raises `InputError` for a fault, and where the cameras see nothing of the box.
     """
@@ -56,7 +57,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneReco
     rows = {row.get("name", row["what"]): row for row in manifest.get("left_out", [])}
     rows = {row["name"]: row for row in left_out(needs_here(task.train, views))} | rows
     kept = ("variant", "integrator", "spp", "noise_target", "seconds", "versions", "digest")
-    return SceneRecord(
+    record = SceneRecord(
         name=scene,
         title=views.title,
         view_set=task.view_set.name,
@@ -74,6 +75,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneReco
         rendered={key: manifest[key] for key in kept if key in manifest},
         left_out=[_left_out(row) for row in rows.values()],
     )
+    return record, content_of(views)
 
 
 def _left_out(row: dict[str, Any]) -> LeftOut:

@@ -23,6 +23,8 @@ class GroupTask:
     view_set: Path = Path()
     """The folder to read `views` from; unread where a view set is handed on beside."""
     views: ViewSettings = field(default_factory=ViewSettings)
+    content: str | None = None
+    """The digest that the view set had when the run began; None if it is not held to one."""
     device: str = "cpu"
     threads: int = 1
     keep_every: float = KEPT_EVERY

@@ -53,6 +53,11 @@ def flops_per_evaluation(field: object) -> int | None:
     return 2 * CORNERS * (1 + 3 * coefficients) + (2 * 3 * coefficients if coefficients > 1 else 0)
 
 
+def content_of(views: ViewSet) -> str | None:
+    """Return the digest of a view set: its manifest's, or of what was read of other images."""
+    return views.rendered.get("digest") or views.content
+
+
 SAME = 1e-6
 """The relative tolerance: values found from cameras may differ in their last bits between processors."""
 

@@ -11,6 +11,7 @@ import pytest
 from harness.execution import local_executor
 from harness.execution.group import run_group
 from harness.execution.local_executor import run_locally
+from harness.execution.run_record import scene_record
 from harness.machine.provenance import versions
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
@@ -104,6 +105,21 @@ def test_a_group_that_cannot_be_trained_ends_in_error_records(ball_folder: Path,
     assert [(cell.method, cell.status) for cell in told] == [("nerf", "error"), ("qnerf", "error")]
     assert "no such folder" in (told[0].reason or "")
     assert list(read_cells(tmp_path)) == told
+
+
+def test_a_view_set_that_changed_since_the_run_began_is_not_trained_on(ball_folder: Path, tmp_path: Path) -> None:
+    first = tasks(ball_folder, tmp_path)[0]
+    run_group(replace(first, content="0" * 64), lambda share: None, lambda cell: None)
+    cells = list(read_cells(tmp_path))
+    assert [cell.status for cell in cells] == ["error", "error"]
+    assert cells[0].reason is not None
+    assert cells[0].reason.startswith(f"{ball_folder}: changed since the run began; put it back as it was")
+    _, content = scene_record(first, [])
+    assert content is not None
+    for cell in cells:
+        cell_path(tmp_path, cell.scene, cell.method, cell.seed).unlink()
+    run_group(replace(first, content=content), lambda share: None, lambda cell: None)
+    assert [cell.status for cell in read_cells(tmp_path)] == ["done", "done"]
 
 
 def test_an_error_of_ours_is_named_and_leaves_finished_cells_alone(
