@@ -7,6 +7,7 @@ from baselines.contract import FieldSpec, NetworkSize
 from baselines.grids.hash_grid import HashGrid, encoded, hash_grid
 from baselines.grids.interpolation import TABLE_CHANNELS, Encoded
 from harness.studies.conformance.subject import BOX
+from tests.harness.voxels import drjit_or_skip
 
 CELLS = (2, 7, 40)
 """The last with more nodes than entries."""
@@ -70,3 +71,36 @@ def test_it_begins_with_thin_fog() -> None:
     field = hash_grid(FieldSpec(NetworkSize(), BOX, "float32", 0, True), (16, 48), 1 << 12)
     tau = field.density(points()).detach() * 2 * BOX.half_extent
     assert 0.3 < float(tau.mean()) < 3.0
+
+
+@pytest.mark.parametrize(("cells", "entries"), [(6, 512), (40, 512), (40, 2048)])
+def test_values_and_gradients_are_those_of_dr_jit(cells: int, entries: int) -> None:
+    """A dense level, whose nodes Dr.Jit numbers from the other axis on, and two with collisions."""
+    drjit_or_skip()
+    import drjit as dr
+    from drjit.hashgrid import HashGridEncoding
+    from drjit.llvm.ad import ArrayXf, Float
+
+    nodes = cells + 1
+    size = min(nodes**3, entries)
+    ours = torch.rand(size, TABLE_CHANNELS, generator=torch.Generator().manual_seed(3)).requires_grad_()
+    dense = nodes**3 <= entries
+    order = torch.arange(nodes**3).reshape([nodes] * 3).permute(2, 1, 0).reshape(-1) if dense else torch.arange(size)
+    oracle = HashGridEncoding(
+        Float, 3, n_levels=1, n_features_per_level=TABLE_CHANNELS, hashmap_size=entries, base_resolution=nodes,
+        align_corners=True,
+    )  # fmt: skip
+    theirs = torch.zeros(oracle.n_params // TABLE_CHANNELS, TABLE_CHANNELS)
+    theirs[:size] = ours.detach()[order]
+    oracle.data = Float(theirs.reshape(-1).numpy())
+    dr.enable_grad(oracle.data)
+    x = points(reach=0.999)
+    found = oracle(ArrayXf(((x + 1.0) / 2.0).T.contiguous().numpy()))
+    weight = torch.randn(len(x), TABLE_CHANNELS, generator=torch.Generator().manual_seed(2))
+    got = Encoded.apply(x, (cells,), ours)
+    torch.testing.assert_close(got.detach().T, torch.from_numpy(found.numpy()), rtol=1e-4, atol=1e-5)
+    got.backward(weight)
+    dr.backward(dr.sum(found * ArrayXf(weight.T.contiguous().numpy()), axis=None))
+    gradient = torch.from_numpy(dr.grad(oracle.data).numpy()).reshape(-1, TABLE_CHANNELS)[:size]
+    assert ours.grad is not None
+    torch.testing.assert_close(ours.grad[order], gradient, rtol=1e-4, atol=1e-4)
