@@ -1,6 +1,7 @@
 """The interface between a method and the code that trains and renders it."""
 
 import hashlib
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Literal, Protocol, runtime_checkable
@@ -70,9 +71,7 @@ class Rays:
         the test against a box, a comparison, would call a miss, and a renderer background; likewise the ray whose
         direction is farthest from unit length.
         """
-        finite = torch.isfinite(self.origins).all(dim=-1) & torch.isfinite(self.directions).all(dim=-1)
-        if not bool(finite.all()):
-            ray = int(finite.int().argmin())
+        if (ray := first_not_finite(self.origins, self.directions)) is not None:
             raise ValueError(
                 f"ray {ray} is not finite: origin {self.origins[ray].tolist()}, "
                 f"direction {self.directions[ray].tolist()}"
@@ -88,6 +87,15 @@ class Rays:
 
     def chosen(self, index: Int[Tensor, " chosen"]) -> "Rays":
         return Rays(self.origins[index], self.directions[index], self.near, self.far)
+
+
+def first_not_finite(*tensors: Tensor) -> int | None:
+    """Return the first row with a NaN or an infinity in any of the tensors; None if there is none."""
+    # one sum tells of all values: it is not finite if one of them is not, or, hardly ever, because they are huge
+    if math.isfinite(float(sum(tensor.sum() for tensor in tensors))):
+        return None
+    finite = torch.stack([torch.isfinite(tensor).reshape(len(tensor), -1).all(dim=-1) for tensor in tensors]).all(dim=0)
+    return None if bool(finite.all()) else int(finite.int().argmin())
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ class Gaussians:
         colour, opacity = torch.ones(len(rays), 3), torch.zeros(len(rays))
         depth, drawn = torch.full((len(rays),), rays.far), 0
         for of_camera in _by_camera(rays.origins):
-            origin = rays.origins[of_camera[0]]
+            origin = rays.origins[of_camera][0]
             out, through, count = self.draw(Pencil.of(origin, rays.directions[of_camera]), self.values)
             colour[of_camera] = out[:, :3] + through[:, None]
             opacity[of_camera] = 1.0 - through
@@ -145,11 +145,11 @@ class Gaussians:
         return sigma, sigma
 
 
-def _by_camera(origins: Float[Tensor, "rays 3"]) -> Iterator[Int[Tensor, " chosen"]]:
+def _by_camera(origins: Float[Tensor, "rays 3"]) -> Iterator[Int[Tensor, " chosen"] | slice]:
     """Yield the rays of each origin; nearly always there is one."""
     if bool((origins == origins[:1]).all()):
         if len(origins):
-            yield torch.arange(len(origins))
+            yield slice(None)
         return
     _, camera = torch.unique(origins, dim=0, return_inverse=True)
     for number in range(int(camera.max()) + 1):

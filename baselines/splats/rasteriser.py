@@ -3,8 +3,9 @@ processor (Kerbl et al. 2023, arXiv 2308.04079, without its tiles).
 
 One Gaussian after the other visits the rays that it covers: what a ray has let through so far fits in the cache, and no
 list of Gaussians is made for a tile. Rays may be any of one camera; they are sorted into rows of small cells, so that a
-Gaussian finds its own without looking at the others. Every sum runs in one fixed order. All that is compiled stands in
-this file: numba's cache would not see a change elsewhere.
+Gaussian finds its own without looking at the others, and those of a row one after the other, so that the processor
+works on several at once: a loop over them has no branch. Every sum runs in one fixed order, which depends on how many
+that are. All that is compiled stands in this file: numba's cache would not see a change elsewhere.
 """
 
 import itertools
@@ -16,7 +17,9 @@ from typing import Any, no_type_check
 
 import numpy as np
 import torch
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
+from numpy.polynomial import Chebyshev, Polynomial
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
@@ -49,7 +52,7 @@ class RayCells:
     back: np.ndarray
     """The inverse of `order`."""
     at: np.ndarray
-    """The sorted points [points, 2]."""
+    """The sorted points [2, points]."""
     start: np.ndarray
     """The first point of each cell, row by row, and the end, int [rows · columns + 1]."""
     rows: int
@@ -61,21 +64,44 @@ class RayCells:
     @staticmethod
     def of(points: np.ndarray) -> "RayCells":
         """Sort `points` [points, 2]."""
-        lower, upper = points.min(axis=0), points.max(axis=0)
+        points = np.ascontiguousarray(points.T)  # numpy is slow along a long first axis
+        lower, upper = points.min(axis=1), points.max(axis=1)
         extent = np.maximum(upper - lower, 1e-12)
-        square = (math.sqrt(len(points) * extent[i] / extent[1 - i]) for i in range(2))
-        columns, rows = (min(max(1, round(count)), len(points)) for count in square)  # points may lie in a line
+        square = (math.sqrt(points.shape[1] * extent[i] / extent[1 - i]) for i in range(2))
+        columns, rows = (min(max(1, round(count)), points.shape[1]) for count in square)  # points may lie in a line
         size = (extent / (columns, rows)).astype(points.dtype)
-        column, row = (np.minimum((points - lower) / size, (columns - 1, rows - 1))).astype(np.int64).T
-        cell = row * columns + column
-        order = np.argsort(cell, kind="stable")
-        start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=rows * columns))])
-        return RayCells(order, np.argsort(order), points[order], start, rows, columns, lower, size)
+        order, back = (np.empty(points.shape[1], np.int64) for _ in range(2))
+        at, start = np.empty_like(points), np.zeros(rows * columns + 1, np.int64)
+        _sort(points, lower, size, columns, order, back, at, start)
+        return RayCells(order, back, at, start, rows, columns, lower, size)
 
     def bands(self, count: int) -> list[tuple[int, int]]:
         """Return at most `count` ranges of rows."""
         ends = [self.rows * i // count for i in range(count + 1)]
         return [(low, high) for low, high in itertools.pairwise(ends) if low < high]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+@no_type_check
+def _sort(
+    points: np.ndarray, lower: np.ndarray, size: np.ndarray, columns: int,
+    order: np.ndarray, back: np.ndarray, at: np.ndarray, start: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill the arrays of `RayCells`; points of one cell stay in their order."""
+    cells, rows = np.empty(points.shape[1], np.int64), (start.shape[0] - 1) // columns
+    for point in range(points.shape[1]):
+        column = min(np.int64((points[0, point] - lower[0]) / size[0]), columns - 1)
+        row = min(np.int64((points[1, point] - lower[1]) / size[1]), rows - 1)
+        cells[point] = row * columns + column
+        start[cells[point] + 1] += 1
+    for cell in range(start.shape[0] - 1):
+        start[cell + 1] += start[cell]
+    free = start.copy()
+    for point in range(points.shape[1]):
+        place = free[cells[point]]
+        free[cells[point]] += 1
+        order[place], back[point] = point, place
+        at[0, place], at[1, place] = points[0, point], points[1, point]
 
 
 @njit(inline="always")
@@ -244,6 +270,39 @@ def _covered(centre: float, half: float, lower: float, size: float, count: int) 
     return max(np.int64(first), 0), min(np.int64(last), count - 1)
 
 
+FALL = tuple(
+    np.float32(c)
+    for c in Chebyshev.interpolate(lambda x: np.exp(-x), 6, domain=[0.0, 0.695]).convert(kind=Polynomial).coef
+)
+EIGHTH, NOTHING = np.float32(0.125), np.float32(0.0)
+
+
+@no_type_check
+def _falloff(power):  # numba compares its signature with those of the two below
+    """Return e^−power, in float32 by a polynomial to the eighth power, within 5e-7 up to log 255, beyond which nothing
+    is drawn: a loop around the library's function is not computed several at a time.
+    """
+    raise NotImplementedError("compiled code alone calls it")
+
+
+@overload(_falloff, inline="always")
+@no_type_check
+def _falloff_of(power):
+    @no_type_check
+    def exact(power):
+        return math.exp(-power)
+
+    @no_type_check
+    def polynomial(power):
+        x = power * EIGHTH
+        fall = FALL[0] + x * (FALL[1] + x * (FALL[2] + x * (FALL[3] + x * (FALL[4] + x * (FALL[5] + x * FALL[6])))))
+        fall = fall * fall
+        fall = fall * fall
+        return fall * fall
+
+    return polynomial if power == types.float32 else exact
+
+
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "arcp"})
 @no_type_check
 def _forward(
@@ -252,37 +311,50 @@ def _forward(
     out: np.ndarray, through: np.ndarray, last: np.ndarray,
 ) -> int:  # fmt: skip
     """Draw Gaussians `shapes` [n, 6] (centre, inverse covariance xx xy yy, opacity), of bounding boxes `halves` [n, 2]
-    and `colours` [n, 4] (the last one is depth), over the rows `band`. Adds to `out` [rays, 4]; `through` [rays] holds
+    and `colours` [n, 4] (the last one is depth), over the rows `band`. Adds to `out` [4, rays]; `through` [rays] holds
     the transmittance, `last` [rays] the last Gaussian drawn. Returns how often one was drawn on a ray.
     """
-    drawn = 0
+    drawn, row_of = 0, np.empty(at.shape[1], at.dtype)
     for g in range(shapes.shape[0]):
         cx, cy, xx, xy, yy, opacity = shapes[g]
+        red, green, blue, depth = colours[g]
         faintest = math.log(np.float32(255.0) * opacity)
         row, end = _covered(cy, halves[g, 1], lower[1], size[1], band[1])
         left, right = _covered(cx, halves[g, 0], lower[0], size[0], columns)
         if left > right:
             continue
         for r in range(max(row, band[0]), end + 1):
-            for ray in range(start[r * columns + left], start[r * columns + right + 1]):
-                let = through[ray]
-                if let < END:
-                    continue
-                dx, dy = at[ray, 0] - cx, at[ray, 1] - cy
+            some = slice(start[r * columns + left], start[r * columns + right + 1])
+            x, y, let, final = at[0, some], at[1, some], through[some], last[some]
+            weight = row_of[: x.shape[0]]
+            for i in range(x.shape[0]):
+                dx, dy = x[i] - cx, y[i] - cy
                 power = HALF * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
-                if power > faintest:
-                    continue
-                alpha = min(opacity * math.exp(-power), CLAMP)
-                weight = alpha * let
-                for c in range(4):
-                    out[ray, c] += weight * colours[g, c]
-                through[ray] = let * (ONE - alpha)
-                last[ray] = g
-                drawn += 1
+                alpha = min(opacity * _falloff(power), CLAMP)
+                weight[i] = NOTHING if power > faintest else alpha
+            for i in range(x.shape[0]):
+                alpha = NOTHING if let[i] < END else weight[i]
+                weight[i] = alpha * let[i]
+                let[i] *= ONE - alpha
+            _add(out[0, some], weight, red)
+            _add(out[1, some], weight, green)
+            _add(out[2, some], weight, blue)
+            _add(out[3, some], weight, depth)
+            for i in range(x.shape[0]):
+                is_drawn = weight[i] != NOTHING
+                final[i] = np.int32(g) if is_drawn else final[i]
+                drawn += np.int64(is_drawn)
     return drawn
 
 
-@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "arcp"})
+@njit(inline="always")
+@no_type_check
+def _add(total: np.ndarray, weight: np.ndarray, value: float) -> None:
+    for i in range(total.shape[0]):
+        total[i] += weight[i] * value
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "arcp", "reassoc"})
 @no_type_check
 def _backward(
     at: np.ndarray, start: np.ndarray, columns: int, rows: int, lower: np.ndarray, size: np.ndarray,
@@ -290,51 +362,58 @@ def _backward(
     through: np.ndarray, behind: np.ndarray, last: np.ndarray, gradient: np.ndarray,
     to_shapes: np.ndarray, to_colours: np.ndarray,
 ) -> None:  # fmt: skip
-    """Undo `_forward` from back to front. `gradient` [rays, 4] is that of its `out`, `behind` [rays] that of the
+    """Undo `_forward` from back to front. `gradient` [4, rays] is that of its `out`, `behind` [rays] that of the
     transmittance, times it; both `through` and `behind` are used up.
     """
+    kind, longest = at.dtype, at.shape[1]
+    alphas, shares, weights = np.empty(longest, kind), np.empty(longest, kind), np.empty(longest, kind)
+    owns, slopes = np.empty(longest, kind), np.empty(longest, kind)
     for g in range(shapes.shape[0] - 1, -1, -1):
         cx, cy, xx, xy, yy, opacity = shapes[g]
+        red, green, blue, depth = colours[g]
         faintest = math.log(np.float32(255.0) * opacity)
         row, end = _covered(cy, halves[g, 1], lower[1], size[1], rows)
         left, right = _covered(cx, halves[g, 0], lower[0], size[0], columns)
         if left > right:
             continue
-        to_cx = to_cy = to_xx = to_xy = to_yy = to_opacity = np.float32(0.0)
-        c0 = c1 = c2 = c3 = np.float32(0.0)
+        to_cx = to_cy = to_xx = to_xy = to_yy = to_opacity = c0 = c1 = c2 = c3 = opacity * NOTHING
         for r in range(row, end + 1):
-            for ray in range(start[r * columns + left], start[r * columns + right + 1]):
-                if g > last[ray]:
-                    continue
-                dx, dy = at[ray, 0] - cx, at[ray, 1] - cy
+            some = slice(start[r * columns + left], start[r * columns + right + 1])
+            x, y, let, rest, final = at[0, some], at[1, some], through[some], behind[some], last[some]
+            g0, g1, g2, g3 = gradient[0, some], gradient[1, some], gradient[2, some], gradient[3, some]
+            alpha, share, weight = alphas[: x.shape[0]], shares[: x.shape[0]], weights[: x.shape[0]]
+            own, to_alpha = owns[: x.shape[0]], slopes[: x.shape[0]]
+            for i in range(x.shape[0]):
+                dx, dy = x[i] - cx, y[i] - cy
                 power = HALF * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
-                if power > faintest:
-                    continue
-                share = math.exp(-power)
-                alpha = min(opacity * share, CLAMP)
-                let = through[ray] / (ONE - alpha)
-                through[ray] = let
-                weight = alpha * let
-                c0 += weight * gradient[ray, 0]
-                c1 += weight * gradient[ray, 1]
-                c2 += weight * gradient[ray, 2]
-                c3 += weight * gradient[ray, 3]
-                own = (
-                    colours[g, 0] * gradient[ray, 0]
-                    + colours[g, 1] * gradient[ray, 1]
-                    + colours[g, 2] * gradient[ray, 2]
-                    + colours[g, 3] * gradient[ray, 3]
-                )
-                to_alpha = let * own - behind[ray] / (ONE - alpha)
-                behind[ray] += weight * own
-                if opacity * share < CLAMP:
-                    to_opacity += share * to_alpha
-                    to_power = -alpha * to_alpha
-                    to_xx += HALF * dx * dx * to_power
-                    to_xy += dx * dy * to_power
-                    to_yy += HALF * dy * dy * to_power
-                    to_cx -= (xx * dx + xy * dy) * to_power
-                    to_cy -= (yy * dy + xy * dx) * to_power
+                fall = _falloff(power)
+                fall = NOTHING if (power > faintest) | (g > final[i]) else fall
+                alpha[i] = min(opacity * fall, CLAMP)
+                share[i] = fall if opacity * fall < CLAMP else NOTHING  # an opacity at its limit has no slope
+            # a loop that writes no more than it needs to is computed several rays at once
+            for i in range(x.shape[0]):
+                let[i] /= ONE - alpha[i]
+                weight[i] = alpha[i] * let[i]
+            for i in range(x.shape[0]):
+                own[i] = red * g0[i] + green * g1[i] + blue * g2[i] + depth * g3[i]
+            for i in range(x.shape[0]):
+                to_alpha[i] = let[i] * own[i] - rest[i] / (ONE - alpha[i])
+            for i in range(x.shape[0]):
+                rest[i] += weight[i] * own[i]
+            for i in range(x.shape[0]):
+                c0 += weight[i] * g0[i]
+                c1 += weight[i] * g1[i]
+                c2 += weight[i] * g2[i]
+                c3 += weight[i] * g3[i]
+            for i in range(x.shape[0]):
+                dx, dy = x[i] - cx, y[i] - cy
+                to_opacity += share[i] * to_alpha[i]
+                to_power = -opacity * share[i] * to_alpha[i]
+                to_xx += HALF * dx * dx * to_power
+                to_xy += dx * dy * to_power
+                to_yy += HALF * dy * dy * to_power
+                to_cx -= (xx * dx + xy * dy) * to_power
+                to_cy -= (yy * dy + xy * dx) * to_power
         to_shapes[g, 0], to_shapes[g, 1], to_shapes[g, 2] = to_cx, to_cy, to_xx
         to_shapes[g, 3], to_shapes[g, 4], to_shapes[g, 5] = to_xy, to_yy, to_opacity
         to_colours[g, 0], to_colours[g, 1], to_colours[g, 2], to_colours[g, 3] = c0, c1, c2, c3
@@ -368,13 +447,13 @@ class Drawn(torch.autograd.Function):
         ctx: Any, rays: RayCells, camera: tuple[np.ndarray, np.ndarray], widened: float, values: Tensor
     ) -> tuple[Tensor, Tensor, int]:
         given, (origin, axes) = values.detach().numpy(), camera
-        kind, count = given.dtype, len(rays.at)
+        kind, count = given.dtype, rays.at.shape[1]
         depth = (given[:, :3] - origin) @ axes[:, 2]
         order = np.argsort(depth, kind="stable")
         order = order[np.searchsorted(depth[order], NEAREST) :]
         shapes, halves, colours = (np.empty((len(order), size), kind) for size in (6, 2, 4))
         _project(given, order, origin, axes, widened, shapes, halves, colours)
-        out, through = np.zeros((count, 4), kind), np.ones(count, kind)
+        out, through = np.zeros((4, count), kind), np.ones(count, kind)
         last = np.full(count, -1, np.int32)
         place = rays.at, rays.start, rays.columns, rays.lower, rays.size
 
@@ -384,7 +463,7 @@ class Drawn(torch.autograd.Function):
         drawn = sum(_at_once(draw, rays.bands(torch.get_num_threads())))
         ctx.save_for_backward(values, *map(torch.from_numpy, (order, shapes, halves, colours, through, last)))
         ctx.rays, ctx.camera, ctx.widened = rays, camera, widened
-        return torch.from_numpy(out[rays.back]), torch.from_numpy(through[rays.back]), drawn
+        return torch.from_numpy(out[:, rays.back]).T, torch.from_numpy(through[rays.back]), drawn
 
     @staticmethod
     @once_differentiable
@@ -394,7 +473,7 @@ class Drawn(torch.autograd.Function):
         to_shapes, to_colours = np.zeros_like(shapes), np.zeros_like(colours)
         _backward(
             rays.at, rays.start, rays.columns, rays.rows, rays.lower, rays.size, shapes, halves, colours,
-            through.copy(), through * to_through.numpy()[rays.order], last, to_out.numpy()[rays.order],
+            through.copy(), through * to_through.numpy()[rays.order], last, to_out.numpy().T[:, rays.order],
             to_shapes, to_colours,
         )  # fmt: skip
         to_values = np.zeros_like(values)

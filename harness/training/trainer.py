@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from baselines.contract import Box, FieldSpec, Precision, Rays, Rendering
+from baselines.contract import Box, FieldSpec, Precision, Rays, Rendering, first_not_finite
 from baselines.field import field_of, training_step
 from baselines.numerics.checks import BadDensity
 from baselines.numerics.optimisers import Optimiser, optimiser_of
@@ -129,10 +129,8 @@ class BudgetedTrainer(ABC):
             network_evaluations=sum(part.network_evaluations for part in parts),
         )
         for name in ("colour", "opacity", "depth"):
-            finite = torch.isfinite(getattr(whole, name))
-            finite = finite.all(dim=-1) if finite.ndim > 1 else finite
-            if not bool(finite.all()):
-                raise Diverged(self.step, f"rendered {name} of ray {int(finite.int().argmin())}")
+            if (ray := first_not_finite(getattr(whole, name))) is not None:
+                raise Diverged(self.step, f"rendered {name} of ray {ray}")
         return whole
 
     @abstractmethod

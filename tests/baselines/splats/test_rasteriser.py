@@ -176,11 +176,11 @@ def test_every_point_is_in_its_cell(kind: str) -> None:
     at = chosen[kind].numpy()
     cells = RayCells.of(at)
     assert cells.rows * cells.columns <= 2 * len(at)
-    assert (cells.at == at[cells.order]).all()
+    assert (at[cells.order] == cells.at.T).all()
     assert (cells.order[cells.back] == range(len(at))).all()
     for cell, (start, end) in enumerate(zip(cells.start, cells.start[1:], strict=False)):
         row, column = divmod(cell, cells.columns)
-        for point in cells.at[start:end]:
+        for point in cells.at.T[start:end]:
             place = (point - cells.lower) / cells.size
             assert column - 1e-6 <= place[0] <= column + 1 + 1e-6
             assert row - 1e-6 <= place[1] <= row + 1 + 1e-6
