@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
+from uuid import uuid4
 
 from harness.execution.group import failed_cells, missing_methods, run_group
 from harness.execution.local_executor import Event
@@ -30,7 +31,7 @@ HOW_TO_INSTALL = (
 FOLDER = "jobs"
 """The folder of OUT with the scripts, logs and journals of jobs; removed when every job ended well."""
 ALIVE = "alive"
-"""The file in it that the driver touches, so that a job whose driver is gone ends."""
+"""The beginning of the name of the file in it that a driver touches, so that a job whose driver is gone ends."""
 MOST_ATTEMPTS = 3
 """The most jobs for one group; Slurm's own requeues, after its time or for another job, are not counted."""
 POLL_SECONDS, TOLD_SECONDS, END_SECONDS, ORPHAN_SECONDS = 1.0, 5.0, 20.0, 600.0
@@ -44,6 +45,8 @@ class Job:
 
     task: GroupTask
     journal: Path
+    alive: Path
+    """The file that the driver touches."""
     versions: dict[str, str]
     """The driver's versions."""
     commit: str
@@ -92,8 +95,9 @@ class Job:
 
     def _is_orphan(self) -> bool:
         # both times are the file server's
-        alive = self.journal.with_name(ALIVE)
-        return not alive.exists() or self.journal.stat().st_mtime - alive.stat().st_mtime > ORPHAN_SECONDS
+        if not self.alive.exists():
+            return True
+        return self.journal.stat().st_mtime - self.alive.stat().st_mtime > ORPHAN_SECONDS
 
 
 @dataclass
@@ -189,15 +193,14 @@ def run_by_submitit(
     """Run all tasks as jobs, at most `at_once` of them in the queue (None: all).
 
     A job that Slurm ends at its time is queued again and resumes; one that dies is tried again without the methods that
-    had ended, to the same bits; an error of ours is recorded and not tried again. Raises the `OSError` of a disk that
-    accepts nothing, and `InputError` if a node has other packages. Closing the generator (Ctrl-C) cancels the jobs;
-    ended cells are on disk.
+    had ended, to the same bits; an error of ours is recorded and not tried again. Raises `InputError` if a node has other
+    packages or a disk that accepts nothing. Closing the generator (Ctrl-C) cancels the jobs; ended cells are on disk.
     """
     if not tasks:
         return
     folder = tasks[0].out / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    alive = folder / ALIVE
+    alive = folder / f"{ALIVE}.{uuid4().hex[:12]}"
     alive.touch()
     found = executor(folder, tasks[0].threads, tasks[0].device, given)
     waiting = [(task, 1) for task in tasks]
@@ -211,7 +214,7 @@ def run_by_submitit(
                 journal = folder / f"{task.scene}.{task.seed}.{attempt}.jsonl"
                 journal.write_text("", encoding="utf-8")
                 already = len(task.methods) - len(missing_methods(task))
-                handle = found.submit(Job(task, journal, versions(), commit))
+                handle = found.submit(Job(task, journal, alive, versions(), commit))
                 running.append(_Running(task, attempt, journal, handle, already))
             sleep(POLL_SECONDS)
             if clock() - touched > TOLD_SECONDS:

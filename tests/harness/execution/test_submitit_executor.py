@@ -69,7 +69,7 @@ def test_parameters_of_jobs_are_no_option_of_another_executor(capsys: pytest.Cap
 
 def test_a_node_with_other_packages_trains_nothing(ball_folder: Path, tmp_path: Path) -> None:
     (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
-    refusal = Job(task, tmp_path / "journal", {**versions(), "torch": "0.1"}, "0123456789ab")()
+    refusal = Job(task, tmp_path / "journal", tmp_path / "alive", {**versions(), "torch": "0.1"}, "0123456789ab")()
     assert refusal is not None
     assert "torch" in refusal
     assert "instead of 0.1" in refusal
@@ -79,15 +79,15 @@ def test_a_node_with_other_packages_trains_nothing(ball_folder: Path, tmp_path: 
 def test_a_job_without_its_driver_ends(ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(submitit_executor, "TOLD_SECONDS", 0.0)
     (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
+    alive = tmp_path / "alive"
     with pytest.raises(SystemExit):
-        Job(task, tmp_path / "journal", versions(), "0123456789ab")()
-    alive = tmp_path / submitit_executor.ALIVE
+        Job(task, tmp_path / "journal", alive, versions(), "0123456789ab")()
     alive.touch()
     os.utime(alive, (0.0, 0.0))
     with pytest.raises(SystemExit):
-        Job(task, tmp_path / "journal", versions(), "0123456789ab")()
+        Job(task, tmp_path / "journal", alive, versions(), "0123456789ab")()
     alive.touch()
-    assert Job(task, tmp_path / "journal", versions(), "0123456789ab")() is None
+    assert Job(task, tmp_path / "journal", alive, versions(), "0123456789ab")() is None
     assert len(list(read_cells(tmp_path))) == 2
 
 
@@ -153,4 +153,4 @@ def test_a_run_that_is_stopped_cancels_its_jobs(no_slurm: None, ball_folder: Pat
             break
     going.close()
     assert len(list(read_cells(tmp_path))) < 4
-    assert not (tmp_path / FOLDER / submitit_executor.ALIVE).exists()
+    assert not list((tmp_path / FOLDER).glob(f"{submitit_executor.ALIVE}*"))
