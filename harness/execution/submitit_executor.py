@@ -193,8 +193,9 @@ def run_by_submitit(
     """Run all tasks as jobs, at most `at_once` of them in the queue (None: all).
 
     A job that Slurm ends at its time is queued again and resumes; one that dies is tried again without the methods that
-    had ended, to the same bits; an error of ours is recorded and not tried again. Raises `InputError` if a node has other
-    packages or a disk that accepts nothing. Closing the generator (Ctrl-C) cancels the jobs; ended cells are on disk.
+    had ended, to the same bits; an error of ours is recorded and not tried again. Raises `InputError` if a node has
+    other packages or a disk that accepts nothing. Closing the generator (Ctrl-C) cancels the jobs; ended cells are on
+    disk.
     """
     if not tasks:
         return
