@@ -109,14 +109,15 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
     spoilt = Rays(origins, rays.directions, rays.near, rays.far)
     of_ray = str(error_of(ValueError, trainer.render, spoilt, len(rays)) or "accepted")
     inside = rays_in_the_chunk(trainer, rays)
-    nth = len(inside) // 2
-    # where densities depend on the chunk every one of them is NaN, and the first is as guilty as any
-    expected = int(inside[nth if trainer.field.pointwise else 0])
+    guilty: list[int] = []
     plain = trainer.coarse.density_and_colour
 
     def with_nan(x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
-        x = x.clone()
-        x[torch.nonzero(ray == nth)[:1, 0]] = math.nan
+        if not guilty:
+            x, middle = x.clone(), int(ray[len(ray) // 2])
+            x[torch.nonzero(ray == middle)[:1, 0]] = math.nan
+            # where densities depend on the chunk every one of them is NaN, and the first is as guilty as any
+            guilty.append(int(inside[middle if trainer.field.pointwise else int(ray.min())]))
         return plain(x, view, ray)
 
     trainer.coarse.density_and_colour = with_nan
@@ -125,7 +126,7 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
     of_sample = error.tensor if error else "accepted"
     return {
         "a NaN ray": "" if f"ray {bad} " in of_ray else of_ray,
-        "a NaN sample": "" if of_sample.endswith(f" of ray {expected}") else of_sample,
+        "a NaN sample": "" if of_sample.endswith(f" of ray {guilty[0]}") else of_sample,
     }
 
 

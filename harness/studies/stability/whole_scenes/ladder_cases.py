@@ -136,7 +136,11 @@ def omissions(context: StabilityContext) -> Iterator[Found]:
     )
     for name in dict.fromkeys(omission.name for omission in omitted):
         yield _worst([omission for omission in omitted if omission.name == name])
-    yield from (_control(control) for control in controls if control.name == "high_bands")
+    bands = [control for control in controls if control.name == "high_bands"]
+    # above the Nyquist limit a short training does without bands; a network without any must be seen to lose
+    if beyond := [control for control in bands if not control.what]:
+        yield _worst(beyond)
+    yield from (_control(control) for control in bands if control.what)
     fog = omission_of_integrators(compared_integrators(FOG, FOG_PIXELS, FOG_VIEWS, FOG_SPP), FOG_PIXELS**2)
     yield _control(replace(fog, what=f"volumetric integrator on {FOG}"))
 
