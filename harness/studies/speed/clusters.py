@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from harness.execution.ground_truth import view_set_folders
 from harness.execution.local_executor import Event, run_locally
 from harness.machine.cores import physical_cores
 from harness.plan.group_task import GroupTask
@@ -63,10 +62,7 @@ def _rate(context: SpeedContext, side: Callable[[list[GroupTask]], Iterator[Even
     plan = replace(
         reduced_plan(context), seeds=tuple(range(GROUPS_A_CORE * cores)), budget=Budget(steps, None), extras=()
     )
-    if context.quick:
-        folders = {"lego": views_of(context, "lego").path}
-    else:
-        folders = view_set_folders(plan, context.view_sets, context.show)
+    folders = {"lego": views_of(context, "lego").path}
     with tempfile.TemporaryDirectory(dir=context.scratch) as out:
         tasks = plan.tasks(folders, Machine("cpu", cores, 1), Path(out))
         began = time.perf_counter()

@@ -24,6 +24,6 @@ QUESTIONS: dict[str, Study] = catalogue(
     _question(9, "How the cost grows", "growth:measure", 110),
     _question(10, "Several processes on all cores", "processes:measure", 80),
     _question(11, "What each acceleration gains", "accelerations:measure", 60),
-    _question(12, "What a cluster costs", "clusters:measure", 200),
+    _question(12, "What a cluster costs", "clusters:measure", 400),
 )
 SHELF = Shelf("speed", "questions", QUESTIONS)
