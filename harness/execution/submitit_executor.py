@@ -9,7 +9,7 @@ import platform
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +21,7 @@ from harness.execution.group import failed_cells, missing_methods, run_group
 from harness.execution.local_executor import Event
 from harness.machine.provenance import differences, processor, versions
 from harness.plan.group_task import GroupTask
-from harness.records.cells import CellRecord, cell_path, read_cell
+from harness.records.cells import cell_path, read_cell
 from scenes.files.errors import InputError
 
 HOW_TO_INSTALL = (
@@ -122,10 +122,10 @@ def job_parameters(given: list[str]) -> dict[str, Any]:
         name, equals, value = text.partition("=")
         if not equals or not name:
             raise InputError(f"--job {text}: must read NAME=VALUE, for example slurm_partition=gpu or timeout_min=600")
-        with suppress(ValueError):
+        try:
             parameters[name] = json.loads(value)
-            continue
-        parameters[name] = value
+        except ValueError:
+            parameters[name] = value
     return parameters
 
 
@@ -187,10 +187,8 @@ def _wrong_node(driver: dict[str, str]) -> str | None:
     return f"node {node} has {wrong}; every node needs the driver's environment" if wrong else None
 
 
-def run_by_submitit(
-    tasks: list[GroupTask], commit: str, at_once: int | None, given: list[str], clock: Callable[[], float] = monotonic
-) -> Iterator[Event]:
-    """Run all tasks as jobs, at most `at_once` of them in the queue (None: all).
+def run_by_submitit(tasks: list[GroupTask], commit: str, at_once: int, given: list[str]) -> Iterator[Event]:
+    """Run all tasks as jobs, at most `at_once` of them in the queue.
 
     A job that Slurm ends at its time is queued again and resumes; one that dies is tried again without the methods that
     had ended, to the same bits; an error of ours is recorded and not tried again. Raises `InputError` if a node has
@@ -207,10 +205,9 @@ def run_by_submitit(
     waiting = [(task, 1) for task in tasks]
     running: list[_Running] = []
     lost_any = False
-    touched = clock()
     try:
         while waiting or running:
-            while waiting and len(running) < (at_once or len(tasks)):
+            while waiting and len(running) < at_once:
                 task, attempt = waiting.pop(0)
                 journal = folder / f"{task.scene}.{task.seed}.{attempt}.jsonl"
                 journal.write_text("", encoding="utf-8")
@@ -218,9 +215,7 @@ def run_by_submitit(
                 handle = found.submit(Job(task, journal, alive, versions(), commit))
                 running.append(_Running(task, attempt, journal, handle, already))
             sleep(POLL_SECONDS)
-            if clock() - touched > TOLD_SECONDS:
-                touched = clock()
-                alive.touch()
+            alive.touch()
             for job in list(running):
                 ended = job.handle.done()
                 yield from _news(job)
@@ -248,8 +243,8 @@ def run_by_submitit(
             with suppress(Exception):
                 job.handle.cancel()
         # processes of this machine write into a folder that is another command's after this one
-        until = clock() + END_SECONDS
-        while found.cluster == "local" and clock() < until and not all(job.handle.done() for job in running):
+        until = monotonic() + END_SECONDS
+        while found.cluster == "local" and monotonic() < until and not all(job.handle.done() for job in running):
             sleep(POLL_SECONDS)
     if not lost_any:
         shutil.rmtree(folder, ignore_errors=True)
@@ -271,11 +266,7 @@ def _news(job: _Running) -> Iterator[Event]:
         elif isinstance(news, str):
             yield Event(job.task, notice=news)
         else:
-            yield Event(job.task, cell=_read(job.task, *news))
-
-
-def _read(task: GroupTask, scene: str, method: str, seed: int) -> CellRecord:
-    return read_cell(cell_path(task.out, scene, method, seed))
+            yield Event(job.task, cell=read_cell(cell_path(job.task.out, *news)))
 
 
 def _lost(job: _Running) -> str | None:

@@ -88,7 +88,7 @@ def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) 
 def products() -> object:
     """Multiply matrices as large as a training's for some hundredths of a second."""
     points, weights = torch.ones(1 << 15, 64), torch.ones(64, 64)
-    for _ in range(30):
+    for _ in range(10):
         points = points @ weights / 64.0
     return points
 

@@ -78,11 +78,12 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
     """
     by_key, _, seeds = keyed(cells)
     along, rows = budgets_of(cells), []
+    throughout = {name for name in METRICS if scored_along(cells, name)}
     for method, against in duels(methods):
         where = scenes_of(cells, method, against)
         shared = [scene for scene in where if scene != "all"]
         for name, metric in METRICS.items():
-            for budget in along if scored_along(cells, name) else along[:1]:
+            for budget in along if name in throughout else along[:1]:
                 table = differences(by_key, shared, seeds, method, against, name, budget)
                 if metric.optional:  # a scene that has no such score is no missing pair
                     table = {scene: values for scene, values in table.items() if np.isfinite(values).any()}

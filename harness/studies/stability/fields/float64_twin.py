@@ -13,6 +13,7 @@ from harness.studies.stability.fields.small_training import (
     STREAM,
     History,
     new_trainer,
+    psnr_of,
     setup,
     train,
     trained,
@@ -20,7 +21,6 @@ from harness.studies.stability.fields.small_training import (
 )
 from harness.studies.stability.stability_context import Rows, StabilityContext, whose
 from harness.training.batches import Batch
-from harness.training.scoring.evaluate import quick_scores, render_split
 from harness.training.trainer import Trainer
 
 HALVES: tuple[Precision, ...] = ("bfloat16", "float16")
@@ -45,7 +45,7 @@ def float64_twin(context: StabilityContext) -> Iterator[Found]:
         }
         rows += [[method, name, *_apart(history, twin)] for name, history in {"float32": ours, **halves}.items()]
         first.append(_difference(ours, twin, 1))
-        change = abs(_psnr(context, ours.trainer) - _psnr(context, in_dtype(twin.trainer, torch.float32)))
+        change = abs(psnr_of(ours.trainer, here.views) - psnr_of(in_dtype(twin.trainer, torch.float32), here.views))
         what = f"test PSNR apart after {here.steps} steps, dB"
         yield check(what, change, high=0.5, subject=method, owner=whose(method))
     yield from others
@@ -91,10 +91,3 @@ def _apart(history: History, twin: History) -> list[float | None]:
 
 def _difference(history: History, twin: History, step: int) -> float:
     return abs(history.losses[step - 1] / twin.losses[step - 1] - 1.0)
-
-
-def _psnr(context: StabilityContext, trainer: Trainer) -> float:
-    here = setup(context)
-    found = quick_scores(render_split(trainer, here.test, 4096), here.views.test)["psnr"]
-    assert found is not None
-    return found

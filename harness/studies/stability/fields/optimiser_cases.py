@@ -243,11 +243,11 @@ def conditioned(context: StabilityContext) -> Iterator[Found]:
     count = 60 if context.quick else CONDITIONED_STEPS
     rows: Rows = []
     for condition in CONDITIONS:
+        first, _ = descended("adam", condition, 0, torch.float64)
         for name in OPTIMISERS:
             (single, optimiser), (double, _) = (
                 descended(name, condition, count, dtype) for dtype in (torch.float32, torch.float64)
             )
-            (first, _) = descended(name, condition, 0, torch.float64)
             rows.append([f"{condition:g}", name, single, double])
             subject = f"{name}, condition {condition:g}"
             what = f"relative difference of the loss of float64 after {count} steps"

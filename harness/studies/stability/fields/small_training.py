@@ -1,5 +1,6 @@
 """One small view set and methods trained on it for a few seconds, for all cases that look at training itself."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -19,7 +20,7 @@ from harness.studies.stability.stability_context import StabilityContext, not_ju
 from harness.training.batches import Batch, Batches, Cameras
 from harness.training.learner import at_step, steps
 from harness.training.lockstep import box_of, needs_view_direction
-from harness.training.scoring.evaluate import cameras_of
+from harness.training.scoring.evaluate import cameras_of, quick_scores, render_split
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 
@@ -116,6 +117,12 @@ def train(
 def trained(context: StabilityContext, method: str) -> History:
     """Return the method with its usual settings, trained once and never changed: cases work on copies."""
     return train(context, new_trainer(context, method), dead_every=1 if context.quick else 10)
+
+
+def psnr_of(trainer: Trainer, views: ViewSet) -> float:
+    """Return the test PSNR; NaN if a view has none."""
+    psnr = quick_scores(render_split(trainer, cameras_of(views, views.test, CPU), 4096), views.test)["psnr"]
+    return math.nan if psnr is None else psnr
 
 
 @torch.no_grad()

@@ -21,6 +21,7 @@ from harness.studies.stability.fields.small_training import (
     PROBES,
     STREAM,
     new_trainer,
+    psnr_of,
     setup,
     train,
     trained,
@@ -30,7 +31,7 @@ from harness.studies.stability.stability_context import Rows, StabilityContext, 
 from harness.training.batches import Batches, Cameras
 from harness.training.lockstep import box_of
 from harness.training.scoring import evaluate, metrics
-from harness.training.scoring.evaluate import cameras_of, quick_scores, render_split
+from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import Split, ViewSet
 
@@ -239,8 +240,7 @@ def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
     trainer = new_trainer(context, method, box=box_of(views, CPU))
     batches = Batches(cameras_of(views, views.train, CPU), views.train.rgba)
     train(context, trainer, batch_at=batches.stream(STREAM, trainer.settings.rays))
-    psnr = quick_scores(render_split(trainer, cameras_of(views, views.test, CPU), 4096), views.test)["psnr"]
-    return math.nan if psnr is None else psnr
+    return psnr_of(trainer, views)
 
 
 def units_of_length(context: StabilityContext) -> Iterator[Found]:
