@@ -10,7 +10,7 @@ from typing import Any, Literal
 from baselines.amplifiers import Amplifier
 from baselines.composition import DENSITY_SCALE, Ladder, Parts
 from baselines.contract import FieldSpec
-from baselines.grids.growth import PLANES, TABLES, Tables
+from baselines.grids import growth
 from baselines.methods.ablations import BANDWIDTH, LADDER, NO_SHIFT, PARTIAL, WEAKENED
 from baselines.methods.nerf import NERF, NERF_MATCHED
 from baselines.methods.qnerf import NERF_LISTING4, QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
@@ -39,21 +39,22 @@ class Method:
     """
 
 
-def _planes(nodes: tuple[int, ...]) -> Callable[[FieldSpec], Any]:
+def _planes(name: str) -> Callable[[FieldSpec], Any]:
     """Return the factory; the compiler that a field of it needs is imported for it alone, here and below."""
 
     def made(spec: FieldSpec) -> Any:
         from baselines.grids.planes import planes
 
-        return planes(spec, nodes)
+        return planes(spec, growth.PLANES[name][1])
 
     return made
 
 
-def _hash_grid(tables: Tables) -> Callable[[FieldSpec], Any]:
+def _hash_grid(name: str) -> Callable[[FieldSpec], Any]:
     def made(spec: FieldSpec) -> Any:
         from baselines.grids.hash_grid import hash_grid
 
+        tables = growth.TABLES[name]
         return hash_grid(spec, tables.cells, tables.entries)
 
     return made
@@ -88,8 +89,8 @@ CATALOG: dict[str, Method] = {
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},
-    **{name: Method(None, title, make_field=_planes(nodes)) for name, (title, nodes) in PLANES.items()},
-    **{name: Method(None, tables.title, make_field=_hash_grid(tables)) for name, tables in TABLES.items()},
+    **{name: Method(None, title, make_field=_planes(name)) for name, (title, _) in growth.PLANES.items()},
+    **{name: Method(None, tables.title, make_field=_hash_grid(name)) for name, tables in growth.TABLES.items()},
     "splats": Method(None, "3-D Gaussians with spherical harmonics, drawn front to back", "splats"),
     "ellipsoids": Method(None, "the same Gaussians, traced and differentiated by Mitsuba", "ellipsoids"),
     "voxels_drjit": Method(

@@ -68,6 +68,7 @@ python -m harness study conformance --list
 python -m harness study sweep --profile smoke --scenes lego {tiny} --out {here}/sweep.json {other_sets}
 python -m harness study equivalence --profile smoke --scenes lego {tiny} --out {here}/pairs.json {other_sets}
 python -m harness study omissions --profile smoke --scenes lego {tiny} --out {here}/left.json {other_sets} → 3
+python -m harness study families --quick --out {here}/families.json {other_sets}
 python -m harness study repair --quick --out {here}/repair.json {other_sets}
 nox -s judge -- docs/examples/nerfbaselines-blender.csv --out {here}/judgement
 nox -s judge -- docs/examples/own-seeds.csv --baseline nerf --out {here}/judgement-2

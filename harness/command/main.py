@@ -76,6 +76,8 @@ STUDIES: dict[str, Command] = {
                            study_commands.add_conformance_options, study_commands.run_conformance),
     "sweep": Command("learning rates of every method on validation views, as JSON",
                      settings_commands.add_sweep_options, settings_commands.run_sweep),
+    "families": Command("the same few trials of every family of the frontier, on validation views, as JSON",
+                        settings_commands.add_families_options, settings_commands.run_families),
     "repair": Command("which candidate becomes qnerf_repaired, by a fixed protocol, as JSON",
                       settings_commands.add_repair_options, settings_commands.run_repair),
     "equivalence": Command("what empty-space skipping and precision change in scores, as JSON",

@@ -1,4 +1,4 @@
-"""`python -m harness study sweep | repair | equivalence | omissions`: what a setting changes, each as one JSON file."""
+"""`python -m harness study sweep | families | repair | equivalence | omissions`: what settings change, as JSON files."""
 
 import argparse
 import shutil
@@ -18,6 +18,12 @@ Row = TypeVar("Row")
 
 def add_sweep_options(command: argparse.ArgumentParser) -> None:
     add_plan_options(command)
+    _add_file(command, "--resume")
+
+
+def add_families_options(command: argparse.ArgumentParser) -> None:
+    for option in ("--device", "--view-sets", "--quick"):
+        add_shared(command, option)
     _add_file(command, "--resume")
 
 
@@ -64,6 +70,28 @@ def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
     rows = _shown(sweep(plan, folders, options.out.parent, workers, device.type, _kept(options)), line, show)
     result = _written(options.out, as_json(rows, plan))
     show.line(f"best: {result['means'][0]}; of each method {result['best']}")
+    return 0
+
+
+def run_families(options: argparse.Namespace, show: "Progress") -> int:
+    from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
+    from harness.machine.provenance import provenance
+    from harness.studies.choices.families import TRIALS, FamilyRow, as_json, search, search_plan
+
+    device = chosen_device(options.device)
+    plan = search_plan(multiplies_bfloat16(device), options.quick)
+
+    def line(row: FamilyRow) -> str:
+        what = TRIALS[row.family][row.trial].what
+        score = row.why or f"{_decibels(row.psnr_val)} on validation views"
+        return f"{row.family}, {row.trial} ({what}), {row.scene}: {score}"
+
+    folders = _folders(options, plan, show)
+    workers = available_cores() if device.type == "cpu" else 1
+    rows = _shown(search(plan, folders, options.out.parent, workers, device.type, _kept(options)), line, show)
+    for family, means in _written(options.out, as_json(rows, plan, provenance(device)))["means"].items():
+        scores = [f"{trial} {'no score' if mean is None else f'{mean:.2f} dB'}" for trial, mean in means.items()]
+        show.line(f"{family}: {', '.join(scores)}")
     return 0
 
 

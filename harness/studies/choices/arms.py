@@ -5,11 +5,12 @@ concerns rendering alone is tried on one set of weights, rendered both ways.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
+from unittest.mock import patch
 
 import numpy as np
 import torch
@@ -27,6 +28,7 @@ from harness.records.json_record import as_promised, digest_of, load_record, wri
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
 from harness.training.lockstep import stream_of, trained_alone
+from harness.training.make_learner import NotAvailable
 from harness.training.scoring import evaluate
 from harness.training.trainer import Diverged, Trainer
 from harness.verdicts.statistics import PairedDifference, paired_difference
@@ -79,6 +81,8 @@ class CellTask:
     scored_on: Literal["val", "test"] = "test"
     kept: Path | None = None
     """The folder where the cell is kept when it ends, and looked for before it begins."""
+    constants: Mapping[str, Any] = field(default_factory=dict)
+    """The dotted name of a constant → the value that it has while the cell is trained."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +108,8 @@ class Ended:
     """The processor time of training."""
     rendering_core_seconds: float = 0.0
     """The processor time of rendering all of these views."""
+    why: str = ""
+    """Why there is no score."""
 
 
 @dataclass(frozen=True)
@@ -138,13 +144,17 @@ def identity(task: CellTask) -> str:
     """Return the digest of all that a cell's results depend on, beside its scene, method and seed."""
     plan = replace(task.plan.alone(), scenes=(), methods=(), seeds=())
     arms = {name: asdict(arm) for name, arm in task.arms.items()}
-    return digest_of([plan.settings(), arms, task.view_set.name, task.device, task.scored_on])[:12]
+    given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on]
+    return digest_of([*given, repr(task.constants)] if task.constants else given)[:12]
 
 
 def trained_cell(task: CellTask) -> CellArms:
     """Train every arm, one after the other. A cell that diverges has no score."""
     views = views_of(task.view_set, task.plan, task.scratch, task.scored_on)
-    ended = {name: _ended(task, arm, views) for name, arm in task.arms.items()}
+    with ExitStack() as changed:
+        for place, value in task.constants.items():
+            changed.enter_context(patch(place, value))
+        ended = {name: _ended(task, arm, views) for name, arm in task.arms.items()}
     return CellArms(task.scene, task.method, task.seed, ended)
 
 
@@ -205,7 +215,9 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
         clock = trainer.clock
         return Ended(psnr, clock.seconds, again, clock.core_seconds, watch.core_seconds)
     except Diverged:
-        return Ended(None)
+        return Ended(None, why="diverged")
+    except NotAvailable as missing:
+        return Ended(None, why=f"not available: {missing}")
 
 
 def _rerendered(trainer: Trainer, name: str, cameras: Cameras, chunk: int) -> Rerendered:

@@ -1,0 +1,170 @@
+"""The same small search for every family of the frontier: as it is, at half and double its rates, smaller and larger.
+
+Each trial trains for as many core seconds as any other, on views that the frontier trains on, with a seed that no
+verdict uses, and is scored on validation views. What a family has is a constant of its module or a setting of the
+profile; a trial changes it in a process of its own. So what wins is written into the program by hand.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+import numpy as np
+
+from baselines.grids import growth
+from harness.plan.profiles import PROFILES, Plan
+from harness.plan.schedule import Budget
+from harness.studies.choices.arms import PLANNED, Arm, CellTask, trained_cells
+from harness.studies.choices.sweep import SEED
+from harness.studies.evidence.evidence_context import SEARCHED
+from harness.studies.frontier.frontier_context import settings_for
+from harness.training.kinds.splat_trainer import RATES
+
+BUDGET = 15.0
+"""The core seconds of a training."""
+USUAL = PROFILES["reduced"].train
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a training has in place of the usual."""
+
+    what: str = "as the frontier trains it"
+    constants: dict[str, Any] = field(default_factory=dict)
+    """The dotted name of a constant → its value."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Field of the training's settings → value."""
+
+
+def _rates(factor: float) -> Trial:
+    rates = {name: factor * getattr(USUAL, name) for name in ("learning_rate", "last_learning_rate")}
+    return Trial(" to ".join(f"{rate:g}" for rate in rates.values()), settings=rates)
+
+
+def _rates_of_gaussians(factor: float) -> Trial:
+    rates = {part: factor * rate for part, rate in RATES.items()}
+    return Trial(f"positions {rates['position']:g}, the others alike", {f"{KINDS}.splat_trainer.RATES": rates})
+
+
+def _width(width: int) -> Trial:
+    network = replace(USUAL.network, width=width, colour_width=width // 2)
+    return Trial(f"{network.depth} × {width}", settings={"network": network})
+
+
+def _planes(*nodes: int) -> Trial:
+    what = ", ".join(f"{count}²" for count in nodes)
+    return Trial(what, {f"{GROWTH}.PLANES": {**growth.PLANES, "planes": ("", nodes)}})
+
+
+def _tables(finest: int, levels: int, entries: int) -> Trial:
+    tables = growth.Tables("", growth.geometric(16, finest, levels), entries)
+    what = f"{levels} levels to {finest}, {entries} entries"
+    return Trial(what, {f"{GROWTH}.TABLES": {**growth.TABLES, "hash_grid": tables}})
+
+
+def _gaussians(trainer: str, first: int, most: int) -> Trial:
+    return Trial(f"{first} to {most}", {f"{KINDS}.{trainer}.first": first, f"{KINDS}.{trainer}.most": most})
+
+
+def _voxels(finest: int) -> Trial:
+    return Trial(f"{finest}³", settings={"voxels": replace(USUAL.voxels, finest=finest, bins=finest * 3 // 2)})
+
+
+def _trials(rates: Callable[[float], Trial], smaller: Trial, larger: Trial) -> dict[str, Trial]:
+    halved, doubled = rates(0.5), rates(2.0)
+    return {
+        PLANNED: Trial(),
+        "half the rates": halved,
+        "double the rates": doubled,
+        "smaller": smaller,
+        "larger": larger,
+    }
+
+
+KINDS, GROWTH = "harness.training.kinds", "baselines.grids.growth"
+SPLATS, ELLIPSOIDS = "splat_trainer.SplatTrainer", "ellipsoid_trainer.EllipsoidTrainer"
+NETWORKS = _trials(_rates, _width(48), _width(96))
+TRIALS: dict[str, dict[str, Trial]] = {
+    "nerf": NETWORKS,
+    "qnerf": NETWORKS,
+    "planes": _trials(_rates, _planes(24, 48, 96), _planes(32, 64, 128, 256)),
+    "hash_grid": _trials(_rates, _tables(128, 8, 1 << 14), _tables(256, 14, 1 << 16)),
+    "splats": _trials(_rates_of_gaussians, _gaussians(SPLATS, 2000, 4000), _gaussians(SPLATS, 6000, 14_000)),
+    "ellipsoids": _trials(_rates_of_gaussians, _gaussians(ELLIPSOIDS, 1500, 2500), _gaussians(ELLIPSOIDS, 5000, 9000)),
+    "voxels_drjit": _trials(_rates, _voxels(48), _voxels(96)),
+}
+"""Family → words → the trial."""
+
+
+@dataclass(frozen=True)
+class FamilyRow:
+    """One trial of a family on one scene."""
+
+    family: str
+    trial: str
+    scene: str
+    psnr_val: float | None
+    core_seconds: float
+    why: str
+    """Why there is no score."""
+
+
+def search_plan(as_planned: bool, quick: bool = False) -> Plan:
+    """Return the frontier's plan on the scenes of the search; `quick` trains next to nothing."""
+    plan = PROFILES["reduced"].alone()
+    train = settings_for(BUDGET, plan.train if as_planned else replace(plan.train, precision="float32"))
+    whole = replace(
+        plan, scenes=SEARCHED, methods=tuple(TRIALS), seeds=(SEED,), budget=Budget(None, None, BUDGET), train=train
+    )
+    if not quick:
+        return whole
+    views = replace(plan.views, resolution=16, train=3, val=1, test=1, spp_train=2, spp_test=2)
+    few = ("nerf", "planes", "splats")
+    return replace(whole, scenes=SEARCHED[:1], methods=few, views=views, budget=Budget(None, None, 0.1))
+
+
+def search(
+    plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
+) -> Iterator[FamilyRow]:
+    """Train every trial of every method of `plan` on every scene; decoded images go to `scratch`, a folder on a disk,
+    and finished cells to `kept`.
+
+    Raises `InputError` for a view set without validation views.
+    """
+    tasks = []
+    for family in plan.methods:
+        for words, trial in TRIALS[family].items():
+            changed = replace(plan, train=replace(plan.train, **trial.settings))
+            for scene, folder in folders.items():
+                given = scene, family, SEED, folder, scratch, changed, {words: Arm()}, device, "val", kept
+                tasks.append(CellTask(*given, trial.constants))  # type: ignore[arg-type]
+    for cell in trained_cells(tasks, workers):
+        for words, ended in cell.ended.items():
+            yield FamilyRow(cell.method, words, cell.scene, ended.psnr, ended.core_seconds, ended.why)
+
+
+def means(rows: list[FamilyRow], family: str) -> dict[str, float | None]:
+    """Map trial → the mean over scenes, the best first; None, and last, where a scene has no score."""
+    scores: dict[str, list[float | None]] = {}
+    for row in rows:
+        if row.family == family:
+            scores.setdefault(row.trial, []).append(row.psnr_val)
+    averaged = {
+        trial: None if None in values else fmean(value for value in values if value is not None)
+        for trial, values in scores.items()
+    }
+    return dict(sorted(averaged.items(), key=lambda item: -np.inf if item[1] is None else item[1], reverse=True))
+
+
+def as_json(rows: list[FamilyRow], plan: Plan, provenance: dict[str, Any]) -> dict[str, object]:
+    families = dict.fromkeys(row.family for row in rows)
+    return {
+        "seed": SEED,
+        "provenance": provenance,
+        "settings": plan.settings(),
+        "trials": {family: {words: trial.what for words, trial in TRIALS[family].items()} for family in families},
+        "rows": [asdict(row) for row in rows],
+        "means": {family: means(rows, family) for family in families},
+    }
