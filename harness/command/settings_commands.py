@@ -1,4 +1,4 @@
-"""`python -m harness study sweep | families | repair | equivalence | omissions`: what settings change, as JSON files."""
+"""`python -m harness study sweep | families | repair | equivalence | omissions`: what settings change, in JSON."""
 
 import argparse
 import shutil

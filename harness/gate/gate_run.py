@@ -10,7 +10,7 @@ import torch
 from msgspec import structs
 
 from harness.execution.progress import Progress
-from harness.gate import early, gate_speed, images, worse
+from harness.gate import early, families, gate_speed, images, worse
 from harness.gate.gate_context import GateContext
 from harness.gate.gates import IMAGE_SCENES, KINDS, Gate, Kind, gates, settings_of
 from harness.gate.limits import KindFacts, LimitsFile, changes, read_stored, write_stored
@@ -34,6 +34,7 @@ CPU = torch.device("cpu")
 TITLES: dict[Kind, tuple[str, str, float]] = {
     "changed": ("The first steps of training, against the stored ones", "early", 30),
     "worse": ("Short trainings, against the stored ones of the same seeds", "worse", 90),
+    "families": ("Short trainings of the other families, against other seeds", "families", 40),
     "images": ("Renders, against the stored mean and variance", "images", 30),
     "fairness": ("Copies of a method, and what methods share", "fairness", 15),
     "speed": ("Seconds beside those of plain code", "gate_speed", 30),
@@ -51,7 +52,12 @@ RENEWALS: dict[Kind, Callable[[GateContext], References]] = {
     "worse": worse.renew,
     "speed": gate_speed.renew,
 }
-"""The renewals that depend on the class of processor; images do not."""
+"""The renewals that depend on the class of processor."""
+RENEWED_LIMITS: dict[Kind, Callable[[GateContext], dict[str, list[float]]]] = {
+    "families": families.renew,
+    "images": images.renew,
+}
+"""The renewals that do not."""
 
 
 def context_for(
@@ -150,16 +156,20 @@ def renew(context: GateContext, of_class: str | None) -> int:
                     references = structs.replace(references, kinds={**references.kinds, kind: facts})
                     write_stored(file, references)
                     context.show.line(f"{kind}: references of class {name} renewed in {facts.seconds:.0f} s")
-        if of_class or not context.of_kind("images"):
-            return 0
-        started = time.monotonic()
-        values = images.renew(context)
-    files = {f"{scene}.exr": file_digest(context.images / f"{scene}.exr") for scene in IMAGE_SCENES}
-    after = context.limits.renewed("images", values, structs.replace(_facts("images", started), files=files))
-    write_stored(context.limits_file, after)
-    changed = changes(context.limits, after)
-    for line in (*changed, f"{len(changed)} limits changed; review {context.limits_file} before it is committed"):
+        limits = context.limits
+        for kind, measure_limits in RENEWED_LIMITS.items():
+            if context.of_kind(kind) and not of_class:
+                started = time.monotonic()
+                values = measure_limits(context)
+                names = [f"{scene}.exr" for scene in IMAGE_SCENES] if kind == "images" else []
+                files = {name: file_digest(context.images / name) for name in names}
+                limits = limits.renewed(kind, values, structs.replace(_facts(kind, started), files=files))
+                write_stored(context.limits_file, limits)
+    changed = changes(context.limits, limits)
+    for line in changed:
         context.show.line(line)
+    if changed:
+        context.show.line(f"{len(changed)} limits changed; review {context.limits_file} before it is committed")
     return 0
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Literal, cast, get_args
 
-Kind = Literal["changed", "worse", "images", "fairness", "speed"]
+Kind = Literal["changed", "worse", "families", "images", "fairness", "speed"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 TRAINED_SCENES = ("lego", "drums", "hotdog")
@@ -32,6 +32,12 @@ WIDER: dict[Kind, float] = {"changed": 10.0, "worse": 2.0, "speed": 1.5}
 """The kinds that are held to references of a class of processor → the factor by which their limits are wider on a class
 that has no references.
 """
+
+FAMILIES = ("planes", "planes_phi", "hash_grid", "hash_grid_phi", "splats", "ellipsoids", "voxels_drjit")
+FAMILY_SCENE = "lego"
+FAMILY_SEEDS = (900, 901)
+FAMILY_RENEWAL = tuple(range(1000, 1012))
+"""The seeds of a gate's trainings, and of those that its limits are made of."""
 
 IMAGE_SCENES = ("lego", "drums", "hotdog", "materials")
 IMAGE_VIEW = 30
@@ -106,6 +112,8 @@ def gates() -> tuple[Gate, ...]:
         table.append(Gate(f"worse.headline.{method}_{against}", what, "dB"))
     what = "numbers of the stored cells' comparisons that the comparer now gives otherwise"
     table.append(Gate("worse.headline.statistics", what))
+    what = f"a short training on {FAMILY_SCENE}, mean PSNR of {len(FAMILY_SEEDS)} seeds"
+    table += [Gate(f"families.{name}", f"{name}: {what}", "dB", len(FAMILY_SEEDS)) for name in FAMILIES]
     for scene in IMAGE_SCENES:
         what = f"{scene}: brightness less the reference's, pixels weighted by their precision"
         table.append(Gate(f"images.{scene}.bias", what, "%", IMAGE_BATCHES))
@@ -141,6 +149,12 @@ def settings_of(kind: Kind) -> dict[str, Any]:
             "methods": list(TRAINED_METHODS),
             "seeds": list(GATE_SEEDS),
             "draws": DRAWS,
+        },
+        "families": {
+            "steps": STEPS,
+            "resolution": RESOLUTION,
+            "scene": FAMILY_SCENE,
+            "seeds": list(FAMILY_RENEWAL),
         },
         "images": {
             "view": IMAGE_VIEW,

@@ -71,7 +71,7 @@ def measure(context: GateContext) -> Iterator[Check]:
     stored, wider = context.references, context.wider("worse")
     asked = context.of_kind("worse")
     needed = methods_of(asked)
-    cells = _trained(context, needed, draw=0) if needed else []
+    cells = trained(context, needed) if needed else []
     scores = scores_of(cells)
     for name, gate in asked.items():
         _, method, which = name.split(".")
@@ -87,7 +87,7 @@ def renew(context: GateContext) -> References:
     """Return the references with new cells. Raises `InputError` if one did not end."""
     draws = []
     for draw in range(DRAWS):
-        cells = _trained(context, TRAINED_METHODS, draw)
+        cells = trained(context, TRAINED_METHODS, draw)
         if stopped := [
             f"{cell.scene} {cell.method} seed {cell.seed}: {cell.reason}" for cell in cells if cell.status != "done"
         ]:
@@ -120,13 +120,19 @@ def methods_of(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(method for method in TRAINED_METHODS if method in needed)
 
 
-def _trained(context: GateContext, methods: tuple[str, ...], draw: int) -> list[CellRecord]:
+def trained(
+    context: GateContext,
+    methods: tuple[str, ...],
+    draw: int = 0,
+    scenes: tuple[str, ...] = TRAINED_SCENES,
+    seeds: tuple[int, ...] = GATE_SEEDS,
+) -> list[CellRecord]:
     """Return all cells of `methods`, trained in as many processes as there are cores."""
     plan = Plan(
         profile="gate",
-        scenes=TRAINED_SCENES,
+        scenes=scenes,
         methods=methods,
-        seeds=GATE_SEEDS,
+        seeds=seeds,
         budget=Budget(steps=STEPS, seconds=None),
         train=TRAIN,
         score=ScoreSettings(checkpoints=1, chunk=2048, train_views=1, stored_views=1),

@@ -315,6 +315,22 @@ def frontier(record: Studies) -> str:
     return "\n\n".join([*tables, "\n".join(answers), took, FRONTIER_PICTURE])
 
 
+def families(searched: Run) -> str:
+    """Tabulate the trials of each family, the mean over scenes and what was changed."""
+    trials = list(dict.fromkeys(row["trial"] for row in searched["rows"]))
+    lines = []
+    for family, means in searched["means"].items():
+        tried = [(means[name], searched["trials"][family][name]) for name in trials]
+        first, *others = ["no score" if mean is None else number(mean) for mean, _ in tried]
+        lines.append(
+            [family, first, *(f"{score} ({what})" for score, (_, what) in zip(others, tried[1:], strict=True))]
+        )
+    seconds = searched["settings"]["budget"]["core_seconds"]
+    scenes = listed(list(dict.fromkeys(row["scene"] for row in searched["rows"])))
+    what = f"Validation PSNR after {number(seconds, 0)} core seconds, dB, mean over {scenes}, one seed of its own:"
+    return f"{what}\n\n{table(['family', *trials], lines)}"
+
+
 def leaders(record: Studies) -> str:
     """State who is best at which budget, with the picture, for the README."""
     who = [answer for study in record.studies if study.info.id == "front" for answer in study.answers]
@@ -417,6 +433,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "evidence": (("reduced/evidence.json",), evidence),
     "collapse": (("collapse.json",), collapse),
     "frontier": (("frontier/frontier.json",), frontier),
+    "families": (("frontier/families.json",), families),
     "leaders": (("frontier/frontier.json",), leaders),
     "stability": (("stability.json",), stability),
     "speed": (("speed.json",), speed),

@@ -8,24 +8,26 @@ import numpy as np
 import pytest
 
 from harness.__main__ import main
-from harness.gate import early, fairness, gate_speed, images, worse
+from harness.execution.progress import Quiet
+from harness.gate import early, fairness, families, gate_speed, images, worse
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import KINDS, WIDER, Gate, Kind, gates, settings_of
-from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judge, write_stored
+from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judge, read_stored, write_stored
 from harness.gate.processor import class_here
 from harness.gate.references import Course, References
 from harness.records.study import Check
 
 CENTRE = 25.0
-MODULES: dict[Kind, Any] = dict(zip(get_args(Kind), (early, worse, images, fairness, gate_speed), strict=True))
+LIMITED: tuple[Kind, ...] = ("families", "images")
+MODULES: dict[Kind, Any] = dict(
+    zip(get_args(Kind), (early, worse, families, images, fairness, gate_speed), strict=True)
+)
 
 
-def measured_values() -> dict[str, list[float]]:
-    """As a renewal gives them of images."""
+def measured_values(kind: Kind) -> dict[str, list[float]]:
+    """As a renewal gives them for a kind that has limits of its own."""
     generator = np.random.default_rng(1)
-    return {
-        gate.name: (CENTRE + 0.1 * generator.standard_normal(12)).tolist() for gate in gates() if gate.kind == "images"
-    }
+    return {gate.name: (CENTRE + 0.1 * generator.standard_normal(12)).tolist() for gate in gates() if gate.kind == kind}
 
 
 def facts(kind: Kind) -> KindFacts:
@@ -47,7 +49,10 @@ def references(name: str) -> References:
 @pytest.fixture
 def limits(tmp_path: Path) -> Path:
     file = tmp_path / "gates" / "limits.json"
-    write_stored(file, LimitsFile().renewed("images", measured_values(), facts("images")))
+    stored = LimitsFile()
+    for kind in LIMITED:
+        stored = stored.renewed(kind, measured_values(kind), facts(kind))
+    write_stored(file, stored)
     write_stored(tmp_path / "gates" / "classes" / f"{class_here()}.json", references(class_here()))
     return file
 
@@ -59,7 +64,7 @@ def sound(gate: Gate, limits: LimitsFile, values: list[float | None] | None = No
     return judge(
         gate,
         [0.0 if counts else CENTRE] * gate.new if values is None else values,
-        limits.limit_of(gate) if gate.kind == "images" else limit,
+        limits.limit_of(gate) if gate.kind in LIMITED else limit,
         why,
     )
 
@@ -81,6 +86,11 @@ def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[list[float | N
         monkeypatch.setattr(MODULES[kind], "measure", complete(kind, answer)(measure(kind)))
     monkeypatch.setattr(images, "references_for", lambda context: {})
     return changed
+
+
+def context_of(chosen: tuple[Gate, ...], limits: Path) -> GateContext:
+    stored, name, here = read_stored(limits, LimitsFile), class_here(), limits.parent
+    return GateContext(chosen, stored, references(name), name, limits, here, here, here, 1, Quiet())
 
 
 def gate_line(limits: Path, out: Path, *others: str) -> int:

@@ -17,7 +17,7 @@ from harness.gate.limits import LimitsFile, read_stored, write_stored
 from harness.gate.processor import class_here
 from harness.records.study import Check, read_studies
 from harness.run_folder.folder_lock import lock_folder
-from tests.harness.gate.gate_runs import CENTRE, MODULES, facts, gate_line, measured_values, references, sound
+from tests.harness.gate.gate_runs import CENTRE, LIMITED, MODULES, facts, gate_line, measured_values, references, sound
 from tests.harness.shell import refused
 
 FAMILY = len(gates())
@@ -178,7 +178,7 @@ def test_names_that_are_none_and_folders_in_use(
     message = refused(
         capsys, "--limits", limits, "--only", "speed", "teapot", "--out", tmp_path / "out", command="gate"
     )
-    assert "'teapot'; known: changed worse images fairness speed" in message
+    assert "'teapot'; known: changed worse families images fairness speed" in message
     only = ("--limits", limits, "--only", "speed", "--quiet", "--out")
     assert "in use; name another one\n" in refused(capsys, *only, tmp_path, command="gate"), "gates are not resumed"
     lock = lock_folder(tmp_path / "two")
@@ -207,8 +207,8 @@ def test_a_renewal_of_images_says_what_changed(
     limits: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = read_stored(limits, LimitsFile)
-    brighter = {name: [1.2 * value for value in values] for name, values in measured_values().items()}
-    monkeypatch.setattr(images, "renew", lambda context: brighter)
+    brighter = {name: [1.2 * value for value in values] for name, values in measured_values("images").items()}
+    monkeypatch.setitem(gate_run.RENEWED_LIMITS, "images", lambda context: brighter)
     monkeypatch.setattr(gate_run, "file_digest", lambda file: "")
     assert gate_line(limits, tmp_path / "out", "--renew", "--only", "images.lego") == 0
     old, new = (file.limits["images.lego.largest"].high for file in (before, read_stored(limits, LimitsFile)))
@@ -222,7 +222,7 @@ def test_a_renewal_of_images_says_what_changed(
 def test_a_gate_that_is_no_more_leaves_the_file_and_a_line_is_a_gate(limits: Path) -> None:
     stored = read_stored(limits, LimitsFile)
     stale = structs.replace(stored, values={**stored.values, "images.gone": [1.0, 2.0, 3.0]})
-    assert stale.renewed("images", measured_values(), facts("images")) == stored
+    assert stale.renewed("images", measured_values("images"), facts("images")) == stored
     lines = limits.read_text().splitlines()
     assert sum(line.startswith('  "images.lego.bias": {"low"') for line in lines) == 1
 
@@ -236,5 +236,5 @@ def test_the_committed_limits_are_those_that_follow_from_their_measurements() ->
             old, new = getattr(stored.limits[name], side), getattr(limit, side)
             assert old == (None if new is None else pytest.approx(new, rel=1e-3, abs=1e-4)), name
     for gate in gates():
-        if gate.kind == "images":
+        if gate.kind in LIMITED:
             assert stored.limit_of(gate) == stored.limits[gate.name]

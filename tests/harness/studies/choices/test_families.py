@@ -30,7 +30,9 @@ def test_every_trial_is_another_training_and_leaves_the_constants_as_they_were(t
     plan = replace(plan, views=replace(tiny.VIEWS, val=2), score=tiny.SCORE)
     usual = growth.PLANES, growth.TABLES, splat_trainer.RATES, splat_trainer.SplatTrainer.first
     rows = list(search(plan, {"ball": folder}, tmp_path, 1, "cpu"))
-    assert [(row.family, row.trial) for row in rows] == [(name, trial) for name in plan.methods for trial in TRIALS[name]]
+    assert [(row.family, row.trial) for row in rows] == [
+        (name, trial) for name in plan.methods for trial in TRIALS[name]
+    ]
     assert len({row.psnr_val for row in rows}) == len(rows)
     assert usual == (growth.PLANES, growth.TABLES, splat_trainer.RATES, splat_trainer.SplatTrainer.first)
 

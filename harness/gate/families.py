@@ -1,0 +1,50 @@
+"""Is one of the other families worse? A short training of each, held to the spread of trainings with other seeds.
+
+A family's own kernels sum in an order of their own on each processor, and a change of the program may draw other
+numbers. Neither is told from another seed here, so one limit holds for every processor.
+"""
+
+from collections.abc import Iterator
+
+from msgspec import structs
+
+from harness.gate.gate_context import GateContext, complete
+from harness.gate.gates import FAMILIES, FAMILY_RENEWAL, FAMILY_SCENE, FAMILY_SEEDS
+from harness.gate.limits import judge
+from harness.gate.worse import trained
+from harness.records.cells import CellRecord
+from harness.records.study import Check
+from scenes.files.errors import InputError
+
+
+@complete("families")
+def measure(context: GateContext) -> Iterator[Check]:
+    """Train the families whose gates are asked for; what this machine cannot train is not available."""
+    gates = context.of_kind("families")
+    names = tuple(name for name in FAMILIES if f"families.{name}" in gates)
+    cells = _by_family(trained(context, names, scenes=(FAMILY_SCENE,), seeds=FAMILY_SEEDS))
+    for name, gate in gates.items():
+        own = cells[name.removeprefix("families.")]
+        ended = [cell.scores.get("psnr") if cell.status == "done" else None for cell in own]
+        why = "; ".join(dict.fromkeys(cell.reason or cell.status for cell in own if cell.status != "done"))
+        check = judge(gate, ended, context.limits.limit_of(gate), why)
+        missing = all(cell.status == "not_available" for cell in own)
+        yield structs.replace(check, status="not_available") if missing else check
+
+
+def renew(context: GateContext) -> dict[str, list[float]]:
+    """Return the scores of other seeds, which limits are made of. Raises `InputError` if a training did not end."""
+    cells = trained(context, FAMILIES, scenes=(FAMILY_SCENE,), seeds=FAMILY_RENEWAL)
+    if stopped := [f"{cell.method} seed {cell.seed}: {cell.reason}" for cell in cells if cell.status != "done"]:
+        raise InputError(f"--renew: no limits can be made of trainings that did not end ({'; '.join(stopped)})")
+    return {
+        f"families.{name}": [score for cell in own if (score := cell.scores["psnr"]) is not None]
+        for name, own in _by_family(cells).items()
+    }
+
+
+def _by_family(cells: list[CellRecord]) -> dict[str, list[CellRecord]]:
+    by_family: dict[str, list[CellRecord]] = {}
+    for cell in cells:
+        by_family.setdefault(cell.method, []).append(cell)
+    return by_family
