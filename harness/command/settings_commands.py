@@ -83,7 +83,7 @@ def run_families(options: argparse.Namespace, show: "Progress") -> int:
 
     def line(row: FamilyRow) -> str:
         what = TRIALS[row.family][row.trial].what
-        score = row.why or f"{_decibels(row.psnr_val)} on validation views"
+        score = row.why or f"{_decibels(row.psnr_val)} on validation views after {row.steps} steps"
         return f"{row.family}, {row.trial} ({what}), {row.scene}: {score}"
 
     folders = _folders(options, plan, show)

@@ -110,6 +110,7 @@ class Ended:
     """The processor time of rendering all of these views."""
     why: str = ""
     """Why there is no score."""
+    steps: int = 0
 
 
 @dataclass(frozen=True)
@@ -213,7 +214,7 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
         if isinstance(trainer, Trainer):
             again = {name: _rerendered(trainer, name, cameras, plan.score.chunk) for name in arm.rendered_with}
         clock = trainer.clock
-        return Ended(psnr, clock.seconds, again, clock.core_seconds, watch.core_seconds)
+        return Ended(psnr, clock.seconds, again, clock.core_seconds, watch.core_seconds, steps=trainer.step)
     except Diverged:
         return Ended(None, why="diverged")
     except NotAvailable as missing:

@@ -107,6 +107,7 @@ class FamilyRow:
     scene: str
     psnr_val: float | None
     core_seconds: float
+    steps: int
     why: str
     """Why there is no score."""
 
@@ -142,7 +143,7 @@ def search(
                 tasks.append(CellTask(*given, trial.constants))  # type: ignore[arg-type]
     for cell in trained_cells(tasks, workers):
         for words, ended in cell.ended.items():
-            yield FamilyRow(cell.method, words, cell.scene, ended.psnr, ended.core_seconds, ended.why)
+            yield FamilyRow(cell.method, words, cell.scene, ended.psnr, ended.core_seconds, ended.steps, ended.why)
 
 
 def means(rows: list[FamilyRow], family: str) -> dict[str, float | None]:

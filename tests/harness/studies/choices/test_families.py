@@ -48,7 +48,7 @@ def test_it_trains_as_the_frontier_does(tmp_path: Path) -> None:
 def test_the_best_mean_is_first_and_a_trial_without_a_score_on_some_scene_last() -> None:
     scores = {"as planned": (30.0, 28.0), "smaller": (40.0, None), "larger": (31.0, 29.0)}
     rows = [
-        FamilyRow("nerf", trial, scene, psnr, 15.0, "" if psnr else "diverged")
+        FamilyRow("nerf", trial, scene, psnr, 15.0, 9, "" if psnr else "diverged")
         for trial, pair in scores.items()
         for scene, psnr in zip(("chair", "ship"), pair, strict=True)
     ]
