@@ -9,11 +9,11 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, UnsetType, field
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
@@ -68,6 +68,8 @@ LISTING = "pictures"
 REMEDY = "run again with --resume"
 
 Half = NDArray[np.float16]
+TURN = "turn"
+"""The name of the tensor of a `Turn`."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,15 @@ class Render:
     """[h, w]: scene units."""
 
 
+@dataclass(frozen=True)
+class Turn:
+    """Small pictures of many test views, in the order in which one walks around the scene."""
+
+    views: list[str]
+    frames: NDArray[np.uint8]
+    """[views, h, w, 3]: display colour over white, 0 … 255."""
+
+
 TRUTH = {"display": 3, "opacity": None, "linear": 3, "depth": None}
 RENDER = {"colour": 3, "opacity": None, "depth": None}
 """Map tensor → its channels; None stands for [h, w]."""
@@ -118,6 +129,8 @@ class PicturesListing(Record, frozen=True):
     schema: int
     kind: str
     pictures: list[ListedPicture]
+    turn: list[str] = field(default_factory=list)
+    """The views of the turn, if the file holds one."""
 
 
 def half(values: np.ndarray) -> Half:
@@ -137,28 +150,33 @@ def truth_pictures(scene: str) -> str:
     return f"pictures/{scene}.safetensors"
 
 
-def write_truth(path: Path, views: list[Truth]) -> None:
+def write_truth(path: Path, views: list[Truth], turn: Turn | None = None) -> None:
     """Write the truth, unless the file holds just that already. Raises `OSError` naming the file."""
     parts = [[name for name in TRUTH if getattr(truth, name) is not None] for truth in views]
     rows = [ListedPicture(view=truth.view, parts=names) for truth, names in zip(views, parts, strict=True)]
-    _write(path, "truth", rows, views)
+    _write(path, "truth", rows, views, turn)
 
 
-def write_renders(path: Path, renders: list[Render]) -> None:
+def write_renders(path: Path, renders: list[Render], turn: Turn | None = None) -> None:
     """Write renders as `write_truth` does."""
     rows = [ListedPicture(view=render.view, step=render.step, parts=list(RENDER)) for render in renders]
-    _write(path, "renders", rows, renders)
+    _write(path, "renders", rows, renders, turn)
 
 
 def read_truth(path: Path) -> list[Truth]:
     """Read the truth; raises `DamagedRecord`, with reason and remedy, for what `write_truth` does not write."""
-    return [Truth(row.view, **parts) for row, parts in _read(path, "truth", TRUTH, {"display", "opacity"})]
+    return [Truth(row.view, **parts) for row, parts in _read(path, "truth", TRUTH, {"display", "opacity"})[0]]
 
 
 def read_renders(path: Path) -> list[Render]:
     """Read renders in the order of their checkpoints; raises `DamagedRecord` as `read_truth` does."""
-    rows = _read(path, "renders", RENDER, set(RENDER))
+    rows, _ = _read(path, "renders", RENDER, set(RENDER))
     return [Render(row.view, row.step, **parts) for row, parts in rows if row.step is not UNSET]
+
+
+def read_turn(path: Path, kind: Literal["truth", "renders"]) -> Turn | None:
+    """Read the turn of a file, if it has one; raises `DamagedRecord` as `read_truth` does."""
+    return _read(path, kind, *((TRUTH, {"display", "opacity"}) if kind == "truth" else (RENDER, set(RENDER))))[1]
 
 
 def last_of(renders: list[Render]) -> list[Render]:
@@ -167,15 +185,17 @@ def last_of(renders: list[Render]) -> list[Render]:
     return [render for render in renders if render.step == step]
 
 
-def _write(path: Path, kind: str, rows: list[ListedPicture], pictures: list[Any]) -> None:
-    tensors = {
+def _write(path: Path, kind: str, rows: list[ListedPicture], pictures: list[Any], turn: Turn | None) -> None:
+    tensors: Tensors = {
         f"{place:04}.{name}": np.ascontiguousarray(getattr(picture, name), dtype=np.float16)
         for place, (row, picture) in enumerate(zip(rows, pictures, strict=True))
         for name in row.parts
     }
+    if turn is not None:
+        tensors[TURN] = turn.frames
     if sum(tensor.nbytes for tensor in tensors.values()) > LARGEST_BYTES - HEADER_BYTES:
         raise OSError(errno.EFBIG, f"pictures of more than {LARGEST_BYTES} bytes; store fewer views", str(path))
-    data = sealed(LISTING, plain(PicturesListing(SCHEMA, kind, rows)), tensors)
+    data = sealed(LISTING, plain(PicturesListing(SCHEMA, kind, rows, turn.views if turn else [])), tensors)
     try:
         if path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data:
             return
@@ -186,7 +206,7 @@ def _write(path: Path, kind: str, rows: list[ListedPicture], pictures: list[Any]
 
 def _read(
     path: Path, kind: str, channels: dict[str, int | None], needed: set[str]
-) -> list[tuple[ListedPicture, dict[str, Half]]]:
+) -> tuple[list[tuple[ListedPicture, dict[str, Half]]], Turn | None]:
     try:
         if not path.is_file():
             raise ValueError("missing")
@@ -197,13 +217,20 @@ def _read(
         if (read.schema, read.kind) != (SCHEMA, kind):
             raise ValueError(f"{read.kind} of schema {read.schema}, not {kind} of schema {SCHEMA}")
         rows = [(row, _parts(place, row, tensors, channels, needed)) for place, row in enumerate(read.pictures)]
-        if len(tensors) != sum(len(parts) for _, parts in rows):
+        turn = Turn(read.turn, _frames(tensors[TURN], len(read.turn))) if read.turn else None
+        if len(tensors) != sum(len(parts) for _, parts in rows) + (turn is not None):
             raise ValueError("tensors that its listing does not know")
-        return rows
+        return rows, turn
     except (OSError, ValueError, KeyError) as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         remedy = f"delete it and {REMEDY}" if os.path.lexists(path) else REMEDY
         raise DamagedRecord(f"{path}: not the pictures of a run ({reason}); {remedy}") from error
+
+
+def _frames(tensor: NDArray[Any], views: int) -> NDArray[np.uint8]:
+    if tensor.dtype != np.uint8 or tensor.ndim != 4 or tensor.shape[::3] != (views, 3) or min(tensor.shape) < 1:
+        raise ValueError(f"turn of {views} views is {tensor.dtype} {tensor.shape}")
+    return tensor
 
 
 def _parts(

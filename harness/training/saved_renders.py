@@ -1,4 +1,4 @@
-"""The few test views that a run saves as pictures: their choice, their truth, and what a cell renders of them."""
+"""The test views that a run saves as pictures: their choice, their truth, and what a cell renders of them."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.records.cells import records_folder
 from harness.records.json_record import DamagedRecord
@@ -17,6 +18,7 @@ from harness.records.pictures import (
     TRUTH,
     Render,
     Truth,
+    Turn,
     cell_pictures,
     half,
     read_truth,
@@ -26,8 +28,9 @@ from harness.records.pictures import (
 )
 from harness.training.scoring.evaluate import View
 from scenes.files.errors import InputError
-from scenes.view_sets.pixels import over_white
+from scenes.view_sets.pixels import area_average, over_white
 from scenes.view_sets.view_set import Split, ViewSet, linear_over_white
+from scenes.view_sets.viewpoints import by_azimuth
 
 ROOM = LARGEST_BYTES - HEADER_BYTES
 TRUTH_BYTES = 2 * sum(channels or 1 for channels in TRUTH.values())
@@ -46,6 +49,23 @@ def kept_views(test: Split, count: int) -> list[int]:
     count = min(count, ROOM // (_pixels(test) * TRUTH_BYTES))
     spread = np.linspace(0, len(test.names) - 1, count + 2).round().astype(int)[1:-1].tolist()
     return list(dict.fromkeys(spread))
+
+
+TURN_VIEWS, TURN_SIDE = 24, 100
+"""The most views of a turn, and the most pixels of a side of them."""
+
+
+def turned(test: Split) -> list[int]:
+    """Return indices of evenly spread test views in the order of their azimuth, those of a turn around the scene."""
+    order, count = by_azimuth(test.camera_to_world), min(TURN_VIEWS, len(test.names))
+    return [int(order[place * len(order) // count]) for place in range(count)]
+
+
+def frame_of(colour: np.ndarray) -> NDArray[np.uint8]:
+    """Return display colour [h, w, 3] as a small picture."""
+    width = max(1, round(colour.shape[1] * min(1.0, TURN_SIDE / max(colour.shape[:2]))))
+    small = area_average(colour, width) if width < colour.shape[1] else colour
+    return np.round(255.0 * np.clip(np.asarray(small, dtype=np.float64), 0.0, 1.0)).astype(np.uint8)
 
 
 def _pixels(test: Split) -> int:
@@ -70,7 +90,8 @@ def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
     except DamagedRecord:
         kept = None
     if kept is None and now:
-        write_truth(path, now)
+        frames = [frame_of(over_white(test.rgba[index])) for index in turned(test)]
+        write_truth(path, now, Turn([test.names[index] for index in turned(test)], np.stack(frames)))
     elif kept is not None and not _same_truth(kept, now):
         raise InputError(f"{views.path}: not the views that {path} is of; put those back, or name a fresh --out")
 
@@ -96,13 +117,17 @@ class KeptRenders:
     names: tuple[str, ...]
     every: bool
     """Whether those of every checkpoint are saved, or of the last one alone."""
+    turn: list[int]
+    """The views of the turn, if this cell saves one."""
     renders: list[Render] = field(default_factory=list)
+    frames: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
 
     @staticmethod
     def of(test: Split, count: int, seed: int, checkpoints: int) -> "KeptRenders":
         chosen = kept_views(test, count)
         fits = checkpoints * len(chosen) * _pixels(test) * RENDER_BYTES <= ROOM
-        return KeptRenders(chosen, test.names, fits and seed == EVERY_CHECKPOINT_SEED)
+        is_first = seed == EVERY_CHECKPOINT_SEED
+        return KeptRenders(chosen, test.names, fits and is_first, turned(test) if chosen and is_first else [])
 
     def passing(self, images: Iterable[View], step: int, last: bool) -> Iterator[View]:
         """Yield the views themselves, one at a time, some of them noted on their way."""
@@ -110,6 +135,8 @@ class KeptRenders:
             if (last or self.every) and index in self.chosen:
                 parts = (half(image.colour), half(image.opacity), half(image.depth))
                 self.renders.append(Render(self.names[index], step, *parts))
+            if last and index in self.turn:
+                self.frames[index] = frame_of(image.colour)
             yield image
 
     def write(self, out: Path, scene: str, method: str, seed: int) -> str | None:
@@ -117,5 +144,9 @@ class KeptRenders:
         if not self.renders:
             return None
         path = cell_pictures(scene, method, seed)
-        write_renders(records_folder(out) / path, self.renders)
+        turn = None
+        if self.frames.keys() == set(self.turn) and self.turn:
+            views = [self.names[index] for index in self.turn]
+            turn = Turn(views, np.stack([self.frames[index] for index in self.turn]))
+        write_renders(records_folder(out) / path, self.renders, turn)
         return path

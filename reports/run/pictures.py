@@ -29,6 +29,7 @@ SCRIPTS = (
     *("chunks.js", "kept.js", "pixels.js", "colour_space.js", "colour_maps.js", "delta_e.js", "flip.js"),
     *("error_maps.js", "zoom.js", "compare_data.js", "thumbnails.js", "compare_choice.js", "compare_layers.js"),
     *("compare_view.js", "compare_probe.js", "compare_controls.js", "compare.js"),
+    "turn.js",
 )
 BUDGET_BYTES = 1_500_000
 

@@ -31,6 +31,7 @@ from reports.run.pictures import PictureData, picture_data, remove_others, views
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
 from reports.run.saving.citation import bibtex, records_digest
 from reports.run.time_to_target import at_risk_grid, notes, savings_grid, target_title
+from reports.run.turn import rounds
 from reports.studies.shelves import WORDS, page_of
 from reports.studies.study_page import ShelfShown, shelf_shown
 from scenes.files.atomic import write_atomically
@@ -181,7 +182,9 @@ def _sections(
         )
     if still := views(records):
         beside = parts.paragraph(pixels.data["beside"], "alert mild") if pixels else Markup("")
-        yield section("pictures", "Pictures", beside, parts.comparer(still))
+        around = rounds(records)
+        turn = parts.folded("A turn around each scene", parts.turn(around)) if around else Markup("")
+        yield section("pictures", "Pictures", beside, parts.comparer(still), turn)
     yield folded("metrics", "Other scores", parts.table(metrics_table.metrics_grid(records), False))
     density = figures("amplifier")
     after = [(parts.swatch(method), f"density after it, {method}") for method in amplified_methods(records)]

@@ -125,10 +125,14 @@ def evenly_spread(count: int, poses: np.ndarray, what: str = "views") -> np.ndar
     """
     if not 0 <= count <= len(poses):
         raise InputError(f"{count} {what} were asked for; choose 0 to {len(poses)}, which is what there is")
+    return np.sort(by_azimuth(poses)[np.arange(count) * len(poses) // max(count, 1)])
+
+
+def by_azimuth(poses: np.ndarray) -> np.ndarray:
+    """Return the indices [n] of cameras [n, 4, 4] ordered by azimuth about the z axis; ties stay in order."""
     azimuth = np.degrees(np.arctan2(poses[:, 1, 3], poses[:, 0, 3])) % 360.0
     # rounded, so that the same azimuth one turn later is a tie whatever the last bit says
-    order = np.argsort(np.round(azimuth, 6) % 360.0, kind="stable")
-    return np.sort(order[np.arange(count) * len(poses) // max(count, 1)])
+    return np.argsort(np.round(azimuth, 6) % 360.0, kind="stable")
 
 
 def check_poses(poses: np.ndarray, names: list[str]) -> None:

@@ -26,7 +26,16 @@ from harness.records.cells import (
     write_comparisons,
     write_run,
 )
-from harness.records.pictures import Render, Truth, cell_pictures, half, truth_pictures, write_renders, write_truth
+from harness.records.pictures import (
+    Render,
+    Truth,
+    Turn,
+    cell_pictures,
+    half,
+    truth_pictures,
+    write_renders,
+    write_truth,
+)
 from harness.verdicts.paper import printed
 
 EIGHT = ("chair", "drums", "ficus", "hotdog", "lego", "materials", "mic", "ship")
@@ -207,9 +216,14 @@ def write_pictures(out: Path, cell: CellRecord, place: int, size: int, hdr: bool
     if not renders:
         return cell
     path = cell_pictures(cell.scene.replace("/", "_"), cell.method, cell.seed)
-    write_renders(records_folder(out) / path, renders)
-    write_truth(records_folder(out) / truth_pictures(cell.scene), truths[: len(VIEWS)])
+    seen = truths[: len(VIEWS)]
+    write_renders(records_folder(out) / path, renders, turn_of([one.colour for one in renders[-len(VIEWS) :]]))
+    write_truth(records_folder(out) / truth_pictures(cell.scene), seen, turn_of([truth.display for truth in seen]))
     return replace(cell, pictures=path)
+
+
+def turn_of(pictures: list[np.ndarray]) -> Turn:
+    return Turn(list(VIEWS), np.round(255 * np.clip(np.stack(pictures), 0, 1)).astype(np.uint8))
 
 
 def scene_record(name: str, place: int, size: int) -> SceneRecord:

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from baselines.contract import Box
-from harness.records.pictures import read_renders, read_truth
-from harness.training.saved_renders import KeptRenders, keep_truth
+from harness.records.pictures import read_renders, read_truth, read_turn
+from harness.training.saved_renders import KeptRenders, frame_of, keep_truth
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
 from scenes.files.digest import file_digest
@@ -35,6 +35,35 @@ def test_the_first_seed_keeps_every_checkpoint_and_others_the_last_alone(ball: V
         found = read_renders(tmp_path / "records" / path)
         assert [(one.view, one.step) for one in found] == [("test/r_1", step) for step in steps]
         assert (found[0].colour == 0.25).all()
+
+
+def test_the_first_seed_saves_a_turn_of_all_test_views_in_the_order_of_azimuth(ball: ViewSet, tmp_path: Path) -> None:
+    keep_truth(tmp_path, "ball", ball, 1)
+    truth = read_turn(tmp_path / "records" / "pictures" / "ball.safetensors", "truth")
+    poses = dict(zip(ball.test.names, ball.test.camera_to_world, strict=True))
+    assert truth is not None
+    azimuths = [np.arctan2(poses[name][1, 3], poses[name][0, 3]) % (2 * np.pi) for name in truth.views]
+    assert azimuths == sorted(azimuths)
+    assert sorted(truth.views) == sorted(ball.test.names)
+    place = ball.test.names.index(truth.views[0])
+    assert np.abs(truth.frames[0] / 255.0 - over_white(ball.test.rgba[place])).max() <= 0.5 / 255 + 1e-6
+    for seed, has_one in ((0, True), (1, False)):
+        keeping = KeptRenders.of(ball.test, 1, seed, 3)
+        for step in (5, 24):
+            list(keeping.passing(images(), step, last=step == 24))
+        turn = read_turn(tmp_path / "records" / str(keeping.write(tmp_path, "ball", "nerf", seed)), "renders")
+        assert (turn is not None) is has_one
+        if turn is not None:
+            shown = [round(255 * ball.test.names.index(name) / 4) for name in turn.views]
+            assert (turn.views, turn.frames[:, 0, 0, 0].tolist()) == (truth.views, shown)
+
+
+def test_frames_are_small_and_averages() -> None:
+    colour = np.zeros((400, 300, 3))
+    colour[::2] = 1.0
+    frame = frame_of(colour)
+    assert (frame.shape, frame.dtype) == ((100, 75, 3), np.uint8)
+    assert set(frame.flatten().tolist()) == {128}
 
 
 def test_a_cell_that_kept_nothing_writes_nothing(ball: ViewSet, tmp_path: Path) -> None:

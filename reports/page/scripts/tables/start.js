@@ -5,6 +5,7 @@
   tables.start();
   figures.start();
   if (typeof density !== "undefined") density.start();
+  if (typeof turn !== "undefined") turn.start();
   filter.start(bar);
   reading.start(bar);
   runs.start();
