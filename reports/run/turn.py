@@ -18,10 +18,10 @@ from reports.data.load import Records
 from reports.drawing.images import smaller
 
 BUDGET_BYTES = 2_000_000
-BYTES_A_PIXEL = 0.5
+BYTES_A_PIXEL = 0.28
 """The approximate bytes per pixel of a JPEG in base64."""
 SIDES = (100, 50, 33, 25)
-QUALITY = 85
+QUALITY = 75
 
 
 class Strip(NamedTuple):
