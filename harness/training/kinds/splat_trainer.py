@@ -46,6 +46,8 @@ class GaussianTrainer(BudgetedTrainer):
 
     first: ClassVar[int] = FIRST
     most: ClassVar[int] = MOST
+    faster: ClassVar[float] = 1.0
+    """The factor of `RATES`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -57,7 +59,7 @@ class GaussianTrainer(BudgetedTrainer):
         self.square = torch.zeros_like(self.field.values)
         self.seen = torch.zeros(len(self.field.values), 1)
         rates = [rate for name, size in COLUMNS.items() for rate in [RATES[name]] * size]
-        self.rates = torch.tensor(rates + [RATES["harmonics"]] * (self.field.columns - len(rates)))
+        self.rates = self.faster * torch.tensor(rates + [RATES["harmonics"]] * (self.field.columns - len(rates)))
 
     @property
     def fields(self) -> Gaussians:
@@ -105,7 +107,7 @@ class GaussianTrainer(BudgetedTrainer):
 
     def _move(self, rate: float, generator: torch.Generator) -> None:
         values = self.field.values
-        values[:, :3] += wandering(values, WANDER * rate * RATES["position"], generator)
+        values[:, :3] += wandering(values, WANDER * rate * self.faster * RATES["position"], generator)
         if (self.step + 1) % MOVED_EVERY:
             return
         more = max(min(self.most - len(values), len(values) // 20), 0)
