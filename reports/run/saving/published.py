@@ -316,19 +316,21 @@ def frontier(record: Studies) -> str:
 
 
 def families(searched: Run) -> str:
-    """Tabulate the trials of each family, the mean over scenes and what was changed."""
+    """Tabulate the trials of each family, the mean over scenes, and what a trial gained."""
     trials = list(dict.fromkeys(row["trial"] for row in searched["rows"]))
-    lines = []
+    lines, gained = [], []
     for family, means in searched["means"].items():
-        tried = [(means[name], searched["trials"][family][name]) for name in trials]
-        first, *others = ["no score" if mean is None else number(mean) for mean, _ in tried]
-        lines.append(
-            [family, first, *(f"{score} ({what})" for score, (_, what) in zip(others, tried[1:], strict=True))]
-        )
-    seconds = searched["settings"]["budget"]["core_seconds"]
+        words = {name: "no score" if means[name] is None else number(means[name]) for name in trials}
+        what = searched["trials"][family]
+        lines.append([family, words[trials[0]], *(f"{words[name]} ({what[name]})" for name in trials[1:])])
+        best = max(trials, key=lambda name: means[name] or 0.0)
+        gained += [(means[best] - means[trials[0]], f"{best} for {family}")] if means[trials[0]] else []
+    (most, where), (next_most, _), *_ = sorted(gained, reverse=True)
+    seconds = number(searched["settings"]["budget"]["core_seconds"], 0)
     scenes = listed(list(dict.fromkeys(row["scene"] for row in searched["rows"])))
-    what = f"Validation PSNR after {number(seconds, 0)} core seconds, dB, mean over {scenes}, one seed of its own:"
-    return f"{what}\n\n{table(['family', *trials], lines)}"
+    head = f"Validation PSNR after {seconds} core seconds, dB, mean over {scenes}, one seed of its own"
+    gains = f"What gained most, {signed(most)} dB, was {where}; no other family gained more than {signed(next_most)} dB."
+    return f"{head}. {gains}\n\n{table(['family', *trials], lines)}"
 
 
 def leaders(record: Studies) -> str:
