@@ -9,7 +9,7 @@ import platform
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -219,24 +219,11 @@ def run_by_submitit(tasks: list[GroupTask], commit: str, at_once: int, given: li
             for job in list(running):
                 ended = job.handle.done()
                 yield from _news(job)
-                if not ended:
-                    continue
-                running.remove(job)
-                lost = _lost(job)
-                yield from _news(job)
-                missing = missing_methods(job.task)
-                if lost is None or not missing:
-                    yield Event(job.task, share=1.0)
-                    continue
-                lost_any = True
-                if job.attempt < MOST_ATTEMPTS:
-                    where = f"{job.task.scene} seed {job.task.seed}"
-                    yield Event(job.task, notice=f"{where}: {lost}; {len(missing)} cells are trained again")
-                    waiting.append((job.task, job.attempt + 1))
-                    continue
-                for cell in failed_cells(job.task, f"{lost}, {job.attempt} times in a row; its logs are in {folder}"):
-                    yield Event(job.task, cell=cell)
-                yield Event(job.task, share=1.0)
+                if ended:
+                    running.remove(job)
+                    if (yield from _after(job, folder)):
+                        lost_any = True
+                        waiting += [(job.task, job.attempt + 1)] if job.attempt < MOST_ATTEMPTS else []
     finally:
         alive.unlink(missing_ok=True)  # a job that cannot be cancelled ends by itself
         for job in running:
@@ -248,6 +235,24 @@ def run_by_submitit(tasks: list[GroupTask], commit: str, at_once: int, given: li
             sleep(POLL_SECONDS)
     if not lost_any:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _after(job: _Running, folder: Path) -> Generator[Event, None, bool]:
+    """Yield what follows the end of a job; returns whether it died before all of its cells had ended."""
+    lost = _lost(job)
+    yield from _news(job)
+    missing = missing_methods(job.task)
+    if lost is None or not missing:
+        yield Event(job.task, share=1.0)
+        return False
+    if job.attempt < MOST_ATTEMPTS:
+        where = f"{job.task.scene} seed {job.task.seed}"
+        yield Event(job.task, notice=f"{where}: {lost}; {len(missing)} cells are trained again")
+        return True
+    for cell in failed_cells(job.task, f"{lost}, {job.attempt} times in a row; its logs are in {folder}"):
+        yield Event(job.task, cell=cell)
+    yield Event(job.task, share=1.0)
+    return True
 
 
 def _news(job: _Running) -> Iterator[Event]:

@@ -329,7 +329,9 @@ def families(searched: Run) -> str:
     seconds = number(searched["settings"]["budget"]["core_seconds"], 0)
     scenes = listed(list(dict.fromkeys(row["scene"] for row in searched["rows"])))
     head = f"Validation PSNR after {seconds} core seconds, dB, mean over {scenes}, one seed of its own"
-    gains = f"What gained most, {signed(most)} dB, was {where}; no other family gained more than {signed(next_most)} dB."
+    gains = (
+        f"What gained most, {signed(most)} dB, was {where}; no other family gained more than {signed(next_most)} dB."
+    )
     return f"{head}. {gains}\n\n{table(['family', *trials], lines)}"
 
 
