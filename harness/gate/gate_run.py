@@ -19,7 +19,7 @@ from harness.gate.references import References, read_references, references_file
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
 from harness.machine.provenance import provenance
 from harness.records.json_record import file_digest
-from harness.records.study import Studies, StudyInfo, read_studies
+from harness.records.study import Check, Studies, StudyInfo, read_studies
 from harness.run_folder.folder_lock import scratch_folder
 from harness.studies import framework
 from harness.studies.framework import Shelf, Study
@@ -54,8 +54,8 @@ RENEWALS: dict[Kind, Callable[[GateContext], References]] = {
 }
 """The renewals that depend on the class of processor."""
 RENEWED_LIMITS: dict[Kind, Callable[[GateContext], dict[str, list[float]]]] = {
-    "families": families.renew,
     "images": images.renew,
+    "families": families.renew,
 }
 """The renewals that do not."""
 
@@ -105,12 +105,15 @@ def run(context: GateContext, replay: str) -> int:
     write_junit(out / JUNIT_FILE, record, replay)
     for _, check in record.broken:
         show.line(f"replay: {replay} --only {check.id}")
-    failed = len(record.broken)
-    show.line(
-        f"{len(context.gates) - failed} passed, {failed} failed in {time.monotonic() - began:.0f} s; "
-        f"{out / SHELF.file}, {out / JUNIT_FILE}"
-    )
+    failed, missing = len(record.broken), sum(_is_missing(check) for _, check in record.checks())
+    counts = f"{len(context.gates) - failed - missing} passed, {failed} failed"
+    counts += f", {missing} not available here" if missing else ""
+    show.line(f"{counts} in {time.monotonic() - began:.0f} s; {out / SHELF.file}, {out / JUNIT_FILE}")
     return 4 if failed else 0
+
+
+def _is_missing(check: Check) -> bool:
+    return check.status == "not_available"
 
 
 def write_junit(file: Path, record: Studies, replay: str) -> None:
@@ -120,7 +123,8 @@ def write_junit(file: Path, record: Studies, replay: str) -> None:
     )
     for study in record.studies:
         name, checks = f"gate.{study.info.id}", study.checks
-        counts = {"tests": str(len(checks)), "failures": str(sum(check.is_broken for check in checks)), "errors": "0"}
+        failed, missing = sum(check.is_broken for check in checks), sum(map(_is_missing, checks))
+        counts = {"tests": str(len(checks)), "failures": str(failed), "skipped": str(missing), "errors": "0"}
         suite = ElementTree.SubElement(top, "testsuite", {"name": name, **counts, "time": f"{study.seconds:.3f}"})
         for check in checks:
             share = f"{study.seconds / len(checks):.3f}"
@@ -128,12 +132,14 @@ def write_junit(file: Path, record: Studies, replay: str) -> None:
             if check.is_broken:
                 failure = ElementTree.SubElement(case, "failure", type="gate", message=framework.line_of(check))
                 failure.text = f"replay: {replay} --only {check.id}\n"
+            elif _is_missing(check):
+                ElementTree.SubElement(case, "skipped", message=check.why)
     ElementTree.indent(top)
     write_atomically(file, ElementTree.tostring(top, encoding="utf-8", xml_declaration=True))
 
 
 def renew(context: GateContext, of_class: str | None) -> int:
-    """Measure anew the reference values of chosen gates, and write them; prints old → new for limits of images.
+    """Measure anew the reference values of chosen gates, and write them; prints old → new for limits.
 
     A kind is renewed completely, so that its limits have one origin; without `of_class` for the usual classes that this
     machine can be, with it for that one and without what does not depend on it.
@@ -163,13 +169,11 @@ def renew(context: GateContext, of_class: str | None) -> int:
                 values = measure_limits(context)
                 names = [f"{scene}.exr" for scene in IMAGE_SCENES] if kind == "images" else []
                 files = {name: file_digest(context.images / name) for name in names}
-                limits = limits.renewed(kind, values, structs.replace(_facts(kind, started), files=files))
-                write_stored(context.limits_file, limits)
-    changed = changes(context.limits, limits)
-    for line in changed:
-        context.show.line(line)
-    if changed:
-        context.show.line(f"{len(changed)} limits changed; review {context.limits_file} before it is committed")
+                renewed = limits.renewed(kind, values, structs.replace(_facts(kind, started), files=files))
+                write_stored(context.limits_file, renewed)
+                changed, limits = changes(limits, renewed), renewed
+                for line in (*changed, f"{kind}: {len(changed)} limits changed; review {context.limits_file}"):
+                    context.show.line(line)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Limits of images derived from measurements (`gates/limits.json`), and how a figure is held to a limit.
+"""Limits of images and families derived from measurements (`gates/limits.json`), and how a figure is held to a limit.
 
 A limit is a prediction interval: new renders of the same code lie outside with a probability of `LEVEL`, if spreads are
 normal, their own uncertainty included (Student). How far that holds in the outer tail is not known from a few

@@ -22,6 +22,7 @@ from harness.records.pictures import (
     cell_pictures,
     half,
     read_truth,
+    read_turn,
     truth_pictures,
     write_renders,
     write_truth,
@@ -32,7 +33,9 @@ from scenes.view_sets.pixels import area_average, over_white
 from scenes.view_sets.view_set import Split, ViewSet, linear_over_white
 from scenes.view_sets.viewpoints import by_azimuth
 
-ROOM = LARGEST_BYTES - HEADER_BYTES
+TURN_VIEWS, TURN_SIDE = 24, 100
+"""The most views of a turn, and the most pixels of a side of them."""
+ROOM = LARGEST_BYTES - HEADER_BYTES - 3 * TURN_VIEWS * TURN_SIDE**2
 TRUTH_BYTES = 2 * sum(channels or 1 for channels in TRUTH.values())
 RENDER_BYTES = 2 * sum(channels or 1 for channels in RENDER.values())
 """The bytes per pixel."""
@@ -49,10 +52,6 @@ def kept_views(test: Split, count: int) -> list[int]:
     count = min(count, ROOM // (_pixels(test) * TRUTH_BYTES))
     spread = np.linspace(0, len(test.names) - 1, count + 2).round().astype(int)[1:-1].tolist()
     return list(dict.fromkeys(spread))
-
-
-TURN_VIEWS, TURN_SIDE = 24, 100
-"""The most views of a turn, and the most pixels of a side of them."""
 
 
 def turned(test: Split) -> list[int]:
@@ -86,14 +85,14 @@ def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
         now.append(Truth(name, half(over_white(rgba)), half(rgba[..., 3]), linear, depth))
     path = records_folder(out) / truth_pictures(scene)
     try:
-        kept = read_truth(path)
+        kept, turn = read_truth(path), read_turn(path, "truth")
     except DamagedRecord:
-        kept = None
-    if kept is None and now:
-        frames = [frame_of(over_white(test.rgba[index])) for index in turned(test)]
-        write_truth(path, now, Turn([test.names[index] for index in turned(test)], np.stack(frames)))
-    elif kept is not None and not _same_truth(kept, now):
+        kept, turn = [], None
+    if kept and not _same_truth(kept, now):
         raise InputError(f"{views.path}: not the views that {path} is of; put those back, or name a fresh --out")
+    if now and turn is None:
+        frames = [frame_of(over_white(test.rgba[index])) for index in turned(test)]
+        write_truth(path, kept or now, Turn([test.names[index] for index in turned(test)], np.stack(frames)))
 
 
 def drop_truth(out: Path, scene: str) -> None:

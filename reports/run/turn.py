@@ -1,4 +1,4 @@
-"""A turn around each scene: small pictures of every test view, the methods beside the truth, in the order of azimuth.
+"""A turn around each scene: small pictures of its test views, the methods beside the truth, in the order of azimuth.
 
 They are JPEGs, to be looked at; what was saved of the views that the comparer shows is exact.
 """
@@ -20,7 +20,7 @@ from reports.drawing.images import smaller
 BUDGET_BYTES = 2_000_000
 BYTES_A_PIXEL = 0.28
 """The approximate bytes per pixel of a JPEG in base64."""
-SIDES = (100, 50, 33, 25)
+SIDES = (100, 50, 34, 25)
 QUALITY = 75
 
 
@@ -39,6 +39,8 @@ class Round(NamedTuple):
     title: str
     views: int
     strips: list[Strip]
+    missing: list[str]
+    """The methods without a strip."""
 
 
 def rounds(records: Records) -> list[Round]:
@@ -50,8 +52,11 @@ def rounds(records: Records) -> list[Round]:
     for scene, turns in found.items():
         about, strips = records.scene(scene), [Strip(name, _strip(turn, side)) for name, turn in turns.items()]
         if len(strips) > 1:
-            views = len(next(iter(turns.values())).views)
-            shown.append(Round(scene, about.title if about else scene, views, strips))
+            views, missing = (
+                len(next(iter(turns.values())).views),
+                [name for name in records.methods if name not in turns],
+            )
+            shown.append(Round(scene, about.title if about else scene, views, strips, missing))
     return shown
 
 

@@ -18,6 +18,7 @@ import torch
 from baselines.contract import Precision
 from baselines.numerics.optimisers import OptimiserName
 from harness.execution.ground_truth import read_views
+from harness.machine.provenance import versions
 from harness.machine.stopping import in_workers
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import kept
@@ -145,8 +146,8 @@ def identity(task: CellTask) -> str:
     """Return the digest of all that a cell's results depend on, beside its scene, method and seed."""
     plan = replace(task.plan.alone(), scenes=(), methods=(), seeds=())
     arms = {name: asdict(arm) for name, arm in task.arms.items()}
-    given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on]
-    return digest_of([*given, repr(task.constants)] if task.constants else given)[:12]
+    given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on, repr(task.constants)]
+    return digest_of([*given, versions()])[:12]
 
 
 def trained_cell(task: CellTask) -> CellArms:

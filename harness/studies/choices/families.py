@@ -2,7 +2,7 @@
 
 Each trial trains for as many core seconds as any other, on views that the frontier trains on, with a seed that no
 verdict uses, and is scored on validation views. What a family has is a constant of its module or a setting of the
-profile; a trial changes it in a process of its own. So what wins is written into the program by hand.
+profile, which a trial changes for as long as it trains. So what wins is written into the program by hand.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,7 +20,7 @@ from harness.studies.choices.arms import PLANNED, Arm, CellTask, trained_cells
 from harness.studies.choices.sweep import SEED
 from harness.studies.evidence.evidence_context import SEARCHED
 from harness.studies.frontier.frontier_context import settings_for
-from harness.training.kinds.splat_trainer import RATES
+from harness.training.kinds.splat_trainer import AMOUNTS, RATES
 
 BUDGET = 15.0
 """The core seconds of a training."""
@@ -43,11 +43,10 @@ def _rates(factor: float) -> Trial:
     return Trial(" to ".join(f"{rate:g}" for rate in rates.values()), settings=rates)
 
 
-def _rates_of(trainer: str, usual: float) -> Callable[[float], Trial]:
-    """Return the trials of a trainer of Gaussians that is `usual` times as fast as their rates say."""
-    position = usual * RATES["position"]
+def _gaussian_rates(kind: str) -> Callable[[float], Trial]:
+    faster, position = AMOUNTS[kind].faster, RATES["position"]
     return lambda factor: Trial(
-        f"positions {factor * position:g}, the others alike", {f"{KINDS}.{trainer}.faster": factor * usual}
+        f"positions {factor * faster * position:g}, the others alike", _amounts(kind, faster=factor * faster)
     )
 
 
@@ -67,8 +66,13 @@ def _tables(finest: int, levels: int, entries: int) -> Trial:
     return Trial(what, {f"{GROWTH}.TABLES": {**growth.TABLES, "hash_grid": tables}})
 
 
-def _gaussians(trainer: str, first: int, most: int) -> Trial:
-    return Trial(f"{first} to {most}", {f"{KINDS}.{trainer}.first": first, f"{KINDS}.{trainer}.most": most})
+def _gaussians(kind: str, first: int, most: int) -> Trial:
+    return Trial(f"{first} to {most}", _amounts(kind, first=first, most=most))
+
+
+def _amounts(kind: str, **changes: float) -> dict[str, Any]:
+    place = "harness.training.kinds.splat_trainer.AMOUNTS"
+    return {place: {**AMOUNTS, kind: replace(AMOUNTS[kind], **changes)}}  # type: ignore[arg-type]
 
 
 def _voxels(finest: int) -> Trial:
@@ -86,17 +90,16 @@ def _trials(rates: Callable[[float], Trial], smaller: Trial, larger: Trial) -> d
     }
 
 
-KINDS, GROWTH = "harness.training.kinds", "baselines.grids.growth"
-SPLATS, ELLIPSOIDS = "splat_trainer.SplatTrainer", "ellipsoid_trainer.EllipsoidTrainer"
+GROWTH = "baselines.grids.growth"
 NETWORKS = _trials(_rates, _width(48), _width(96))
 TRIALS: dict[str, dict[str, Trial]] = {
     "nerf": NETWORKS,
     "qnerf": NETWORKS,
     "planes": _trials(_rates, _planes(24, 48, 96), _planes(32, 64, 128, 256)),
     "hash_grid": _trials(_rates, _tables(128, 8, 1 << 14), _tables(256, 14, 1 << 16)),
-    "splats": _trials(_rates_of(SPLATS, 1.0), _gaussians(SPLATS, 2000, 4000), _gaussians(SPLATS, 6000, 14_000)),
+    "splats": _trials(_gaussian_rates("splats"), _gaussians("splats", 2000, 4000), _gaussians("splats", 6000, 14_000)),
     "ellipsoids": _trials(
-        _rates_of(ELLIPSOIDS, 2.0), _gaussians(ELLIPSOIDS, 1500, 2500), _gaussians(ELLIPSOIDS, 5000, 9000)
+        _gaussian_rates("ellipsoids"), _gaussians("ellipsoids", 1500, 2500), _gaussians("ellipsoids", 5000, 9000)
     ),
     "voxels_drjit": _trials(_rates, _voxels(48), _voxels(96)),
 }
@@ -144,8 +147,11 @@ def search(
         for words, trial in TRIALS[family].items():
             changed = replace(plan, train=replace(plan.train, **trial.settings))
             for scene, folder in folders.items():
-                given = scene, family, SEED, folder, scratch, changed, {words: Arm()}, device, "val", kept
-                tasks.append(CellTask(*given, trial.constants))  # type: ignore[arg-type]
+                arms = {words: Arm()}
+                task = CellTask(
+                    scene, family, SEED, folder, scratch, changed, arms, device, "val", kept, trial.constants
+                )
+                tasks.append(task)
     for cell in trained_cells(tasks, workers):
         for words, ended in cell.ended.items():
             yield FamilyRow(cell.method, words, cell.scene, ended.psnr, ended.core_seconds, ended.steps, ended.why)

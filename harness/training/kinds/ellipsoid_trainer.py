@@ -23,8 +23,7 @@ from harness.training.trainer import Diverged
 class EllipsoidTrainer(GaussianTrainer):
     """A trainer of Gaussians that Mitsuba traces."""
 
-    first, most = 3000, 5000
-    faster = 2.0  # a step takes so long that there are few (`python -m harness study families`)
+    kind = "ellipsoids"
 
     def __post_init__(self) -> None:
         super().__post_init__()

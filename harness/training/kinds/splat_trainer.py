@@ -1,6 +1,6 @@
 """`splats` and `ellipsoids` in training: the same Gaussians, drawn one view a step or traced along rays of all views.
 
-The rates are for a few hundred to a few thousand steps: 10 to 200 times those of 3D Gaussian Splatting (Kerbl et al.
+The rates are for a few hundred to a few thousand steps: at least 10 times those of 3D Gaussian Splatting (Kerbl et al.
 2023), which trains for 30 000.
 """
 
@@ -20,10 +20,24 @@ from baselines.splats.rasteriser import COLUMNS
 from harness.plan.seeds import generator_for
 from harness.training.trainer import BudgetedTrainer, Diverged
 
-FIRST, MOST = 4000, 8000
-"""The number of Gaussians at the start and in the end."""
 RATES = {"position": 1e-2, "log_scale": 1e-1, "rotation": 5e-2, "opacity": 5e-1, "colour": 2e-1, "harmonics": 2.5e-2}
 """The learning rates at the start, by part."""
+
+
+@dataclass(frozen=True)
+class Amounts:
+    """What a kind of trainer has of Gaussians."""
+
+    first: int
+    """The number of Gaussians at the start."""
+    most: int
+    """The number of them in the end."""
+    faster: float
+    """The factor of `RATES`."""
+
+
+AMOUNTS = {"splats": Amounts(4000, 8000, 1.0), "ellipsoids": Amounts(3000, 5000, 2.0)}
+"""A traced step takes so long that there are few (`python -m harness study families`)."""
 LAST_RATE = 0.02
 """The share of the rates that is left in the end."""
 BETAS, EPSILON = (0.8, 0.95), 1e-15
@@ -44,22 +58,24 @@ LIGHTER = {"opacity": 1e-3, "log_scale": 1e-3}
 class GaussianTrainer(BudgetedTrainer):
     """A trainer of Gaussians, however they are shown."""
 
-    first: ClassVar[int] = FIRST
-    most: ClassVar[int] = MOST
-    faster: ClassVar[float] = 1.0
-    """The factor of `RATES`."""
+    kind: ClassVar[str]
 
     def __post_init__(self) -> None:
         super().__post_init__()
         # bins are counted per pixel of the box's longest side, where they are (`harness.plan.needed.at_scale`)
         pixel = 2.0 * (self.settings.bins_per_pixel or 1.0) / self.settings.bins
         self.field = Gaussians(self.box, self.view_dependent, torch.zeros(0, 0), pixel)
-        self.field.values = first_values(self.box, self.first, self.field.columns, generator_for(self.seed, "first"))
+        self.amounts = AMOUNTS[self.kind]
+        self.field.values = first_values(
+            self.box, self.amounts.first, self.field.columns, generator_for(self.seed, "first")
+        )
         self.mean = torch.zeros_like(self.field.values)
         self.square = torch.zeros_like(self.field.values)
         self.seen = torch.zeros(len(self.field.values), 1)
         rates = [rate for name, size in COLUMNS.items() for rate in [RATES[name]] * size]
-        self.rates = self.faster * torch.tensor(rates + [RATES["harmonics"]] * (self.field.columns - len(rates)))
+        self.rates = self.amounts.faster * torch.tensor(
+            rates + [RATES["harmonics"]] * (self.field.columns - len(rates))
+        )
 
     @property
     def fields(self) -> Gaussians:
@@ -107,10 +123,10 @@ class GaussianTrainer(BudgetedTrainer):
 
     def _move(self, rate: float, generator: torch.Generator) -> None:
         values = self.field.values
-        values[:, :3] += wandering(values, WANDER * rate * self.faster * RATES["position"], generator)
+        values[:, :3] += wandering(values, WANDER * rate * self.amounts.faster * RATES["position"], generator)
         if (self.step + 1) % MOVED_EVERY:
             return
-        more = max(min(self.most - len(values), len(values) // 20), 0)
+        more = max(min(self.amounts.most - len(values), len(values) // 20), 0)
         values, changed = relocated(values, more, generator)
         for name in ("mean", "square", "seen"):
             state = getattr(self, name)
@@ -147,6 +163,7 @@ class GaussianTrainer(BudgetedTrainer):
 class SplatTrainer(GaussianTrainer):
     """A trainer of Gaussians that are drawn, all pixels of a view at a time."""
 
+    kind = "splats"
     whole_views = True
 
     def __post_init__(self) -> None:

@@ -316,23 +316,23 @@ def frontier(record: Studies) -> str:
 
 
 def families(searched: Run) -> str:
-    """Tabulate the trials of each family, the mean over scenes, and what a trial gained."""
-    trials = list(dict.fromkeys(row["trial"] for row in searched["rows"]))
-    lines, gained = [], []
+    """Tabulate the trials of each family, means over scenes, and the largest gains."""
+    trials, lines, gains = list(dict.fromkeys(row["trial"] for row in searched["rows"])), [], []
     for family, means in searched["means"].items():
-        words = {name: "no score" if means[name] is None else number(means[name]) for name in trials}
-        what = searched["trials"][family]
-        lines.append([family, words[trials[0]], *(f"{words[name]} ({what[name]})" for name in trials[1:])])
-        best = max(trials, key=lambda name: means[name] or 0.0)
-        gained += [(means[best] - means[trials[0]], f"{best} for {family}")] if means[trials[0]] else []
-    (most, where), (next_most, _), *_ = sorted(gained, reverse=True)
-    seconds = number(searched["settings"]["budget"]["core_seconds"], 0)
-    scenes = listed(list(dict.fromkeys(row["scene"] for row in searched["rows"])))
-    head = f"Validation PSNR after {seconds} core seconds, dB, mean over {scenes}, one seed of its own"
-    gains = (
-        f"What gained most, {signed(most)} dB, was {where}; no other family gained more than {signed(next_most)} dB."
+        rows = [row for row in searched["rows"] if row["family"] == family]
+        steps = {name: number(fmean(row["steps"] for row in rows if row["trial"] == name), 0) for name in trials}
+        what = {name: f"{words}; " if name != trials[0] else "" for name, words in searched["trials"][family].items()}
+        lines.append(
+            [family, *(f"{number(means[name])} ({steps[name]} steps) {what[name]}".strip() for name in trials)]
+        )
+        gains.append((max(means[name] or 0.0 for name in trials) - (means[trials[0]] or 0.0), family))
+    (most, where), (next_most, _), *_ = sorted(gains, reverse=True)
+    budget, scenes = searched["settings"]["budget"]["core_seconds"], dict.fromkeys(row["scene"] for row in rows)
+    return (
+        f"Validation PSNR after {budget:g} core seconds, dB, mean over {listed(list(scenes))}, one seed of its "
+        f"own. The best trial of {where} gained {signed(most)} dB, that of no other family more than "
+        f"{signed(next_most)} dB.\n\n{table(['family', *trials], lines)}"
     )
-    return f"{head}. {gains}\n\n{table(['family', *trials], lines)}"
 
 
 def leaders(record: Studies) -> str:

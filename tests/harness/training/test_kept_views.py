@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from baselines.contract import Box
-from harness.records.pictures import read_renders, read_truth, read_turn
-from harness.training.saved_renders import KeptRenders, frame_of, keep_truth
+from harness.records.pictures import read_renders, read_truth, read_turn, write_truth
+from harness.training.saved_renders import KeptRenders, frame_of, keep_truth, turned
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
 from scenes.files.digest import file_digest
@@ -56,6 +56,26 @@ def test_the_first_seed_saves_a_turn_of_all_test_views_in_the_order_of_azimuth(b
         if turn is not None:
             shown = [round(255 * ball.test.names.index(name) / 4) for name in turn.views]
             assert (turn.views, turn.frames[:, 0, 0, 0].tolist()) == (truth.views, shown)
+
+
+def test_a_turn_has_two_dozen_views_spread_over_all_azimuths(ball: ViewSet) -> None:
+    angles = np.random.default_rng(0).permutation(50) * 2 * np.pi / 50 + 0.01
+    poses = np.tile(np.eye(4), (50, 1, 1))
+    poses[:, :2, 3] = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    chosen = turned(replace(ball.test, names=tuple(map(str, range(50))), camera_to_world=poses))
+    assert len(chosen) == 24
+    apart = np.diff([*angles[chosen], angles[chosen[0]] + 2 * np.pi]) / (2 * np.pi / 50)
+    assert set(apart.round().tolist()) == {2.0, 3.0}
+
+
+def test_a_truth_of_an_older_version_gets_its_turn(ball: ViewSet, tmp_path: Path) -> None:
+    path = tmp_path / "records" / "pictures" / "ball.safetensors"
+    keep_truth(tmp_path, "ball", ball, 1)
+    whole = path.read_bytes()
+    write_truth(path, read_truth(path))
+    assert read_turn(path, "truth") is None
+    keep_truth(tmp_path, "ball", ball, 1)
+    assert path.read_bytes() == whole
 
 
 def test_frames_are_small_and_averages() -> None:

@@ -14,7 +14,7 @@ from harness.studies.conformance.learner_checks import CPU, SETTINGS, STREAM, dr
 from harness.training.batches import Batch
 from harness.training.checkpoints import restore_training, tensors_of, training_state
 from harness.training.kinds import splat_trainer
-from harness.training.kinds.splat_trainer import FIRST, MOVED_EVERY, SplatTrainer
+from harness.training.kinds.splat_trainer import AMOUNTS, MOVED_EVERY, SplatTrainer
 from harness.training.learner import at_step, train
 from harness.training.lockstep import box_of
 from harness.training.make_learner import NotAvailable, learner_for
@@ -52,7 +52,7 @@ def test_stopped_before_and_after_a_relocation_it_ends_in_the_same_bits() -> Non
         pieces = trainer()
         restore_training(pieces, kept)
     train(pieces, batch_at(), at_step(STEPS))
-    assert len(whole.field.values) > FIRST
+    assert len(whole.field.values) > AMOUNTS["splats"].first
     assert all(torch.equal(value, tensors_of(pieces)[name]) for name, value in tensors_of(whole).items())
     assert torch.equal(whole.square, pieces.square)
 
@@ -60,11 +60,11 @@ def test_stopped_before_and_after_a_relocation_it_ends_in_the_same_bits() -> Non
 def test_moments_of_what_moved_begin_again_and_there_are_never_more_than_may_be(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(SplatTrainer, "most", FIRST + 3)
+    monkeypatch.setattr(SplatTrainer, "most", AMOUNTS["splats"].first + 3)
     learner = train(trainer(), batch_at(), at_step(MOVED_EVERY))
-    assert len(learner.field.values) == FIRST + 3
-    assert learner.seen[FIRST:].tolist() == [[0.0]] * 3
-    assert float(learner.square[FIRST:].abs().max()) == 0.0
+    assert len(learner.field.values) == AMOUNTS["splats"].first + 3
+    assert learner.seen[AMOUNTS["splats"].first :].tolist() == [[0.0]] * 3
+    assert float(learner.square[AMOUNTS["splats"].first :].abs().max()) == 0.0
     assert float(learner.seen.max()) == MOVED_EVERY
 
 

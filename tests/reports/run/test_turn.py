@@ -43,6 +43,7 @@ def test_a_method_of_other_views_or_with_a_damaged_file_is_left_out(out):
     write_renders(other, read_renders(other), Turn(["a", "b"], np.zeros((2, 4, 4, 3), dtype=np.uint8)))
     (shown,) = rounds(read_records(out))
     assert [strip.method for strip in shown.strips] == [None, "nerf_matched"]
+    assert shown.missing == ["nerf", "qnerf"]
     (folder / "chair.safetensors").unlink()
     assert rounds(read_records(out)) == []
 

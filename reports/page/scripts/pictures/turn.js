@@ -33,7 +33,7 @@ const turn = (() => {
       }
     }
 
-    block.prepend(element("p", { class: "controls" }, slider, play));
+    if (many > 1) block.prepend(element("p", { class: "controls" }, slider, play));
     block.classList.add("turning");
     block.closest("details")?.addEventListener("toggle", stop);
     state.on((changed) => changed.has("turn.view") && draw());

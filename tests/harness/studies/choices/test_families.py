@@ -28,13 +28,13 @@ def test_every_trial_is_another_training_and_leaves_the_constants_as_they_were(t
     folder = ball_with_validation_views(tmp_path / "ball")
     plan = replace(search_plan(False), methods=("nerf", "hash_grid", "splats"), budget=Budget(4, None))
     plan = replace(plan, views=replace(tiny.VIEWS, val=2), score=tiny.SCORE)
-    usual = growth.PLANES, growth.TABLES, splat_trainer.SplatTrainer.faster, splat_trainer.SplatTrainer.first
+    usual = growth.PLANES, growth.TABLES, splat_trainer.AMOUNTS
     rows = list(search(plan, {"ball": folder}, tmp_path, 1, "cpu"))
     assert [(row.family, row.trial) for row in rows] == [
         (name, trial) for name in plan.methods for trial in TRIALS[name]
     ]
     assert len({row.psnr_val for row in rows}) == len(rows)
-    assert usual == (growth.PLANES, growth.TABLES, splat_trainer.SplatTrainer.faster, splat_trainer.SplatTrainer.first)
+    assert usual == (growth.PLANES, growth.TABLES, splat_trainer.AMOUNTS)
 
 
 def test_it_trains_as_the_frontier_does(tmp_path: Path) -> None:
