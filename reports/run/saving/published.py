@@ -322,9 +322,7 @@ def families(searched: Run) -> str:
         rows = [row for row in searched["rows"] if row["family"] == family]
         steps = {name: number(fmean(row["steps"] for row in rows if row["trial"] == name), 0) for name in trials}
         what = {name: f"{words}; " if name != trials[0] else "" for name, words in searched["trials"][family].items()}
-        lines.append(
-            [family, *(f"{number(means[name])} ({steps[name]} steps) {what[name]}".strip() for name in trials)]
-        )
+        lines.append([family, *(f"{number(means[name])} ({what[name]}{steps[name]} steps)" for name in trials)])
         gains.append((max(means[name] or 0.0 for name in trials) - (means[trials[0]] or 0.0), family))
     (most, where), (next_most, _), *_ = sorted(gains, reverse=True)
     budget, scenes = searched["settings"]["budget"]["core_seconds"], dict.fromkeys(row["scene"] for row in rows)
