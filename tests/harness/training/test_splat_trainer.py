@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +61,12 @@ def test_stopped_before_and_after_a_relocation_it_ends_in_the_same_bits() -> Non
 def test_moments_of_what_moved_begin_again_and_there_are_never_more_than_may_be(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(SplatTrainer, "most", AMOUNTS["splats"].first + 3)
+    usual, first = AMOUNTS["splats"], AMOUNTS["splats"].first
+    monkeypatch.setitem(AMOUNTS, "splats", replace(usual, most=first + 3))
     learner = train(trainer(), batch_at(), at_step(MOVED_EVERY))
-    assert len(learner.field.values) == AMOUNTS["splats"].first + 3
-    assert learner.seen[AMOUNTS["splats"].first :].tolist() == [[0.0]] * 3
-    assert float(learner.square[AMOUNTS["splats"].first :].abs().max()) == 0.0
+    assert len(learner.field.values) == first + 3
+    assert learner.seen[first:].tolist() == [[0.0]] * 3
+    assert float(learner.square[first:].abs().max()) == 0.0
     assert float(learner.seen.max()) == MOVED_EVERY
 
 
