@@ -305,13 +305,14 @@ def collapse(record: Studies) -> str:
 
 def frontier(record: Studies) -> str:
     """State the answers of the frontier, with the mean score of each family at each budget."""
-    answers = [f"* **{study.info.title.rstrip('?')}.** {study.answers[0]}" for study in record.studies if study.answers]
+    said = {
+        study.info.title: study.answers if study.info.id == "phi" else study.answers[:1] for study in record.studies
+    }
+    answers = [f"* **{title.rstrip('?')}.** {' '.join(words)}" for title, words in said.items() if words]
     means = [found for study in record.studies for found in study.tables if found.id == "over_scenes"]
     tables = [table(found.columns, (map(str, line) for line in found.rows)) for found in means]
-    seconds = sum(study.seconds for study in record.studies)
-    took = (
-        f"It took {seconds / 60:.0f} minutes on {record.provenance['cores']} cores ({record.provenance['processor']})."
-    )
+    minutes, made = sum(study.seconds for study in record.studies) / 60, record.provenance
+    took = f"It took {minutes:.0f} minutes on {made['cores']} cores ({made['processor']})."
     return "\n\n".join([*tables, "\n".join(answers), took, FRONTIER_PICTURE])
 
 
