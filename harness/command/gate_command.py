@@ -42,7 +42,7 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
         return 0
 
     from harness.gate.gate_run import SHELF, context_for, renew, run
-    from harness.gate.processor import environment_of
+    from harness.machine.processor_class import environment_of
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder, make_ours
 

@@ -191,8 +191,8 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     require_between(options, plain_seconds=(1, 86400))
 
     def prepare() -> Measure:
-        from harness.gate.processor import class_here
         from harness.machine.device import chosen_device
+        from harness.machine.processor_class import class_here
         from harness.studies.speed.speed_run import run
 
         seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)

@@ -18,8 +18,8 @@ from baselines import fused_network
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import FACTORS, STARTS, Start
 from harness.gate.limits import NONE_DIFFERS, Limit, judge
-from harness.gate.processor import classes_here, forced, in_child
 from harness.gate.references import Course, Courses, References
+from harness.machine.processor_class import classes_here, forced, in_child
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings

@@ -10,13 +10,13 @@ import torch
 from msgspec import structs
 
 from harness.execution.progress import Progress
-from harness.gate import early, families, gate_speed, images, worse
+from harness.gate import early, gate_families, gate_speed, images, worse
 from harness.gate.gate_context import GateContext
 from harness.gate.gates import IMAGE_SCENES, KINDS, Gate, Kind, gates, settings_of
 from harness.gate.limits import KindFacts, LimitsFile, changes, read_stored, write_stored
-from harness.gate.processor import class_here, classes_here, forced
 from harness.gate.references import References, read_references, references_file, references_for
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
+from harness.machine.processor_class import class_here, classes_here, forced
 from harness.machine.provenance import provenance
 from harness.records.json_record import file_digest
 from harness.records.study import Check, Studies, StudyInfo, read_studies
@@ -34,7 +34,7 @@ CPU = torch.device("cpu")
 TITLES: dict[Kind, tuple[str, str, float]] = {
     "changed": ("The first steps of training, against the stored ones", "early", 30),
     "worse": ("Short trainings, against the stored ones of the same seeds", "worse", 90),
-    "families": ("Short trainings of the other families, against other seeds", "families", 40),
+    "families": ("Short trainings of the other families, against other seeds", "gate_families", 40),
     "images": ("Renders, against the stored mean and variance", "images", 30),
     "fairness": ("Copies of a method, and what methods share", "fairness", 15),
     "speed": ("Seconds beside those of plain code", "gate_speed", 30),
@@ -55,7 +55,7 @@ RENEWALS: dict[Kind, Callable[[GateContext], References]] = {
 """The renewals that depend on the class of processor."""
 RENEWED_LIMITS: dict[Kind, Callable[[GateContext], dict[str, list[float]]]] = {
     "images": images.renew,
-    "families": families.renew,
+    "families": gate_families.renew,
 }
 """The renewals that do not."""
 

@@ -21,9 +21,9 @@ from baselines.plain import PlainField, plain_render, plain_step
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import RENEWAL_PROCESSES, SLOWER_FOUND, SPEED_REPEATS, STEPS, gates
 from harness.gate.limits import Limit, judge
-from harness.gate.processor import in_child
 from harness.gate.references import References
 from harness.gate.worse import TRAIN
+from harness.machine.processor_class import in_child
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.records.study import Check

@@ -18,7 +18,7 @@ class PastRun(Record, frozen=True):
     commit: str
     """The commit, with `-dirty` if files were changed since."""
     of_class: str
-    """The class of the processor (`harness.gate.processor`)."""
+    """The class of the processor (`harness.machine.processor_class`)."""
     processor: str
     threads: int
     values: dict[str, float]

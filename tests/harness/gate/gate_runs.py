@@ -9,18 +9,18 @@ import pytest
 
 from harness.__main__ import main
 from harness.execution.progress import Quiet
-from harness.gate import early, fairness, families, gate_speed, images, worse
+from harness.gate import early, fairness, gate_families, gate_speed, images, worse
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import KINDS, WIDER, Gate, Kind, gates, settings_of
 from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judge, read_stored, write_stored
-from harness.gate.processor import class_here
 from harness.gate.references import Course, References
+from harness.machine.processor_class import class_here
 from harness.records.study import Check
 
 CENTRE = 25.0
 LIMITED: tuple[Kind, ...] = ("families", "images")
 MODULES: dict[Kind, Any] = dict(
-    zip(get_args(Kind), (early, worse, families, images, fairness, gate_speed), strict=True)
+    zip(get_args(Kind), (early, worse, gate_families, images, fairness, gate_speed), strict=True)
 )
 
 

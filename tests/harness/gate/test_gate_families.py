@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-from harness.gate import families
+from harness.gate import gate_families
 from harness.gate.gates import FAMILIES, FAMILY_RENEWAL, FAMILY_SEEDS, gates
 from harness.records.cells import CellRecord
 from harness.records.study import Check
@@ -20,9 +20,9 @@ def cells(seeds: tuple[int, ...], psnr: float = CENTRE, **others: object) -> lis
 
 
 def checks(limits: Path, monkeypatch: pytest.MonkeyPatch, trained: list[CellRecord]) -> dict[str, Check]:
-    monkeypatch.setattr(families, "trained", lambda *given, **named: trained)
+    monkeypatch.setattr(gate_families, "trained", lambda *given, **named: trained)
     chosen = tuple(gate for gate in gates() if gate.kind == "families")
-    found = families.measure(context_of(chosen, limits))
+    found = gate_families.measure(context_of(chosen, limits))
     return {check.id: check for check in found if isinstance(check, Check)}
 
 
@@ -47,11 +47,11 @@ def test_what_diverged_fails_with_its_reason_and_what_cannot_run_here_is_not_ava
 
 def test_limits_are_made_of_trainings_that_ended(limits: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     context = context_of((), limits)
-    monkeypatch.setattr(families, "trained", lambda *given, **named: cells(FAMILY_RENEWAL))
-    assert families.renew(context) == {f"families.{name}": [CENTRE] * len(FAMILY_RENEWAL) for name in FAMILIES}
-    monkeypatch.setattr(families, "trained", lambda *given, **named: cells(FAMILY_RENEWAL, status="diverged"))
+    monkeypatch.setattr(gate_families, "trained", lambda *given, **named: cells(FAMILY_RENEWAL))
+    assert gate_families.renew(context) == {f"families.{name}": [CENTRE] * len(FAMILY_RENEWAL) for name in FAMILIES}
+    monkeypatch.setattr(gate_families, "trained", lambda *given, **named: cells(FAMILY_RENEWAL, status="diverged"))
     with pytest.raises(InputError, match="trainings that did not end"):
-        families.renew(context)
+        gate_families.renew(context)
 
 
 def test_no_seed_of_a_gate_is_one_of_its_limits() -> None:

@@ -14,7 +14,7 @@ from harness.gate import gate_run, images
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import KINDS, gates
 from harness.gate.limits import LimitsFile, read_stored, write_stored
-from harness.gate.processor import class_here
+from harness.machine.processor_class import class_here
 from harness.records.study import Check, read_studies
 from harness.run_folder.folder_lock import lock_folder
 from tests.harness.gate.gate_runs import CENTRE, LIMITED, MODULES, facts, gate_line, measured_values, references, sound

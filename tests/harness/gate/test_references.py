@@ -14,8 +14,8 @@ from harness.gate import gate_run
 from harness.gate.gate_context import GateContext
 from harness.gate.gates import WIDER
 from harness.gate.limits import unfit, write_stored
-from harness.gate.processor import class_here
 from harness.gate.references import RANK_FILE, References, publish, ranks, read_references
+from harness.machine.processor_class import class_here
 from harness.records.study import read_studies
 from tests.harness.gate.gate_runs import gate_line, references
 from tests.harness.shell import refused

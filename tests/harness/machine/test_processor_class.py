@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from harness.gate.processor import OWN, class_here, classes_here, environment_of, forced, in_child
+from harness.machine.processor_class import OWN, class_here, classes_here, environment_of, forced, in_child
 from scenes.files.errors import InputError
 
 
