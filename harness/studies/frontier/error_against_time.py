@@ -84,8 +84,10 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
             found = paired_difference(scores)
             x.append(place_of(frontier, budget, family, axis))
             y.append(error_of(found.mean))
-            low.append(None if found.interval is None else error_of(found.interval[1]))
-            high.append(None if found.interval is None else error_of(found.interval[0]))
+            # an interval over two scenes would hide everything else
+            interval = found.interval if len(chosen) > 2 else None
+            low.append(None if interval is None else error_of(interval[1]))
+            high.append(None if interval is None else error_of(interval[0]))
         yield Series(panel, 0, family, AXES[axis], ERROR, x, y, low, high)
     for words, name in (("copying the nearest training view", "psnr_floor"), ("noise of the truth", "psnr_ceiling")):
         values = [cell.scores.get(name) for cells in frontier.cells.values() for cell in cells if cell.scene == scene]

@@ -1,6 +1,6 @@
 """What the frontier says of planted cells, and what it plans; nothing is trained here."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -105,6 +105,15 @@ def test_the_best_mean_is_named_and_curves_are_errors_with_intervals_over_scenes
     floor = next(one for one in lines if one.name == "copying the nearest training view" and "ficus" in one.panel)
     assert floor.y == pytest.approx([10**-0.6] * 2)
     assert "± " in str(table(found, "over_scenes").rows[0][1])
+
+
+def test_two_scenes_have_no_band() -> None:
+    here = two_families()
+    here = replace(here, amount=replace(here.amount, scenes=SCENES[:2]))
+    whole = next(
+        one for one in error_against_time(here) if isinstance(one, Series) and one.panel.endswith("all scenes")
+    )
+    assert (whole.low, whole.high) == ([None, None], [None, None])
 
 
 def test_a_family_that_failed_on_a_scene_has_no_mean_there_and_is_named() -> None:
