@@ -3,6 +3,7 @@
 import base64
 import io
 from pathlib import Path
+from typing import Literal
 
 import matplotlib.image
 import numpy as np
@@ -64,12 +65,12 @@ def read(folder: Path, relative: str) -> Picture | None:
     return picture[..., :3] if picture.shape[-1] >= 3 else np.repeat(picture[..., :1], 3, axis=-1)
 
 
-def data_uri(picture: Picture) -> str:
-    """Return a PNG in base64, for an `<img>` that needs no other file."""
+def data_uri(picture: Picture, kind: Literal["png", "jpeg"] = "png", **options: int) -> str:
+    """Return a picture file in base64, for an `<img>` that needs no other file; the options are its encoder's."""
     buffer = io.BytesIO()
     eight_bit = np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8)
-    matplotlib.image.imsave(buffer, np.ascontiguousarray(eight_bit), format="png")
-    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+    matplotlib.image.imsave(buffer, np.ascontiguousarray(eight_bit), format=kind, pil_kwargs=options or None)
+    return f"data:image/{kind};base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
 
 
 def save(figure: Figure, path: Path) -> None:

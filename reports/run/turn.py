@@ -3,19 +3,15 @@
 They are JPEGs, to be looked at; what was saved of the views that the comparer shows is exact.
 """
 
-import base64
-import io
 from typing import NamedTuple
 
-import matplotlib.image
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.records.json_record import DamagedRecord
 from harness.records.pictures import EVERY_CHECKPOINT_SEED, Turn, read_turn, truth_pictures
 from reports.data.kept_pictures import inside
 from reports.data.load import Records
-from reports.drawing.images import smaller
+from reports.drawing.images import data_uri, smaller
 
 BUDGET_BYTES = 2_000_000
 BYTES_A_PIXEL = 0.28
@@ -88,7 +84,4 @@ def _read(records: Records, relative: str | None, method: str | None) -> Turn | 
 
 def _strip(turn: Turn, side: int) -> str:
     frames = [smaller(frame / 255.0, side) for frame in turn.frames]
-    pixels: NDArray[np.uint8] = np.round(255.0 * np.concatenate(frames, axis=1)).astype(np.uint8)
-    buffer = io.BytesIO()
-    matplotlib.image.imsave(buffer, pixels, format="jpeg", pil_kwargs={"quality": QUALITY, "subsampling": 0})
-    return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
+    return data_uri(np.concatenate(frames, axis=1), "jpeg", quality=QUALITY, subsampling=0)
