@@ -10,6 +10,8 @@ from harness.command.options import add_shared
 from harness.command.run_command import add_plan_options, planned_by
 
 if TYPE_CHECKING:
+    import torch
+
     from harness.execution.progress import Progress
     from harness.plan.profiles import Plan
 
@@ -52,11 +54,10 @@ def _add_file(command: argparse.ArgumentParser, *resume: str) -> None:
 
 
 def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.machine.device import available_cores
     from harness.studies.choices.sweep import SweepRow, as_json, sweep
 
     plan, device = planned_by(options)
-    workers = available_cores() if device.type == "cpu" else 1
+    workers = _workers(device)
 
     def line(row: SweepRow) -> str:
         tried = row.tried
@@ -74,7 +75,7 @@ def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def run_families(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
+    from harness.machine.device import chosen_device, multiplies_bfloat16
     from harness.machine.provenance import provenance
     from harness.studies.choices.families import TRIALS, FamilyRow, as_json, search, search_plan
 
@@ -87,7 +88,7 @@ def run_families(options: argparse.Namespace, show: "Progress") -> int:
         return f"{row.family}, {row.trial} ({what}), {row.scene}: {score}"
 
     folders = _folders(options, plan, show)
-    workers = available_cores() if device.type == "cpu" else 1
+    workers = _workers(device)
     rows = _shown(search(plan, folders, options.out.parent, workers, device.type, _kept(options)), line, show)
     for family, means in _written(options.out, as_json(rows, plan, provenance(device)))["means"].items():
         scores = [f"{trial} {'no score' if mean is None else f'{mean:.2f} dB'}" for trial, mean in means.items()]
@@ -133,13 +134,12 @@ def run_equivalence(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.machine.device import available_cores
     from harness.machine.provenance import provenance
     from harness.studies.choices.omissions import as_json, too_costly, verified
 
     plan, device = planned_by(options)
     folders = _folders(options, plan, show)
-    workers = available_cores() if device.type == "cpu" else 1
+    workers = _workers(device)
     omissions, controls = verified(
         plan, folders, options.out.parent, workers, show.line, device.type, controls=True, kept=_kept(options)
     )
@@ -159,6 +159,13 @@ def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dic
     if not options.out.parent.is_dir() or options.out.is_dir():
         raise InputError(f"--out {options.out}: name a file in a folder that exists")
     return view_set_folders(plan, options.view_sets, show)
+
+
+def _workers(device: "torch.device") -> int:
+    """Return the number of processes that train at once."""
+    from harness.machine.device import available_cores
+
+    return available_cores() if device.type == "cpu" else 1
 
 
 def _kept(options: argparse.Namespace) -> Path:

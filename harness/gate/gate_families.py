@@ -12,7 +12,6 @@ from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import FAMILIES, FAMILY_RENEWAL, FAMILY_SCENE, FAMILY_SEEDS
 from harness.gate.limits import judge
 from harness.gate.worse import trained
-from harness.records.cells import CellRecord
 from harness.records.study import Check
 from scenes.files.errors import InputError
 
@@ -22,9 +21,9 @@ def measure(context: GateContext) -> Iterator[Check]:
     """Train the families whose gates are asked for; what this machine cannot train is not available."""
     gates = context.of_kind("families")
     names = tuple(name for name in FAMILIES if f"families.{name}" in gates)
-    cells = _by_family(trained(context, names, scenes=(FAMILY_SCENE,), seeds=FAMILY_SEEDS))
+    cells = trained(context, names, scenes=(FAMILY_SCENE,), seeds=FAMILY_SEEDS)
     for name, gate in gates.items():
-        own = cells[name.removeprefix("families.")]
+        own = [cell for cell in cells if name == f"families.{cell.method}"]
         ended = [cell.scores.get("psnr") if cell.status == "done" else None for cell in own]
         why = "; ".join(dict.fromkeys(cell.reason or cell.status for cell in own if cell.status != "done"))
         check = judge(gate, ended, context.limits.limit_of(gate), why)
@@ -37,14 +36,8 @@ def renew(context: GateContext) -> dict[str, list[float]]:
     cells = trained(context, FAMILIES, scenes=(FAMILY_SCENE,), seeds=FAMILY_RENEWAL)
     if stopped := [f"{cell.method} seed {cell.seed}: {cell.reason}" for cell in cells if cell.status != "done"]:
         raise InputError(f"--renew: no limits can be made of trainings that did not end ({'; '.join(stopped)})")
-    return {
-        f"families.{name}": [score for cell in own if (score := cell.scores["psnr"]) is not None]
-        for name, own in _by_family(cells).items()
-    }
-
-
-def _by_family(cells: list[CellRecord]) -> dict[str, list[CellRecord]]:
-    by_family: dict[str, list[CellRecord]] = {}
+    scores: dict[str, list[float]] = {}
     for cell in cells:
-        by_family.setdefault(cell.method, []).append(cell)
-    return by_family
+        if (score := cell.scores["psnr"]) is not None:
+            scores.setdefault(f"families.{cell.method}", []).append(score)
+    return scores

@@ -113,6 +113,8 @@ class Turn:
 TRUTH = {"display": 3, "opacity": None, "linear": 3, "depth": None}
 RENDER = {"colour": 3, "opacity": None, "depth": None}
 """Map tensor → its channels; None stands for [h, w]."""
+PARTS = {"truth": (TRUTH, {"display", "opacity"}), "renders": (RENDER, set(RENDER))}
+"""Map kind of file → the tensors that a picture may have, and those that it must."""
 
 
 class ListedPicture(Record, frozen=True, kw_only=True):
@@ -165,18 +167,18 @@ def write_renders(path: Path, renders: list[Render], turn: Turn | None = None) -
 
 def read_truth(path: Path) -> list[Truth]:
     """Read the truth; raises `DamagedRecord`, with reason and remedy, for what `write_truth` does not write."""
-    return [Truth(row.view, **parts) for row, parts in _read(path, "truth", TRUTH, {"display", "opacity"})[0]]
+    return [Truth(row.view, **parts) for row, parts in _read(path, "truth")[0]]
 
 
 def read_renders(path: Path) -> list[Render]:
     """Read renders in the order of their checkpoints; raises `DamagedRecord` as `read_truth` does."""
-    rows, _ = _read(path, "renders", RENDER, set(RENDER))
+    rows, _ = _read(path, "renders")
     return [Render(row.view, row.step, **parts) for row, parts in rows if row.step is not UNSET]
 
 
 def read_turn(path: Path, kind: Literal["truth", "renders"]) -> Turn | None:
     """Read the turn of a file, if it has one; raises `DamagedRecord` as `read_truth` does."""
-    return _read(path, kind, *((TRUTH, {"display", "opacity"}) if kind == "truth" else (RENDER, set(RENDER))))[1]
+    return _read(path, kind)[1]
 
 
 def last_of(renders: list[Render]) -> list[Render]:
@@ -205,8 +207,9 @@ def _write(path: Path, kind: str, rows: list[ListedPicture], pictures: list[Any]
 
 
 def _read(
-    path: Path, kind: str, channels: dict[str, int | None], needed: set[str]
+    path: Path, kind: Literal["truth", "renders"]
 ) -> tuple[list[tuple[ListedPicture, dict[str, Half]]], Turn | None]:
+    channels, needed = PARTS[kind]
     try:
         if not path.is_file():
             raise ValueError("missing")

@@ -31,7 +31,7 @@ from harness.training.scoring.evaluate import View
 from scenes.files.errors import InputError
 from scenes.view_sets.pixels import area_average, over_white
 from scenes.view_sets.view_set import Split, ViewSet, linear_over_white
-from scenes.view_sets.viewpoints import by_azimuth
+from scenes.view_sets.viewpoints import by_azimuth, evenly_spread
 
 TURN_VIEWS, TURN_SIDE = 24, 100
 """The most views of a turn, and the most pixels of a side of them."""
@@ -56,8 +56,9 @@ def kept_views(test: Split, count: int) -> list[int]:
 
 def turned(test: Split) -> list[int]:
     """Return indices of evenly spread test views in the order of their azimuth, those of a turn around the scene."""
-    order, count = by_azimuth(test.camera_to_world), min(TURN_VIEWS, len(test.names))
-    return [int(order[place * len(order) // count]) for place in range(count)]
+    poses = test.camera_to_world
+    chosen = evenly_spread(min(TURN_VIEWS, len(poses)), poses)
+    return [int(index) for index in chosen[by_azimuth(poses[chosen])]]
 
 
 def frame_of(colour: np.ndarray) -> NDArray[np.uint8]:

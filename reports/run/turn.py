@@ -48,11 +48,9 @@ def rounds(records: Records) -> list[Round]:
     for scene, turns in found.items():
         about, strips = records.scene(scene), [Strip(name, _strip(turn, side)) for name, turn in turns.items()]
         if len(strips) > 1:
-            views, missing = (
-                len(next(iter(turns.values())).views),
-                [name for name in records.methods if name not in turns],
-            )
-            shown.append(Round(scene, about.title if about else scene, views, strips, missing))
+            missing = [name for name in records.methods if name not in turns]
+            title, views = about.title if about else scene, len(turns[None].views)
+            shown.append(Round(scene, title, views, strips, missing))
     return shown
 
 
@@ -63,8 +61,8 @@ def _turns(records: Records, scene: str) -> dict[str | None, Turn]:
         return {}
     turns: dict[str | None, Turn] = {None: truth}
     for method in records.methods:
-        for cell in records.cells:
-            if (cell.scene, cell.method, cell.seed, cell.status) == (scene, method, EVERY_CHECKPOINT_SEED, "done"):
+        for cell in records.cells_of(scene, method):
+            if (cell.seed, cell.status) == (EVERY_CHECKPOINT_SEED, "done"):
                 turn = _read(records, cell.pictures, method)
                 if turn is not None and (turn.views, turn.frames.shape) == (truth.views, truth.frames.shape):
                     turns[method] = turn
