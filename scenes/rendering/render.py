@@ -159,13 +159,17 @@ class LoadedScene:
         parameters = mi.traverse(sensor)
         parameters["to_world"] = mi.Transform4f(camera_to_world @ _OPENGL_FROM_MITSUBA)
         parameters.update()
-        images = (
-            mi.render(scene, sensor=sensor, integrator=integrator, seed=seed_from(seed, number), spp=spp_pass)
-            for number in range(passes)
-        )
-        total = np.array(next(images), dtype=np.float64)
+        seeds = [seed_from(seed, number) for number in range(passes)]
+        if self._vectorised:
+            images = (_means(mi, scene, integrator, sensor, spp_pass, pass_seed) for pass_seed in seeds)
+        else:
+            images = (
+                np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=pass_seed, spp=spp_pass))
+                for pass_seed in seeds
+            )
+        total = next(images).astype(np.float64)
         for image in images:
-            total += np.array(image)
+            total += image
         return total / passes
 
     def actual_spp(self, spp: int) -> int:
@@ -194,6 +198,29 @@ class LoadedScene:
                 }
             )  # fmt: skip
         return self._sensors[spp]
+
+
+def _means(mi: Any, scene: Any, integrator: Any, sensor: Any, spp: int, seed: int) -> np.ndarray:
+    """Return what `mi.render` does in a vectorised variant, with each pixel's samples added in one order: [h, w,
+    channels].
+
+    `mi.render` adds them to the film as threads come to it, so that two renders differ in their last bits.
+    """
+    import drjit as dr
+
+    width, height = sensor.film().crop_size()
+    sampler = sensor.sampler().clone()
+    sampler.set_samples_per_wavefront(spp)
+    sampler.seed(seed, width * height * spp)
+    pixel = dr.arange(mi.UInt32, width * height * spp) // dr.opaque(mi.UInt32, spp)
+    corner = mi.Vector2f(pixel % width, pixel // width)
+    place = (corner + sampler.next_2d()) / mi.ScalarVector2f(width, height)
+    ray, _ = sensor.sample_ray_differential(sensor.shutter_open(), 0.0, place, mi.Point2f(0.5))
+    light, seen, others = integrator.sample(scene, sampler, ray)
+    channels = others or [*light, dr.select(seen, mi.Float(1), mi.Float(0))]
+    dr.eval(channels)  # together: each alone would trace all paths again
+    sums = [dr.block_sum(channel, spp, mode="evaluated") for channel in channels]
+    return np.stack([np.array(channel).reshape(height, width) for channel in sums], axis=-1) / spp
 
 
 def _without_lamps(mi: Any, scene: Any) -> Any:

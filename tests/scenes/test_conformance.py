@@ -12,7 +12,7 @@ from scenes.files.digest import digest_of
 from scenes.files.errors import InputError
 from scenes.modelling.needs import OF_TRAINING, PARTS, entries, left_out, needs
 from scenes.modelling.scene import Description, Scene
-from scenes.rendering.render import LoadedScene, render_views
+from scenes.rendering.render import LoadedScene, render_views, seed_from, use
 from scenes.rendering.variant import Variant, llvm_libraries, probe
 from scenes.view_sets.viewpoints import camera_to_world
 
@@ -148,3 +148,26 @@ def test_it_renders_alike_with_llvm(name: str, scalar: Variant) -> None:
         both = (slow.depth > 0) & (quick.depth > 0)
         assert both.sum() > 0.8 * (slow.depth > 0).sum()
         assert abs((slow.depth - quick.depth)[both].mean()) < 0.02
+
+
+def test_llvm_gives_the_same_bits_on_any_number_of_threads_and_what_mitsuba_adds_up() -> None:
+    fast = llvm()
+    if fast is None:
+        pytest.skip("no libLLVM of version 16 or newer that works")
+    import drjit as dr
+
+    mi, size, spp = use(fast), 64, 324
+    scene = LoadedScene.of(scene_named("lego"), fast, size)
+    pose = camera_to_world("test", "hemisphere", 1)[0]
+    usual, tries = dr.thread_count(), []
+    try:
+        for threads in (1, 4, 4):
+            dr.set_thread_count(threads)
+            tries.append([scene.colour(pose, spp, 1), *scene.geometry(pose, spp, 1)])
+    finally:
+        dr.set_thread_count(usual)
+    for again in tries[1:]:
+        assert all(map(np.array_equal, tries[0], again))
+    parts = scene._scene, scene._sensor(spp), scene._colour
+    theirs = np.array(mi.render(parts[0], sensor=parts[1], integrator=parts[2], seed=seed_from(1, 0), spp=spp))
+    assert np.abs(tries[0][0] - theirs).max() < 1e-5
