@@ -1,0 +1,242 @@
+"""The blocks of numbers that tell runs of methods; `published.py` writes them into the pages."""
+
+from collections import Counter
+from collections.abc import Iterable
+from statistics import fmean, stdev
+from typing import Any
+
+from reports.claims.estimands import SENSES, between
+from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
+from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
+
+Run = dict[str, Any]
+"""The content of a published JSON file that is no record of studies."""
+SAYS = {
+    "better": "scores above",
+    "worse": "scores below",
+    "equivalent": "scores the same within the margin as",
+    "inconclusive": "is not told apart from",
+}
+"""Map verdict → the verb of a sentence about it: no other words compare two methods on these pages."""
+DUELS = ((FAVOURITE, BASELINE), (FAVOURITE, CONTROL), (CONTROL, BASELINE))
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a table in Markdown."""
+    head = list(head)
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
+
+
+def main_methods(run: Run) -> list[str]:
+    """Return the methods that were trained on every scene."""
+    return [method for method in run["methods"] if method in run["settings"]["methods"]]
+
+
+def row(run: Run, scene: str, method: str, against: str, budget: str = "steps") -> Run | None:
+    """Return the comparison of two methods by PSNR; None if there is no difference."""
+    asked = {"scene": scene, "method": method, "against": against, "metric": "psnr", "budget": budget}
+    rows = (comparison for comparison in run["comparisons"] if asked.items() <= comparison.items())
+    return next((effect for effect in rows if effect["difference"] is not None), None)
+
+
+def estimate(comparison: Run, sense: str) -> str:
+    """Format `−0.13 to +0.50: inconclusive`, of the interval that the verdict is taken from."""
+    known = comparison[sense]
+    pair = known and (known["simultaneous"] or known["interval"])
+    return f"{between(pair)}: {known['verdict']}" if pair else "–"
+
+
+def scale(run: Run) -> str:
+    """State the scale at which the default run was measured, and its machine."""
+    train, provenance, scene = run["settings"]["train"], run["provenance"], run["scenes"][0]
+    network = f"{train['network']['depth']} × {train['network']['width']}"
+    return (
+        f"Published run: {counted(len(run['scenes']), 'scene')} × {counted(len(run['seeds']), 'seed')}, "
+        f"{scene['width']} × {scene['height']} px, {network} networks, {run['settings']['budget']['steps']} steps; "
+        f"{run['phases']['total'] / 60:.0f} minutes on {provenance['cores']} cores ({provenance['processor']}, "
+        f"{train['precision']}), commit {provenance['commit']}."
+    )
+
+
+def result(run: Run) -> str:
+    """State the answer, the printed gain, and who scores how much more than whom, asked twice."""
+    gain = next(
+        (claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None), None
+    )
+    printed = f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." if gain else ""
+    return f"**{run['headline']}.**{printed}\n\n{differences(run)}"
+
+
+def differences(run: Run, budget: str = "steps") -> str:
+    rows = [
+        (f"`{pair[0]}` − `{pair[1]}`", f"{signed(duel['difference'])} dB", *(estimate(duel, name) for name in SENSES))
+        for pair in DUELS
+        if (duel := row(run, "all", *pair, budget))
+    ]
+    return table((f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values())), rows)
+
+
+def training(run: Run) -> str:
+    """State what a cell was given: steps, rays, optimiser."""
+    train = run["settings"]["train"]
+    optimiser = train["optimiser"]["name"]
+    named = optimiser.upper() if optimiser == "soap" else optimiser.capitalize()
+    return f"{run['settings']['budget']['steps']} steps of {train['rays']} rays, {named}"
+
+
+def beside(run: Run, other: Run) -> str:
+    """Tabulate a second run of the same methods beside the default one: over all scenes if both have the same, else
+    scene by scene.
+    """
+    runs = (run, other)
+    names, others = ([scene["scene"] for scene in each["scenes"]] for each in runs)
+    common = [name for name in names if name in others]
+    whole = len(common) == len(names) == len(others)
+    sense, places = ("scenes_like_these", ["all"]) if whole else ("on_these_scenes", common)
+    rows: list[tuple[str, ...]] = []
+    verdicts = []
+    for place in places:
+        where = f", mean of {counted(len(common), 'scene')}" if whole else f" on {place}"
+        inside = common if whole else [place]
+        rows += [
+            (f"`{method}`{where}", *(_score(each, inside, method) for each in runs)) for method in main_methods(run)
+        ]
+        for pair in DUELS:
+            duels = [row(each, place, *pair) for each in runs]
+            if all(duels):
+                verdicts.append([duel[sense]["verdict"] for duel in duels if duel])
+                told = (f"{signed(duel['difference'])} dB, {estimate(duel, sense)}" for duel in duels if duel)
+                rows.append((f"`{pair[0]}` − `{pair[1]}`{'' if whole else where}", *told))
+    gains = [{gained["method"]: gained["gain"] for gained in each["last_doubling"]} for each in runs]
+    rows += [
+        (f"`{method}`, last doubling", *(f"{signed(gain[method])} dB" for gain in gains))
+        for method in main_methods(run)
+        if whole and all(gain.get(method) is not None for gain in gains)
+    ]
+    same = sum(len(set(pair)) == 1 for pair in verdicts)
+    words = "on scenes like these" if whole else "on single scenes"
+    head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
+    return f"{same} of {len(verdicts)} verdicts are the same.\n\n{table(head, rows)}\n\n{scale(other)}"
+
+
+def _score(run: Run, scenes: list[str], method: str) -> str:
+    """Format `28.34 dB, 23 core s`: the mean over scenes of the mean over seeds, and the mean cost of a cell."""
+    psnr = fmean(fmean(psnr_of(run, scene, method)) for scene in scenes)
+    cells = (cell for cell in run["cells"] if cell["method"] == method and cell["scene"] in scenes)
+    return f"{number(psnr)} dB, {fmean(cell['train_core_seconds'] for cell in cells):.0f} core s"
+
+
+def scores(run: Run) -> str:
+    """Tabulate test PSNR by scene, with the ceiling that the truth's noise sets, and the floor: the nearest training
+    view.
+    """
+    methods = main_methods(run)
+    rows = [
+        (
+            scene["scene"],
+            *(spread(psnr_of(run, scene["scene"], method)) for method in methods),
+            *(number(scene[name], 1) for name in ("psnr_ceiling", "psnr_floor")),
+        )
+        for scene in run["scenes"]
+    ]
+    return table(("test PSNR, dB", *(f"`{method}`" for method in methods), "ceiling", "floor"), rows)
+
+
+def psnr_of(run: Run, scene: str, method: str) -> list[float]:
+    """Return the scores, one per seed."""
+    cells = (cell for cell in run["cells"] if (cell["scene"], cell["method"]) == (scene, method))
+    return [cell["psnr"] for cell in cells if cell["psnr"] is not None]
+
+
+def spread(values: list[float]) -> str:
+    """Format mean ± standard deviation over seeds."""
+    more = f" ± {number(stdev(values))}" if len(values) > 1 else ""
+    return f"{number(fmean(values))}{more}" if values else "–"
+
+
+def explained_scene(run: Run) -> str:
+    """Return the scene of the further methods; empty if there are none."""
+    return next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
+
+
+def why(run: Run) -> str:
+    """State the effect of the unit of density, and the printed form apart."""
+    scene = explained_scene(run)
+    sentences, moved = [], []
+    scales: set[float] = set()
+    for base in (BASELINE, FAVOURITE):
+        means = {
+            unit["scale"]: fmean(psnr)
+            for method, unit in run["settings"]["density_units"].items()
+            if method.split("_unit_")[0] == base and (psnr := psnr_of(run, scene, method))
+        }
+        scales |= means.keys()
+        if len(means) > 1:
+            least, most = min(means.values()), max(means.values())
+            moved.append(f"`{base}` scores {number(least, 1)} to {number(most, 1)} dB")
+    if moved:
+        units = f"{min(scales):g} and {max(scales):g} units of density per half of the box"
+        sentences.append(f"Between {units}, {listed(moved)} on {scene}.")
+    if printed := row(run, scene, f"{FAVOURITE}_printed", BASELINE):
+        sentences.append(
+            f"`{printed['method']}` {SAYS[printed['verdict']]} `{BASELINE}` there: {signed(printed['difference'])} dB "
+            f"({between(printed['simultaneous'] or printed['interval'])})."
+        )
+    return " ".join(sentences)
+
+
+def further(run: Run) -> str:
+    """Tabulate the methods that were trained on one scene alone, without the ladder."""
+    scene = explained_scene(run)
+    rows = [
+        (f"`{method}`", title, f"{signed(duel['difference'])} dB, {estimate(duel, 'on_these_scenes')}")
+        for method, title in run["methods"].items()
+        if method not in main_methods(run) and "_unit_" not in method and (duel := row(run, scene, method, BASELINE))
+    ]
+    return table((f"on {scene}", "what it is", f"− `{BASELINE}`, 95 % on this scene"), rows) if rows else ""
+
+
+def failed(run: Run) -> str:
+    """State how often runs diverged or collapsed."""
+    rates = run.get("failures", {}).get("rates", [])
+    lost = [
+        f"`{rate['method']}` in {rate['diverged'] + rate['collapsed']} of {counted(rate['runs'], 'run')} "
+        f"(95 % interval {' to '.join(number(100 * end, 0) for end in rate['interval'])} %)"
+        for rate in rates
+        if rate["rate"]
+    ]
+    if lost:
+        return f"Diverged or showed background alone: {listed(lost)}; differences are of the others."
+    return f"None of {sum(rate['runs'] for rate in rates)} runs diverged or showed background alone." if rates else ""
+
+
+def ledger(run: Run) -> str:
+    """State how many printed statements came out how."""
+    many = Counter(claim["verdict"] for claim in run["claims"])
+    verdicts = listed([f"{many[verdict]} {verdict}" for verdict in VERDICTS if many[verdict]])
+    return f"Of {len(run['claims'])} statements of the paper: {verdicts}." if run["claims"] else ""
+
+
+def doubling(run: Run) -> str:
+    """State what the last doubling of the steps brought each method, and what training cost."""
+    rows = {gained["method"]: gained for gained in run.get("last_doubling", [])}
+    named = [
+        f"`{method}` {signed(rows[method]['gain'])} dB ({between(rows[method]['interval'])})"
+        for method in main_methods(run)
+        if method in rows and rows[method]["gain"] is not None
+    ]
+    spent = [cell.get("train_core_seconds") for cell in run["cells"] if cell["method"] == BASELINE]
+    known = [seconds for seconds in spent if seconds is not None]
+    cost = f" A cell of `{BASELINE}` takes {fmean(known):.0f} core seconds of training." if known else ""
+    return f"The last doubling of the steps brought {listed(named)}.{cost}" if named else ""
+
+
+def processors(run: Run) -> str:
+    """State how far the same plan and seeds move on another processor."""
+    changed = next(change for change in run["changed"] if change["sense"] == "scenes_like_these")
+    return (
+        f"The same plan and seeds on another processor or instruction set move a run's score by "
+        f"{number(run['all']['rms'])} dB (RMS; at most {number(abs(run['all']['largest']))}), and change "
+        f"{changed['verdicts']} of {changed['compared']} verdicts on scenes like these, {changed['signs']} in sign "
+        "(`python -m harness compare A B`)."
+    )

@@ -1,0 +1,170 @@
+"""The blocks of numbers that tell studies and measurements; `published.py` writes them into the pages."""
+
+from collections import Counter
+from statistics import fmean
+
+from harness.records.study import Studies
+from reports.data.wording import counted, interval, listed, number, signed, significant
+from reports.run.saving.run_blocks import Run, table
+
+FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
+
+
+def evidence(record: Studies) -> str:
+    """State the answer of each study, in the words that were made from its figures, and the failing checks."""
+    checks, broken = list(record.checks()), record.broken
+    answers = [f"* **{study.info.title}** {study.answers[0]}" for study in record.studies if study.answers]
+    lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
+    hold = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
+    pictures = "![What each part does](reduced/evidence_effects.png)", "![Frequencies](reduced/bandwidth.png)"
+    return "\n\n".join(["\n".join(answers), hold, *pictures])
+
+
+def collapse(record: Studies) -> str:
+    """State how often short trainings ended without a picture, in boxes of several sizes."""
+    return " ".join(answer for study in record.studies if study.info.id == "collapse" for answer in study.answers)
+
+
+def frontier(record: Studies) -> str:
+    """State the answers of the frontier, with the mean score of each family at each budget."""
+    said = {
+        study.info.title: study.answers if study.info.id == "phi" else study.answers[:1] for study in record.studies
+    }
+    answers = [f"* **{title.rstrip('?')}.** {' '.join(words)}" for title, words in said.items() if words]
+    means = [found for study in record.studies for found in study.tables if found.id == "over_scenes"]
+    tables = [table(found.columns, (map(str, line) for line in found.rows)) for found in means]
+    minutes, made = sum(study.seconds for study in record.studies) / 60, record.provenance
+    took = f"It took {minutes:.0f} minutes on {made['cores']} cores ({made['processor']})."
+    return "\n\n".join([*tables, "\n".join(answers), took, FRONTIER_PICTURE])
+
+
+def families(searched: Run) -> str:
+    """Tabulate the trials of each family, means over scenes, and the largest gains."""
+    trials, lines, gains = list(dict.fromkeys(row["trial"] for row in searched["rows"])), [], []
+    for family, means in searched["means"].items():
+        rows = [row for row in searched["rows"] if row["family"] == family]
+        steps = {name: number(fmean(row["steps"] for row in rows if row["trial"] == name), 0) for name in trials}
+        what = {name: f"{words}; " if name != trials[0] else "" for name, words in searched["trials"][family].items()}
+        lines.append([family, *(f"{number(means[name])} ({what[name]}{steps[name]} steps)" for name in trials)])
+        gains.append((max(means[name] or 0.0 for name in trials) - (means[trials[0]] or 0.0), family))
+    (most, where), (next_most, _), *_ = sorted(gains, reverse=True)
+    budget, scenes = searched["settings"]["budget"]["core_seconds"], dict.fromkeys(row["scene"] for row in rows)
+    return (
+        f"Validation PSNR after {budget:g} core seconds, dB, mean over {listed(list(scenes))}, one seed of its "
+        f"own. The best trial of {where} gained {signed(most)} dB, that of no other family more than "
+        f"{signed(next_most)} dB.\n\n{table(['family', *trials], lines)}"
+    )
+
+
+def leaders(record: Studies) -> str:
+    """State who is best at which budget, with the picture, for the README."""
+    who = [answer for study in record.studies if study.info.id == "front" for answer in study.answers]
+    amount = record.settings["amount"]
+    scale = f"{counted(len(amount['scenes']), 'scene')}, {counted(len(amount['seeds']), 'seed')}"
+    where = f"{scale}, {record.provenance['processor']}: on another machine a core second is another amount of work."
+    return "\n\n".join([f"{' '.join(who)} {where}", FRONTIER_PICTURE.replace("(", "(docs/")])
+
+
+def stability(record: Studies) -> str:
+    """State how many checks came out how, by whose formula it is."""
+    many = Counter((check.owner, check.status) for _, check in record.checks())
+    tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
+    return (
+        f"In {len(record.studies)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
+        f"{many['ours', 'inconclusive']} are inconclusive. The paper's printed formulas fail "
+        f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
+        f"{tried['usual']}. It took {sum(study.seconds for study in record.studies) / 60:.0f} minutes.\n\n"
+        "![The matrix of cases in miniature](stability.png)"
+    )
+
+
+def speed(record: Studies) -> str:
+    """Tabulate ratios and memory, with their targets; none of them depends on what is trained."""
+    by_id = {check.id: check for _, check in record.checks()}
+    rows = [
+        (
+            measured.what,
+            f"{number(measured.value)} {measured.unit} [{number(measured.spread[0])}, {number(measured.spread[1])}]",
+            f"{measured.limit:g} {measured.unit}, {'met' if measured.holds else '**missed**'}",
+        )
+        for name in ("training.dense.ratio", "matrix.paper.share", "matrix.reduced.share", "memory.worker.nerf.peak")
+        if (measured := by_id.get(name)) and measured.value is not None and measured.spread
+    ]
+    where = record.provenance
+    return table((f"{where['cores']} cores, {where['processor']}", "measured", "target"), rows) if rows else ""
+
+
+def serving(record: Studies) -> str:
+    """State what the view cache and attention bring (§8)."""
+    by_id = {check.id: check for _, check in record.checks() if check.value is not None}
+    hits = [
+        f"{number(min(ratios), 0)} to {number(max(ratios), 0)} × from {where}"
+        for id, where in (("hit.memory.0.", "memory"), ("hit.disk.warm.", "disk"))
+        if (ratios := [check.value or 0.0 for check in by_id.values() if check.id.startswith(id)])
+    ]
+    key = by_id["key.pose"]
+    times = [
+        f"{number(measured.value, 0)} ms {words}"
+        for order, words in (("attention", "by attention"), ("plain", "plainly"))
+        if (measured := by_id.get(f"whole.{order}"))
+    ]
+    return (
+        f"Faster than rendering, a hit in the cache is {listed(hits)}. A key of the pose alone, as in Listing 5, would "
+        f"return another picture in {number(key.value, 0)} of {key.repeats} kinds of change. Until 10 % of the coarse "
+        f"frame's error is left in the whole picture: {listed(times)} (medians).\n\n![Serving](reduced/serving.png)"
+    )
+
+
+def left_out(effects: Run) -> str:
+    """Tabulate the effect of each omission on each scene: verdicts by the complete interval."""
+    rows = effects["omissions"]
+    titles = {effect["name"]: effect["what"] for effect in reversed(rows)}
+    by_cell = {(effect["scene"], effect["name"]): omission(effect) for effect in rows}
+    names = dict.fromkeys(effect["name"] for effect in rows)
+    lines = [
+        (scene, *(by_cell.get((scene, name), "–") for name in names))
+        for scene in dict.fromkeys(effect["scene"] for effect in rows)
+    ]
+    return table(("scene", *(titles[name] for name in names)), lines)
+
+
+def omission(effect: Run) -> str:
+    """Format `−0.31 [−0.57, −0.05] dB: inconclusive, 27.7 s saved`; of pictures the change of colour."""
+    if effect["difference"] is None:
+        return "–"
+    ends = f" {interval(effect['interval'])}" if effect["interval"] else ""
+    change = f"{signed(effect['difference'])}{ends} dB" if effect["unit"] == "dB" else significant(effect["difference"])
+    return f"{change}: {effect['verdict']}, {number(effect['seconds_saved'], 1)} s saved"
+
+
+def learning(swept: Run) -> str:
+    """Tabulate the means of a sweep over its scenes and methods, the best settings first."""
+    arms: dict[tuple[str, ...], list[Run]] = {}
+    for row in swept["rows"]:
+        arms.setdefault(_settings_in_words(row["tried"]), []).append(row)
+    averaged = [
+        (fmean(row["psnr_val"] for row in rows), arm, fmean(row["core_seconds"] for row in rows))
+        for arm, rows in arms.items()
+        if all(row["psnr_val"] is not None for row in rows)
+    ]
+    scenes, methods = (dict.fromkeys(row[key] for row in swept["rows"]) for key in ("scene", "method"))
+    head = ("optimiser", "β", "learning rate", "rays through covered pixels", "validation PSNR, dB", "core seconds")
+    lines = [(*arm, number(psnr), number(seconds, 0)) for psnr, arm, seconds in sorted(averaged, reverse=True)]
+    named = listed([f"`{name}`" for name in methods])
+    what = f"Means over {listed(list(scenes))} and {named}, one seed that no verdict uses:"
+    return f"{what}\n\n{table(head, lines)}"
+
+
+def _settings_in_words(tried: Run) -> tuple[str, ...]:
+    rate = f"{tried['learning_rate']:g} to {tried['last_learning_rate']:g}, {tried['decay']}"
+    share = f"{tried['covered_share']:.0%}" if tried["covered_share"] else "as they come"
+    return tried["optimiser"], " / ".join(f"{beta:g}" for beta in tried["betas"]), rate, share
+
+
+def environment(installed: Run) -> str:
+    """State the disk space of the installation."""
+    size, gpus = (installed[name] / 1e9 for name in ("bytes", "bytes_for_gpus"))
+    return (
+        f"The environment takes {size:.1f} GB, {gpus:.1f} GB of it for NVIDIA GPUs, which "
+        "`UV_TORCH_BACKEND=cpu nox -s benchmark` leaves out."
+    )
