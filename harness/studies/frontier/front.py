@@ -22,7 +22,8 @@ def front(context: FrontierContext) -> Iterator[Found]:
     tables = [frontier.table(budget, families) for budget in budgets]
     best = [best_shares(table) for table in tables]
     yield answer(families, budgets, best)
-    yield early_and_late(families, budgets, tables)
+    if len(budgets) > 1:
+        yield early_and_late(families, budgets, tables)
     for budget, table in zip(budgets, tables, strict=True):
         yield from _not_told_apart(budget, families, table)
     columns = ["family", *(f"{budget:g} core s" for budget in budgets)]

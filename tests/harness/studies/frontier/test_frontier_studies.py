@@ -143,6 +143,9 @@ def test_who_overtakes_whom_and_when() -> None:
         ["nerf", "planes", f"{4 * 4**0.8:.3g}", f"{4 * 4**0.8:.3g} to {4 * 4**0.8:.3g}", "100 %"]
     ]
     assert table(found, "on_front").rows == [["nerf", "0 %", "100 %"], ["planes", "100 %", "0 %"]]
+    here = two_families()
+    alone = replace(here, amount=replace(here.amount, budgets=(4.0,)))
+    assert not any("winner" in one for one in front(alone) if isinstance(one, str))
 
 
 def test_pick_names_the_family_of_the_longest_budget_within_the_seconds() -> None:
