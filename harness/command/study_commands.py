@@ -105,7 +105,7 @@ def add_frontier_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--seeds", type=int, metavar="N", help="number of seeds, 0 … N−1")
     add_shared(command, "--resolution", help="width of the views")
     size = command.add_mutually_exclusive_group()
-    size.add_argument("--quick", action="store_true", help="two scenes, two budgets: about five minutes")
+    size.add_argument("--quick", action="store_true", help="two scenes, two budgets: about eight minutes")
     size.add_argument("--long", action="store_true", help="seven budgets up to 600 core seconds, three seeds")
     command.add_argument("--pick", metavar="SCENE", help="print the family to take for a scene, from --out, do nothing")
     command.add_argument("--seconds", type=float, default=60.0, metavar="S", help="core seconds for --pick (60)")
