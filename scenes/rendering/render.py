@@ -159,14 +159,9 @@ class LoadedScene:
         parameters = mi.traverse(sensor)
         parameters["to_world"] = mi.Transform4f(camera_to_world @ _OPENGL_FROM_MITSUBA)
         parameters.update()
-        seeds = [seed_from(seed, number) for number in range(passes)]
-        if self._vectorised:
-            images = (_means(mi, scene, integrator, sensor, spp_pass, pass_seed) for pass_seed in seeds)
-        else:
-            images = (
-                np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=pass_seed, spp=spp_pass))
-                for pass_seed in seeds
-            )
+        images = (
+            _estimate(mi, scene, integrator, sensor, spp_pass, seed_from(seed, number)) for number in range(passes)
+        )
         total = next(images).astype(np.float64)
         for image in images:
             total += image
@@ -200,12 +195,14 @@ class LoadedScene:
         return self._sensors[spp]
 
 
-def _means(mi: Any, scene: Any, integrator: Any, sensor: Any, spp: int, seed: int) -> np.ndarray:
-    """Return what `mi.render` does in a vectorised variant, with each pixel's samples added in one order: [h, w,
-    channels].
+def _estimate(mi: Any, scene: Any, integrator: Any, sensor: Any, spp: int, seed: int) -> np.ndarray:
+    """Return the image of one pass: [h, w, channels].
 
-    `mi.render` adds them to the film as threads come to it, so that two renders differ in their last bits.
+    In a vectorised variant `mi.render` adds samples to the film as threads come to them, so that two renders differ in
+    their last bits. Here the samples of a pixel are the same, and are added in one order.
     """
+    if mi.variant().startswith("scalar"):
+        return np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=seed, spp=spp))
     import drjit as dr
 
     width, height = sensor.film().crop_size()
