@@ -32,7 +32,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Table]:
     """Yield all accelerations, all but each one, and none, resumed from the same weights with the same batches, in
     blocks that hold one update of the grid.
     """
-    views, plan = views_of(context, "lego"), reduced_plan(context)
+    views, plan = views_of(context), reduced_plan(context)
     batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
     cameras = cameras_of(views, views.test, context.device)
     base = trained_reduced(context, view_dependent=False)

@@ -17,7 +17,15 @@ from harness.plan.profiles import Machine
 from harness.plan.schedule import Budget
 from harness.records.cells import read_cells
 from harness.records.study import Check
-from harness.studies.speed.speed_context import SpeedContext, measured, not_measured, ratio, reduced_plan, views_of
+from harness.studies.speed.speed_context import (
+    SCENE,
+    SpeedContext,
+    measured,
+    not_measured,
+    ratio,
+    reduced_plan,
+    views_of,
+)
 
 GROUPS_A_CORE = 2
 STEPS, QUICK_STEPS = 500, 4
@@ -62,7 +70,7 @@ def _rate(context: SpeedContext, side: Callable[[list[GroupTask]], Iterator[Even
     plan = replace(
         reduced_plan(context), seeds=tuple(range(GROUPS_A_CORE * cores)), budget=Budget(steps, None), extras=()
     )
-    folders = {"lego": views_of(context, "lego").path}
+    folders = {SCENE: views_of(context).path}
     with tempfile.TemporaryDirectory(dir=context.scratch) as out:
         tasks = plan.tasks(folders, Machine("cpu", cores, 1), Path(out))
         began = time.perf_counter()

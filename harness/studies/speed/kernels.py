@@ -137,7 +137,7 @@ def quadrature(context: SpeedContext) -> Iterator[Check]:
 
 def rendering(context: SpeedContext) -> Iterator[Check]:
     """Yield the same weights, with and without accelerations; and the paper's network, every sample evaluated."""
-    views, plan, paper = views_of(context, "lego"), reduced_plan(context), paper_settings(context)
+    views, plan, paper = views_of(context), reduced_plan(context), paper_settings(context)
     cameras = cameras_of(views, views.test, context.device)
     # with directions on both sides, as a field without them is another one
     on = trained_reduced(context, view_dependent=True)

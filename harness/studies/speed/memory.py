@@ -32,7 +32,7 @@ WHOLE_RUN_SCENES = ("lego", "hotdog")
 
 
 def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
-    plan, views = reduced_plan(context), views_of(context, "lego")
+    plan, views = reduced_plan(context), views_of(context)
     steps = plan.train.grid.first_step + (2 if context.quick else 60)
     # scored at the end alone, so that what comes before is training
     score = replace(plan.score, checkpoints=1)
@@ -130,7 +130,7 @@ def _whole_run(context: SpeedContext, steps: int) -> Iterator[Check]:
         yield not_measured(id, title, "GB", "this system does not tell which pages processes share")
         return
     if context.quick:
-        views = shlex.quote(str(views_of(context, "lego").path))
+        views = shlex.quote(str(views_of(context).path))
         words = f"run --profile smoke --methods nerf --resolution 16 --view-set {views}"
     else:
         views = shlex.quote(str(context.view_sets))

@@ -92,7 +92,7 @@ def _work(connection: Connection, here: SpeedContext, window: float) -> None:
     use_threads(1)
     here.scratch.mkdir(parents=True)
     trainer = trained_reduced(here)
-    batch_at = batches_of(views_of(here, "lego"), here.device).stream(STREAM, trainer.settings.rays)
+    batch_at = batches_of(views_of(here), here.device).stream(STREAM, trainer.settings.rays)
     connection.send(None)
     while True:
         torch.set_num_threads(connection.recv())

@@ -29,7 +29,8 @@ from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 
-SCENES = ("lego", "hotdog", "drums")
+SCENE = "lego"
+"""The scene of every question that needs one."""
 DENSE = replace(Accelerations(), grid=False, clipping=False)
 """Every acceleration that leaves all samples of every ray in place."""
 STREAM = "speed/0"
@@ -85,9 +86,9 @@ def paper_settings(context: SpeedContext, precision: Precision | None = None) ->
     return replace(usual, network=NetworkSize(8, 32, 2, 16, 10, 4), rays=64, bins=8, first_bins=8)
 
 
-def reduced_plan(context: SpeedContext, scene: str = "lego") -> Plan:
-    """Return the profile `reduced` on one scene, in the precision that a run would have here."""
-    plan = planned("reduced", scenes=[scene], methods=["nerf"], seeds=1, precision=context.precision)
+def reduced_plan(context: SpeedContext) -> Plan:
+    """Return the profile `reduced` on `SCENE`, in the precision that a run would have here."""
+    plan = planned("reduced", scenes=[SCENE], methods=["nerf"], seeds=1, precision=context.precision)
     if not context.quick:
         return plan
     small = replace(
@@ -107,14 +108,14 @@ def batches_of(views: ViewSet, device: torch.device) -> Batches:
 
 
 @cache
-def views_of(context: SpeedContext, scene: str) -> ViewSet:
-    """Return the view set of the reduced profile, rendered if it is not in the cache; a drawn one with `quick`."""
-    plan = reduced_plan(context, scene)
+def views_of(context: SpeedContext) -> ViewSet:
+    """Return the view set of `SCENE` in the reduced profile, rendered if the cache lacks it; `quick`: a drawn one."""
+    plan = reduced_plan(context)
     if context.quick:
-        folder = context.scratch / f"{scene}-drawn"
-        write_disc(folder, plan.views.resolution, plan.views.train, plan.views.test, seed=SCENES.index(scene))
+        folder = context.scratch / f"{SCENE}-drawn"
+        write_disc(folder, plan.views.resolution, plan.views.train, plan.views.test, seed=0)
     else:
-        folder = view_set_folders(plan, context.view_sets, context.show)[scene]
+        folder = view_set_folders(plan, context.view_sets, context.show)[SCENE]
     return read_views(folder, plan.views, context.scratch)
 
 
@@ -218,7 +219,7 @@ def new_trainer(
 
 def trained_reduced(context: SpeedContext, view_dependent: bool | None = None) -> Trainer:
     """Return the reduced profile's NeRF on lego, trained far enough that empty space is skipped."""
-    plan, views = reduced_plan(context), views_of(context, "lego")
+    plan, views = reduced_plan(context), views_of(context)
     directed = needs_view_direction(views) if view_dependent is None else view_dependent
     trainer = new_trainer(context, plan.train, box_of(views, context.device), directed, plan.budget)
     batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)

@@ -24,7 +24,7 @@ from harness.plan.seeds import generator_for
 from harness.plan.settings import TrainSettings
 from harness.records.study import Check, Series
 from harness.studies.speed.speed_context import (
-    SCENES,
+    SCENE,
     STREAM,
     SpeedContext,
     batches_of,
@@ -211,27 +211,11 @@ def same_network(context: SpeedContext, plan: Plan) -> TrainSettings:
 
 
 def measure(context: SpeedContext) -> Iterator[Check | Series]:
-    """Measure scene by scene, so that a run that is stopped keeps the scenes that were finished."""
-    ratios: dict[str, dict[str, float | None]] = {name: {} for name in WORDS}
-    for scene in SCENES:
-        yield from _scene(context, scene, ratios)
-    for name, title in WORDS.items():
-        values = [ratio for ratio in ratios[name].values() if ratio is not None]
-        late = sorted(scene for scene, ratio in ratios[name].items() if ratio is None)
-        goal = context.target(*GOALS[name])
-        id, words = f"target.{name}.ratio", f"{title}: sooner than plain, median of {len(ratios[name])} scenes"
-        if late:
-            why = f"no ratio for {', '.join(late)}: not reached in time, or shown before any training"
-            yield not_measured(id, words, "×", why, low=goal)
-        else:
-            yield measured(id, words, values, "×", "one ratio a scene", low=goal)
-
-
-def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float | None]]) -> Iterator[Check | Series]:
-    views, device, budget = views_of(context, scene), context.device, context.plain_seconds
-    plan, settings = reduced_plan(context, scene), paper_settings(context, "float32")
+    """Yield the ratios to reach what plain training reached at each of `SHARES`, and the curves."""
+    views, device, budget = views_of(context), context.device, context.plain_seconds
+    plan, settings = reduced_plan(context), paper_settings(context, "float32")
     batches, pixels = batches_of(views, device), pixels_of(views, device)
-    context.show.line(f"  {scene}: plain training for {budget:g} s")
+    context.show.line(f"  plain training for {budget:g} s")
     return_freed_memory()
     batch_at = batches.stream(STREAM, settings.rays)
     learner = Plain(settings, views, batch_at(0), device)
@@ -240,12 +224,11 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
     keep_freed_memory()
     if not plain.psnr:
         for name, title in WORDS.items():
-            ratios[name][scene] = None
-            yield not_measured(f"target.{name}.{scene}", f"{title}, {scene}", "×", f"plain: {plain.ended}")
+            yield not_measured(f"target.{name}.ratio", title, "×", f"plain: {plain.ended}")
         return
     targets = targets_of(plain, SHARES)
     highest = max(target.psnr for target in targets)
-    context.show.line(f"  {scene}: plain reached {highest:.2f} dB after {targets[0].seconds:.0f} s")
+    context.show.line(f"  plain reached {highest:.2f} dB after {targets[0].seconds:.0f} s")
 
     directed, box = needs_view_direction(views), box_of(views, device)
     sides = {"same": (same_network(context, plan), Budget(None, budget)), "reduced": (plan.train, plan.budget)}
@@ -266,7 +249,7 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
         curve = follow(trainer, batch_at, colours_of, pixels, [*times, budget], highest)
         seconds = reached(curve, highest)
         after = f"after {seconds:.2f} s" if seconds else f"not within {trainer.clock.seconds:.0f} s {curve.ended}"
-        context.show.line(f"  {scene}: {WORDS[name].lower()}, {highest:.2f} dB {after}")
+        context.show.line(f"  {WORDS[name].lower()}, {highest:.2f} dB {after}")
         return curve
 
     curves = {name: [contest(name, STREAM)] for name in WORDS}
@@ -276,22 +259,17 @@ def _scene(context: SpeedContext, scene: str, ratios: dict[str, dict[str, float 
     floor = floor_psnr(views)
     for name in WORDS:
         for target in targets:
-            figure = ratio_to(context, scene, name, target, curves[name], floor)
-            if target.share == 1.0:
-                ratios[name][scene] = figure.value
-            yield figure
+            yield ratio_to(context, name, target, curves[name], floor)
     for name, curve in {"plain float32": plain, **{WORDS[name].lower(): curves[name][0] for name in WORDS}}.items():
-        panel, y_label = f"PSNR against training seconds, {scene}", "PSNR of test pixels (dB)"
+        panel, y_label = f"PSNR against training seconds, {SCENE}", "PSNR of test pixels (dB)"
         yield Series(panel, 0, name, "training seconds", y_label, curve.seconds, curve.psnr, log_y=False)
 
 
-def ratio_to(
-    context: SpeedContext, scene: str, name: str, target: Target, curves: list[PsnrCurve], floor: float | None
-) -> Check:
+def ratio_to(context: SpeedContext, name: str, target: Target, curves: list[PsnrCurve], floor: float | None) -> Check:
     """Return the seconds of the plain training over those of the other; without a value as soon as one seed is late."""
     headline = target.share == 1.0
-    id = f"target.{name}.{scene}" + ("" if headline else f".at{round(100 * target.share)}")
-    title = f"{WORDS[name]}, {scene}, at plain's best after {target.share:.0%} of its time"
+    id = f"target.{name}." + ("ratio" if headline else f"at{round(100 * target.share)}")
+    title = f"{WORDS[name]}, {SCENE}, at plain's best after {target.share:.0%} of its time"
     goal = context.target(*GOALS[name]) if headline else None
     words = f"{target.psnr:.2f} dB, plain after {target.seconds:.1f} s"
     if floor is not None and target.psnr < floor:

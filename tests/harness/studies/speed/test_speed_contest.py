@@ -103,12 +103,12 @@ def test_targets_are_the_best_so_far_and_when_it_was_first_reached() -> None:
 
 def ratio(*curves: PsnrCurve, share: float = 1.0) -> Check:
     here = SpeedContext(Path(), Path(), Path(), True, Quiet(), CPU, 1, 10.0)
-    return ratio_to(here, "lego", "same", Target(share, 20.0, 60.0), list(curves), None)
+    return ratio_to(here, "same", Target(share, 20.0, 60.0), list(curves), None)
 
 
 def test_the_ratio_is_plain_seconds_over_seconds() -> None:
     check = ratio(*(PsnrCurve([seconds, seconds + 1.0], [20.0, 21.0]) for seconds in (2.0, 3.0, 6.0)))
-    assert (check.id, check.value, check.spread) == ("target.same.lego", 20.0, (10.0, 30.0))
+    assert (check.id, check.value, check.spread) == ("target.same.ratio", 20.0, (10.0, 30.0))
     assert check.limit is not None
 
 
@@ -116,7 +116,7 @@ def test_one_that_is_late_has_no_ratio_and_says_its_best() -> None:
     good = PsnrCurve([1.0, 2.0], [20.0, 21.0])
     late = PsnrCurve([1.0, 2.0], [17.0, 19.5], ended="not finite at step 3: loss")
     check = ratio(good, late, share=0.5)
-    assert (check.id, check.value, check.limit) == ("target.same.lego.at50", None, None)
+    assert (check.id, check.value, check.limit) == ("target.same.at50", None, None)
     for words in ("1 of 2", "19.50 dB", "not finite at step 3"):
         assert words in check.why
     assert ratio(PsnrCurve()).value is None
