@@ -84,6 +84,8 @@ class FinishedRun:
         if not (records_folder(out) / "run.json").is_file():
             raise InputError(f"{out}: holds no run; give the output folder of one, for instance out/latest")
         run = read_run(out)
+        if not run.scenes or not run.main_methods:
+            raise DamagedRecord(f"{records_folder(out) / 'run.json'}: names no scene or no method; run again")
         for name in (*run.methods, *(part for scene in run.scenes for part in (scene.name, scene.view_set))):
             # they become parts of paths, of files that are read and of films that are written
             if not name.isprintable() or set(name) & set("/\\") or name in ("", ".", ".."):

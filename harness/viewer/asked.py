@@ -15,6 +15,7 @@ from msgspec import Meta
 
 from harness.training.batches import Camera
 from harness.viewer.attended import Attention
+from scenes.files.errors import printable
 from scenes.view_sets.viewpoints import poses_on_sphere
 
 LARGEST_BODY = 4096
@@ -119,7 +120,9 @@ def parsed(body: bytes) -> ViewRequest:
     except msgspec.ValidationError as error:
         what, _, path = str(error).partition(" - at ")
         names = re.findall(r"[a-z_]+", path) or ["the request"]
-        raise BadRequest(f"{names[-1]}: {what}") from error
+        raise BadRequest(f"{names[-1]}: {printable(what)}") from error
+    except UnicodeEncodeError as error:
+        raise BadRequest("the request holds half of a character (a lone surrogate); send whole ones") from error
     if len(set(request.methods)) < len(request.methods):
         raise BadRequest("methods: give different names")
     return request

@@ -153,7 +153,8 @@ def camera_path(folder: Path) -> None:
         frames, radius = int(given["frames"]), float(given["radius"])
         if not 0 < frames <= 10_000:
             raise NotTried("checked before")
-    poses = PATHS[given["path"]](frames, radius=radius)
+        path = PATHS[given["path"]]
+    poses = path(frames, radius=radius)
     assert poses.shape == (frames, 4, 4)
     assert np.isfinite(poses).all()
 

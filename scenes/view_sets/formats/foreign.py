@@ -45,7 +45,7 @@ def _array(file: Path, name: str, limit: int = LARGEST_SMALL) -> np.ndarray:
             if dtype.kind not in "fiu" or fortran:
                 raise InputError(f"{where} holds {dtype}{' in Fortran order' * fortran}; save plain numbers")
             size = math.prod(shape) * dtype.itemsize
-            if any(length < 0 for length in shape) or size > limit:
+            if any(type(length) is not int or length < 0 for length in shape) or size > limit:
                 raise InputError(f"{where} is {shape} of {dtype}, more than {limit} bytes; make it smaller")
             data = stream.read(size)
     except InputError:

@@ -14,7 +14,7 @@ from baselines.catalog import CATALOG
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, VoxelSettings
 from harness.playback.run_loader import FinishedRun, from_plain
-from harness.records.cells import cell_path, checkpoint_name, read_cell
+from harness.records.cells import cell_path, checkpoint_name, read_cell, records_folder
 from harness.records.json_record import DamagedRecord, write_record
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
@@ -207,6 +207,13 @@ def test_a_damaged_or_foreign_record_is_refused(wrong: str, copy: FinishedRun) -
     with pytest.raises((InputError, DamagedRecord), match=words) as caught:
         copy.trained(copy.run.scenes[0], "nerf", 0, CPU)
     assert "ball.nerf.0" in str(caught.value) or "ball, nerf, seed 0" in str(caught.value)
+
+
+@pytest.mark.parametrize("emptied", ["scenes", "methods"])
+def test_a_run_of_nothing_is_refused(emptied: str, copy: FinishedRun) -> None:
+    edited(lambda run: run.update({emptied: type(run[emptied])()}))(records_folder(copy.out) / "run.json")
+    with pytest.raises(DamagedRecord, match=r"run\.json: names no scene or no method"):
+        FinishedRun.of(copy.out)
 
 
 @pytest.mark.parametrize("place", [0.02, 0.5, 0.99])
