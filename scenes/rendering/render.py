@@ -1,5 +1,5 @@
-"""Descriptions → Mitsuba → images. The only module that imports Mitsuba and calls `mi.render` for training images;
-`scenes.rendering.medium_reference` does so to check our renderer.
+"""Descriptions → Mitsuba → images. The only module that renders training images with Mitsuba;
+`scenes.rendering.medium_reference` renders to check our renderer.
 
 Mitsuba's camera (x left, y up, looking along +z) and its materials' input are converted here and nowhere else.
 """

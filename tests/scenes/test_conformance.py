@@ -20,12 +20,12 @@ INFINITELY_FAR = {"constant", "envmap", "directional"}
 NEAR = {"area", "point", "spot", "projector", "directionalarea"}
 
 
-@cache
-def llvm() -> Variant | None:
+@pytest.fixture(scope="module")
+def fast() -> Variant:
     for library in llvm_libraries():
         if probe("llvm_ad_rgb", str(library)) is None:
             return Variant("llvm_ad_rgb", str(library), "test")
-    return None
+    pytest.skip("no libLLVM of version 16 or newer that works")
 
 
 @cache
@@ -135,10 +135,7 @@ def test_it_renders(name: str, scalar: Variant) -> None:
         assert view.noise_mse < 0.01
 
 
-def test_it_renders_alike_with_llvm(name: str, scalar: Variant) -> None:
-    fast = llvm()
-    if fast is None:
-        pytest.skip("no libLLVM of version 16 or newer that works")
+def test_it_renders_alike_with_llvm(name: str, scalar: Variant, fast: Variant) -> None:
     slow_views, fast_views = views_of(name, scalar, 8)[1], views_of(name, fast, 8)[1]
     for slow, quick in zip(slow_views, fast_views, strict=True):
         for channel in range(4):
@@ -150,10 +147,7 @@ def test_it_renders_alike_with_llvm(name: str, scalar: Variant) -> None:
         assert abs((slow.depth - quick.depth)[both].mean()) < 0.02
 
 
-def test_llvm_gives_the_same_bits_on_any_number_of_threads_and_what_mitsuba_adds_up() -> None:
-    fast = llvm()
-    if fast is None:
-        pytest.skip("no libLLVM of version 16 or newer that works")
+def test_llvm_gives_the_same_bits_on_any_number_of_threads_and_what_mitsuba_adds_up(fast: Variant) -> None:
     import drjit as dr
 
     mi, size, spp = use(fast), 64, 324
@@ -168,6 +162,6 @@ def test_llvm_gives_the_same_bits_on_any_number_of_threads_and_what_mitsuba_adds
         dr.set_thread_count(usual)
     for again in tries[1:]:
         assert all(map(np.array_equal, tries[0], again))
-    parts = scene._scene, scene._sensor(spp), scene._colour
-    theirs = np.array(mi.render(parts[0], sensor=parts[1], integrator=parts[2], seed=seed_from(1, 0), spp=spp))
+    camera, integrator = scene._sensor(spp), scene._colour
+    theirs = np.array(mi.render(scene._scene, sensor=camera, integrator=integrator, seed=seed_from(1, 0), spp=spp))
     assert np.abs(tries[0][0] - theirs).max() < 1e-5

@@ -218,7 +218,7 @@ def new_trainer(
 
 
 def trained_reduced(context: SpeedContext, view_dependent: bool | None = None) -> Trainer:
-    """Return the reduced profile's NeRF on lego, trained far enough that empty space is skipped."""
+    """Return the reduced profile's NeRF on `SCENE`, trained far enough that empty space is skipped."""
     plan, views = reduced_plan(context), views_of(context)
     directed = needs_view_direction(views) if view_dependent is None else view_dependent
     trainer = new_trainer(context, plan.train, box_of(views, context.device), directed, plan.budget)
