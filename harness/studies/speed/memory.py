@@ -150,8 +150,8 @@ def _whole_run(context: SpeedContext, steps: int) -> Iterator[Check]:
         process.wait()
     if process.returncode not in (0, 3):
         raise RuntimeError(f"`python -m harness {words}` ended with {process.returncode}")
-    scenes = "one scene" if context.quick else f"{len(WHOLE_RUN_SCENES)} scenes"
-    detail = f"{scenes}, three methods, {steps} steps, one worker a core; pages that processes share count once"
+    trained = "nerf on one scene" if context.quick else f"all that it trains on {' and '.join(WHOLE_RUN_SCENES)}"
+    detail = f"{trained}, {steps} steps, one worker a core; pages that processes share count once"
     yield measured(id, title, [peak / 1e9], "GB", detail, high=LIMIT_GB)
 
 

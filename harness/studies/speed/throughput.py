@@ -77,6 +77,8 @@ def dense_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> 
 CHUNKS = (1024, 2048, 4096, 8192, 16384)
 """The rows of the left factor: with 256 columns they fit the caches of a core, or just no longer do."""
 CHUNKS_ON_A_GPU = (*CHUNKS, 65536, 262144)
+EMULATED_SECONDS = 0.5
+"""A smallest product that takes longer is of a type that the machine emulates; larger ones would take minutes."""
 
 
 def step_flops(size: NetworkSize, points: int, rays: int, view_dependent: bool = True) -> float:
@@ -105,6 +107,8 @@ def _product_rates(context: SpeedContext, width: int, dtype: torch.dtype) -> dic
         left = torch.randn(chunk, width, generator=generator).to(context.device, dtype)
         out = torch.empty(chunk, width, dtype=dtype, device=context.device)
         sides[str(chunk)] = partial(torch.mm, left, weight, out=out)
+        if len(sides) == 1 and interleaved(sides, 1, context.synchronise)[str(chunk)][0] > EMULATED_SECONDS:
+            break
     seconds = interleaved(sides, context.repeats(5), context.synchronise, 0.01 if context.quick else 0.15)
     return {int(chunk): [2.0 * int(chunk) * width * width / side for side in taken] for chunk, taken in seconds.items()}
 
