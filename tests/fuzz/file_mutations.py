@@ -172,7 +172,7 @@ def of_lines(random: Random, valid: bytes) -> bytes:
         else:
             try:
                 lines[at] = of_json(random, lines[at]).replace(b"\n", b" ")
-            except json.JSONDecodeError:
+            except (ValueError, RecursionError):  # a change before this one made it no JSON, or too deep a one
                 lines[at] = of_bytes(random, lines[at])
     return b"\n".join(lines)
 

@@ -290,7 +290,8 @@ def entry_points(folder: Path) -> None:
                 assert plugins.title_of(name)
                 json.dumps(plugins.origins([name]))
             except InputError as error:
-                refused = error if readable(name) in str(error) else Fault(f"a refusal without {name!r}: {error}")
+                told = readable(name)[:64] in str(error)  # of a longer one a message may leave out the middle
+                refused = error if told else Fault(f"a refusal without {name!r}: {error}")
     finally:
         sys.path.remove(path)
         sys.path_importer_cache.pop(path, None)
