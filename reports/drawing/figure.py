@@ -87,11 +87,16 @@ def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
     return panels
 
 
+def _drawable(limits: tuple[float, float]) -> tuple[float, float]:
+    low, high = (min(max(end, -DRAWABLE), DRAWABLE) for end in limits)
+    return low, high
+
+
 def padded(values: list[float], log: bool) -> tuple[float, float] | None:
     """Widen the range of the values a little, within `DRAWABLE`; points outside of it are not seen."""
     if not values:
         return None
-    low, high = (min(max(end, -DRAWABLE), DRAWABLE) for end in (min(values), max(values)))
+    low, high = _drawable((min(values), max(values)))
     if log:
         low, high = max(low, 1 / DRAWABLE), max(high, 1 / DRAWABLE)
         ratio = high**0.05 / low**0.05 if high > low else 1.5
@@ -121,7 +126,9 @@ def paint(axes: Axes, panel: Panel) -> None:
     """Paint the panel's traces and axes onto axes that somebody else made."""
     for name in "xy":
         if (limits := getattr(panel, f"{name}_limits")) is not None:
-            getattr(axes, f"set_{name}lim")(*limits)  # first: else limits are sought among all numbers, however large
+            getattr(axes, f"set_{name}lim")(
+                *_drawable(limits)
+            )  # first: else limits are sought among all numbers, however large
     for trace in panel.traces:
         _PENS[trace.kind](axes, trace)
     _axis(axes, panel, "x")

@@ -159,7 +159,11 @@ class _Reader:
             if len(within) > DEEPEST:
                 raise InputError(f"{self._file}: includes more than {DEEPEST} levels deep; include fewer")
             if inner not in self._counts:
-                self._read(inner, _parsed(inner), within)
+                try:
+                    root = _parsed(inner)
+                except InputError as error:
+                    raise InputError(f"{self._file}: includes {error}") from error
+                self._read(inner, root, within)
             self._counts[file] += self._counts[inner]
             if self._counts[file] > MOST_FILES:
                 raise InputError(f"{self._file}: includes more than {MOST_FILES} files; include fewer")

@@ -3,6 +3,7 @@
 import pytest
 
 from harness.records.study import Effect
+from reports.drawing.figure import svg
 from reports.studies.forest import effects_grid, forest_key, forests, limits_of
 
 
@@ -59,3 +60,8 @@ def test_parts_stand_before_methods_and_single_scenes_in_the_table_alone():
 )
 def test_families_are_said_as_they_are(families, said):
     assert said in forest_key([an_effect(0.1, family=family) for family in families])
+
+
+def test_a_band_as_wide_as_a_number_can_be_is_drawn():
+    (panel,) = forests([an_effect(0.3, (0.1, 0.5))], {"psnr": 1e308}).values()
+    assert "<svg" in svg(panel, "wide")

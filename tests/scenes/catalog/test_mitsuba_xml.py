@@ -79,9 +79,10 @@ def test_includes_that_double_are_read_once_and_too_many_are_refused(tmp_path: P
         ({"top.xml": BALL + '<bsdf type="twosided" id="a"><ref id="a"/><ref id="a"/></bsdf>'}, "'a' holds itself"),
         ({"top.xml": BALL + '<bsdf type="twosided" id="a"><ref id="b"/></bsdf><bsdf type="twosided" id="b">'
           '<ref id="a"/></bsdf>'}, "holds itself"),
+        ({"top.xml": BALL + '<include filename="a.xml"/>', "a.xml": "<"}, "top.xml: includes .*a.xml: not well"),
     ],
 )  # fmt: skip
-def test_circles_are_refused_by_name(tmp_path: Path, files: dict[str, str], said: str) -> None:
+def test_circles_and_bad_includes_are_refused_by_name(tmp_path: Path, files: dict[str, str], said: str) -> None:
     with pytest.raises(InputError, match=said):
         files_of(written(tmp_path, files))
 
