@@ -169,12 +169,14 @@ def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
 
 def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
     processors = {
-        "all": {"rms": 0.296, "largest": -1.272},
+        "origins": {"instruction_set": [["AVX2"], ["AVX512"]]},
+        "all": {"cells": 24, "rms": 0.296, "largest": -1.272},
         "changed": [{"sense": "scenes_like_these", "compared": 324, "verdicts": 38, "signs": 0}],
     }
     published = written(tmp_path, "reduced/processors.json", "environment.json", **processors)
     said = block("processors", published)
-    assert "0.30 dB (RMS; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in said
+    assert "(here: instruction set AVX2 and AVX512)" in said
+    assert "0.30 dB (RMS of 24; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in said
 
     def lost(data: dict[str, Any]) -> None:
         data["failures"]["rates"][-1] |= {"diverged": 2, "collapsed": 1, "rate": 0.125, "interval": [0.027, 0.324]}

@@ -52,6 +52,8 @@ class TwoRuns:
     """The number of cells of the same scores to the last bit."""
     lost: list[str]
     """The cells that have a score in one output alone."""
+    timed: list[str]
+    """The methods whose budget is time: they took other numbers of steps, so they are not compared."""
     by_method: list[Apart]
     by_scene: list[Apart]
     all: Apart | None
@@ -69,10 +71,12 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
     cells = [{(cell.scene, cell.method, cell.seed): cell for cell in read_cells(out)} for out in outs]
     _refuse_other_plans(runs, cells, outs)
     pairs = [(cells[0][key], cells[1][key]) for key in sorted(cells[0])]
+    timed = {a.method for a, b in pairs if a.status == b.status == "done" and a.steps != b.steps}
+    pairs = [pair for pair in pairs if pair[0].method not in timed]
     scored = [pair for pair in pairs if all(cell.scores.get("psnr") is not None for cell in pair)]
     before, after = (_keyed(compare(list(side.values()), list(runs[0].methods))) for side in cells)
     # an older run has not counted core seconds
-    rows = [(row, after[key]) for key, row in before.items() if key in after]
+    rows = [(row, after[key]) for key, row in before.items() if key in after and timed.isdisjoint(key)]
     origins = {}
     for name in PLACE:
         ours, theirs = ({str(cell.provenance.get(name, "not recorded")) for cell in side.values()} for side in cells)
@@ -87,6 +91,7 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
         origins=origins,
         identical=sum(ours.scores == theirs.scores for ours, theirs in pairs),
         lost=[f"{_named(pair[0])}: {pair[0].status}, then {pair[1].status}" for pair in pairs if pair not in scored],
+        timed=sorted(timed),
         by_method=apart_by("method"),
         by_scene=apart_by("scene"),
         all=_apart("all", scored) if scored else None,
@@ -170,11 +175,14 @@ def lines_of(runs: TwoRuns) -> list[str]:
     """Return the lines of a table for the terminal."""
     lines = [f"{name}: {', '.join(ours)} | {', '.join(theirs)}" for name, (ours, theirs) in runs.origins.items()]
     total = runs.all.cells if runs.all else 0
-    lines += [f"{runs.identical} of {total + len(runs.lost)} cells are the same to the last bit", *runs.lost, ""]
-    lines += [f"{'test PSNR':<24}{'cells':>6}{'RMS dB':>9}{'mean dB':>9}{'largest':>9}"]
-    for apart in [*runs.by_method, *runs.by_scene, *([runs.all] if runs.all else [])]:
+    lines += [f"{runs.identical} of {total + len(runs.lost)} cells are the same to the last bit", *runs.lost]
+    lines += [f"{name}: trained for a time, so for another number of steps; not compared" for name in runs.timed]
+    rows = [*runs.by_method, *runs.by_scene, *([runs.all] if runs.all else [])]
+    width = max(map(len, ["test PSNR", *(apart.where for apart in rows)]))
+    lines += ["", f"{'test PSNR':<{width}}{'cells':>7}{'RMS dB':>9}{'mean dB':>9}{'largest':>9}"]
+    for apart in rows:
         figures = f"{apart.rms:>9.3f}{apart.mean:>+9.3f}{apart.largest:>+9.3f}"
-        lines.append(f"{apart.where:<24}{apart.cells:>6}{figures}  {apart.largest_of}")
+        lines.append(f"{apart.where:<{width}}{apart.cells:>7}{figures}  {apart.largest_of}")
     for change in runs.changed:
         words = change.sense.replace("_", " ")
         lines += ["", f"verdicts {'on ' if words[0] == 's' else ''}{words}: {change.verdicts} of {change.compared} "

@@ -234,9 +234,14 @@ def doubling(run: Run) -> str:
 def processors(run: Run) -> str:
     """State how far the same plan and seeds move on another processor."""
     changed = next(change for change in run["changed"] if change["sense"] == "scenes_like_these")
+    here = ", ".join(
+        f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}"
+        for place, (ours, theirs) in run["origins"].items()
+    )
     return (
-        f"The same plan and seeds on another processor or instruction set move a run's score by "
-        f"{number(run['all']['rms'])} dB (RMS; at most {number(abs(run['all']['largest']))}), and change "
+        f"The same plan and seeds on another processor or instruction set (here: {here}) move a training's score by "
+        f"{number(run['all']['rms'])} dB (RMS of {run['all']['cells']}; at most "
+        f"{number(abs(run['all']['largest']))}), and change "
         f"{changed['verdicts']} of {changed['compared']} verdicts on scenes like these, {changed['signs']} in sign "
         "(`python -m harness compare A B`)."
     )

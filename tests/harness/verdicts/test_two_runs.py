@@ -88,6 +88,15 @@ def test_a_cell_lost_in_one_is_named(first: Path, tmp_path: Path) -> None:
     assert result.lost == ["b qnerf seed 2: done, then diverged"]
 
 
+def test_a_method_with_a_budget_of_time_is_named_and_not_compared(first: Path, tmp_path: Path) -> None:
+    cells = [replace(cell, steps=cell.steps + (cell.method == "qnerf")) for cell in cells_of(3.0)]
+    result = two_runs(first, output(tmp_path / "second", cells))
+    assert (result.timed, [apart.where for apart in result.by_method]) == (["qnerf"], ["nerf"])
+    assert ([change.compared for change in result.changed], result.headline) == ([0, 0], [])
+    assert result.all is not None
+    assert result.all.rms == 0.0
+
+
 def test_outputs_of_other_plans_are_refused_in_words(first: Path, tmp_path: Path) -> None:
     cells = cells_of(1.0)
     others = {
