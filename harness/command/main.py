@@ -6,7 +6,6 @@ import re
 import shlex
 import sys
 from collections.abc import Callable
-from decimal import Decimal
 from typing import TYPE_CHECKING, NamedTuple
 
 from harness.command import (
@@ -104,16 +103,16 @@ def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table:
         added = commands.add_parser(name, help=command.help)
         command.add_options(added)
         added.allow_abbrev = False  # `--with` is no `--without`
+        added._negative_number_matcher = NEGATIVE_NUMBER
 
 
-EXPONENT = re.compile(r"-\d*\.?\d+[eE][+-]?\d{1,3}")
-"""A negative number that argparse takes for an option."""
+NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][+-]?\d+)?$")
+"""What is no option, in argparse before Python 3.14, too: its own pattern lacks the exponent."""
 
 
 def parsed(arguments: list[str]) -> argparse.Namespace:
     """The options that `arguments` choose; the name of a study stands for `study NAME`."""
     top = parser()
-    arguments = [format(Decimal(word), "f") if EXPONENT.fullmatch(word) else word for word in arguments]
     options = top.parse_args(["study", *arguments] if arguments and arguments[0] in STUDIES else arguments)
     options.parser = top
     return options

@@ -17,6 +17,7 @@ from random import Random
 from typing import Any
 from unittest import mock
 
+from harness.command.study_commands import PUBLISHED_FRONTIER
 from reports.run import outputs, run_page
 from reports.run.saving import publish
 from scenes.files.atomic import write_atomically
@@ -99,9 +100,12 @@ def names_its_option(text: str, arguments: list[str], package: str) -> bool:
     values = [argument for argument in arguments if argument not in options]
     if any(f"unknown {thing}{value!r}"[:200] in text for value in values for thing in ("", "scene ")):
         return True
-    # the beginning of a long one, as messages are cut
-    paths = [str(Path(value)).strip()[:200] for value in values + defaults]
-    return any(text.startswith((path, readable(path))) for path in paths)
+    # the beginning of a long one, as messages are cut; the folder itself holds the arguments
+    paths = [str(Path(value)).strip()[:200] for value in values + defaults] + [
+        "arguments.json",
+        str(PUBLISHED_FRONTIER),
+    ]
+    return any(text.startswith((path, readable(path).replace("\n", "\\n"))) for path in paths)
 
 
 def command_of(arguments: list[str], package: str) -> argparse.ArgumentParser:

@@ -85,6 +85,7 @@ def test_bad_usage_is_exit_code_2(arguments: str, capsys: pytest.CaptureFixture[
 def test_a_negative_number_is_none_of_the_options(number: str) -> None:
     bounds = parsed(["run", "--bounds", number, "0", "0", "1", "1", "1"]).bounds
     assert bounds == [float(number), 0.0, 0.0, 1.0, 1.0, 1.0]
+    assert parsed(["history", "--out", number]).out == Path(number), "a folder keeps its name"
 
 
 def test_a_gpu_that_is_not_there_is_missed_by_name(
