@@ -98,16 +98,16 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][+-]?\d+)?$")
+"""A word that is no option; the pattern of argparse before Python 3.14 has no exponent."""
+
+
 def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table: dict[str, Command]) -> None:
     for name, command in table.items():
         added = commands.add_parser(name, help=command.help)
         command.add_options(added)
         added.allow_abbrev = False  # `--with` is no `--without`
         added._negative_number_matcher = NEGATIVE_NUMBER
-
-
-NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][+-]?\d+)?$")
-"""What is no option, in argparse before Python 3.14, too: its own pattern lacks the exponent."""
 
 
 def parsed(arguments: list[str]) -> argparse.Namespace:

@@ -126,9 +126,8 @@ def paint(axes: Axes, panel: Panel) -> None:
     """Paint the panel's traces and axes onto axes that somebody else made."""
     for name in "xy":
         if (limits := getattr(panel, f"{name}_limits")) is not None:
-            getattr(axes, f"set_{name}lim")(
-                *_drawable(limits)
-            )  # first: else limits are sought among all numbers, however large
+            # first: else limits are sought among all numbers, however large
+            getattr(axes, f"set_{name}lim")(*_drawable(limits))
     for trace in panel.traces:
         _PENS[trace.kind](axes, trace)
     _axis(axes, panel, "x")

@@ -101,10 +101,8 @@ def names_its_option(text: str, arguments: list[str], package: str) -> bool:
     if any(f"unknown {thing}{value!r}"[:200] in text for value in values for thing in ("", "scene ")):
         return True
     # the beginning of a long one, as messages are cut; the folder itself holds the arguments
-    paths = [str(Path(value)).strip()[:200] for value in values + defaults] + [
-        "arguments.json",
-        str(PUBLISHED_FRONTIER),
-    ]
+    meant = [*values, *defaults, "arguments.json", str(PUBLISHED_FRONTIER)]
+    paths = [str(Path(value)).strip()[:200] for value in meant]
     return any(text.startswith((path, readable(path).replace("\n", "\\n"))) for path in paths)
 
 

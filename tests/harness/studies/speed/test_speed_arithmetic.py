@@ -11,11 +11,13 @@ from baselines.contract import Box, NetworkSize
 from baselines.numerics.encoding import PHI, fourier_features, frequency_ladder
 from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
+from harness.execution.progress import Quiet
 from harness.machine.peak_memory import peak_bytes
+from harness.studies.speed import throughput
 from harness.studies.speed.growth import exponent
 from harness.studies.speed.kernels import by_autograd, by_product, largest_error
 from harness.studies.speed.memory import session_bytes
-from harness.studies.speed.speed_context import interleaved
+from harness.studies.speed.speed_context import SpeedContext, interleaved
 from harness.studies.speed.throughput import step_flops
 from tests.harness.tiny import rays_and_colours
 
@@ -53,6 +55,15 @@ def test_sides_are_taken_in_turn_and_fast_ones_are_repeated() -> None:
     called.clear()
     interleaved({"a": sides["a"]}, 2, least_seconds=4.0, clock=lambda: next(ticks))
     assert len(called) == 2 + 2 * 4
+
+
+@pytest.mark.parametrize(("seconds", "chunks"), [(0.1, [1024, 2048]), (3.0, [1024])])
+def test_of_an_emulated_type_the_smallest_product_alone_is_timed(
+    seconds: float, chunks: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(throughput, "interleaved", lambda sides, *_: {name: [seconds] for name in sides})
+    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), torch.device("cpu"), 1, 1.0)
+    assert list(throughput._product_rates(context, 8, torch.float32)) == chunks
 
 
 def test_growth_is_the_slope_of_logarithms() -> None:
