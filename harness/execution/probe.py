@@ -7,6 +7,7 @@ to its settled share, which a few steps cannot reach.
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,10 @@ FEW = 64
 """The rays of a first try."""
 LONGEST = 1.5
 """The longest seconds of a measurement: a longer one is extrapolated from fewer rays."""
+GROWTH = 8
+"""How many times as many rays a next try has. A GPU takes as long for a few rays as for thousands, so that only the
+largest try that is short enough is extrapolated.
+"""
 REPEATS = 3
 
 
@@ -128,13 +133,16 @@ def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Te
 
 
 def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
+    @cache
+    def batch(count: int) -> tuple[Rays, torch.Tensor]:
+        return _batch(plan, count, learner.device)
+
     def step(count: int) -> None:
-        learner.train_on(*batches[count])
+        learner.train_on(*batch(count))
 
     def render(count: int) -> None:
-        learner.render(batches[count][0], count)
+        learner.render(batch(count)[0], count)
 
-    batches = {count: _batch(plan, count, learner.device) for count in (FEW, plan.train.rays, plan.score.chunk)}
     first, settings = _seconds(step, plan.train.rays, learner.device, clock), plan.train.grid
     if not isinstance(learner, Trainer) or learner.grid is None:
         later = first
@@ -168,7 +176,7 @@ def _random_mask(share: float, like: torch.Tensor) -> torch.Tensor:
 
 def _seconds(work: Callable[[int], None], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
     """Return the median seconds of `work` on `rays` rays over a few runs; if that would take long, extrapolated from
-    fewer.
+    as many as do not.
     """
 
     def once(count: int) -> float:
@@ -178,10 +186,12 @@ def _seconds(work: Callable[[int], None], rays: int, device: torch.device, clock
             torch.cuda.synchronize()
         return clock() - began
 
-    once(FEW)
-    if (projected := once(FEW) * rays / FEW) > LONGEST:
-        return projected
-    once(rays)
+    count = FEW
+    once(count)
+    while (taken := once(count)) * GROWTH <= LONGEST and count < rays:
+        count = min(GROWTH * count, rays)
+    if count < rays:
+        return taken * rays / count
     return float(np.median([once(rays) for _ in range(REPEATS)]))
 
 

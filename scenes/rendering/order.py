@@ -56,27 +56,47 @@ class Order:
         from scenes.rendering.render import OWN_SCENES_VERSION, RENDERER_VERSION  # does not import Mitsuba by itself
 
         scene = self.scene
-        return digest_of(
-            {
-                "format": SCHEMA,
-                "renderer": RENDERER_VERSION,
-                **({"own scenes": OWN_SCENES_VERSION} if self.scene.file is not None else {}),
-                "versions": versions(),
-                "variant": variant,
-                "description": self.description,
-                "needs": {name: need.needed for name, need in needs(self.description).items()},
-                **({"integrator": self.integrator} if self.integrator else {}),
-                "scene": [scene.name, scene.title, scene.view_from, scene.max_depth, scene.near, scene.far],
-                "emitters_seen": scene.emitters_seen,
-                "box": scene.box,
-                "normalised": similarity_facts(self.similarity),
-                "resolution": self.resolution,
-                "fov": FOV_X_RADIANS,
-                "spp": {split: spp if isinstance(spp, int) else asdict(spp) for split, spp in self.spp.items()},
-                "viewpoints": {split: self.poses(split)[0] for split in SPLITS},
-                "cameras": {split: self.poses(split)[1] for split in SPLITS},
-            }
-        )
+        facts = {
+            "format": SCHEMA,
+            "renderer": RENDERER_VERSION,
+            **({"own scenes": OWN_SCENES_VERSION} if self.scene.file is not None else {}),
+            "versions": versions(),
+            "variant": variant,
+            "description": self.description,
+            "needs": {name: need.needed for name, need in needs(self.description).items()},
+            **({"integrator": self.integrator} if self.integrator else {}),
+            "scene": [scene.name, scene.title, scene.view_from, scene.max_depth, scene.near, scene.far],
+            "emitters_seen": scene.emitters_seen,
+            "box": scene.box,
+            "normalised": similarity_facts(self.similarity),
+            "resolution": self.resolution,
+            "fov": FOV_X_RADIANS,
+            "spp": {split: spp if isinstance(spp, int) else asdict(spp) for split, spp in self.spp.items()},
+            "viewpoints": {split: self.poses(split)[0] for split in SPLITS},
+            "cameras": {split: self.poses(split)[1] for split in SPLITS},
+        }
+        return digest_of(as_rendered(facts))
+
+
+REMAINDER = 1e-9
+"""The share of an array's largest number below which a number is what a cancellation has left."""
+
+
+def as_rendered(value: Any) -> Any:
+    """Return plain data with its numbers as Mitsuba gets them, in float32, and remainders as zero.
+
+    The last bits of a product of matrices depend on the processor, and a view set that another one rendered will do.
+    """
+    if isinstance(value, dict):
+        return {key: as_rendered(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple) and not all(isinstance(inner, float) for inner in value):
+        return [as_rendered(inner) for inner in value]
+    numbers = np.asarray(value)
+    if numbers.dtype.kind != "f":
+        return value
+    least = REMAINDER * np.abs(numbers).max(initial=0.0)
+    with np.errstate(over="ignore"):
+        return np.where(np.abs(numbers) < least, 0.0, numbers).astype(np.float32)
 
 
 def similarity_facts(change: Similarity | Placement | None) -> dict[str, Any] | None:

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from harness.execution.cost import Extent, estimate, estimated, groups_left, mean_of, shared, training_seconds
-from harness.execution.probe import Pace, Probe
+from harness.execution.probe import LONGEST, Pace, Probe, _seconds
 from harness.execution.progress import span
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
+from tests.harness.tiny import CPU
 
 SUMMARY = json.loads((Path(__file__).parents[3] / "docs/reduced/summary.json").read_text(encoding="utf-8"))
 PLAN = replace(PROFILES["reduced"], extras=(), guest=None)
@@ -112,3 +113,19 @@ def test_a_guest_is_counted_as_long_as_it_is_not_there(tmp_path: Path) -> None:
 def test_a_mean_of_many_is_known_better_than_one() -> None:
     assert mean_of(1, (2.0, 6.0)) == (2.0, 6.0)
     assert mean_of(4, (2.0, 6.0)) == (3.0, 5.0)
+
+
+@pytest.mark.parametrize(("a_call", "a_ray"), [(0.05, 1e-7), (0.0, 1e-4), (0.0, 5e-3), (0.01, 4e-4)])
+def test_what_a_call_takes_is_not_multiplied_by_the_rays(a_call: float, a_ray: float) -> None:
+    """A GPU takes 50 ms for 64 rays and for 4096; a slow processor is not asked for 4096 × 5 ms."""
+    now, longest = 0.0, 0.0
+
+    def work(rays: int) -> None:
+        nonlocal now, longest
+        now += a_call + a_ray * rays
+        longest = max(longest, a_call + a_ray * rays)
+
+    found = _seconds(work, 4096, CPU, lambda: now)
+    true = a_call + a_ray * 4096
+    assert 0.999 * true < found < 1.001 * true + 8 * a_call
+    assert longest <= 1.001 * max(LONGEST, 64 * a_ray)

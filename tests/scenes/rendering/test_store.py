@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -102,6 +103,25 @@ def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest
     assert len(set(digests)) == len(digests)
     monkeypatch.undo()
     assert order_of(tiny_scene, monkeypatch).digest("scalar_rgb") == digests[0]
+
+
+def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its products of matrices end in other last bits of float64, and in a remainder where one here is zero."""
+
+    def elsewhere(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: elsewhere(inner) for key, inner in value.items()}
+        if isinstance(value, np.ndarray) and value.dtype == np.float64:
+            return np.where(value == 0.0, 1e-17 * np.abs(value).max(initial=0.0), np.nextafter(value, np.inf))
+        return value
+
+    turned = {"ball": {"to_world": np.diag([0.3, 0.3, 0.3, 1.0])}}
+    description = {**tiny_scene.build(), **turned}
+    here, there = (
+        order_of(replace(tiny_scene, build=lambda built=built: built), monkeypatch).digest("scalar_rgb")
+        for built in (description, elsewhere(description))
+    )
+    assert here == there
 
 
 def test_values_that_look_alike_hash_differently() -> None:
