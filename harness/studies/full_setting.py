@@ -32,9 +32,9 @@ GPUS = {
     "AMD MI300X": {"float32": 163.4, "bfloat16": 1307.0},
 }
 """TFLOP/s that data sheets state, dense, without TF32; nothing here was measured."""
-ASSUMED_SHARES = {"float32": (0.2, 0.6), "bfloat16": (0.05, 0.25)}
-"""The share of the data sheet's rate that a step is assumed to reach, worst and best. The paper's layers are 256 wide:
-in bfloat16 memory, not arithmetic, sets the pace.
+ASSUMED_SHARES = {"float32": (0.2, 0.6), "bfloat16": (0.025, 0.1)}
+"""The share of the data sheet's rate that a step is assumed to reach, worst and best; an H100 reached about the worst
+(`docs/gpu/speed.json`). The paper's layers are 256 wide: in bfloat16 memory, not arithmetic, sets the pace.
 """
 
 
@@ -130,7 +130,7 @@ def page(speed: Studies) -> str:
     plan = paper_table()
     work, cores, rate = work_of(plan), speed.provenance["cores"], measured_rate(speed)
     rendering = [seconds * work.megasamples / 3600 for seconds in render_seconds(speed)]
-    shares = "; ".join(f"{name} {low:.0%} to {high:.0%}" for name, (low, high) in ASSUMED_SHARES.items())
+    shares = "; ".join(f"{name} {100 * low:g} % to {100 * high:g} %" for name, (low, high) in ASSUMED_SHARES.items())
     blocks = [
         "# What the paper's full table costs",
         "Printed by `python -m harness study scaling`; give it your own machine's figures with `--speed`. "
@@ -139,7 +139,7 @@ def page(speed: Studies) -> str:
         "(a scene and a seed, its methods in lockstep).",
         "**Measured**: rates of this processor. **Counted**: floating-point operations of the matrix multiplications, "
         "every sample of every ray, so that the true figure is lower where rays miss the scene's box. **Assumed**: "
-        "everything about GPUs. No cell of this table was ever trained, on any machine.",
+        "most about GPUs. No cell of this table was ever trained, on any machine.",
         "## Work",
         _table(
             ("", "per cell", "in all"),
@@ -156,7 +156,8 @@ def page(speed: Studies) -> str:
         f"{work.training / rate / 86400:.1f} days of training and {work.scoring / rate / 86400:.1f} of scoring per "
         f"cell, {work.a_cell * work.cells / rate / 86400 / 365:.1f} years for the table. Do not.",
         "## On GPUs, assumed",
-        f"Rates are those of the vendors' data sheets, dense. The shares that a step reaches are assumed: {shares}. "
+        f"Rates are those of the vendors' data sheets, dense. The shares that a step reaches are assumed: {shares}; "
+        "an H100 reached about the least of them (`docs/gpu/speed.json`). "
         "The full profile multiplies in float32 without TF32. With `--precision bfloat16` memory sets the pace, as the "
         "layers are only 256 wide.",
         _table(

@@ -33,6 +33,10 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "learning": (("learning_rates.json",), study_blocks.learning),
     "ledger": (RUN, run_blocks.ledger),
     "processors": (("reduced/processors.json",), run_blocks.processors),
+    "GPU": (
+        ("gpu/compared.json", "gpu/again.json", "gpu/summary.json", "gpu/speed.json", *RUN),
+        run_blocks.on_a_gpu,
+    ),
     "environment": (("environment.json",), study_blocks.environment),
     "evidence": (("reduced/evidence.json",), study_blocks.evidence),
     "collapse": (("collapse.json",), study_blocks.collapse),

@@ -9,7 +9,17 @@ from msgspec import structs
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.records.study import Studies, read_studies
-from harness.studies.full_setting import measured_rate, page, paper_table, render_seconds, value_of, wall_hours, work_of
+from harness.studies.full_setting import (
+    ASSUMED_SHARES,
+    GPUS,
+    measured_rate,
+    page,
+    paper_table,
+    render_seconds,
+    value_of,
+    wall_hours,
+    work_of,
+)
 from scenes.files.errors import InputError
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -46,6 +56,15 @@ def test_what_is_counted_explains_what_was_measured(speed: Studies) -> None:
     assert work_of(plan).scoring / measured_rate(speed) == pytest.approx(
         value_of(speed, "rendering.paper.seconds"), rel=0.2
     )
+
+
+def test_the_least_shares_are_about_what_an_h100_reached() -> None:
+    gpu, sheet = read_studies(DOCS / "gpu" / "speed.json"), GPUS["NVIDIA H100 or H200, SXM"]
+    rate = value_of(gpu, "matrix.paper.rate")
+    a_sample = rate / value_of(gpu, "training.dense.accelerated.rate")  # both in bfloat16
+    reached = {"bfloat16": rate, "float32": a_sample * value_of(gpu, "training.dense.float32.rate")}
+    for precision, (least, _) in ASSUMED_SHARES.items():
+        assert reached[precision] / sheet[precision] == pytest.approx(least, rel=0.3)
 
 
 def test_the_bag_is_no_finer_than_a_group() -> None:
