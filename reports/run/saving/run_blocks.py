@@ -252,28 +252,21 @@ def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> s
     """State how far a GPU's scores are from the processor's, whether it repeats its bits, and how fast it is."""
     changed = next(change for change in apart["changed"] if change["sense"] == "scenes_like_these")
     cell = next(cell for cell in there["cells"] if cell["method"] == BASELINE)
-    spent = [one["train_core_seconds"] for one in here["cells"] if _is_like(one, cell)]
+    alike = [one for one in here["cells"] if all(one[key] == cell[key] for key in ("scene", "method", "seed"))]
     measured = {check.id: check for _, check in speed.checks()}
-    plain, ours, reduced, share, small = (
-        number(measured[name].value)
-        for name in (
-            "training.dense.plain.rate", "training.dense.float32.rate", "training.dense.accelerated.rate",
-            "matrix.paper.share", "matrix.reduced.share",
-        )
-    )  # fmt: skip
+    plain, ours, bfloat16 = (
+        number(measured[f"training.dense.{side}.rate"].value) for side in ("plain", "float32", "accelerated")
+    )
+    share = measured["matrix.paper.share"]
     return (
         f"One GPU was tried, an {there['provenance']['device']}. From the same plan and seeds, its scores are "
         f"{number(apart['all']['rms'])} dB from a processor's (RMS of {apart['all']['cells']} trainings; at most "
         f"{number(abs(apart['all']['largest']))}), and {changed['verdicts']} of {changed['compared']} verdicts on "
-        f"scenes like these change, {changed['signs']} in sign. Made again, {again['identical']} of {again['all']['cells']} trainings had the "
-        "same scores to the last bit.\n\n"
+        f"scenes like these change, {changed['signs']} in sign. Made again, {again['identical']} of "
+        f"{again['all']['cells']} trainings had the same scores to the last bit.\n\n"
         f"It is not for small networks: at the reduced settings `{BASELINE}` on {cell['scene']} takes "
-        f"{cell['train_seconds']:.0f} s there and {fmean(spent):.0f} core seconds here, and a step uses {small} % of "
-        f"the GPU's matrix rate. A step of the paper's network uses {share} % (aim: "
-        f"{measured['matrix.paper.share'].limit:g} %, **missed**). It trains on {reduced} million samples a second in "
-        f"bfloat16 and on {ours} in float32; plain torch, in float32, on {plain}."
+        f"{cell['train_seconds']:.0f} s there and {alike[0]['train_core_seconds']:.0f} core seconds here, and a step "
+        f"uses {number(measured['matrix.reduced.share'].value)} % of the GPU's matrix rate. A step of the paper's "
+        f"network uses {number(share.value)} % (aim: {share.limit:g} %, {'met' if share.holds else '**missed**'}). It trains on {bfloat16} million "
+        f"samples a second in bfloat16 and on {ours} in float32; plain torch, in float32, on {plain}."
     )
-
-
-def _is_like(one: Run, cell: Run) -> bool:
-    return all(one[key] == cell[key] for key in ("scene", "method", "seed"))
