@@ -267,6 +267,7 @@ def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> s
         f"It is not for small networks: at the reduced settings `{BASELINE}` on {cell['scene']} takes "
         f"{cell['train_seconds']:.0f} s there and {alike[0]['train_core_seconds']:.0f} core seconds here, and a step "
         f"uses {number(measured['matrix.reduced.share'].value)} % of the GPU's matrix rate. A step of the paper's "
-        f"network uses {number(share.value)} % (aim: {share.limit:g} %, {'met' if share.holds else '**missed**'}). It trains on {bfloat16} million "
-        f"samples a second in bfloat16 and on {ours} in float32; plain torch, in float32, on {plain}."
+        f"network uses {number(share.value)} % (aim: {share.limit:g} %, {'met' if share.holds else '**missed**'}). "
+        f"It trains on {bfloat16} million samples a second in bfloat16 and on {ours} in float32; plain torch, in "
+        f"float32, on {plain}."
     )
