@@ -79,20 +79,19 @@ class Order:
 
 
 REMAINDER = 1e-9
-"""The share of an array's largest number below which a number is what a cancellation has left."""
+"""The share of an array's largest number below which a number is what a difference has left."""
 
 
 def as_rendered(value: Any) -> Any:
-    """Return plain data with its numbers as Mitsuba gets them, in float32, and remainders as zero.
+    """Return plain data with its numbers as Mitsuba gets them, in float32, and remainders in arrays as zero.
 
     The last bits of a product of matrices depend on the processor, and a view set that another one rendered will do.
     """
     if isinstance(value, dict):
         return {key: as_rendered(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple) and not all(isinstance(inner, float) for inner in value):
+    if isinstance(value, list | tuple):
         return [as_rendered(inner) for inner in value]
-    numbers = np.asarray(value)
-    if numbers.dtype.kind != "f":
+    if not isinstance(value, float | np.ndarray) or (numbers := np.asarray(value)).dtype.kind != "f":
         return value
     least = REMAINDER * np.abs(numbers).max(initial=0.0)
     with np.errstate(over="ignore"):

@@ -124,6 +124,26 @@ def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene, monkey
     assert here == there
 
 
+ASKED = """
+from scenes.catalog.entries import CLASSICS
+from scenes.rendering.store import checked_order
+count = dict.fromkeys(("train", "val", "test"), 2)
+for name in CLASSICS:
+    print(name, checked_order(name, 8, count, count).digest("scalar_rgb"))
+"""
+
+
+def test_the_classic_scenes_have_one_name_on_all_processors() -> None:
+    """OpenBLAS with the kernels of another one; where it has no such choice, both are the same."""
+
+    def names(**environment: str) -> str:
+        command = [sys.executable, "-c", ASKED]
+        environment = {**os.environ, **environment}
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+
+    assert names(OPENBLAS_CORETYPE="Nehalem") == names()
+
+
 def test_values_that_look_alike_hash_differently() -> None:
     values = [
         1, 1.0, True, "1", None, [1], [[1]], {"1": 1}, {"a": 1, "b": 2}, {"b": 2, "a": 1}, ["ab", "c"], ["a", "bc"],
