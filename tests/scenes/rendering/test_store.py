@@ -125,15 +125,14 @@ def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene, monkey
 
 
 ASKED = """
-from scenes.catalog.entries import CLASSICS
 from scenes.rendering.store import checked_order
 count = dict.fromkeys(("train", "val", "test"), 2)
-for name in CLASSICS:
+for name in ("lego", "ship"):
     print(name, checked_order(name, 8, count, count).digest("scalar_rgb"))
 """
 
 
-def test_the_classic_scenes_have_one_name_on_all_processors() -> None:
+def test_placed_bricks_and_normals_by_differences_have_one_name_on_all_processors() -> None:
     """OpenBLAS with the kernels of another one; where it has no such choice, both are the same."""
 
     def names(**environment: str) -> str:
