@@ -176,7 +176,7 @@ def _random_mask(share: float, like: torch.Tensor) -> torch.Tensor:
 
 def _seconds(work: Callable[[int], None], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
     """Return the median seconds of `work` on `rays` rays over a few runs; if that would take long, extrapolated from
-    as many as do not.
+    the most that do not.
     """
 
     def once(count: int) -> float:

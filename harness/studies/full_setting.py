@@ -139,7 +139,7 @@ def page(speed: Studies) -> str:
         "(a scene and a seed, its methods in lockstep).",
         "**Measured**: rates of this processor. **Counted**: floating-point operations of the matrix multiplications, "
         "every sample of every ray, so that the true figure is lower where rays miss the scene's box. **Assumed**: "
-        "most about GPUs. No cell of this table was ever trained, on any machine.",
+        "what share of its rate a GPU reaches. No cell of this table was ever trained, on any machine.",
         "## Work",
         _table(
             ("", "per cell", "in all"),

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from statistics import fmean, stdev
 from typing import Any
 
-from harness.records.study import Studies
+from harness.records.study import Check, Studies
 from reports.claims.estimands import SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
@@ -234,23 +234,18 @@ def doubling(run: Run) -> str:
 
 def processors(run: Run) -> str:
     """State how far the same plan and seeds move on another processor."""
-    changed = next(change for change in run["changed"] if change["sense"] == "scenes_like_these")
     here = ", ".join(
         f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}"
         for place, (ours, theirs) in run["origins"].items()
     )
     return (
-        f"The same plan and seeds on another processor or instruction set (here: {here}) move a training's score by "
-        f"{number(run['all']['rms'])} dB (RMS of {run['all']['cells']}; at most "
-        f"{number(abs(run['all']['largest']))}), and change "
-        f"{changed['verdicts']} of {changed['compared']} verdicts on scenes like these, {changed['signs']} in sign "
+        f"The same plan and seeds on another processor or instruction set (here: {here}) {_moved(run)} "
         "(`python -m harness compare A B`)."
     )
 
 
 def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> str:
     """State how far a GPU's scores are from the processor's, whether it repeats its bits, and how fast it is."""
-    changed = next(change for change in apart["changed"] if change["sense"] == "scenes_like_these")
     cell = next(cell for cell in there["cells"] if cell["method"] == BASELINE)
     alike = [one for one in here["cells"] if all(one[key] == cell[key] for key in ("scene", "method", "seed"))]
     measured = {check.id: check for _, check in speed.checks()}
@@ -259,15 +254,26 @@ def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> s
     )
     share = measured["matrix.paper.share"]
     return (
-        f"One GPU was tried, an {there['provenance']['device']}. From the same plan and seeds, its scores are "
-        f"{number(apart['all']['rms'])} dB from a processor's (RMS of {apart['all']['cells']} trainings; at most "
-        f"{number(abs(apart['all']['largest']))}), and {changed['verdicts']} of {changed['compared']} verdicts on "
-        f"scenes like these change, {changed['signs']} in sign. Made again, {again['identical']} of "
-        f"{again['all']['cells']} trainings had the same scores to the last bit.\n\n"
+        f"One GPU was tried, an {there['provenance']['device']}. Against a processor, the same plan and seeds "
+        f"{_moved(apart)}. Made again, {again['identical']} of {again['all']['cells']} trainings had the same scores "
+        "to the last bit.\n\n"
         f"It is not for small networks: at the reduced settings `{BASELINE}` on {cell['scene']} takes "
         f"{cell['train_seconds']:.0f} s there and {alike[0]['train_core_seconds']:.0f} core seconds here, and a step "
         f"uses {number(measured['matrix.reduced.share'].value)} % of the GPU's matrix rate. A step of the paper's "
-        f"network uses {number(share.value)} % (aim: {share.limit:g} %, {'met' if share.holds else '**missed**'}). "
-        f"It trains on {bfloat16} million samples a second in bfloat16 and on {ours} in float32; plain torch, in "
-        f"float32, on {plain}."
+        f"network uses {number(share.value)} % (target: {target(share)}). It trains on {bfloat16} million samples a "
+        f"second in bfloat16 and on {ours} in float32; plain torch, in float32, on {plain}."
     )
+
+
+def _moved(run: Run) -> str:
+    changed = next(change for change in run["changed"] if change["sense"] == "scenes_like_these")
+    return (
+        f"move a training's score by {number(run['all']['rms'])} dB (RMS of {run['all']['cells']}; at most "
+        f"{number(abs(run['all']['largest']))}), and change {changed['verdicts']} of {changed['compared']} verdicts on "
+        f"scenes like these, {changed['signs']} in sign"
+    )
+
+
+def target(measured: Check) -> str:
+    """Format `2 GB, met`, of a measurement with a target."""
+    return f"{measured.limit:g} {measured.unit}, {'met' if measured.holds else '**missed**'}"

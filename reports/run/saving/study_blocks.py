@@ -5,7 +5,7 @@ from statistics import fmean
 
 from harness.records.study import Studies
 from reports.data.wording import counted, interval, listed, number, signed, significant
-from reports.run.saving.run_blocks import Run, table
+from reports.run.saving.run_blocks import Run, table, target
 
 FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 
@@ -85,7 +85,7 @@ def speed(record: Studies) -> str:
         (
             measured.what,
             f"{number(measured.value)} {measured.unit} [{number(measured.spread[0])}, {number(measured.spread[1])}]",
-            f"{measured.limit:g} {measured.unit}, {'met' if measured.holds else '**missed**'}",
+            target(measured),
         )
         for name in ("training.dense.ratio", "matrix.paper.share", "matrix.reduced.share", "memory.worker.nerf.peak")
         if (measured := by_id.get(name)) and measured.value is not None and measured.spread
