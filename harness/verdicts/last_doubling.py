@@ -1,8 +1,8 @@
 """How far from convergence: the PSNR that the last doubling of the steps brought.
 
-The checkpoint at half of the steps belongs to a run whose learning rate still falls. Where the running mean of the
-weights is scored (`baselines.numerics.weight_average`) that hardly matters. Without it what the fall brings is part of
-the gain, so that a run of half the budget would end above it, and twice the budget may bring less than the gain.
+At half of the steps the learning rate is still high. The running mean of the weights, which is scored
+(`baselines.numerics.weight_average`), makes up for that in short trainings. After long ones a training of half the
+steps ends above the checkpoint, and twice the steps bring less than the gain: docs/findings.md has both.
 """
 
 from dataclasses import dataclass

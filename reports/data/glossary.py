@@ -40,7 +40,11 @@ WORDS = (
         "The highest frequency of the positional encoding. nerf_matched is nerf with the lower bandwidth that the "
         "golden ratio gives: what it gains as well is no merit of the golden ratio.",
     ),
-    ("gain of the last doubling", "PSNR at the end, less that at half of the steps: how far training is from its end."),
+    (
+        "gain of the last doubling",
+        "PSNR at the end, less that at half of the steps: how far training is from its end. The learning rate is "
+        "still high at half of the steps: after long training, twice as many bring less than this.",
+    ),
     ("diverged", "A number became infinite or NaN. The run has no score, and stays visible."),
     ("empty collapse", "The method shows little but background."),
     ("billboard", "Training views are far better than test views, which are below the floor: pictures, no scene."),

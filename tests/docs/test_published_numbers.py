@@ -219,6 +219,45 @@ def test_what_the_last_doubling_brought_is_told_of_the_main_methods(tmp_path: Pa
     )
 
 
+def test_twice_the_steps_are_told_over_the_scenes_and_seeds_that_both_runs_have(tmp_path: Path) -> None:
+    def at(steps: int, nerf: float, qnerf: float, scenes: tuple[str, ...] = ()) -> Callable[[dict[str, Any]], None]:
+        def change(data: dict[str, Any]) -> None:
+            data["settings"]["budget"]["steps"] = steps
+            data["last_doubling"] = [
+                {"method": name, "gain": 3.0, "interval": [2.0, 4.0]} for name in ("nerf", "qnerf")
+            ]
+            cells = [cell for cell in data["cells"] if cell["scene"] in scenes or not scenes]
+            data["cells"] = [cell for cell in cells if cell["seed"] == 0 or not scenes]
+            for cell in data["cells"]:
+                cell["psnr"] = {"nerf": nerf, "qnerf": qnerf}.get(cell["method"])
+
+        return change
+
+    docs = changed(tmp_path, at(1000, 28.0, 29.0))
+    for name, change in {
+        "reduced/halved": at(500, 27.0, 27.5, ("lego",)),
+        "converged/summary": at(4000, 32.0, 31.0),
+        "converged/doubled": at(8000, 32.5, 31.25, ("lego", "mic")),
+    }.items():
+        file = docs / f"{name}.json"
+        file.parent.mkdir(exist_ok=True)
+        (changed(tmp_path / name, change) / "reduced" / "summary.json").rename(file)
+    rows = [line.strip("| ").split(" | ") for line in block("twice the steps", docs).splitlines()]
+    del rows[1]
+    assert [row[1] for row in rows] == [
+        "500 and 1000 steps; 1 scene, 1 seed",
+        "+1.00 dB",
+        "+3.00 dB, +2.00 to +4.00",
+        "+1.50 dB",
+        "+3.00 dB, +2.00 to +4.00",
+        "+0.50 dB",
+        "+1.00 dB",
+    ]
+    assert [row[2].split(",")[0] for row in rows[1::2]] == ["+0.50 dB", "+0.25 dB", "−1.00 dB"]
+    assert rows[0][2] == "4000 and 8000 steps; 2 scenes, 1 seed"
+    assert rows[-1][2].startswith("−1.25 dB")
+
+
 def beside_the_default_run(tmp_path: Path, change: Callable[[dict[str, Any]], None]) -> list[str]:
     published = changed(tmp_path, lambda data: None)
     other = changed(tmp_path / "other", change) / "reduced"

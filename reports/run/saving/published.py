@@ -29,6 +29,10 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "last doubling": (RUN, run_blocks.doubling),
     "late verdict": ((*RUN, "converged/summary.json"), run_blocks.beside),
     "late equal time": (("converged/summary.json",), lambda run: run_blocks.differences(run, "seconds")),
+    "twice the steps": (
+        ("reduced/halved.json", *RUN, "converged/summary.json", "converged/doubled.json"),
+        run_blocks.twice_the_steps,
+    ),
     "under Adam": ((*RUN, "adam/summary.json"), run_blocks.beside),
     "learning": (("learning_rates.json",), study_blocks.learning),
     "ledger": (RUN, run_blocks.ledger),

@@ -5,7 +5,10 @@ from collections.abc import Iterable
 from statistics import fmean, stdev
 from typing import Any
 
+import numpy as np
+
 from harness.records.study import Check, Studies
+from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
@@ -230,6 +233,49 @@ def doubling(run: Run) -> str:
     known = [seconds for seconds in spent if seconds is not None]
     cost = f" A cell of `{BASELINE}` takes {fmean(known):.0f} core seconds of training." if known else ""
     return f"The last doubling of the steps brought {listed(named)}.{cost}" if named else ""
+
+
+def twice_the_steps(halved: Run, early: Run, late: Run, doubled: Run) -> str:
+    """Tabulate what twice the steps bring: between two trainings, and within the longer one."""
+    columns = [_of_twice_the_steps(halved, early), _of_twice_the_steps(late, doubled)]
+    head, *rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
+    return table(head, rows)
+
+
+def _of_twice_the_steps(shorter: Run, longer: Run) -> dict[str, str]:
+    """Map the name of a row to the entry of two runs, over the scenes and seeds that both have."""
+    cells = [
+        {(cell["scene"], cell["seed"], cell["method"]): cell["psnr"] for cell in run["cells"]}
+        for run in (shorter, longer)
+    ]
+    shared = [key for key in cells[0] if key in cells[1]]
+    scenes, seeds = (sorted({key[place] for key in shared}) for place in (0, 1))
+    before, after = (
+        {
+            method: np.array([[scores[scene, seed, method] for seed in seeds] for scene in scenes], dtype=np.float64)
+            for method in (BASELINE, FAVOURITE)
+        }
+        for scores in cells
+    )
+
+    def told(differences: np.ndarray) -> str:
+        mean = judged(dict(zip(scenes, differences, strict=True)), "psnr", family=1)
+        return _with_interval(mean.difference, mean.chosen.interval)
+
+    steps = " and ".join(str(run["settings"]["budget"]["steps"]) for run in (shorter, longer))
+    entries = {"test PSNR, 95 %": f"{steps} steps; {counted(len(scenes), 'scene')}, {counted(len(seeds), 'seed')}"}
+    own = {gained["method"]: gained for gained in longer["last_doubling"]}
+    for method in before:
+        entries[f"`{method}`, longer training − shorter"] = told(after[method] - before[method])
+        within = own[method]
+        entries[f"`{method}`, last doubling of the longer"] = _with_interval(within["gain"], within["interval"])
+    for scores, which in ((before, "shorter"), (after, "longer")):
+        entries[f"`{FAVOURITE}` − `{BASELINE}`, {which}"] = told(scores[FAVOURITE] - scores[BASELINE])
+    return entries
+
+
+def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> str:
+    return f"{signed(gain)} dB{f', {between(interval)}' if interval else ''}"
 
 
 def processors(run: Run) -> str:
