@@ -267,8 +267,10 @@ def _of_twice_the_steps(shorter: Run, longer: Run) -> dict[str, str]:
     own = {gained["method"]: gained for gained in longer["last_doubling"]}
     for method in before:
         entries[f"`{method}`, longer training − shorter"] = told(after[method] - before[method])
-        within = own[method]
-        entries[f"`{method}`, last doubling of the longer"] = _with_interval(within["gain"], within["interval"])
+        within = own[method]  # of all seeds of the run, where the other rows have those that both runs have
+        entries[f"`{method}`, last doubling of the longer, all its cells"] = _with_interval(
+            within["gain"], within["interval"]
+        )
     for scores, which in ((before, "shorter"), (after, "longer")):
         entries[f"`{FAVOURITE}` − `{BASELINE}`, {which}"] = told(scores[FAVOURITE] - scores[BASELINE])
     return entries
@@ -293,7 +295,7 @@ def processors(run: Run) -> str:
 def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> str:
     """State how far a GPU's scores are from the processor's, whether it repeats its bits, and how fast it is."""
     cell = next(cell for cell in there["cells"] if cell["method"] == BASELINE)
-    alike = [one for one in here["cells"] if all(one[key] == cell[key] for key in ("scene", "method", "seed"))]
+    alike = next(one for one in here["cells"] if all(one[key] == cell[key] for key in ("scene", "method", "seed")))
     measured = {check.id: check for _, check in speed.checks()}
     plain, ours, bfloat16 = (
         number(measured[f"training.dense.{side}.rate"].value) for side in ("plain", "float32", "accelerated")
@@ -304,7 +306,7 @@ def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> s
         f"{_moved(apart)}. Made again, {again['identical']} of {again['all']['cells']} trainings had the same scores "
         "to the last bit.\n\n"
         f"It is not for small networks: at the reduced settings `{BASELINE}` on {cell['scene']} takes "
-        f"{cell['train_seconds']:.0f} s there and {alike[0]['train_core_seconds']:.0f} core seconds here, and a step "
+        f"{cell['train_seconds']:.0f} s there and {alike['train_core_seconds']:.0f} core seconds here, and a step "
         f"uses {number(measured['matrix.reduced.share'].value)} % of the GPU's matrix rate. A step of the paper's "
         f"network uses {number(share.value)} % (target: {target(share)}). It trains on {bfloat16} million samples a "
         f"second in bfloat16 and on {ours} in float32; plain torch, in float32, on {plain}."
