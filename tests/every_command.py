@@ -54,8 +54,8 @@ nox -s frontier -- {one} --methods nerf splats --budgets 0.3 --seeds 1 --resolut
 python -m harness frontier --pick lego --seconds 1 --out {here}/f
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
-nox -s endurance -- --kills 12 --typed-kills 0 --no-damage --brief --scratch {here}/endurance
-nox -s fuzz -- --targets harness_options --inputs 9 --seconds 20 --no-guided --scratch {here}/fuzz
+nox -s endurance -- --kills 12 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
+nox -s fuzz -- --targets harness_options --inputs 9 --seed 1 --seconds 20 --no-guided --scratch {here}/fuzz
 nox -s tests_thorough -- --collect-only -q tests/harness/execution
 nox -s tests_oldest -- --collect-only -q tests/harness/plan
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate

@@ -115,6 +115,8 @@ def ensure_view_set(
                 donors = [folder for folder in (target, *abandoned(cache, target.name)) if folder.is_dir()]
                 with mistakes_in(own, but=OSError):  # which is the cache's
                     write_view_set(partial, order, chosen, progress, donors)
+                # before it is in place: who is killed while writing leaves nothing in a complete set
+                with_occupancy(partial, order)
                 _move_into_place(partial, target)
             except (BrokenPipeError, KeyboardInterrupt):
                 raise  # the caller is gone: the rendered views are kept for the next one
@@ -123,7 +125,7 @@ def ensure_view_set(
                 raise
         for folder in (partial, *abandoned(cache, target.name)):
             remove(folder)
-    return with_occupancy(target, order)
+    return target
 
 
 def check_resolution(resolution: int) -> None:

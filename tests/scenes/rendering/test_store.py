@@ -20,6 +20,7 @@ from scenes.files.errors import InputError
 from scenes.modelling.normalise import Similarity
 from scenes.modelling.scene import Scene
 from scenes.rendering import store
+from scenes.rendering.occupancy import NAME
 from scenes.rendering.store import Order, Standing, checked_order, is_complete
 from scenes.view_sets.manifest import check_all
 from scenes.view_sets.view_set import ViewSet, read_view_set
@@ -222,6 +223,22 @@ def test_a_faster_process_is_not_disturbed(
     assert is_complete(path)
     assert [path.stat().st_ino] == faster  # the folder that was there is still the one
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
+
+
+def test_nothing_is_written_into_a_set_that_is_in_place(
+    render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a writer leaves that is killed there would stay for good."""
+    plain = store._move_into_place
+
+    def moved(partial: Path, target: Path) -> None:
+        plain(partial, target)
+        in_place.extend(file.stat().st_mtime_ns for file in (target, target / NAME))
+
+    in_place: list[int] = []
+    monkeypatch.setattr(store, "_move_into_place", moved)
+    path = render_tiny(tmp_path)
+    assert [file.stat().st_mtime_ns for file in (path, path / NAME)] == in_place
 
 
 def command(cache: Path) -> list[str]:
