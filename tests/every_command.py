@@ -49,6 +49,9 @@ python -m scenes noise --scenes lego --resolution 8 --spp 1 2 --reference-spp 4 
 python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
 nox -s stability -- --cases S1 --quick --out {here}/stability {sets} → 3
+python -m harness study sweep --profile smoke --scenes lego {tiny} --out {here}/sweep.json {sets}
+python -m harness study equivalence --profile smoke --scenes lego {tiny} --out {here}/pairs.json {sets}
+python -m harness study omissions --profile smoke --scenes lego {tiny} --out {here}/left.json {sets} → 3
 
 nox -s frontier -- {one} --methods nerf splats --budgets 0.3 --seeds 1 --resolution 16 --out {here}/f {sets}
 python -m harness frontier --pick lego --seconds 1 --out {here}/f
@@ -56,7 +59,7 @@ nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
 nox -s endurance -- --kills 12 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- --targets harness_options --inputs 9 --seed 1 --seconds 20 --no-guided --scratch {here}/fuzz
-nox -s tests_thorough -- --collect-only -q tests/harness/execution
+nox -s tests_thorough -- --collect-only -q tests/endurance tests/harness/execution/cluster
 nox -s tests_oldest -- --collect-only -q tests/harness/plan
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
 python -m harness history {here}/history.jsonl --out {here}/history
@@ -65,9 +68,6 @@ python -m harness gate --list
 python -m harness study evidence --list
 python -m harness study stability --list
 python -m harness study conformance --list
-python -m harness study sweep --profile smoke --scenes lego {tiny} --out {here}/sweep.json {other_sets}
-python -m harness study equivalence --profile smoke --scenes lego {tiny} --out {here}/pairs.json {other_sets}
-python -m harness study omissions --profile smoke --scenes lego {tiny} --out {here}/left.json {other_sets} → 3
 python -m harness study families --quick --out {here}/families.json {other_sets}
 python -m harness study repair --quick --out {here}/repair.json {other_sets}
 nox -s judge -- docs/examples/nerfbaselines-blender.csv --out {here}/judgement
