@@ -66,6 +66,10 @@ class Rays:
     def part(self, start: int, stop: int) -> "Rays":
         return Rays(self.origins[start:stop], self.directions[start:stop], self.near, self.far)
 
+    def to(self, where: torch.device | torch.dtype) -> "Rays":
+        """Return the rays on a device, or as numbers of a type."""
+        return Rays(self.origins.to(where), self.directions.to(where), self.near, self.far)
+
     def require_finite(self) -> None:
         """Check that all values are finite. Raises `ValueError` naming the first ray with a NaN or an infinity, which
         the test against a box, a comparison, would call a miss, and a renderer background; likewise the ray whose

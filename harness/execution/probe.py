@@ -127,9 +127,8 @@ def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Te
     focal = 0.5 * width / np.tan(0.5 * FOV_X_RADIANS)
     cameras = Cameras.of(poses, width, width, float(focal), RADIUS - 2.0, RADIUS + 2.0)
     view, column, row = (torch.randint(most, (count,), generator=generator) for most in (len(poses), width, width))
-    rays = cameras.rays(view, column, row)
     colours = torch.rand(count, 3, generator=generator)
-    return Rays(rays.origins.to(device), rays.directions.to(device), rays.near, rays.far), colours.to(device)
+    return cameras.rays(view, column, row).to(device), colours.to(device)
 
 
 def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:

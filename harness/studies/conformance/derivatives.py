@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from baselines.contract import Box, Rays
+from baselines.contract import Box
 from harness.studies.conformance.subject import BOX, Broken, Subject, roughened, some_rays
 
 RAYS = 20
@@ -120,8 +120,7 @@ def _loss_of(subject: Subject, dtype: torch.dtype) -> tuple[Callable[[], Tensor]
     if hasattr(field, "dtype"):
         field.dtype = dtype
     # α away from 1/φ, at which Eq. 4 clamps densities of about 0: a kink at the very start
-    field, rays = roughened(field, 1.0), some_rays(RAYS)
-    rays = Rays(rays.origins.to(dtype), rays.directions.to(dtype), rays.near, rays.far)
+    field, rays = roughened(field, 1.0), some_rays(RAYS).to(dtype)
     weights = torch.randn(RAYS, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(63))
 
     def loss() -> Tensor:

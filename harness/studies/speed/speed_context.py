@@ -126,7 +126,7 @@ def synthetic_batch(context: SpeedContext, count: int) -> Batch:
     aims = torch.rand(count, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(aims - origins, dim=-1)
     colours = torch.rand(count, 3, generator=generator)
-    return Rays(origins.to(context.device), directions.to(context.device), 2.0, 6.0), colours.to(context.device)
+    return Rays(origins, directions, 2.0, 6.0).to(context.device), colours.to(context.device)
 
 
 def unit_box(device: torch.device) -> Box:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from baselines.contract import Rays
 from harness.plan.seeds import generator_for
 from harness.records.cells import ViewScore
 from harness.records.json_record import finite_or_none
@@ -50,8 +49,7 @@ def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> Vi
     """
     rays = cameras.all_rays(view)
     order = pixel_order(len(rays)).to(rays.origins.device)
-    shuffled = Rays(rays.origins[order], rays.directions[order], rays.near, rays.far)
-    rendering = trainer.render(shuffled, chunk)
+    rendering = trainer.render(rays.chosen(order), chunk)
     back = torch.argsort(order)
     parts = (rendering.colour, rendering.opacity, rendering.depth)
     size = (cameras.height, cameras.width)

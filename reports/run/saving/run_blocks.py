@@ -283,7 +283,7 @@ def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> 
 def processors(run: Run) -> str:
     """State how far the same plan and seeds move on another processor."""
     here = ", ".join(
-        f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}"
+        f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}".replace("DEFAULT", "none that torch uses")
         for place, (ours, theirs) in run["origins"].items()
     )
     return (

@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from baselines.catalog import CATALOG
-from baselines.contract import Box, Rays
+from baselines.contract import Box
 from baselines.numerics.optimisers import OptimiserName
 from harness.plan.profiles import TUNED
 from harness.plan.settings import TrainSettings
+from harness.training.batches import Batch
 from harness.training.checkpoints import load_checkpoint, save_checkpoint
 from harness.training.trainer import Trainer
 from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours
@@ -24,18 +25,18 @@ def trained(method: str, kind: str, settings: TrainSettings, steps: int) -> Trai
     box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
     learner = Trainer(method, box, settings, BUDGET, 0, device)
     for step in range(steps):
-        learner.train_on(*on(device, *rays_and_colours(seed=step)))
+        learner.train_on(*batch(step, device))
     return learner
 
 
-def on(device: torch.device, rays: Rays, colours: torch.Tensor) -> tuple[Rays, torch.Tensor]:
-    moved = Rays(rays.origins.to(device), rays.directions.to(device), rays.near, rays.far)
-    return moved, colours.to(device)
+def batch(seed: int, device: torch.device) -> Batch:
+    rays, colours = rays_and_colours(seed=seed)
+    return rays.to(device), colours.to(device)
 
 
 def picture(method: str, kind: str, settings: TrainSettings, steps: int) -> torch.Tensor:
     learner = trained(method, kind, settings, steps)
-    rays, _ = on(learner.device, *rays_and_colours(seed=77))
+    rays, _ = batch(77, learner.device)
     return learner.render(rays, 16).colour.to(CPU)
 
 
@@ -70,6 +71,6 @@ def test_a_cell_on_a_gpu_resumes(tmp_path: Path) -> None:
     load_checkpoint(resumed, tmp_path / "half", half.step)
     resumed.restore_optimiser(half.optimiser_tensors())
     for step in range(4, 8):
-        resumed.train_on(*on(resumed.device, *rays_and_colours(seed=step)))
-    rays, _ = on(whole.device, *rays_and_colours(seed=77))
+        resumed.train_on(*batch(step, resumed.device))
+    rays, _ = batch(77, whole.device)
     torch.testing.assert_close(resumed.render(rays, 16).colour, whole.render(rays, 16).colour, atol=1e-2, rtol=0.0)

@@ -6,7 +6,7 @@ from typing import Any
 
 import torch
 
-from baselines.contract import Box, Precision, Rays
+from baselines.contract import Box, Precision
 from harness.records.study import Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import (
@@ -80,7 +80,7 @@ def doubled(context: StabilityContext) -> Callable[[int], Batch]:
 
     def doubled_at(step: int) -> Batch:
         rays, colours = batch_at(step)
-        return Rays(rays.origins.double(), rays.directions.double(), rays.near, rays.far), colours.double()
+        return rays.to(torch.float64), colours.double()
 
     return doubled_at
 
