@@ -281,14 +281,15 @@ def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> 
 
 
 def processors(run: Run) -> str:
-    """State how far the same plan and seeds move on another processor."""
+    """State how far the same plan and seeds move on another processor, and the verdicts over all scenes on both."""
     here = ", ".join(
         f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}".replace("DEFAULT", "none that torch uses")
         for place, (ours, theirs) in run["origins"].items()
     )
+    headline = "; ".join(run["headline"]).replace("-", "−")
     return (
         f"The same plan and seeds on another processor or instruction set (here: {here}) {_moved(run)} "
-        "(`python -m harness compare A B`)."
+        f"(`python -m harness compare A B`). Over all scenes, on one and on the other: {headline}."
     )
 
 
