@@ -172,15 +172,21 @@ def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
         "origins": {"instruction_set": [["AVX2"], ["AVX512"]]},
         "all": {"cells": 24, "rms": 0.296, "largest": -1.272},
         "changed": [{"sense": "scenes_like_these", "compared": 324, "verdicts": 38, "signs": 0}],
-        "headline": ["a − b: +0.14 dB (better) → +0.15 dB (equivalent)", "c − b: -0.31 dB (worse) → -0.30 dB (worse)"],
+        "headline": [
+            "qnerf − nerf: +0.14 dB (better) → +0.15 dB (equivalent)",
+            "qnerf − nerf_matched: -0.31 dB (worse) → -0.30 dB (worse)",
+        ],
     }
-    published = written(tmp_path, "reduced/processors.json", "environment.json", **processors)
+    published = changed(tmp_path, lambda data: None)  # better, and worse
+    written(tmp_path, "reduced/processors.json", "environment.json", **processors)
     said = block("processors", published)
     assert "(here: instruction set AVX2 and AVX512)" in said
     assert "0.30 dB (RMS of 24; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in said
-    assert said.endswith(
-        "a − b: +0.14 dB (better) → +0.15 dB (equivalent); c − b: −0.31 dB (worse) → −0.30 dB (worse)."
-    )
+    assert "qnerf − nerf: +0.14 dB (better) → +0.15 dB (equivalent); qnerf − nerf_matched: −0.31 dB (worse)" in said
+    assert said.endswith("The published verdict on qnerf − nerf is at its edge: these do not both repeat it.")
+    processors["headline"] = ["qnerf − nerf: +0.14 dB (better) → +0.15 dB (better)"]
+    written(tmp_path, "reduced/processors.json", "environment.json", **processors)
+    assert block("processors", published).endswith("(better) → +0.15 dB (better).")
 
     def lost(data: dict[str, Any]) -> None:
         data["failures"]["rates"][-1] |= {"diverged": 2, "collapsed": 1, "rate": 0.125, "interval": [0.027, 0.324]}

@@ -36,7 +36,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "under Adam": ((*RUN, "adam/summary.json"), run_blocks.beside),
     "learning": (("learning_rates.json",), study_blocks.learning),
     "ledger": (RUN, run_blocks.ledger),
-    "processors": (("reduced/processors.json",), run_blocks.processors),
+    "processors": (("reduced/processors.json", *RUN), run_blocks.processors),
     "GPU": (
         ("gpu/compared.json", "gpu/again.json", "gpu/summary.json", "gpu/speed.json", *RUN),
         run_blocks.on_a_gpu,

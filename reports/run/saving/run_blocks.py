@@ -280,16 +280,22 @@ def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> 
     return f"{signed(gain)} dB{f', {between(interval)}' if interval else ''}"
 
 
-def processors(run: Run) -> str:
-    """State how far the same plan and seeds move on another processor, and the verdicts over all scenes on both."""
+def processors(run: Run, published: Run) -> str:
+    """State how far the same plan and seeds move on another processor, the verdicts over all scenes on both, and which
+    of the published ones these do not both repeat.
+    """
     here = ", ".join(
         f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}".replace("DEFAULT", "none that torch uses")
         for place, (ours, theirs) in run["origins"].items()
     )
     headline = "; ".join(run["headline"]).replace("-", "−")
+    own = {f"{first} − {second}": row(published, "all", first, second) for first, second in DUELS}
+    told = (line.split(": ", 1) for line in run["headline"])
+    edge = [name for name, both in told if (duel := own.get(name)) and both.count(f"({duel['verdict']})") < 2]
+    unsure = f" The published verdict on {listed(edge)} is at its edge: these do not both repeat it." if edge else ""
     return (
         f"The same plan and seeds on another processor or instruction set (here: {here}) {_moved(run)} "
-        f"(`python -m harness compare A B`). Over all scenes, on one and on the other: {headline}."
+        f"(`python -m harness compare A B`). Over all scenes, on one and on the other: {headline}.{unsure}"
     )
 
 
