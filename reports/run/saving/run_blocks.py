@@ -285,7 +285,7 @@ def processors(run: Run, published: Run) -> str:
     of the published ones these do not both repeat.
     """
     here = ", ".join(
-        f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}".replace("DEFAULT", "none that torch uses")
+        f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}"
         for place, (ours, theirs) in run["origins"].items()
     )
     headline = "; ".join(run["headline"]).replace("-", "−")
