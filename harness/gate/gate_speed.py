@@ -19,7 +19,7 @@ from scipy.stats import norm
 
 from baselines.plain import PlainField, plain_render, plain_step
 from harness.gate.gate_context import GateContext, complete
-from harness.gate.gates import MACHINES_DIFFER, RENEWAL_PROCESSES, SLOWER_FOUND, SPEED_REPEATS, STEPS, gates
+from harness.gate.gates import RENEWAL_PROCESSES, SLOWER_FOUND, SPEED_REPEATS, STEPS, gates
 from harness.gate.limits import Limit, judge
 from harness.gate.references import References
 from harness.gate.worse import TRAIN
@@ -48,8 +48,9 @@ def measure(context: GateContext) -> Iterator[Check]:
     asked, stored = context.of_kind("speed"), context.references.speed
     for name, quotient in in_child(ratios, tuple(asked)).items():
         if before := stored.get(name):
-            limit = limit_of(name, before, context.wider("speed"))
-            yield judge(asked[name], [quotient / statistics.geometric_mean(before)], limit)
+            yield judge(
+                asked[name], [quotient / statistics.geometric_mean(before)], limit_of(before, context.wider("speed"))
+            )
 
 
 def renew(context: GateContext) -> References:
@@ -63,13 +64,12 @@ def renew(context: GateContext) -> References:
     return structs.replace(context.references, speed=speed)
 
 
-def limit_of(name: str, ratios: list[float], wider: float = 1.0) -> Limit:
-    """Return the limit half way, in logarithms, between what was stored and `SLOWER_FOUND` times that, wider where
-    machines differ; `detects` is the factor found in nine of ten runs, by the spread between the processes of the
-    renewal.
+def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:
+    """Return the limit half way, in logarithms, between what was stored and `SLOWER_FOUND` times that; `detects` is the
+    factor found in nine of ten runs, by the spread between the processes of the renewal.
     """
     spread = statistics.stdev(map(math.log, ratios)) if len(ratios) > 1 else 0.0
-    high = math.sqrt(SLOWER_FOUND) * MACHINES_DIFFER.get(name, 1.0) * wider
+    high = math.sqrt(SLOWER_FOUND) * wider
     return Limit(None, high, 1.0, spread, len(ratios), high * math.exp(float(norm.ppf(0.9)) * spread))
 
 

@@ -26,10 +26,6 @@ LARGEST_SHIFT = 0.2
 """The amount in dB by which a headline may differ from the stored one."""
 SLOWER_FOUND = 1.5
 """The slowdown that must be detected; the limit is the square root of it."""
-MACHINES_DIFFER = {"speed.score": 1.15}
-"""Speed gate → the factor by which its limit is wider, where machines of one class differ by more than repetitions on
-one of them: the same scores took 0.87 and 1.17 times as long as stored.
-"""
 FACTORS = {"double": 1e4, "single": 10.0}
 """Precision → the factor by which the first steps may deviate by more than all measured reorderings."""
 WIDER: dict[Kind, float] = {"changed": 10.0, "worse": 2.0, "speed": 1.5}

@@ -41,8 +41,7 @@ def spread_table(stored: list[References]) -> str:
     apart = f"{between_classes(*stored):.3f}"
     rows.append(("… cells of the two classes differ by, dB RMS", [apart] * len(stored)))
     slow = [
-        max(gate_speed.limit_of(*of_gate).detects or 0.0 for of_gate in references.speed.items())
-        for references in stored
+        max(gate_speed.limit_of(ratios).detects or 0.0 for ratios in references.speed.values()) for references in stored
     ]
     what = f"slower by a factor that is found in nine of ten runs (at most {SLOWER_FOUND})"
     rows.append((what, [f"{factor:.2f}" for factor in slow]))

@@ -63,7 +63,7 @@ def test_a_few_disturbed_repetitions_do_not_count(machine: Machine) -> None:
 def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(name: str, gate: Any) -> None:
     """In nine of ten runs at least, and what did not change passes in as many."""
     ratios = read_references(CLASSES, name).speed[gate.name]
-    limit = gate_speed.limit_of(gate.name, ratios)
+    limit = gate_speed.limit_of(ratios)
     assert limit.detects is not None
     assert limit.detects <= SLOWER_FOUND
     generator = np.random.default_rng(0)
@@ -77,10 +77,8 @@ def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(name: str, gate
 
 def test_faster_is_welcome_and_a_foreign_class_has_more_room() -> None:
     ratios = [2.4, 2.5, 2.6]
-    name = "speed.train.nerf"
-    assert gate_speed.limit_of(name, ratios).low is None
-    assert gate_speed.limit_of(name, ratios, 1.5).high == pytest.approx(1.5 * 1.5**0.5)
-    assert gate_speed.limit_of("speed.score", [1.0]).high == pytest.approx(1.15 * 1.5**0.5)
+    assert gate_speed.limit_of(ratios).low is None
+    assert gate_speed.limit_of(ratios, 1.5).high == pytest.approx(1.5 * 1.5**0.5)
 
 
 def test_each_gate_has_something_to_measure(ball: ViewSet, monkeypatch: pytest.MonkeyPatch) -> None:
