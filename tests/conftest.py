@@ -8,7 +8,6 @@ refuse `box(1, 1, 0.2)`.
 
 import shutil
 from collections.abc import Callable, Iterator
-from inspect import isfunction
 from typing import Any
 
 import beartype
@@ -22,19 +21,12 @@ beartype.beartype = beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower
 jaxtyped = jaxtyping.jaxtyped
 
 
-def where_shapes_are(**options: Any) -> Callable[[Any], Any]:
-    """Leave out what states no shape, which mypy has seen, and functions in functions, each call of which would make
-    their checks anew: together they take a fifth of the suite's time.
-    """
-
-    def decorate(one: Any) -> Any:
-        shapes = not isfunction(one) or any("jaxtyping" in str(each) for each in one.__annotations__.values())
-        return jaxtyped(one, **options) if shapes and "<locals>" not in one.__qualname__ else one
-
-    return decorate
+def made_once(**options: Any) -> Callable[[Any], Any]:
+    """Leave out functions in functions: each call of the outer one would compile their checks anew."""
+    return lambda one: one if "<locals>" in one.__qualname__ else jaxtyped(one, **options)
 
 
-jaxtyping.jaxtyped = where_shapes_are
+jaxtyping.jaxtyped = made_once
 torch.set_num_threads(1)  # nothing here is large, and threads that wait for each other burn a busy core
 
 

@@ -7,6 +7,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from jaxtyping import TypeCheckError
@@ -14,7 +15,8 @@ from jaxtyping import TypeCheckError
 from baselines.contract import Box, Rays
 from baselines.numerics.encoding import fourier_features
 from baselines.numerics.quadrature import midpoint
-from harness.training.batches import Cameras
+from harness.training.batches import Batches, Cameras
+from scenes.view_sets.image_stack import ImageStack
 
 ROOT = Path(__file__).parents[1]
 
@@ -51,6 +53,9 @@ def test_harness_dataclass_refuses_a_wrong_shape() -> None:
 
 
 def test_harness_function_refuses_a_wrong_shape() -> None:
+    Batches(cameras(), ImageStack.of(np.zeros((2, 8, 8, 4), np.float32)))
+    with pytest.raises(TypeCheckError):
+        Batches(cameras(), torch.zeros(2, 8, 8, 4))  # type: ignore[arg-type]
     index = torch.zeros(5, dtype=torch.long)
     with pytest.raises(TypeCheckError):
         cameras().rays(index, index, index[:4])

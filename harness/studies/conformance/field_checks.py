@@ -199,10 +199,10 @@ def pointwise_is_true(subject: Subject) -> None:
     # α away from 1/φ, at which Eq. 4 is the identity about any mean
     if isinstance(amplifier := getattr(field, "amplifier", None), nn.Module):
         set_alpha(amplifier, 1.0 if not field.pointwise else 1.5 / PHI)
-    claimed, rays = field.pointwise, some_rays(20)
+    claimed, rays = field.pointwise, some_rays(40)
     whole = subject.rendered(field, rays)
     largest = 0.0
-    for chunk in (1, 7):
+    for chunk in (1, 7, 20):
         pieces = [subject.rendered(field, rays.part(start, start + chunk)) for start in range(0, len(rays), chunk)]
         for name in ("colour", "opacity"):
             joined = torch.cat([getattr(piece, name) for piece in pieces])
