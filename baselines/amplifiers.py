@@ -2,27 +2,28 @@
 
 `AMPLIFIERS` names the readings; each is a small module with its own learnable scalars, or none. They return density in
 the unit of `baselines.composition.Parts.density_unit`, which the field multiplies by: no reading has a unit of its own.
+Each is made with a start, the density of a fresh field in that unit: a shift of the raw output. None leaves the raw
+output as it is, as the paper's listings print it.
 """
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import softplus
 
 from baselines.held_mean import RunningMean
-from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, contrast_about, softplus_density
+from baselines.numerics.amplifier import (
+    amplify_about_mean,
+    amplify_listing2,
+    contrast_about,
+    sigmoid_shift,
+    softplus_density,
+    softplus_shift,
+)
 from baselines.numerics.encoding import PHI
-
-DENSITY_BIAS = -4.4
-"""A shift before softplus: a fresh field is thin fog (0.012 of the unit), light reaches everything, nothing saturates.
-Listing 2 as printed has none; `nerf_no_shift` measures what it is worth.
-"""
 
 
 class Amplifier(nn.Module, ABC):
@@ -48,12 +49,12 @@ class NoAmplifier(Amplifier):
     bounded = False
     pointwise = True
 
-    def __init__(self, bias: float = DENSITY_BIAS) -> None:
+    def __init__(self, start: float | None) -> None:
         super().__init__()
-        self.bias = bias
+        self.shift = 0.0 if start is None else softplus_shift(start)
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        sigma = softplus_density(raw, self.bias)
+        sigma = softplus_density(raw, self.shift)
         return sigma, sigma
 
 
@@ -64,8 +65,8 @@ class MeanAmplifier(Amplifier):
         super().__init__()
         self.mean = RunningMean()
 
-    def update_mean(self, raw_in_box: Callable[[], Tensor]) -> None:
-        """End a step. `raw_in_box` returns raw densities at fixed points all over the box."""
+    def update_mean(self) -> None:
+        """End a step."""
         self.mean.update()
 
 
@@ -102,7 +103,7 @@ class CallMeanAmplifier(MeanAmplifier):
         self.mean.observe(quantity)
         return self.about(quantity, _mean_of(quantity))
 
-    def update_mean(self, raw_in_box: Callable[[], Tensor]) -> None:
+    def update_mean(self) -> None:
         self.mean.update(share=1.0)
 
 
@@ -116,12 +117,13 @@ class Listing2Amplifier(CallMeanAmplifier):
 
     bounded = True
 
-    def __init__(self) -> None:
+    def __init__(self, start: float | None) -> None:
         super().__init__()
+        self.shift = 0.0 if start is None else sigmoid_shift(start)
         self.beta = nn.Parameter(torch.tensor(1.0))
 
     def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        return torch.sigmoid(raw)
+        return torch.sigmoid(raw + self.shift)
 
     def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
         return amplify_listing2(quantity, mean, self.alpha, self.beta)
@@ -132,8 +134,12 @@ class Equation4Amplifier(CallMeanAmplifier):
 
     bounded = False
 
+    def __init__(self, start: float | None) -> None:
+        super().__init__()
+        self.shift = 0.0 if start is None else softplus_shift(start)
+
     def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        return softplus_density(raw, DENSITY_BIAS)
+        return softplus_density(raw, self.shift)
 
     def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
         return amplify_about_mean(quantity, mean, self.alpha).clamp(min=0.0)
@@ -141,107 +147,46 @@ class Equation4Amplifier(CallMeanAmplifier):
 
 LARGEST_ALPHA = 1e3
 """A contrast beyond it is a step; without a limit an α that runs away makes ∞ · 0."""
-LEAST_TRANSMITTANCE = 1e-6
-"""The least transmittance of a length in which density 1 is an optical depth of 1, where density is read from an
-opacity: density ends at 13.8."""
-
-
-@dataclass(frozen=True)
-class Reading:
-    """The quantity that Eq. 4 acts on, and how it becomes a density."""
-
-    quantity: Callable[[Tensor], Tensor]
-    """Map the network's raw output [points] to the quantity."""
-    density: Callable[[Tensor], Tensor]
-    """Map the quantity, before or after Eq. 4, to a density >= 0; any value that Eq. 4 produces is accepted."""
-    threshold: float = math.inf
-    """The threshold of the quantity above which β boosts, for readings that boost."""
-
-
-_FOG = math.log1p(math.exp(DENSITY_BIAS))
-"""The density of NeRF's fresh field."""
-
-READINGS = {
-    "density": Reading(
-        lambda raw: softplus_density(raw, DENSITY_BIAS), lambda sigma: sigma.clamp(min=0.0), math.log(2.0)
-    ),
-    "preactivation": Reading(lambda raw: raw + DENSITY_BIAS, softplus),
-    # softplus(z) is −log of the sigmoid of −z: the transmittance of a length in which density 1 is optical depth 1
-    "opacity": Reading(
-        lambda raw: torch.sigmoid(-(raw + DENSITY_BIAS)),
-        lambda through: -torch.log(through.clamp(LEAST_TRANSMITTANCE, 1.0)),
-    ),
-    "listing2": Reading(torch.sigmoid, lambda share: share.clamp(0.0, 1.0), 0.5),
-    "listing2_shifted": Reading(
-        lambda raw: torch.sigmoid(raw + math.log(_FOG / (1.0 - _FOG))), lambda share: share.clamp(0.0, 1.0), 0.5
-    ),
-}
-"""density           the density of NeRF, as Eq. 4 is printed; negative becomes 0
-preactivation     the input of softplus
-opacity           the [0, 1] of Listing 2 read as the opacity of a short length, from which density follows
-listing2          the [0, 1] of Listing 2 as it is printed
-listing2_shifted  the same with the start that NeRF's density has
-"""
 
 
 class HeldMeanAmplifier(MeanAmplifier):
-    """Eq. 4 about a mean that belongs to the field: density is a function of the point alone.
+    """Eq. 4 about a running mean over the points that training evaluates: density is a function of the point alone.
 
-    `boost` multiplies by β above the threshold, as Listing 2 does; `positive` keeps α above 0; `over_box` takes the
-    mean over fixed points of the box, otherwise it is that of the points which training evaluates.
+    It acts on NeRF's softplus density, or with `bounded` on the sigmoid of Listing 2, which also has β above 0.5 and
+    ends at 1.
     """
 
     pointwise = True
 
-    def __init__(self, reading: str, boost: bool = False, positive: bool = False, over_box: bool = False) -> None:
+    def __init__(self, start: float | None, bounded: bool) -> None:
         super().__init__()
-        self.reading = READINGS[reading]
-        self.bounded = reading.startswith("listing2")
-        self.over_box = over_box
-        if positive:
-            self.rho = nn.Parameter(torch.zeros(()))
-        else:
-            self.free_alpha = nn.Parameter(torch.tensor(1.0 / PHI))
-        if boost:
+        self.bounded = bounded
+        shift = sigmoid_shift if bounded else softplus_shift
+        self.shift = 0.0 if start is None else shift(start)
+        self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
+        if bounded:
             self.beta = nn.Parameter(torch.tensor(1.0))
 
-    @property
-    def alpha(self) -> Tensor:
-        """The contrast α, 1/φ at first in either form."""
-        return self.free_alpha if hasattr(self, "free_alpha") else softplus(self.rho) / (math.log(2.0) * PHI)
-
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        quantity = self.reading.quantity(raw)
+        quantity = torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
         self.mean.observe(quantity)
         gain = self.alpha.clamp(-LARGEST_ALPHA, LARGEST_ALPHA) * PHI
         amplified = contrast_about(quantity, self.mean.value, gain)
-        if hasattr(self, "beta"):
-            amplified = amplified * torch.where(quantity > self.reading.threshold, self.beta, 1.0)
-        return self.reading.density(quantity), self.reading.density(amplified)
-
-    def update_mean(self, raw_in_box: Callable[[], Tensor]) -> None:
-        if self.over_box:
-            self.mean.set(self.reading.quantity(raw_in_box()).mean())
-        else:
-            self.mean.update()
+        if not self.bounded:
+            return quantity, amplified.clamp(min=0.0)
+        boost = torch.where(quantity > 0.5, self.beta, torch.ones_like(self.beta))
+        return quantity, torch.clamp(amplified * boost, 0.0, 1.0)
 
 
-AMPLIFIERS: dict[str, Callable[[], Amplifier]] = {
+AMPLIFIERS: dict[str, Callable[[float | None], Amplifier]] = {
     "none": NoAmplifier,
-    "none_unshifted": partial(NoAmplifier, 0.0),
     "listing2": Listing2Amplifier,
     "equation4": Equation4Amplifier,
-    "running_mean": partial(HeldMeanAmplifier, "density"),
-    "running_mean_preactivation": partial(HeldMeanAmplifier, "preactivation"),
-    "running_mean_positive": partial(HeldMeanAmplifier, "density", positive=True),
-    "box_mean": partial(HeldMeanAmplifier, "density", over_box=True),
-    "running_mean_boost": partial(HeldMeanAmplifier, "density", boost=True),
-    "running_mean_opacity": partial(HeldMeanAmplifier, "opacity"),
-    "running_mean_listing2": partial(HeldMeanAmplifier, "listing2", boost=True),
-    "running_mean_listing2_shifted": partial(HeldMeanAmplifier, "listing2_shifted", boost=True),
+    "running_mean": partial(HeldMeanAmplifier, bounded=False),
+    "running_mean_listing2": partial(HeldMeanAmplifier, bounded=True),
 }
-"""The amplifiers by name.
+"""The amplifiers by name, each a function of its start.
 
-none and none_unshifted are NeRF's softplus with and without its shift; listing2 and equation4 are printed, with a
-mean of the chunk; the others are about a mean that belongs to the field.
+none is NeRF's softplus; listing2 and equation4 are printed, with a mean of the chunk; the others are Eq. 4 and Listing
+2 about a running mean that belongs to the field.
 """

@@ -8,12 +8,19 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from baselines.amplifiers import Amplifier
-from baselines.composition import DENSITY_SCALE, Ladder, Parts
+from baselines.composition import Ladder, Parts
 from baselines.contract import FieldSpec
 from baselines.grids import growth
-from baselines.methods.ablations import BANDWIDTH, LADDER, NO_SHIFT, PARTIAL, WEAKENED
+from baselines.methods.ablations import BANDWIDTH, NO_SHIFT, PARTIAL, WEAKENED
 from baselines.methods.nerf import NERF, NERF_MATCHED
-from baselines.methods.qnerf import NERF_LISTING4, QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
+from baselines.methods.qnerf import (
+    NERF_LISTING4,
+    QNERF,
+    QNERF_LISTING4,
+    QNERF_PRINTED,
+    QNERF_SHIFTED,
+    QNERF_THEOREM,
+)
 from baselines.methods.repaired import CANDIDATES, MEANING, REPAIRED
 
 
@@ -31,7 +38,7 @@ class Method:
     """Additional encodings that `parts` names; `amplifiers` and `skips` likewise. They have the form of the tables
     `LADDERS`, `AMPLIFIERS` and `SKIPS`, to which they are added.
     """
-    amplifiers: Mapping[str, Callable[[], Amplifier]] = field(default_factory=dict)
+    amplifiers: Mapping[str, Callable[[float | None], Amplifier]] = field(default_factory=dict)
     skips: Mapping[str, Callable[[int], int]] = field(default_factory=dict)
     make_field: Callable[[FieldSpec], Any] | None = None
     """A factory of a field that is not composed of our parts (`parts` is then None): a `torch.nn.Module` that
@@ -66,17 +73,12 @@ def parts_named(combination: str) -> str:
     return words.replace("_", ", ")
 
 
-def unit_title(name: str, parts: Parts) -> str:
-    """Describe a rung of the ladder of units."""
-    who = "Q-NeRF as listed" if name.startswith("qnerf") else "NeRF"
-    return f"{who} with density {parts.density_scale:g} per half of the box's longest side, not {DENSITY_SCALE:g}"
-
-
 CATALOG: dict[str, Method] = {
     "nerf": Method(NERF, "vanilla NeRF: 2^k encoding, softplus density, skip at half depth"),
     "nerf_matched": Method(NERF_MATCHED, "NeRF whose 2^k encoding reaches no further than φ does: bandwidth control"),
     "qnerf": Method(QNERF, "Q-NeRF as listed: φ encoding, amplifier of Listing 2, φ skip"),
     "qnerf_printed": Method(QNERF_PRINTED, "Q-NeRF as listed, with density at most 1 per scene unit"),
+    "qnerf_shifted": Method(QNERF_SHIFTED, "Q-NeRF as listed, but with a shift before the sigmoid of Listing 2"),
     "qnerf_theorem": Method(QNERF_THEOREM, "Q-NeRF with the amplifier of Eq. 4 on density itself"),
     "qnerf_listing4": Method(QNERF_LISTING4, "Q-NeRF as listed, also with the quadrature of Listing 4"),
     "nerf_listing4": Method(NERF_LISTING4, "NeRF with the quadrature of Listing 4: the authors' own baseline"),
@@ -85,7 +87,6 @@ CATALOG: dict[str, Method] = {
     "nerf_phi_far": Method(BANDWIDTH["nerf_phi_far"], "NeRF with φ^k as far as 2^k reaches: bandwidth control"),
     "nerf_base165": Method(BANDWIDTH["nerf_base165"], "NeRF with 1.65^k, which reaches about as far as φ^k: control"),
     "nerf_no_shift": Method(NO_SHIFT, "NeRF whose density lacks the shift before softplus, as Listing 2 does"),
-    **{name: Method(parts, unit_title(name, parts)) for name, parts in LADDER.items()},
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},

@@ -9,8 +9,12 @@ from baselines.contract import Box
 from baselines.numerics.encoding import PHI, matched_bands
 
 DENSITY_SCALE = 25.0
-"""The common unit of density, per half of the longest side of the box: a solid surface is within reach of ordinary
-weights. How density must scale with the unit of length is the subject of Alpha Invariance (arXiv 2404.02155)."""
+"""The unit of density of what is not searched (`baselines.methods.chosen`), per half of the longest side of the box: a
+solid surface is within reach of ordinary weights. How density must scale with the unit of length is the subject of
+Alpha Invariance (arXiv 2404.02155).
+"""
+START = 0.3
+"""The density of a fresh field of what is not searched, per the same length: thin fog, which light reaches through."""
 
 
 @dataclass(frozen=True)
@@ -22,10 +26,12 @@ class Parts:
     skip        a name in `SKIPS`: "half" (the standard) or "phi" (Eq. 5, Listing 3)
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
     sees_direction  whether colour may depend on the view direction
-    density_scale   density σ where the amplifier gives 1: the unit of density, the same for all methods unless it is
-                    what is compared
+    density_scale   density σ where the amplifier gives 1: the unit of density. It is a slope for softplus, and for
+                    the sigmoid of Listing 2 a ceiling too
     density_per     the length that this density is per: "box", half of the longest side of the scene's box, so that
                     no result depends on the unit in which poses are written, or "scene", one unit of the poses
+    start           density of a fresh field, per the same length: a shift of the network's raw output. None: no
+                    shift, as the paper's listings print it
     """
 
     encoding: str = "base2"
@@ -35,6 +41,12 @@ class Parts:
     sees_direction: bool = True
     density_scale: float = DENSITY_SCALE
     density_per: Literal["box", "scene"] = "box"
+    start: float | None = START
+
+    @property
+    def start_in_units(self) -> float | None:
+        """Return the start in the unit of density, as an amplifier takes it; None without a shift."""
+        return None if self.start is None else self.start / self.density_scale
 
     def density_unit(self, box: Box) -> float:
         """The density in 1 / scene unit where the amplifier gives 1."""

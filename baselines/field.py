@@ -77,7 +77,7 @@ class NetworkField(nn.Module):
         self.colour_net = nn.ModuleList(
             nn.Linear(inputs, outputs) for inputs, outputs in zip(colour_widths, [*colour_widths[1:], 3], strict=True)
         )
-        self.amplifier = AMPLIFIERS[parts.amplifier]()
+        self.amplifier = AMPLIFIERS[parts.amplifier](parts.start_in_units)
         self.density_unit = parts.density_unit(box)
         self.hidden_width = size.width
         # the amplifier keeps the paper's α and β
@@ -112,20 +112,13 @@ class NetworkField(nn.Module):
         return self.amplifier.rendered(raw) * self.density_unit, torch.sigmoid(logits)
 
     @torch.no_grad()
-    def raw_in_box(self) -> Float[Tensor, " points"]:
-        """Return raw densities at points that are the same in every call, evenly spread over the box."""
-        return self._outputs(self._spread(), None, None)[0]
-
-    @torch.no_grad()
     def dead_units(self) -> dict[str, float]:
         """Return by layer of the density network the share of its units that are 0 at all of the points evenly spread
         over the box: no gradient reaches them from there.
         """
-        layers = self._hidden(self._encoded(self._spread()).to(self.dtype))
+        spread = self.box.from_unit(_evenly_spread().to(self.box.lower))
+        layers = self._hidden(self._encoded(spread).to(self.dtype))
         return {f"density_net.{index}": float((hidden == 0).all(dim=0).float().mean()) for index, hidden in layers}
-
-    def _spread(self) -> Tensor:
-        return self.box.from_unit(_evenly_spread().to(self.box.lower))
 
     def _encoded(self, x: Tensor) -> Tensor:
         return encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
@@ -200,30 +193,30 @@ def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
     within, unless an error ends it. Evaluations outside leave them alone.
     """
     amplifiers = [
-        (field.amplifier, field.raw_in_box)
+        field.amplifier
         for field in fields
         if isinstance(field, NetworkField) and isinstance(field.amplifier, MeanAmplifier)
     ]
-    for amplifier, _ in amplifiers:
+    for amplifier in amplifiers:
         amplifier.mean.begin()
     try:
         yield
     except BaseException:
-        for amplifier, _ in amplifiers:
+        for amplifier in amplifiers:
             amplifier.mean.drop()
         raise
-    for amplifier, raw_in_box in amplifiers:
-        amplifier.update_mean(raw_in_box)
+    for amplifier in amplifiers:
+        amplifier.update_mean()
 
 
-MEAN_POINTS = 512
-"""The points at which a mean over the box is measured each step: a tenth of a step's at reduced size."""
+SPREAD_POINTS = 512
+"""The points of the box at which units are asked whether they are dead."""
 
 
 @cache
 def _evenly_spread() -> Float[Tensor, "points 3"]:
     """Return the first points of a Sobol sequence in the unit cube."""
-    return torch.quasirandom.SobolEngine(3).draw(MEAN_POINTS)
+    return torch.quasirandom.SobolEngine(3).draw(SPREAD_POINTS)
 
 
 def _linears(layers: nn.ModuleList) -> list[nn.Linear]:

@@ -40,13 +40,6 @@ class RunningMean(nn.Module):
             self.steps += 1.0
         self._seen = None
 
-    @torch.no_grad()
-    def set(self, value: Float[Tensor, ""]) -> None:
-        """End the step with a mean that was measured otherwise."""
-        self.value.copy_(value)
-        self.steps += 1.0
-        self._seen = None
-
     def drop(self) -> None:
         """End the step without any change."""
         self._seen = None

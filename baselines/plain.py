@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from baselines.amplifiers import DENSITY_BIAS
-from baselines.composition import DENSITY_SCALE, skip_layer
+from baselines.composition import skip_layer
 from baselines.contract import Box, NetworkSize, Rays, uniform_weights
+from baselines.methods.nerf import NERF
 
 
 def positional_encoding(x: Float[Tensor, "*batch axes"], bands: int) -> Float[Tensor, "*batch features"]:
@@ -54,8 +54,10 @@ class PlainField(nn.Module):
             h = torch.relu(layer(h))
             if index == self.skip:
                 h = torch.cat([h, position], dim=-1)
-        unit = DENSITY_SCALE / self.box.half_extent
-        sigma = unit * nn.functional.softplus(self.density_head(h).squeeze(-1) + DENSITY_BIAS)
+        start = NERF.start_in_units
+        shift = 0.0 if start is None else math.log(math.expm1(start))
+        unit = NERF.density_scale / self.box.half_extent
+        sigma = unit * nn.functional.softplus(self.density_head(h).squeeze(-1) + shift)
         if self.view_dependent:
             view = positional_encoding(d, self.bands[1]).unsqueeze(1).expand(-1, x.shape[1], -1)
             h = torch.cat([h, view], dim=-1)

@@ -14,9 +14,9 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from baselines.amplifiers import DENSITY_BIAS
-from baselines.composition import DENSITY_SCALE
+from baselines.composition import DENSITY_SCALE, START
 from baselines.contract import Box, Densities, Points, Rays, Rendering
+from baselines.numerics.amplifier import softplus_shift
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 
@@ -244,7 +244,7 @@ class VoxelField:
 
     def _density(self, at: Any) -> Any:
         raw = interpolated(self.values["density"], at, self.types.Float)
-        return self.density_unit * softplus(raw + DENSITY_BIAS)
+        return self.density_unit * softplus(raw + softplus_shift(START / DENSITY_SCALE))
 
     def _roughness(self, voxel: Any) -> Any:
         """Return the mean squared difference of the chosen voxels from the next along each axis."""

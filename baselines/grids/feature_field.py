@@ -12,8 +12,7 @@ from torch import Tensor, nn
 from torch.nn.functional import relu, softplus
 
 from baselines import fused_network
-from baselines.amplifiers import DENSITY_BIAS
-from baselines.composition import DENSITY_SCALE
+from baselines.composition import DENSITY_SCALE, START
 from baselines.contract import (
     DTYPES,
     Densities,
@@ -25,6 +24,7 @@ from baselines.contract import (
     counts_by_component,
     glorot,
 )
+from baselines.numerics.amplifier import softplus_shift
 from baselines.numerics.encoding import encode, feature_count
 
 WIDTH = 64
@@ -104,7 +104,7 @@ class FeatureField(nn.Module):
         return self.encoder(self.box.normalised(x))
 
     def _sigma(self, raw: Float[Tensor, " points"]) -> Densities:
-        return softplus(raw + DENSITY_BIAS) * self.density_unit
+        return softplus(raw + softplus_shift(START / DENSITY_SCALE)) * self.density_unit
 
 
 def compiles_for(x: Float[Tensor, "points 3"]) -> bool:

@@ -11,12 +11,17 @@ from baselines.composition import Parts
 from baselines.methods.nerf import NERF
 from baselines.methods.qnerf import QNERF, QNERF_THEOREM
 
-PARTS_OF_QNERF = {"phi_encoding": "encoding", "amplifier": "amplifier", "phi_skip": "skip"}
+PARTS_OF_QNERF = {
+    "phi_encoding": ("encoding",),
+    "amplifier": ("amplifier", "density_scale", "start"),
+    "phi_skip": ("skip",),
+}
+"""Part → the fields of `Parts` that hold it: an amplifier comes with the constants that were chosen for it."""
 
 
 def combination(*names: str, of: Parts = QNERF) -> Parts:
     """Return NeRF with the named parts taken from `of`; none of them is NeRF itself, all three are `of`."""
-    return replace(NERF, **{PARTS_OF_QNERF[name]: getattr(of, PARTS_OF_QNERF[name]) for name in names})
+    return replace(NERF, **{field: getattr(of, field) for name in names for field in PARTS_OF_QNERF[name]})
 
 
 def partial_combinations(amplifier: str, of: Parts) -> dict[str, Parts]:
@@ -39,17 +44,7 @@ BANDWIDTH: dict[str, Parts] = {
 }
 """The controls of bandwidth: φ with NeRF's reach, φ's reach without φ."""
 
-UNITS = {"0_3": 0.3, "1": 1.0, "3": 3.0, "10": 10.0, "100": 100.0}
-"""Name → density per half of the box's longest side where the amplifier gives 1; 25 is NERF and QNERF."""
-
-LADDER: dict[str, Parts] = {
-    f"{name}_unit_{label}": replace(parts, density_scale=scale)
-    for name, parts in (("nerf", NERF), ("qnerf", QNERF))
-    for label, scale in UNITS.items()
-}
-"""Variants of two methods that differ in nothing but the unit of density."""
-
-NO_SHIFT = replace(NERF, amplifier="none_unshifted")
+NO_SHIFT = replace(NERF, start=None)
 """NeRF's density without the one part that Listing 2 does not have: the shift before softplus."""
 
 WEAKENED: dict[str, Parts] = {

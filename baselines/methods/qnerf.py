@@ -1,12 +1,16 @@
-"""Q-NeRF as compositions: vanilla NeRF with exactly three parts replaced."""
+"""Q-NeRF as compositions: vanilla NeRF with exactly three parts replaced.
+
+An amplifier comes with the unit of density and the start that were chosen for it: the paper names neither.
+"""
 
 from dataclasses import replace
 
+from baselines.methods.chosen import parts_of
 from baselines.methods.nerf import NERF
 
-QNERF = replace(NERF, encoding="phi", amplifier="listing2", skip="phi")
-"""Listings 1, 2 and 3 as printed, with the unit of density that every method has: the paper names none. Quadrature and
-sampling are those of every method too; see QNERF_LISTING4.
+QNERF = replace(NERF, encoding="phi", amplifier="listing2", skip="phi", **parts_of("qnerf"))
+"""Listings 1, 2 and 3 as printed, in the unit of density that serves them best. Quadrature and sampling are those of
+every method; see QNERF_LISTING4.
 """
 
 QNERF_PRINTED = replace(QNERF, density_scale=1.0, density_per="scene")
@@ -14,7 +18,10 @@ QNERF_PRINTED = replace(QNERF, density_scale=1.0, density_per="scene")
 unit of length in which the poses are written.
 """
 
-QNERF_THEOREM = replace(QNERF, amplifier="equation4")
+QNERF_SHIFTED = replace(QNERF, **parts_of("qnerf_shifted"))
+"""Listing 2 with a shift before its sigmoid, so that a fresh field is fog as NeRF's is."""
+
+QNERF_THEOREM = replace(QNERF, amplifier="equation4", **parts_of("qnerf_theorem"))
 """Theorem 1 (Eq. 4) on density itself instead of Listing 2."""
 
 QNERF_LISTING4 = replace(QNERF, quadrature="listing4")

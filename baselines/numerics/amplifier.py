@@ -6,11 +6,30 @@ densities these are is the caller's decision and therefore an argument. A mean o
 pixel depend on the chunk that it is rendered in.
 """
 
+import math
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from baselines.numerics.encoding import PHI
+
+
+def softplus_shift(start: float) -> float:
+    """Return the shift before softplus that maps 0 to the density `start`: log(exp(start) − 1).
+
+    Raises `ValueError` for a start that is not above 0.
+    """
+    if not start > 0.0:
+        raise ValueError(f"a start of {start}: the density of a fresh field must be above 0")
+    return start + math.log(-math.expm1(-start))
+
+
+def sigmoid_shift(start: float) -> float:
+    """Return the shift before a sigmoid that maps 0 to `start`. Raises `ValueError` for a start outside (0, 1)."""
+    if not 0.0 < start < 1.0:
+        raise ValueError(f"a start of {start} units: a sigmoid lies between 0 and 1")
+    return math.log(start / (1.0 - start))
 
 
 def softplus_density(raw: Float[Tensor, "*points"], bias: float) -> Float[Tensor, "*points"]:

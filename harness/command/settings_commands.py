@@ -1,4 +1,4 @@
-"""`python -m harness study sweep | families | repair | equivalence | omissions`: what settings change, in JSON."""
+"""`python -m harness study sweep | constants | families | equivalence | omissions`: what settings change, in JSON."""
 
 import argparse
 import shutil
@@ -29,11 +29,11 @@ def add_families_options(command: argparse.ArgumentParser) -> None:
     _add_file(command, "--resume")
 
 
-def add_repair_options(command: argparse.ArgumentParser) -> None:
-    add_shared(command, "--device")
-    add_shared(command, "--view-sets")
-    add_shared(command, "--quick")
-    _add_file(command)
+def add_constants_options(command: argparse.ArgumentParser) -> None:
+    add_plan_options(command)
+    _add_file(command, "--resume")
+    adopt = "write the choice into the file that the methods are made from, for this profile"
+    command.add_argument("--adopt", action="store_true", help=adopt)
 
 
 def add_equivalence_options(command: argparse.ArgumentParser) -> None:
@@ -96,22 +96,34 @@ def run_families(options: argparse.Namespace, show: "Progress") -> int:
     return 0
 
 
-def run_repair(options: argparse.Namespace, show: "Progress") -> int:
-    from harness.machine.device import chosen_device, multiplies_bfloat16, use_threads
-    from harness.studies.choices.repair_search import RepairRow, as_json, search, search_plan
+def run_constants(options: argparse.Namespace, show: "Progress") -> int:
+    """Raises `InputError` for a method without constants to search, and for a budget that is not one of steps."""
+    from harness.machine.provenance import provenance
+    from harness.studies.choices.constants import READINGS, ConstantsRow, as_json, search
+    from scenes.files.errors import InputError
 
-    device = chosen_device(options.device)
-    use_threads(1)  # processor seconds count every thread
-    plan = search_plan(multiplies_bfloat16(device), options.quick)
+    options.methods = options.methods or list(READINGS)
+    plan, device = planned_by(options)
+    if unknown := [method for method in plan.methods if method not in READINGS]:
+        raise InputError(f"--methods: {unknown[0]} has no constants to search; known: {' '.join(READINGS)}")
+    if plan.budget.steps is None:
+        raise InputError("constants: trains for equal steps; leave out --budget-seconds and --budget-core-seconds")
 
-    def line(row: RepairRow) -> str:
-        score = _decibels(row.psnr_val)
-        return f"{row.scene} seed {row.seed} {row.method}: {score} on validation views, {row.steps} steps"
+    def line(row: ConstantsRow) -> str:
+        start = "as printed" if row.constants.start is None else f"{row.constants.start:g}"
+        what = f"unit {row.constants.unit:g}, start {start}, {row.steps} steps"
+        return f"{row.scene} {row.method}, {what}: {_decibels(row.psnr_val)} on validation views"
 
     folders = _folders(options, plan, show)
-    rows = _shown(search(plan, folders, device, options.out.parent), line, show)
-    result = _written(options.out, as_json(rows, plan, device))
-    show.line(f"chosen: {result['chosen']}")
+    found = search(plan, folders, options.out.parent, _workers(device), device.type, _kept(options))
+    rows = _shown(found, line, show)
+    result = _written(options.out, as_json(rows, plan, provenance(device)))
+    if options.adopt:
+        from baselines.methods.chosen import adopt
+
+        adopt(plan.profile, result["chosen"])
+    for method, pair in result["chosen"].items():
+        show.line(f"chosen for {method}: {pair}")
     return 0
 
 

@@ -111,7 +111,7 @@ def probed(plan: Plan, device: torch.device, threads: int) -> Probe:
 def _work_of(method: str) -> Any:
     """Return a key that is equal for methods whose steps are the same work."""
     parts = CATALOG[method].parts if method in CATALOG else None
-    return replace(parts, density_scale=DENSITY_SCALE, density_per="box") if parts is not None else method
+    return replace(parts, density_scale=DENSITY_SCALE, density_per="box", start=None) if parts is not None else method
 
 
 def _learner(plan: Plan, method: str, device: torch.device) -> Learner:

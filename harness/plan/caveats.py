@@ -91,7 +91,7 @@ def deviations(plan: Plan) -> list[str]:
             "says what it costs on eight scenes."
         )
         trained = {name: METHODS[name].parts for name in plan.methods if name in METHODS}
-        bound = [name for name, own in trained.items() if own and not AMPLIFIERS[own.amplifier]().pointwise]
+        bound = [name for name, own in trained.items() if own and not AMPLIFIERS[own.amplifier](None).pointwise]
         if train.accelerations.hidden and bound:
             rows.append(
                 "Points behind matter that the grid measured to be opaque are left out of training where a point's "

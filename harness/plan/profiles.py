@@ -3,14 +3,14 @@
 import hashlib
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from baselines.catalog import CATALOG as METHODS
 from baselines.contract import Accelerations, NetworkSize, Precision
-from baselines.methods.ablations import LADDER
+from baselines.methods.chosen import DensityConstants, chosen
 from baselines.numerics.optimisers import OptimiserName, OptimiserSettings
 from harness.plan.defaults import KEPT_EVERY
 from harness.plan.group_task import GroupTask
@@ -121,7 +121,7 @@ class Plan:
                 methods=methods,
                 view_set=view_sets[scene],
                 views=self.views,
-                train=self.train,
+                train=replace(self.train, density=self.density_constants(methods)),
                 score=self.score,
                 budget=self.budget,
                 out=out,
@@ -151,7 +151,10 @@ class Plan:
         if self.view_set is not None and len(self.view_set) == 1:
             kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
         names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
-        return {**kept, **names, "density_units": self.density_units()}
+        kept["train"]["density"] = {
+            name: asdict(constants) for name, constants in self.density_constants(self.all_methods()).items()
+        }
+        return {**kept, **names}
 
     def guest_cells(self) -> list[tuple[str, str, int]]:
         """Return (scene, method, seed) of the guest's cells."""
@@ -161,13 +164,14 @@ class Plan:
         """Return the plan of its own methods, without those that explain a result or show its scale."""
         return replace(self, extras=(), guest=None)
 
-    def density_units(self) -> dict[str, dict[str, Any]]:
-        """Map method → the density where its amplifier gives 1 and the length that it is per, for
-        methods of our parts.
+    def density_constants(self, methods: Iterable[str]) -> dict[str, DensityConstants]:
+        """Map method → its unit of density and start, for methods of our parts: those of the plan's settings, else
+        those that were chosen for the profile, else those of its parts.
         """
+        given = {**chosen(self.profile), **self.train.density}
         return {
-            name: {"scale": parts.density_scale, "per": parts.density_per}
-            for name in self.all_methods()
+            name: given.get(name, DensityConstants(parts.density_scale, parts.start))
+            for name in methods
             if name in METHODS and (parts := METHODS[name].parts)
         }
 
@@ -287,7 +291,7 @@ PROFILES: dict[str, Plan] = {
         train=replace(REDUCED_TRAINING, grid=GridSettings(cells=24, first_step=30, every=10)),
         score=ScoreSettings(checkpoints=3, earliest=0.3, chunk=1024, train_views=2, stored_views=1),
         views=ViewSettings(resolution=32, train=20, val=2, test=5, spp_train=16, spp_test=32),
-        extras=(Extra(EXPLAINED, ("qnerf_printed", "nerf_unit_1", "qnerf_unit_1"), (0,)),),
+        extras=(Extra(EXPLAINED, ("qnerf_printed",), (0,)),),
     ),
     "reduced": Plan(
         profile="reduced",
@@ -298,7 +302,7 @@ PROFILES: dict[str, Plan] = {
         train=REDUCED_TRAINING,
         score=ScoreSettings(checkpoints=4, earliest=0.125, chunk=2048),
         views=REDUCED_VIEWS,
-        extras=(Extra(EXPLAINED, EXPLAINING, (0, 1, 2)), Extra(EXPLAINED, tuple(LADDER), (0,))),
+        extras=(Extra(EXPLAINED, EXPLAINING, (0, 1, 2)),),
         guest="splats",
     ),
     "stress": Plan(

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, NetworkSize, Precision
+from baselines.methods.chosen import DensityConstants
 from baselines.numerics.optimisers import OptimiserSettings
 from harness.plan.schedule import Decay
 from scenes.view_sets.source import Region
@@ -93,6 +94,8 @@ class TrainSettings:
     `clip_norm` passes may be a hundred times the usual, and Adam remembers its square for a thousand steps.
     """
     precision: Precision = "float32"
+    density: dict[str, DensityConstants] = field(default_factory=dict)
+    """Method → its unit of density and start, in place of those of its parts."""
     grid: GridSettings = field(default_factory=GridSettings)
     accelerations: Accelerations = EVERY_ACCELERATION
     voxels: VoxelSettings = field(default_factory=VoxelSettings)

@@ -144,6 +144,8 @@ class Trainer(BudgetedTrainer):
     def __post_init__(self) -> None:
         super().__post_init__()
         method, settings = method_named(self.method), self.settings
+        if method.parts is not None and (constants := settings.density.get(self.method)):
+            method = replace(method, parts=replace(method.parts, **constants.fields))
         self.parts = method.parts
         self.background = torch.ones(3, device=self.device)
 

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 
 from baselines.contract import Precision
+from baselines.methods.chosen import DensityConstants
 from baselines.numerics.optimisers import OptimiserName
 from harness.execution.ground_truth import read_views
 from harness.machine.provenance import versions
@@ -61,6 +62,8 @@ class Arm:
     decay: Decay | None = None
     """None: as planned."""
     covered_share: float | None = None
+    """None: as planned."""
+    density: DensityConstants | None = None
     """None: as planned."""
     rendered_with: tuple[str, ...] = ()
     """The needs that are put back, one at a time, to render the same weights again."""
@@ -208,8 +211,11 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
                 view = evaluate.render_view(trainer, cameras, index, plan.score.chunk)
             yield view
 
+    settings = settings_of(plan.train, arm)
+    if arm.density is not None:
+        settings = replace(settings, density={task.method: arm.density})
     try:
-        trainer = trained_alone(task.method, views, stream, settings_of(plan.train, arm), plan.budget, device)
+        trainer = trained_alone(task.method, views, stream, settings, plan.budget, device)
         psnr = evaluate.quick_scores(rendered(trainer), split)["psnr"]
         again = {}
         if isinstance(trainer, Trainer):

@@ -211,7 +211,7 @@ def verifiable(views: ViewSet, plan: Plan, method: str) -> tuple[str, ...]:
         "empty_space": train.grid.cells > 0 and train.accelerations.grid,
         "outside_box": train.accelerations.clipping,
         "behind_opaque": train.accelerations.early_stop,
-        "behind_matter": parts is not None and AMPLIFIERS[parts.amplifier]().pointwise,
+        "behind_matter": parts is not None and AMPLIFIERS[parts.amplifier](None).pointwise,
     }
     needs = needs_here(train, views)
     return tuple(

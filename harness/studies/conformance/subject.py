@@ -98,10 +98,7 @@ def set_alpha(amplifier: Amplifier | nn.Module, alpha: float) -> None:
     """
     if isinstance(weight := getattr(amplifier, "alpha", None), nn.Parameter):
         weight.fill_(alpha)
-    elif isinstance(rho := getattr(amplifier, "rho", None), nn.Parameter):
-        softplus_of_rho = alpha * math.log(2.0) * PHI
-        rho.fill_(softplus_of_rho + math.log(-math.expm1(-softplus_of_rho)))
-    elif not hasattr(amplifier, "free_alpha"):
-        for scalar in amplifier.parameters():
-            if scalar.ndim == 0:
-                scalar.mul_(1.5)
+        return
+    for scalar in amplifier.parameters():
+        if scalar.ndim == 0:
+            scalar.mul_(1.5)

@@ -38,7 +38,7 @@ WHOSE: dict[str, Owner] = {reading: "paper" if reading in PRINTED else "ours" fo
 
 def amplifier_with(reading: str, **scalars: float) -> Amplifier:
     """Return a reading with α and β set; those that it does not have, or that follow from others, are left out."""
-    amplifier = AMPLIFIERS[reading]()
+    amplifier = AMPLIFIERS[reading](None)
     with torch.no_grad():
         for name, value in scalars.items():
             if isinstance(weight := getattr(amplifier, name, None), nn.Parameter):
@@ -57,7 +57,7 @@ def identity(context: StabilityContext) -> Iterator[Found]:
         worst = 0.0
         for raw in raws:
             with torch.no_grad():
-                before, after = AMPLIFIERS[reading]().before_and_after(raw)
+                before, after = AMPLIFIERS[reading](None).before_and_after(raw)
             worst = max(worst, float((after - before).abs().max() / before.max()))
         # an identity is what the paper claims as well: it holds or it does not, whoever says so
         yield check("largest change of a density, of the densest", worst, high=1.2e-7, subject=reading, owner=owner)
@@ -199,7 +199,7 @@ def extremes(context: StabilityContext) -> Iterator[Found]:
     """A5: outputs and gradients at extreme inputs; how much of a field is dead over a real training."""
     rows: Rows = []
     for reading, owner in WHOSE.items():
-        has_alpha = isinstance(getattr(AMPLIFIERS[reading](), "alpha", None), nn.Parameter)
+        has_alpha = isinstance(getattr(AMPLIFIERS[reading](None), "alpha", None), nn.Parameter)
         bad: list[str] = []
         for alpha in ALPHAS if has_alpha else (1.0,):
             outcomes = {name: at_inputs(reading, alpha, raw) for name, raw in raw_inputs().items()}

@@ -1,0 +1,152 @@
+"""The constants that the paper leaves open, chosen for each method by one and the same search on validation views.
+
+The unit of density and the start of the field decide how a method trains and, where its density is bounded, what it can
+show at all. One number for all methods is not the same thing for all: it is a slope for one and a ceiling for another.
+So every method is trained with every pair of them, on all scenes of the plan, with a seed that no verdict uses.
+"""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from baselines.amplifiers import AMPLIFIERS
+from baselines.catalog import CATALOG
+from baselines.methods.chosen import DensityConstants
+from harness.plan.profiles import Plan
+from harness.plan.schedule import Budget
+from harness.studies.choices.arms import Arm, CellTask, trained_cells
+from harness.studies.choices.sweep import SEED
+
+UNITS = (1.0, 3.0, 10.0, 25.0, 100.0, 250.0, 1000.0)
+"""The units of density that are tried, per half of the longest side of the scene's box."""
+FOGS = (0.3, 3.0, 12.5)
+"""The densities of a fresh field that are tried, per the same length."""
+STARTS = (None, *FOGS)
+READINGS: dict[str, tuple[float | None, ...]] = {
+    "nerf": STARTS,
+    "nerf_matched": STARTS,
+    "qnerf": (None,),
+    "qnerf_shifted": FOGS,
+    "qnerf_theorem": STARTS,
+    "qnerf_running_mean": STARTS,
+    "qnerf_running_mean_listing2": STARTS,
+}
+"""Method → the starts that are tried: Listing 2 as printed has none, and with one it is another method."""
+SHARE = 4
+"""The share of the plan's steps, 1 / SHARE, that every pair is trained for at first."""
+FINALISTS = 4
+"""The pairs of each method, the best of these, that are then trained for all of the plan's steps."""
+RULE = (
+    f"Every pair is trained for 1 / {SHARE} of the steps; the {FINALISTS} of each method with the best mean over scenes "
+    "of PSNR on validation views are trained for all steps, and the best mean of these is chosen. A pair that diverges "
+    "on a scene is out. Pairs whose start a bounded method cannot have (start ≥ unit) are not tried."
+)
+
+
+@dataclass(frozen=True)
+class ConstantsRow:
+    """One method with one pair of constants on one scene."""
+
+    method: str
+    constants: DensityConstants
+    scene: str
+    steps: int
+    psnr_val: float | None
+    """The mean PSNR on the validation views after all `steps`; None if training diverged."""
+    core_seconds: float
+
+
+def pairs_of(method: str) -> list[DensityConstants]:
+    """Return the pairs that are tried for a method."""
+    parts = CATALOG[method].parts
+    assert parts is not None
+    bounded = AMPLIFIERS[parts.amplifier](None).bounded
+    return [
+        DensityConstants(unit, start)
+        for unit in UNITS
+        for start in READINGS[method]
+        if start is None or not bounded or start < unit
+    ]
+
+
+def search(
+    plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
+) -> Iterator[ConstantsRow]:
+    """Train every pair of every method of `plan` on every scene, then the finalists for the whole budget; decoded
+    images go to `scratch`, a folder on a disk, and finished cells to `kept`.
+
+    Raises `InputError` for a view set without validation views.
+    """
+    assert plan.budget.steps is not None
+    brief = replace(plan, budget=Budget(max(1, plan.budget.steps // SHARE), None))
+    rows = []
+    for row in _trained(
+        brief, {method: pairs_of(method) for method in plan.methods}, folders, scratch, workers, device, kept
+    ):
+        rows.append(row)
+        yield row
+    finalists = {method: list(means(rows, method))[:FINALISTS] for method in plan.methods}
+    yield from _trained(plan, finalists, folders, scratch, workers, device, kept)
+
+
+def _trained(
+    plan: Plan,
+    pairs: dict[str, list[DensityConstants]],
+    folders: dict[str, Path],
+    scratch: Path,
+    workers: int,
+    device: str,
+    kept: Path | None,
+) -> Iterator[ConstantsRow]:
+    """Yield the rows of all pairs; those of one scene and method with one start are one task."""
+    tasks = [
+        CellTask(scene, method, SEED, folder, scratch, plan, _arms(some, start), device, "val", kept)
+        for scene, folder in folders.items()
+        for method, some in pairs.items()
+        for start in dict.fromkeys(pair.start for pair in some)
+    ]
+    for task, cell in zip(tasks, trained_cells(tasks, workers), strict=True):
+        for name, arm in task.arms.items():
+            ended = cell.ended[name]
+            assert arm.density is not None and plan.budget.steps is not None
+            yield ConstantsRow(cell.method, arm.density, cell.scene, plan.budget.steps, ended.psnr, ended.core_seconds)
+
+
+def _arms(pairs: list[DensityConstants], start: float | None) -> dict[str, Arm]:
+    return {f"{pair.unit:g}": Arm(density=pair) for pair in pairs if pair.start == start}
+
+
+def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float]:
+    """Map the pairs of a method that ended well on every scene → mean PSNR over scenes, the best first."""
+    scores: dict[DensityConstants, list[float | None]] = {}
+    for row in rows:
+        if row.method == method:
+            scores.setdefault(row.constants, []).append(row.psnr_val)
+    ended = {
+        pair: fmean(some)
+        for pair, values in scores.items()
+        if len(some := [v for v in values if v is not None]) == len(values)
+    }
+    return dict(sorted(ended.items(), key=lambda item: -item[1]))
+
+
+def chosen(rows: list[ConstantsRow]) -> dict[str, DensityConstants]:
+    """Map method → the pair that `RULE` chooses; methods without one are left out."""
+    longest = max(row.steps for row in rows)
+    finals = [row for row in rows if row.steps == longest]
+    best = {method: list(means(finals, method))[:1] for method in dict.fromkeys(row.method for row in finals)}
+    return {method: first[0] for method, first in best.items() if first}
+
+
+def as_json(rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "what": "unit of density and start of the field of each method, on validation views",
+        "rule": RULE,
+        "seed": SEED,
+        "provenance": provenance,
+        "settings": plan.settings(),
+        "rows": [asdict(row) for row in rows],
+        "chosen": {method: asdict(pair) for method, pair in chosen(rows).items()},
+    }
