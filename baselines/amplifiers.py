@@ -7,7 +7,8 @@ output as it is, as the paper's listings print it.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial
 
 import torch
@@ -49,7 +50,7 @@ class NoAmplifier(Amplifier):
     bounded = False
     pointwise = True
 
-    def __init__(self, start: float | None) -> None:
+    def __init__(self, start: float | None = None) -> None:
         super().__init__()
         self.shift = 0.0 if start is None else softplus_shift(start)
 
@@ -117,7 +118,7 @@ class Listing2Amplifier(CallMeanAmplifier):
 
     bounded = True
 
-    def __init__(self, start: float | None) -> None:
+    def __init__(self, start: float | None = None) -> None:
         super().__init__()
         self.shift = 0.0 if start is None else sigmoid_shift(start)
         self.beta = nn.Parameter(torch.tensor(1.0))
@@ -134,7 +135,7 @@ class Equation4Amplifier(CallMeanAmplifier):
 
     bounded = False
 
-    def __init__(self, start: float | None) -> None:
+    def __init__(self, start: float | None = None) -> None:
         super().__init__()
         self.shift = 0.0 if start is None else softplus_shift(start)
 
@@ -143,6 +144,29 @@ class Equation4Amplifier(CallMeanAmplifier):
 
     def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
         return amplify_about_mean(quantity, mean, self.alpha).clamp(min=0.0)
+
+
+@contextmanager
+def without_effect(amplifiers: Iterable[nn.Module | None]) -> Iterator[None]:
+    """Enclose evaluations in which Eq. 4 changes nothing: α = 1/φ and β = 1. Modules without these scalars stay as they
+    are.
+    """
+    neutral = {"alpha": 1.0 / PHI, "beta": 1.0}
+    before = [
+        (scalar, scalar.detach().clone(), value)
+        for amplifier in amplifiers
+        for name, value in neutral.items()
+        if isinstance(scalar := getattr(amplifier, name, None), nn.Parameter)
+    ]
+    try:
+        with torch.no_grad():
+            for scalar, _, value in before:
+                scalar.fill_(value)
+        yield
+    finally:
+        with torch.no_grad():
+            for scalar, learnt, _ in before:
+                scalar.copy_(learnt)
 
 
 LARGEST_ALPHA = 1e3
@@ -158,7 +182,7 @@ class HeldMeanAmplifier(MeanAmplifier):
 
     pointwise = True
 
-    def __init__(self, start: float | None, bounded: bool) -> None:
+    def __init__(self, start: float | None = None, *, bounded: bool = False) -> None:
         super().__init__()
         self.bounded = bounded
         shift = sigmoid_shift if bounded else softplus_shift
@@ -167,8 +191,12 @@ class HeldMeanAmplifier(MeanAmplifier):
         if bounded:
             self.beta = nn.Parameter(torch.tensor(1.0))
 
+    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
+        """Return the quantity [points] that Eq. 4 acts on."""
+        return torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
+
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        quantity = torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
+        quantity = self.quantity(raw)
         self.mean.observe(quantity)
         gain = self.alpha.clamp(-LARGEST_ALPHA, LARGEST_ALPHA) * PHI
         amplified = contrast_about(quantity, self.mean.value, gain)
@@ -182,7 +210,7 @@ AMPLIFIERS: dict[str, Callable[[float | None], Amplifier]] = {
     "none": NoAmplifier,
     "listing2": Listing2Amplifier,
     "equation4": Equation4Amplifier,
-    "running_mean": partial(HeldMeanAmplifier, bounded=False),
+    "running_mean": HeldMeanAmplifier,
     "running_mean_listing2": partial(HeldMeanAmplifier, bounded=True),
 }
 """The amplifiers by name, each a function of its start.

@@ -11,7 +11,7 @@ from baselines.amplifiers import Amplifier
 from baselines.composition import Ladder, Parts
 from baselines.contract import FieldSpec
 from baselines.grids import growth
-from baselines.methods.ablations import BANDWIDTH, NO_SHIFT, PARTIAL, WEAKENED
+from baselines.methods.ablations import BANDWIDTH, NO_SHIFT, PARTIAL, RELEASED, WEAKENED
 from baselines.methods.nerf import NERF, NERF_MATCHED
 from baselines.methods.qnerf import (
     NERF_LISTING4,
@@ -86,6 +86,7 @@ CATALOG: dict[str, Method] = {
     **{name: Method(parts, "NeRF with " + parts_named(name)) for name, parts in PARTIAL.items()},
     "nerf_phi_far": Method(BANDWIDTH["nerf_phi_far"], "NeRF with φ^k as far as 2^k reaches: bandwidth control"),
     "nerf_base165": Method(BANDWIDTH["nerf_base165"], "NeRF with 1.65^k, which reaches about as far as φ^k: control"),
+    "nerf_released": Method(RELEASED, "NeRF with the encoding of its released code: scene units, no π"),
     "nerf_no_shift": Method(NO_SHIFT, "NeRF whose density lacks the shift before softplus, as Listing 2 does"),
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),

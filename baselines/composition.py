@@ -22,6 +22,8 @@ class Parts:
     """The parts of a NeRF-like method; an ablation is `dataclasses.replace` of one of them.
 
     encoding    a name in `LADDERS`: "base2" (2^k), "phi" (φ^k, Eq. 2), …
+    coordinates the unit of what is encoded: "box", normalised by the scene's box and times π (Listing 1), or "scene",
+                scene units without π, as the released code of NeRF encodes positions and directions
     amplifier   a name in `baselines.amplifiers.AMPLIFIERS`
     skip        a name in `SKIPS`: "half" (the standard) or "phi" (Eq. 5, Listing 3)
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
@@ -35,6 +37,7 @@ class Parts:
     """
 
     encoding: str = "base2"
+    coordinates: Literal["box", "scene"] = "box"
     amplifier: str = "none"
     skip: str = "half"
     quadrature: str = "midpoint"

@@ -62,6 +62,7 @@ class NetworkField(nn.Module):
         self.box = box
         self.dtype = DTYPES[precision]
         self.base = LADDERS[parts.encoding].base
+        self.in_scene_units = parts.coordinates == "scene"
         self.position_bands = encoding_bands(parts.encoding, size.position_bands)
         self.direction_bands = encoding_bands(parts.encoding, size.direction_bands)
         view_dependent = view_dependent and parts.sees_direction
@@ -96,8 +97,7 @@ class NetworkField(nn.Module):
         return self.density_unit if self.amplifier.bounded else math.inf
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views:
-        on = self.accelerations.recurrence
-        return encode(d, self.base, self.direction_bands, on) if self.view_dependent else d[:, :0]
+        return self._features(d, self.direction_bands) if self.view_dependent else d[:, :0]
 
     def density(self, x: Points) -> Densities:
         return self.density_before_and_after(x)[1]
@@ -121,7 +121,12 @@ class NetworkField(nn.Module):
         return {f"density_net.{index}": float((hidden == 0).all(dim=0).float().mean()) for index, hidden in layers}
 
     def _encoded(self, x: Tensor) -> Tensor:
-        return encode(self.box.normalised(x), self.base, self.position_bands, self.accelerations.recurrence)
+        return self._features(x if self.in_scene_units else self.box.normalised(x), self.position_bands)
+
+    def _features(self, x: Tensor, bands: int) -> Tensor:
+        """Return Fourier features of coordinates; in scene units without the π that `encode` multiplies by."""
+        recurrence = self.accelerations.recurrence
+        return encode(x / math.pi if self.in_scene_units else x, self.base, bands, recurrence)
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Return raw density [points] and, with a view, colour logits [points, 3], both of the dtype of the weights:

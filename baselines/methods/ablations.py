@@ -44,6 +44,11 @@ BANDWIDTH: dict[str, Parts] = {
 }
 """The controls of bandwidth: φ with NeRF's reach, φ's reach without φ."""
 
+RELEASED = replace(NERF, coordinates="scene")
+"""NeRF that encodes what its released code encodes: scene units, without π and without the scene's box. On a box of
+half extent h it reaches log2(π / h) octaves less far than NERF.
+"""
+
 NO_SHIFT = replace(NERF, start=None)
 """NeRF's density without the one part that Listing 2 does not have: the shift before softplus."""
 

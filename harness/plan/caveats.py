@@ -23,13 +23,12 @@ ALWAYS = [
     "Rays are cut to the scene's box, outside of which a rendered scene is empty: this changes samples, not the "
     "integral. A view set in the Blender format from elsewhere is taken to lie within ±1.5 unless --bounds says where.",
     "Sampling is not stated in the paper; the full profile takes the original NeRF's 64 coarse + 128 fine.",
-    "The paper names no unit of length, and density is per length. Every method has the same unit here: what its "
-    "amplifier calls 1 is a density of 25 per half of the longest side of the scene's box, so that no result depends "
-    "on the unit in which poses are written (Alpha Invariance, arXiv 2404.02155). qnerf_printed has the other reading "
-    "of Listing 2, a density of at most 1 per scene unit.",
-    "Vanilla NeRF's density is a softplus shifted by −4.4, so that a fresh field is thin fog, instead of ReLU, which "
-    "can die for good; Eq. 4 acts on the same density. Listing 2 prints a sigmoid without a shift: this is the one "
-    "part of NeRF's density that qnerf lacks, and nerf_no_shift measures what it is worth.",
+    "The paper names no unit of length, and density is per length (Alpha Invariance, arXiv 2404.02155): what an "
+    "amplifier calls 1 is a density per half of the longest side of the scene's box. This unit, and the density with "
+    "which a fresh field starts, were chosen for each method by the same search on validation views (`python -m "
+    "harness study constants`). qnerf has no shift before its sigmoid, as Listing 2 prints it; qnerf_printed has a "
+    "density of at most 1 per scene unit.",
+    "Vanilla NeRF's density is a softplus instead of ReLU, which can die for good; Eq. 4 acts on the same density.",
     "Adam's gradient is clipped, for all methods, at norm 1 and at four times the running mean of the norms before it, "
     "against single spikes: norm 1 alone may be a hundred times the usual one.",
     "Weights start Glorot-uniform with zero biases as in the original NeRF, equal for all methods wherever names and "

@@ -207,9 +207,8 @@ EXPLAINING = (
     "qnerf_theorem",
     "nerf_no_shift",
 )
-"""The methods that explain the result: the form as printed; the rows of Table 4 that are neither NeRF nor Q-NeRF; of
-qnerf_theorem and qnerf_repaired the one with the better mean on validation views (`docs/repair_search.json`); NeRF
-without the part of its density that Listing 2 lacks.
+"""The methods that explain the result: the form as printed; the rows of Table 4 that are neither NeRF nor Q-NeRF; Eq. 4
+on density itself; NeRF without the shift that Listing 2 lacks.
 """
 
 COMPARED = ("nerf", "nerf_matched", "qnerf")

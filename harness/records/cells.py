@@ -193,7 +193,8 @@ class CellRecord(Record, frozen=True):
     properties: dict[str, int | float | str | None]
     """Measured properties: chunk_max_difference, chunk_rms_difference (same view in small and in whole chunks),
     largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that length of it),
-    occupied_share, clipped_share (of the steps, of which the gradient was clipped), …"""
+    occupied_share, clipped_share (of the steps, of which the gradient was clipped), and of a method with an amplifier
+    alpha_phi and psnr_without_amplifier (`harness.training.scoring.amplifier_effect`), …"""
     warnings: list[str]
     """States that a reader must know: empty collapse, billboard (train far above test), below the floor."""
     settings: dict[str, Any]

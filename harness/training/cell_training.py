@@ -27,6 +27,7 @@ from harness.training.checkpoints import checkpoint_path, restore_training, save
 from harness.training.learner import Learner, take_step
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
+from harness.training.scoring.amplifier_effect import amplifier_effect
 from harness.training.scoring.lpips import lpips_of
 from harness.training.shared_state import left_as_it_was
 from harness.training.trainer import Diverged
@@ -324,6 +325,8 @@ class CellTraining:
         save_checkpoint(trainer, weights)
         properties = evaluate.measured_properties(trainer, self.test)
         properties["normal_error"] = normal_error
+        scored = [row.psnr for row in rows]
+        properties |= amplifier_effect(trainer, self.test, self.views.test, scored, score.chunk)
         properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
         costs = {
             "view_seconds": drawing.seconds / len(rows),

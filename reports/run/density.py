@@ -1,4 +1,4 @@
-"""Histograms of density before and after the amplifier, and the ladder of units in which density is bounded."""
+"""Histograms of density before and after the amplifier, and the methods that explain the result on one scene."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -13,8 +13,6 @@ from harness.records.cells import CellRecord, Checkpoint
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.wording import NARROW, count, counted, interval, number, signed
-from reports.drawing import palette
-from reports.drawing.figure import padded
 from reports.drawing.palette import MUTED, colours_of
 from reports.drawing.traces import Panel, Scale, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
@@ -169,55 +167,11 @@ def separation_grid(records: Records) -> Grid:
 
 
 PRINTED = "qnerf_printed"
-BASES = ("nerf", "qnerf")
-MARKERS = {"nerf": "o", "qnerf": "D"}
-
-
-class Rung(NamedTuple):
-    """One method in one unit of density."""
-
-    base: str
-    scale: float
-    """The density per half of the box's longest side where the amplifier gives 1."""
-    method: str
-    psnr: list[float]
-    """The scores, one per seed."""
-
-
-def unit_sentences(records: Records) -> list[str]:
-    """State how far each method moves over the units that all were trained in, and what the printed form does."""
-    scene, rungs = explained_scene(records), rungs_of(records)
-    means = {base: [fmean(rung.psnr) for rung in rungs if rung.base == base] for base in BASES}
-    ranges = [
-        f"{base} scores {number(min(some), 1)} to {number(max(some), 1)} dB"
-        for base, some in means.items()
-        if len(some) > 1
-    ]
-    scales = [rung.scale for rung in rungs]
-    moved = (
-        f"With a unit of density between {min(scales):g} and {max(scales):g} per half of the box, "
-        f"{' and '.join(ranges)} on {scene}."
-        if ranges
-        else ""
-    )
-    return [sentence for sentence in (moved, printed_form(records)) if sentence]
 
 
 def explained_scene(records: Records) -> str:
     """Return the scene on which further methods were trained; empty if there are none."""
     return next((cell.scene for cell in records.extra_cells), "")
-
-
-def rungs_of(records: Records) -> list[Rung]:
-    """Return the rungs in the order of their units; NeRF and Q-NeRF themselves are among them."""
-    known = records.run.settings.get("density_units") if records.extra_cells else None
-    rungs = []
-    for method, unit in known.items() if isinstance(known, dict) else ():
-        base = next((name for name in BASES if method == name or method.startswith(f"{name}_unit_")), None)
-        psnr = scores(records.cells_of(explained_scene(records), method))
-        if base is not None and psnr:
-            rungs.append(Rung(base, float(unit["scale"]), method, psnr))
-    return sorted(rungs)
 
 
 def scores(cells: list[CellRecord]) -> list[float]:
@@ -240,70 +194,27 @@ def printed_form(records: Records) -> str:
     )
 
 
-def ladder_panel(records: Records) -> list[Panel]:
-    """Draw mean test PSNR against the unit of density, a cross for the printed form; nothing for fewer than three
-    units.
-    """
-    scene, rungs = explained_scene(records), rungs_of(records)
-    scales = [rung.scale for rung in rungs]
-    if len(set(scales)) < 3:
-        return []
-    traces = []
-    for base in BASES:
-        mine = [rung for rung in rungs if rung.base == base]
-        x, y = tuple(rung.scale for rung in mine), tuple(fmean(rung.psnr) for rung in mine)
-        colour = palette.KNOWN[base].light
-        traces.append(Trace(base, colour, "line", x, y))
-        traces.append(Trace(f"{base}: points", colour, "mark", x, y, marker=MARKERS[base]))
-    described, printed = records.scene(scene), scores(records.cells_of(scene, PRINTED))
-    if described is not None and printed:
-        half = 0.5 * max(high - low for low, high in zip(*described.bounds, strict=True))
-        traces.append(Trace(PRINTED, palette.INK.light, "cross", (half,), (fmean(printed),)))
-    if described is not None and described.psnr_floor is not None:
-        ends, heights = (min(scales), max(scales)), (described.psnr_floor,) * 2
-        traces.append(Trace("floor", MUTED.light, "floor", ends, heights))
-    means = "; ".join(f"{rung.base} {number(fmean(rung.psnr), 1)} dB at {rung.scale:g}" for rung in rungs)
-    title, x_label = f"Test PSNR on {scene} against the unit of density", "density where the amplifier gives 1"
-    limits = padded(scales, True), padded([value for trace in traces for value in trace.y], False)
-    return [
-        Panel(
-            title, f"{x_label}, per half of the box", "test PSNR, dB", tuple(traces), f"{title}: {means}.", "log",
-            "linear", *limits, size=(5.8, 3.6),
-        )
-    ]  # fmt: skip
-
-
-def unit_grids(records: Records) -> list[Grid]:
-    """Tabulate the ladder, a row per unit, and the further methods that are no rungs of it, each against NeRF."""
-    scene, rungs = explained_scene(records), rungs_of(records)
-    entries = {(rung.scale, rung.base): _score(rung.psnr) for rung in rungs}
-    scales = sorted({rung.scale for rung in rungs})
-    ladder = [
-        [Entry(f"{scale:g}", value=scale), *(entries.get((scale, base), EMPTY) for base in BASES)]
-        for scale in (scales if len(scales) > 1 else ())
-    ]
-    further = []
+def further_grid(records: Records) -> Grid:
+    """Tabulate the further methods, each against NeRF on its scene."""
+    scene, rows = explained_scene(records), []
     for method, title in records.run.methods.items():
         cells = [cell for cell in records.extra_cells if (cell.scene, cell.method) == (scene, method)]
-        if cells and "_unit_" not in method:
-            psnr, comparison = scores(cells), records.comparison(scene, method, "nerf")
-            against = EMPTY
-            if comparison is not None and comparison.difference is not None:
-                pair = interval(comparison.simultaneous or comparison.interval)
-                against = Entry(signed(comparison.difference), pair, value=comparison.difference)
-            verdict = Entry(comparison.verdict if comparison is not None else "not compared")
-            further.append([Entry(method, title), _score(psnr) if psnr else EMPTY, against, verdict])
-    unit = Column("unit of density", small="per half of the box")
+        if not cells:
+            continue
+        psnr, comparison = scores(cells), records.comparison(scene, method, "nerf")
+        against = EMPTY
+        if comparison is not None and comparison.difference is not None:
+            pair = interval(comparison.simultaneous or comparison.interval)
+            against = Entry(signed(comparison.difference), pair, value=comparison.difference)
+        verdict = Entry(comparison.verdict if comparison is not None else "not compared")
+        rows.append([Entry(method, title), _score(psnr) if psnr else EMPTY, against, verdict])
     columns = [
         Column("method", numeric=False),
         Column("test PSNR", small="dB"),
         Column("− nerf", small="dB, 95 % interval on this scene"),
         Column("verdict", numeric=False),
     ]
-    return [
-        Grid("The ladder of units", [unit, *(Column(base, small="dB") for base in BASES)], ladder, filtered=False),
-        Grid(f"Further methods on {scene}", columns, further, filtered=False),
-    ]
+    return Grid(f"Further methods on {scene}", columns, rows, filtered=False)
 
 
 def _score(psnr: list[float]) -> Entry:

@@ -11,7 +11,7 @@ from reports.drawing.figure import with_common_limits
 from reports.drawing.palette import INK, MUTED, colours_of
 from reports.drawing.traces import Panel, Trace
 from reports.run.curves import convergence
-from reports.run.density import amplifier_over_time, density_histograms, ladder_panel
+from reports.run.density import amplifier_over_time, density_histograms
 from reports.run.time_to_target import reach_panels
 
 
@@ -103,14 +103,6 @@ FIGURES = (
         difference_panels,
         note="Dots are differences, bars their 95 % intervals; the colour is that of the rival. Hollow diamonds are "
         "the differences that the paper prints.",
-        wide=True,
-    ),
-    Drawn(
-        "units",
-        "units",
-        ladder_panel,
-        note="nerf and qnerf with nothing changed but the density that the amplifier’s 1 stands for. The cross is the "
-        "printed form, the dashed line the floor: copying the nearest training view.",
         wide=True,
     ),
     Drawn("steps", "convergence", lambda records: convergence(records, "step"), "At equal steps", all_first=True),

@@ -25,7 +25,7 @@ from reports.page import shell
 from reports.page.shell import Layout, Section, flat, section
 from reports.run import metrics_table, pictures
 from reports.run.curves import Diagram, chooser_rules, diagrams
-from reports.run.density import amplified_methods, printed_form, separation_grid, unit_grids, unit_sentences
+from reports.run.density import amplified_methods, further_grid, printed_form, separation_grid
 from reports.run.figures import FIGURES
 from reports.run.pictures import PictureData, picture_data, remove_others, views, write_files
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
@@ -156,9 +156,8 @@ def _sections(
 
     scores = [scores_grid(records), senses_grid(records), *differences_grids(records)]
     yield section("psnr", "PSNR", *map(parts.table, scores), figures("psnr"))
-    sentences = [parts.paragraph(named(sentence)) for sentence in unit_sentences(records)]
-    tables = map(parts.table, unit_grids(records))
-    yield folded("units", "The unit of density", *sentences, figures("units"), *tables)
+    printed = parts.paragraph(named(sentence)) if (sentence := printed_form(records)) else Markup("")
+    yield folded("further", "Further methods", printed, parts.table(further_grid(records)))
     yield shelf("evidence")
     if converging := figures("convergence"):
         guests = [(parts.swatch(guest), guest) for guest in records.run.guests]

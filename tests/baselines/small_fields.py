@@ -10,7 +10,7 @@ from baselines.catalog import CATALOG
 from baselines.composition import Parts
 from baselines.contract import NetworkSize, Rays, Rendering
 from baselines.field import NetworkField
-from baselines.methods.ablations import LADDER, PARTIAL
+from baselines.methods.ablations import PARTIAL
 from harness.studies.conformance.subject import BOX, SMALL, WHITE, rendered, roughened, set_alpha, some_points
 from tests.baselines.analytic import rays_at
 
@@ -19,9 +19,9 @@ __all__ = ["BOX", "EIGHT", "SMALL", "WHITE", "roughened", "set_alpha", "some_poi
 EIGHT = replace(SMALL, depth=8)
 ALL_PARTS: dict[str, Parts] = {name: method.parts for name, method in CATALOG.items() if method.parts is not None}
 """Of every method that is a network."""
-PARTS = {name: parts for name, parts in ALL_PARTS.items() if name not in (*PARTIAL, *LADDER)}
+PARTS = {name: parts for name, parts in ALL_PARTS.items() if name not in PARTIAL}
 """Of those in which every part of the tables occurs: combinations and other units of density add no code."""
-OF_THE_POINT = [name for name, parts in PARTS.items() if AMPLIFIERS[parts.amplifier]().pointwise]
+OF_THE_POINT = [name for name, parts in PARTS.items() if AMPLIFIERS[parts.amplifier](None).pointwise]
 OF_THE_CALL = [name for name in PARTS if name not in OF_THE_POINT]
 """Methods whose density depends on what else is asked for in a call: the paper's amplifiers as printed."""
 

@@ -63,7 +63,11 @@ def test_partial_combinations_are_all_but_nothing_and_everything(amplifier: str,
     assert NERF not in found.values()
     assert whole not in found.values()
     for name, parts in found.items():
-        words = {"phi_encoding": "encoding", amplifier: "amplifier", "phi_skip": "skip"}
-        on = {part for word, part in words.items() if word in name}
+        fields = {
+            "phi_encoding": ["encoding"],
+            amplifier: ["amplifier", "density_scale", "start"],
+            "phi_skip": ["skip"],
+        }
+        on = [part for word, parts_of_it in fields.items() if word in name for part in parts_of_it]
         assert parts == replace(NERF, **{part: getattr(whole, part) for part in on}), name
     assert found[f"nerf_phi_encoding_{amplifier}"] == combination("phi_encoding", "amplifier", of=whole)

@@ -92,7 +92,8 @@ def trained(parts: Parts) -> NetworkField:
 
 @pytest.mark.parametrize("start", [QNERF, QNERF_LISTING4, NERF_MATCHED])
 def test_with_every_part_put_back_training_is_nerf_bit_for_bit(start: Parts) -> None:
-    back = replace(start, **{part: getattr(NERF, part) for part in ("encoding", "amplifier", "skip", "quadrature")})
+    parts = [field for fields in PARTS_OF_QNERF.values() for field in fields]
+    back = replace(start, **{part: getattr(NERF, part) for part in (*parts, "quadrature")})
     for one, two in zip(trained(NERF).parameters(), trained(back).parameters(), strict=True):
         assert torch.equal(one, two)
     assert not torch.equal(trained(NERF).density_head.weight, field_of("nerf", seed=5).density_head.weight)

@@ -6,14 +6,18 @@ from typing import Any
 import pytest
 import torch
 from torch import Tensor
+from torch.nn.functional import softplus
 
+from baselines.composition import DENSITY_SCALE, START
 from baselines.contract import Box, Rays
+from baselines.numerics.amplifier import softplus_shift
 from baselines.numerics.quadrature import QUADRATURES
 from tests.harness.tiny import rays_and_colours
 from tests.harness.voxels import drjit_or_skip
 
 BOX = Box(torch.tensor([-1.0, -0.8, -1.2]), torch.tensor([1.0, 1.0, 0.8]))
 BINS = 24
+SHIFT = softplus_shift(START / DENSITY_SCALE)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -53,7 +57,7 @@ def plain(state: dict[str, Tensor], rays: Rays, t: Tensor, edges: Tensor, degree
     """Colours of rays that all meet the box, from single torch operations in float64."""
     x = (rays.origins[:, None] + t[..., None] * rays.directions[:, None]).reshape(-1, 3)
     raw = trilinear(state["density"].unsqueeze(-1), x)[:, 0]
-    sigma = 25.0 * torch.nn.functional.softplus(raw - 4.4)
+    sigma = DENSITY_SCALE * softplus(raw + SHIFT)
     basis = harmonics(rays.directions, degree).repeat_interleave(t.shape[1], dim=0)
     colour = torch.stack(
         [torch.sigmoid((trilinear(state[name], x) * basis).sum(dim=-1)) for name in ("red", "green", "blue")], dim=-1
@@ -175,7 +179,10 @@ def test_density_is_read_at_points_of_the_world() -> None:
     x = BOX.from_unit(torch.rand(200, 3, generator=torch.Generator().manual_seed(3)))
     raw = trilinear(field.state_dict()["density"].double().unsqueeze(-1), x.double())[:, 0]
     torch.testing.assert_close(
-        field.density(x).double(), 25.0 * torch.nn.functional.softplus(raw - 4.4), rtol=1e-5, atol=1e-5
+        field.density(x).double(),
+        DENSITY_SCALE * softplus(raw + SHIFT),
+        rtol=1e-5,
+        atol=1e-5,
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
+from harness.studies.choices.repair_search import PUBLISHED
 from PIL import Image
 
 from harness.plan.group_task import GroupTask
@@ -17,7 +18,6 @@ from harness.records.cells import read_cells, read_run, write_cell
 from harness.records.pictures import Render, Truth, half, write_renders, write_truth
 from harness.records.targets import write_targets
 from harness.run_folder.output_folder import claim
-from harness.studies.choices.repair_search import PUBLISHED
 from harness.training.lockstep import train_group
 from harness.verdicts.survival import targets
 from harness.viewer.film.film_folder import claim as claim_film

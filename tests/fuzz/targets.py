@@ -8,11 +8,12 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from harness.studies.choices.repair_search import read_search
+
 from baselines.numerics.attention.priorities import BadAttention
 from harness.plan.profiles import Machine, planned
 from harness.records.json_record import DamagedRecord
 from harness.run_folder.output_folder import claim
-from harness.studies.choices.repair_search import read_search
 from harness.viewer.asked import BadRequest, parsed
 from reports.data.load import NoRecords
 from reports.data.studies_load import find_studies

@@ -39,9 +39,9 @@ SHARE = 4
 FINALISTS = 4
 """The pairs of each method, the best of these, that are then trained for all of the plan's steps."""
 RULE = (
-    f"Every pair is trained for 1 / {SHARE} of the steps; the {FINALISTS} of each method with the best mean over scenes "
-    "of PSNR on validation views are trained for all steps, and the best mean of these is chosen. A pair that diverges "
-    "on a scene is out. Pairs whose start a bounded method cannot have (start ≥ unit) are not tried."
+    f"Every pair is trained for 1 / {SHARE} of the steps. The {FINALISTS} of each method with the best mean over "
+    "scenes of PSNR on validation views are trained for all steps, and the best mean of these is chosen. A pair that "
+    "diverges on a scene is out. Pairs whose start a bounded method cannot have (start ≥ unit) are not tried."
 )
 
 
@@ -79,39 +79,28 @@ def search(
 
     Raises `InputError` for a view set without validation views.
     """
+
+    def trained(steps: int, pairs: dict[str, list[DensityConstants]]) -> Iterator[ConstantsRow]:
+        """Yield the rows of all pairs; those of one scene and method with one start are one task."""
+        budgeted = replace(plan, budget=Budget(steps, None))
+        tasks = [
+            CellTask(scene, method, SEED, folder, scratch, budgeted, _arms(some, start), device, "val", kept)
+            for scene, folder in folders.items()
+            for method, some in pairs.items()
+            for start in dict.fromkeys(pair.start for pair in some)
+        ]
+        for task, cell in zip(tasks, trained_cells(tasks, workers), strict=True):
+            for name, arm in task.arms.items():
+                ended = cell.ended[name]
+                assert arm.density is not None
+                yield ConstantsRow(cell.method, arm.density, cell.scene, steps, ended.psnr, ended.core_seconds)
+
     assert plan.budget.steps is not None
-    brief = replace(plan, budget=Budget(max(1, plan.budget.steps // SHARE), None))
     rows = []
-    for row in _trained(
-        brief, {method: pairs_of(method) for method in plan.methods}, folders, scratch, workers, device, kept
-    ):
+    for row in trained(max(1, plan.budget.steps // SHARE), {method: pairs_of(method) for method in plan.methods}):
         rows.append(row)
         yield row
-    finalists = {method: list(means(rows, method))[:FINALISTS] for method in plan.methods}
-    yield from _trained(plan, finalists, folders, scratch, workers, device, kept)
-
-
-def _trained(
-    plan: Plan,
-    pairs: dict[str, list[DensityConstants]],
-    folders: dict[str, Path],
-    scratch: Path,
-    workers: int,
-    device: str,
-    kept: Path | None,
-) -> Iterator[ConstantsRow]:
-    """Yield the rows of all pairs; those of one scene and method with one start are one task."""
-    tasks = [
-        CellTask(scene, method, SEED, folder, scratch, plan, _arms(some, start), device, "val", kept)
-        for scene, folder in folders.items()
-        for method, some in pairs.items()
-        for start in dict.fromkeys(pair.start for pair in some)
-    ]
-    for task, cell in zip(tasks, trained_cells(tasks, workers), strict=True):
-        for name, arm in task.arms.items():
-            ended = cell.ended[name]
-            assert arm.density is not None and plan.budget.steps is not None
-            yield ConstantsRow(cell.method, arm.density, cell.scene, plan.budget.steps, ended.psnr, ended.core_seconds)
+    yield from trained(plan.budget.steps, {method: list(means(rows, method))[:FINALISTS] for method in plan.methods})
 
 
 def _arms(pairs: list[DensityConstants], start: float | None) -> dict[str, Arm]:
@@ -124,11 +113,8 @@ def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float
     for row in rows:
         if row.method == method:
             scores.setdefault(row.constants, []).append(row.psnr_val)
-    ended = {
-        pair: fmean(some)
-        for pair, values in scores.items()
-        if len(some := [v for v in values if v is not None]) == len(values)
-    }
+    known = {pair: [value for value in values if value is not None] for pair, values in scores.items()}
+    ended = {pair: fmean(values) for pair, values in known.items() if len(values) == len(scores[pair])}
     return dict(sorted(ended.items(), key=lambda item: -item[1]))
 
 

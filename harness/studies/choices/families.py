@@ -18,10 +18,11 @@ from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
 from harness.studies.choices.arms import PLANNED, Arm, CellTask, trained_cells
 from harness.studies.choices.sweep import SEED
-from harness.studies.evidence.evidence_context import SEARCHED
 from harness.studies.frontier.frontier_context import settings_for
 from harness.training.kinds.splat_trainer import AMOUNTS, RATES
 
+SEARCHED = ("chair", "ship")
+"""The scenes that are searched on."""
 BUDGET = 15.0
 """The core seconds of a training."""
 USUAL = PROFILES["reduced"].train

@@ -1,6 +1,5 @@
 """The method under test: small fields of it, fresh and as after training, and the points they are evaluated at."""
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,7 +12,6 @@ from baselines.amplifiers import Amplifier
 from baselines.catalog import Method
 from baselines.contract import Box, FieldSpec, NetworkSize, Rays, Rendering
 from baselines.field import field_of
-from baselines.numerics.encoding import PHI
 from baselines.rendering import Sampling, render_rays
 from harness.plan.plugins import method_named
 

@@ -8,6 +8,7 @@ import torch
 from harness.execution.progress import Progress
 from harness.machine.device import keep_freed_memory, multiplies_bfloat16, use_threads
 from harness.machine.provenance import provenance
+from harness.plan.needed import kept
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
 from harness.records.metric_table import METRICS
@@ -17,9 +18,6 @@ from harness.studies.trained_context import TrainedContext, with_valid_trainings
 from scenes.catalog.entries import CLASSICS
 from scenes.view_sets.source import Region
 
-SEARCHED = ("chair", "ship")
-"""The scenes on whose validation views the repaired Q-NeRF was chosen; its verdict is taken from the others."""
-HELD_OUT = tuple(name for name in CLASSICS if name not in SEARCHED)
 FACTORIAL_SCENES = ("lego", "ficus", "hotdog")
 """Scenes of blocks with fine studs, of thin leaves, and of smooth and soft shapes."""
 DIRECTED = ("lego", "drums", "materials")
@@ -46,6 +44,12 @@ THIN = ("ficus", "mic")
 """Scenes of thin things, which most rays miss."""
 TEN = tuple(range(10))
 REPAIRED = ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip")
+OBJECTED = (
+    *("nerf", "nerf_no_shift", "nerf_released", "nerf_listing4"),
+    *("qnerf", "qnerf_shifted", "qnerf_theorem", "qnerf_listing4"),
+)
+"""Methods that differ from NeRF or Q-NeRF in what a reader may object to."""
+WITHOUT_SILHOUETTES = ("nerf", "nerf_matched", "qnerf", "qnerf_repaired")
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,8 @@ class Training:
     train_views: int = 100
     test_views: int = 15
     checkpoints: int = 3
+    need: tuple[str, ...] = ()
+    """Parts to keep even if the scenes do not need them (`harness.plan.needed.FORCEABLE`)."""
     half_side: float | None = None
     """Half of the side of a cube about the origin in place of the scene's own box."""
 
@@ -74,7 +80,11 @@ TRAININGS: dict[str, Training] = {
     "bandwidth_100": Training(LADDERS, TEXTURED, 400, train_views=60, test_views=3),
     "bandwidth_200": Training(LADDERS, TEXTURED, 400, resolution=200, train_views=60, test_views=3),
     "bandwidth_300": Training(LADDERS, TEXTURED, 400, resolution=300, train_views=60, test_views=3),
-    "repaired": Training(REPAIRED, HELD_OUT, 400, seeds=(0, 1), checkpoints=4),
+    "repaired": Training(REPAIRED, tuple(CLASSICS), 400, seeds=(0, 1), checkpoints=4),
+    "objections": Training(OBJECTED, tuple(CLASSICS), 1000, seeds=(0, 1)),
+    "no_silhouettes": Training(
+        WITHOUT_SILHOUETTES, tuple(CLASSICS), 1000, seeds=(0, 1), need=("outside_hull", "background_rays")
+    ),
     "box_own": Training(DENSITIES, tuple(CLASSICS), 200, seeds=TEN, checkpoints=1),
     "box_1_5": Training(DENSITIES, THIN, 200, seeds=TEN, checkpoints=1, half_side=1.5),
     "box_1_8": Training(DENSITIES, THIN, 200, seeds=TEN[:5], checkpoints=1, half_side=1.8),
@@ -99,6 +109,8 @@ class EvidenceContext(TrainedContext):
         views = replace(profile.views, resolution=size, train=training.train_views, test=training.test_views)
         if (half := training.half_side) is not None:
             views = replace(views, region=Region((-half, -half, -half, half, half, half)))
+        train = profile.train if self.precision_as_planned else replace(profile.train, precision="float32")
+        views, train = replace(views, need=training.need), kept(train, training.need)
         if self.quick:
             views = replace(views, resolution=12 + size // 25, train=6, val=2, test=2, spp_train=4, spp_test=4)
             seeds, steps = seeds[:2], 4
@@ -110,7 +122,7 @@ class EvidenceContext(TrainedContext):
             budget=Budget(steps=steps, seconds=None),
             score=replace(profile.score, checkpoints=training.checkpoints, stored_views=0),
             views=views,
-            train=profile.train if self.precision_as_planned else replace(profile.train, precision="float32"),
+            train=train,
         )
 
 

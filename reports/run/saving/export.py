@@ -22,7 +22,7 @@ from reports.drawing.traces import Panel
 from reports.page.grid import Grid
 from reports.run import metrics_table
 from reports.run.curves import diagrams
-from reports.run.density import separation_grid, unit_grids
+from reports.run.density import further_grid, separation_grid
 from reports.run.figures import FIGURES
 from reports.run.run_page import TABLES
 from reports.run.saving.citation import bibtex
@@ -51,7 +51,7 @@ def tables(records: Records, beside: Beside) -> Iterator[Grid]:
         scores_grid(records),
         senses_grid(records),
         *differences_grids(records),
-        *unit_grids(records),
+        further_grid(records),
     ]
     grids += [metrics_table.costs_grid(records), separation_grid(records)]
     if targets is not None:

@@ -24,10 +24,9 @@ from reports.data.table import cells_frame
 from reports.drawing.figure import STYLE
 from reports.drawing.images import save
 from reports.drawing.palette import INK, MUTED, colours_of
-from reports.drawing.sheet import CROSS, Key, key_of, save_sheet
+from reports.drawing.sheet import CROSS, Key, save_sheet
 from reports.drawing.traces import Kind, Panel, Trace
 from reports.run.curves import EVERYWHERE, diagrams
-from reports.run.density import ladder_panel
 from reports.run.pictures import as_picture, first_view, last_render, seed_shown
 
 SCHEMA = 1
@@ -103,8 +102,7 @@ def write_summary(records: Records, path: Path, beside: Beside = ALONE) -> None:
 
 
 def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> list[Path]:
-    """Write psnr.png, error_vs_time.png, work_precision.png, units.png, views.png (if they can be drawn) and
-    summary.json.
+    """Write psnr.png, error_vs_time.png, work_precision.png, views.png (if they can be drawn) and summary.json.
 
     Returns the written paths.
     """
@@ -115,13 +113,11 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
     errors = [panel for diagram in over_time if diagram.name == "rmse_linear-seconds" for panel in diagram.panels]
     # by the wall and of the processor, side by side where both are known
     everywhere = [replace(diagram.panels[0], title=diagram.measure.label) for diagram in over_time]
-    ladder = next(iter(ladder_panel(records)), None)
     key = key_of_methods(records)
     for name, drawings, across, size in (
         ("psnr", [(psnr_dots(records), key)], 1, None),
         ("error_vs_time", [(panel, key) for panel in errors if panel.title != EVERYWHERE], 4, (2.5, 2.1)),
         ("work_precision", [(panel, key) for panel in everywhere], 2, (3.4, 2.9)),
-        ("units", [(ladder, key_of(ladder))] if ladder else [], 1, None),
     ):
         written += save_sheet(folder / f"{name}.png", drawings, across, size)
     with matplotlib.rc_context(STYLE):

@@ -16,6 +16,7 @@ from pathlib import Path
 from harness.records.study import Studies, read_studies
 from reports.run.saving import run_blocks, study_blocks
 from reports.run.saving.run_blocks import Run
+from reports.studies import constants
 
 RUN = ("reduced/summary.json",)
 BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
@@ -23,7 +24,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "result": (RUN, run_blocks.result),
     "equal time": (RUN, lambda run: run_blocks.differences(run, "seconds")),
     "scores": (RUN, run_blocks.scores),
-    "why": (RUN, run_blocks.why),
+    "constants": (("constants.json",), constants.choice),
     "further methods": (RUN, run_blocks.further),
     "failures": (RUN, run_blocks.failed),
     "last doubling": (RUN, run_blocks.doubling),

@@ -163,39 +163,13 @@ def explained_scene(run: Run) -> str:
     return next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
 
 
-def why(run: Run) -> str:
-    """State the effect of the unit of density, and the printed form apart."""
-    scene = explained_scene(run)
-    sentences, moved = [], []
-    scales: set[float] = set()
-    for base in (BASELINE, FAVOURITE):
-        means = {
-            unit["scale"]: fmean(psnr)
-            for method, unit in run["settings"]["density_units"].items()
-            if method.split("_unit_")[0] == base and (psnr := psnr_of(run, scene, method))
-        }
-        scales |= means.keys()
-        if len(means) > 1:
-            least, most = min(means.values()), max(means.values())
-            moved.append(f"`{base}` scores {number(least, 1)} to {number(most, 1)} dB")
-    if moved:
-        units = f"{min(scales):g} and {max(scales):g} units of density per half of the box"
-        sentences.append(f"Between {units}, {listed(moved)} on {scene}.")
-    if printed := row(run, scene, f"{FAVOURITE}_printed", BASELINE):
-        sentences.append(
-            f"`{printed['method']}` {SAYS[printed['verdict']]} `{BASELINE}` there: {signed(printed['difference'])} dB "
-            f"({between(printed['simultaneous'] or printed['interval'])})."
-        )
-    return " ".join(sentences)
-
-
 def further(run: Run) -> str:
     """Tabulate the methods that were trained on one scene alone, without the ladder."""
     scene = explained_scene(run)
     rows = [
         (f"`{method}`", title, f"{signed(duel['difference'])} dB, {estimate(duel, 'on_these_scenes')}")
         for method, title in run["methods"].items()
-        if method not in main_methods(run) and "_unit_" not in method and (duel := row(run, scene, method, BASELINE))
+        if method not in main_methods(run) and (duel := row(run, scene, method, BASELINE))
     ]
     return table((f"on {scene}", "what it is", f"− `{BASELINE}`, 95 % on this scene"), rows) if rows else ""
 

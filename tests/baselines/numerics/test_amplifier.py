@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from baselines.amplifiers import DENSITY_BIAS, Equation4Amplifier, Listing2Amplifier, NoAmplifier
+from baselines.amplifiers import AMPLIFIERS, Equation4Amplifier, Listing2Amplifier, NoAmplifier
 from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, softplus_density
 from baselines.numerics.encoding import PHI
 
@@ -98,17 +98,41 @@ def test_listing_2_stays_within_0_and_1_and_boosts_above_the_threshold_alone() -
 
 @pytest.mark.parametrize("make", [NoAmplifier, Listing2Amplifier, Equation4Amplifier])
 def test_bounded_says_whether_density_stays_within_0_and_1(make: type[nn.Module]) -> None:
-    amplifier = make()
+    amplifier = make(None)
     assert amplifier.bounded == bool((amplifier.before_and_after(raw_densities(scale=30.0))[1] <= 1.0).all())
     assert amplifier.before_and_after(torch.zeros(0))[1].shape == (0,), "no points are no points"
 
 
 def test_softplus_density_in_closed_form() -> None:
     raw = torch.linspace(-30.0, 30.0, 601, dtype=torch.float64)
-    sigma = softplus_density(raw, DENSITY_BIAS)
-    torch.testing.assert_close(sigma, torch.log1p(torch.exp(raw + DENSITY_BIAS)))
+    sigma = softplus_density(raw, -4.4)
+    torch.testing.assert_close(sigma, torch.log1p(torch.exp(raw - 4.4)))
     assert (sigma > 0).all()
-    assert 0.01 < softplus_density(torch.zeros(()), DENSITY_BIAS) < 0.02, "a fresh field is thin fog"
+
+
+@pytest.mark.parametrize("name", AMPLIFIERS)
+@pytest.mark.parametrize("start", [1e-6, 0.012, 0.3, 0.9, 12.5, 1e3])
+def test_a_fresh_field_has_its_start(name: str, start: float) -> None:
+    """Where the raw output is 0, density is the start, whatever the reading; a bounded one cannot start above 1."""
+    if start >= 1.0 and AMPLIFIERS[name](None).bounded:
+        with pytest.raises(ValueError, match="a sigmoid lies between 0 and 1"):
+            AMPLIFIERS[name](start)
+        return
+    before, after = AMPLIFIERS[name](start).before_and_after(torch.zeros(3))
+    torch.testing.assert_close(after, torch.full((3,), start), rtol=1e-5, atol=0.0)
+    torch.testing.assert_close(before, after)
+
+
+@pytest.mark.parametrize("name", AMPLIFIERS)
+@pytest.mark.parametrize("start", [0.0, -1.0, float("nan")])
+def test_a_start_that_is_no_density_is_refused(name: str, start: float) -> None:
+    with pytest.raises(ValueError, match="a start of"):
+        AMPLIFIERS[name](start)
+
+
+@pytest.mark.parametrize(("name", "printed"), [("none", 0.6931472), ("listing2", 0.5), ("equation4", 0.6931472)])
+def test_as_printed_nothing_is_shifted(name: str, printed: float) -> None:
+    assert AMPLIFIERS[name](None).before_and_after(torch.zeros(1))[1].item() == pytest.approx(printed)
 
 
 SIXTY_DECADES = [0.0, 1e-45, 1e-30, 1e-10, 1e-4, 1.0, 1e4, 1e10, 1e30]
@@ -120,7 +144,7 @@ SIXTY_DECADES = [0.0, 1e-45, 1e-30, 1e-10, 1e-4, 1.0, 1e4, 1e10, 1e30]
 def test_sixty_decades_of_raw_density_are_finite_with_finite_gradients(
     make: type[nn.Module], largest: float, sign: float
 ) -> None:
-    amplifier = make()
+    amplifier = make(None)
     raw = torch.tensor([value for value in SIXTY_DECADES if value <= largest] + [largest] * 500)
     raw = (sign * raw).requires_grad_()
     before, after = amplifier.before_and_after(raw)
@@ -137,4 +161,4 @@ def test_half_precision_is_refused(dtype: torch.dtype) -> None:
     raw = torch.zeros(4, dtype=dtype)
     for make in (NoAmplifier, Listing2Amplifier, Equation4Amplifier):
         with pytest.raises(TypeError, match="the amplifier needs float32 or better, got torch"):
-            make().before_and_after(raw)
+            make(None).before_and_after(raw)

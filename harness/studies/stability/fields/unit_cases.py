@@ -165,12 +165,12 @@ class MeanHeld(Amplifier):
 
 @torch.no_grad()
 def with_mean_held(trainer: Trainer) -> Trainer:
-    """Return a copy whose amplifier keeps the mean that evenly spread points of the box have."""
+    """Return a copy whose amplifier keeps the mean that training rendered with last."""
     copy = deepcopy(trainer)
     for field in copy.fields.children():
         source = field.amplifier
         assert isinstance(source, CallMeanAmplifier), "an amplifier without a mean of the chunk has none to hold"
-        field.amplifier = MeanHeld(source, source.quantity(field.raw_in_box()).mean())  # type: ignore
+        field.amplifier = MeanHeld(source, source.mean.value.clone())  # type: ignore
     return copy
 
 

@@ -197,7 +197,7 @@ def test_unchecked_positions_are_judged_where_they_are_finite(context: Stability
 
 @pytest.mark.parametrize("reading", ["listing2", "equation4"])
 def test_an_amplifier_with_its_mean_held_is_the_same_one_for_that_mean(reading: str) -> None:
-    source, raw = AMPLIFIERS[reading](), torch.linspace(-5.0, 5.0, 40)
+    source, raw = AMPLIFIERS[reading](None), torch.linspace(-5.0, 5.0, 40)
     with torch.no_grad():
         source.alpha.fill_(0.9)  # type: ignore[operator]
         before, after = source.before_and_after(raw)

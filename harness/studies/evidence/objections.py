@@ -1,0 +1,105 @@
+"""Objections to the comparison: each is a pair of methods, trained on all eight scenes and judged like the headline."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from statistics import fmean
+
+from baselines.catalog import CATALOG
+from harness.records.cells import CellRecord
+from harness.records.study import Effect, Table
+from harness.studies.evidence.contrasts import amount, chosen, effects, in_words, number, score_table, without_a_score
+from harness.studies.evidence.evidence_context import OBJECTED, WITHOUT_SILHOUETTES, EvidenceContext
+from harness.studies.framework import Found
+from harness.studies.trained_context import StudyRun
+
+
+@dataclass(frozen=True)
+class Objection:
+    """A pair of methods that differ in what is objected to, or agree in it."""
+
+    words: str
+    method: str
+    against: str
+    training: str = "objections"
+
+
+OBJECTIONS = (
+    Objection("Both start with a shift", "qnerf_shifted", "nerf"),
+    Objection("Both start as printed", "qnerf", "nerf_no_shift"),
+    Objection("NeRF encodes as its released code does", "qnerf", "nerf_released"),
+    Objection("The released encoding against the normalised one", "nerf_released", "nerf"),
+    Objection("Both are rendered by Listing 4", "qnerf_listing4", "nerf_listing4"),
+    Objection("Eq. 4 acts on density itself", "qnerf_theorem", "nerf"),
+    Objection("Without silhouettes", "qnerf", "nerf", "no_silhouettes"),
+    Objection("Without silhouettes", "qnerf", "nerf_matched", "no_silhouettes"),
+    Objection("Without silhouettes", "qnerf_repaired", "nerf", "no_silhouettes"),
+)
+
+
+def objections(context: EvidenceContext) -> Iterator[Found]:
+    """Yield what the amplifier is after training, then each objection with its difference."""
+    runs = {name: context.trained(name) for name in dict.fromkeys(each.training for each in OBJECTIONS)}
+    cells = runs["objections"].cells
+    yield amplifier_after_training(cells)
+    every: list[Effect] = []
+    for objection in OBJECTIONS:
+        own = effects(runs[objection.training].cells, objection.method, objection.against, objection.words)
+        every += own
+        for effect in chosen(own, scene="all"):
+            yield f"{objection.words}: {objection.method} − {objection.against} is {in_words(effect)} at equal steps."
+    yield octaves(runs["objections"])
+    for name, run in runs.items():
+        yield from without_a_score(run.cells, f"{name}: ")
+    yield from every
+    yield taken_out(cells)
+    for name, methods in (("objections", OBJECTED), ("no_silhouettes", WITHOUT_SILHOUETTES)):
+        columns, scores = score_table(runs[name].cells, methods, ("psnr",))
+        rows: list[list[str | float | None]] = [[method, *row] for method, row in scores.items()]
+        yield Table(f"{name}_scores", 0, f"PSNR at equal steps, dB: {name}", ["method", *columns], rows)
+
+
+def amplifier_after_training(cells: list[CellRecord]) -> str:
+    """Return how near to the identity Eq. 4 is once trained, and what taking it out changes."""
+    known = {"alpha_phi": values_of(cells, "alpha_phi"), "change": values_of(cells, "psnr_without_amplifier")}
+    if not known["alpha_phi"] or not known["change"]:
+        return "No trained method has an amplifier."
+    low, high = min(known["alpha_phi"]), max(known["alpha_phi"])
+    apart = max(abs(low - 1.0), abs(high - 1.0))
+    return (
+        f"Trained, α φ lies between {low:.2f} and {high:.2f} ({len(known['alpha_phi'])} trainings): Eq. 4 is the "
+        f"identity to within {100 * apart:.0f} %. Taken out after training, it changes PSNR by "
+        f"{number(fmean(known['change']), 'psnr')} dB on average ({number(min(known['change']), 'psnr')} to "
+        f"{number(max(known['change']), 'psnr')})."
+    )
+
+
+def values_of(cells: list[CellRecord], name: str) -> list[float]:
+    """Return a property of all cells that have it."""
+    return [value for cell in cells if isinstance(value := cell.properties.get(name), float)]
+
+
+def octaves(run: StudyRun) -> str:
+    """Return how much less far the released encoding reaches than the normalised one: log2(π / half extent)."""
+    less = {
+        scene.name: math.log2(math.pi / (0.5 * max(high - low for low, high in zip(*scene.bounds, strict=True))))
+        for scene in run.scenes
+    }
+    low, high = min(less.values()), max(less.values())
+    return (
+        f"{CATALOG['nerf_released'].title}: its highest frequency lies {low:.1f} to {high:.1f} octaves below that of "
+        "nerf on these scenes, whose positions are normalised by the box and multiplied by π."
+    )
+
+
+def taken_out(cells: list[CellRecord]) -> Table:
+    """Tabulate α φ and the change of PSNR without Eq. 4: means over seeds."""
+    rows: list[list[str | float | None]] = []
+    for method in dict.fromkeys(cell.method for cell in cells):
+        for scene in dict.fromkeys(cell.scene for cell in cells):
+            mine = [cell for cell in cells if (cell.method, cell.scene) == (method, scene)]
+            if factors := values_of(mine, "alpha_phi"):
+                changes = values_of(mine, "psnr_without_amplifier")
+                change = amount(fmean(changes), "psnr") if changes else None
+                rows.append([method, scene, fmean(factors), change])
+    return Table("taken_out", 0, "Eq. 4 taken out after training", ["method", "scene", "α φ", "change of PSNR"], rows)

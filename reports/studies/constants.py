@@ -1,0 +1,120 @@
+"""The search for the constants that the paper leaves open: its surface as a picture, its choice as a table.
+
+python -m reports.studies.constants RECORD.json PICTURE.png
+"""
+
+import json
+import sys
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from reports.data.wording import listed, number
+from reports.drawing.palette import MARKERS, OTHERS
+from reports.drawing.sheet import Drawing, key_of, save_sheet
+from reports.drawing.traces import Panel, Trace
+from reports.run.saving.run_blocks import table
+
+Search = dict[str, Any]
+"""What `python -m harness study constants` writes."""
+Pair = tuple[float, float | None]
+"""Unit of density and start, both per half of the longest side of the scene's box."""
+
+
+def means(search: Search, method: str, steps: int) -> dict[Pair, float]:
+    """Map each pair of constants → PSNR on validation views, mean over scenes; pairs that diverged are left out."""
+    scores: dict[Pair, list[float | None]] = {}
+    for row in search["rows"]:
+        if (row["method"], row["steps"]) == (method, steps):
+            pair = (row["constants"]["unit"], row["constants"]["start"])
+            scores.setdefault(pair, []).append(row["psnr_val"])
+    known = {pair: [value for value in values if value is not None] for pair, values in scores.items()}
+    return {pair: fmean(values) for pair, values in known.items() if len(values) == len(scores[pair])}
+
+
+def budgets(search: Search) -> tuple[int, int]:
+    """Return the steps of the first trainings and of the finalists."""
+    steps = [row["steps"] for row in search["rows"]]
+    return min(steps), max(steps)
+
+
+def methods(search: Search) -> list[str]:
+    return list(dict.fromkeys(row["method"] for row in search["rows"]))
+
+
+def start_in_words(start: float | None) -> str:
+    return "as printed" if start is None else f"{start:g}"
+
+
+def surface(search: Search) -> list[Panel]:
+    """Draw a panel for each method: validation PSNR against the unit of density, a line for each start, and the
+    finalists after all steps.
+    """
+    brief, full = budgets(search)
+    starts = list(dict.fromkeys(row["constants"]["start"] for row in search["rows"]))
+    pens = {start: (OTHERS[place].light, MARKERS[place][0]) for place, start in enumerate(starts)}
+    scores = [
+        value
+        for method in methods(search)
+        for steps in (brief, full)
+        for value in means(search, method, steps).values()
+    ]
+    low, high = min(scores) - 0.5, max(scores) + 0.5
+    panels = []
+    for method in methods(search):
+        traces = []
+        for start, (colour, marker) in pens.items():
+            for steps, kind in ((brief, "line"), (full, "mark")):
+                line = sorted(
+                    (pair[0], mean) for pair, mean in means(search, method, steps).items() if pair[1] == start
+                )
+                if line:
+                    x, y = zip(*line, strict=True)
+                    label = f"start {start_in_words(start)}" + (f", {full} steps" if steps == full else "")
+                    traces.append(Trace(label, colour, kind, x, y, marker=marker))
+        panels.append(
+            Panel(
+                method, "unit of density, per half of the box", "validation PSNR, dB", tuple(traces),
+                f"{method}: validation PSNR against the unit of density, a line for each start.", "log", "linear",
+                y_limits=(low, high), size=(3.2, 2.7),
+            )
+        )  # fmt: skip
+    return panels
+
+
+def drawings(search: Search) -> list[Drawing]:
+    panels = surface(search)
+    key = {name: look for panel in panels for name, look in key_of(panel).items()}
+    return [(panel, key) for panel in panels]
+
+
+def choice(search: Search) -> str:
+    """Tabulate what was chosen for each method, with its score and that of the worst pair."""
+    brief, full = budgets(search)
+    rows = []
+    for method, pair in search["chosen"].items():
+        finals, all_pairs = means(search, method, full), means(search, method, brief)
+        best = finals[pair["unit"], pair["start"]]
+        rows.append(
+            (
+                f"`{method}`",
+                f"{pair['unit']:g}",
+                start_in_words(pair["start"]),
+                number(best),
+                f"{number(min(all_pairs.values()))} to {number(max(all_pairs.values()))}",
+            )
+        )
+    scenes = list(dict.fromkeys(row["scene"] for row in search["rows"]))
+    columns = ("method", "unit", "start", f"validation PSNR, dB, {full} steps", f"all pairs, {brief} steps")
+    return f"{table(columns, rows)}\n\nMeans over {listed(scenes)}; seed {search['seed']}. {search['rule']}"
+
+
+def main(record: str, picture: str) -> int:
+    """Draw the surface; returns 0."""
+    search = json.loads(Path(record).read_text(encoding="utf-8"))
+    save_sheet(Path(picture), drawings(search), 4)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:3]))
