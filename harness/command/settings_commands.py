@@ -31,7 +31,8 @@ def add_families_options(command: argparse.ArgumentParser) -> None:
 
 def add_constants_options(command: argparse.ArgumentParser) -> None:
     add_plan_options(command)
-    _add_file(command, "--resume")
+    add_shared(command, "--out", required=True, metavar="FILE", help="JSON file to write")
+    add_shared(command, "--resume", help="train what a stopped search has not written into FILE")
     adopt = "write the choice into the file that the methods are made from, for this profile"
     command.add_argument("--adopt", action="store_true", help=adopt)
 
@@ -99,7 +100,8 @@ def run_families(options: argparse.Namespace, show: "Progress") -> int:
 def run_constants(options: argparse.Namespace, show: "Progress") -> int:
     """Raises `InputError` for a method without constants to search, and for a budget that is not one of steps."""
     from harness.machine.provenance import provenance
-    from harness.studies.choices.constants import READINGS, ConstantsRow, as_json, search
+    from harness.records.json_record import write_json
+    from harness.studies.choices.constants import READINGS, ConstantsRow, as_json, read_rows, search
     from scenes.files.errors import InputError
 
     options.methods = options.methods or list(READINGS)
@@ -115,9 +117,15 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
         return f"{row.scene} {row.method}, {what}: {_decibels(row.psnr_val)} on validation views"
 
     folders = _folders(options, plan, show)
-    found = search(plan, folders, options.out.parent, _workers(device), device.type, _kept(options))
-    rows = _shown(found, line, show)
-    result = _written(options.out, as_json(rows, plan, provenance(device)))
+    finished = read_rows(options.out, plan) if options.resume else []
+    rows: list[ConstantsRow] = []
+    result = as_json(finished, plan, provenance(device))
+    for found in search(plan, folders, options.out.parent, _workers(device), device.type, finished):
+        rows += found
+        for row in found:
+            show.line(line(row))
+        result = as_json(rows + [row for row in finished if row not in rows], plan, provenance(device))
+        write_json(options.out, result)
     if options.adopt:
         from baselines.methods.chosen import adopt
 

@@ -97,3 +97,16 @@ def test_with_every_part_put_back_training_is_nerf_bit_for_bit(start: Parts) -> 
     for one, two in zip(trained(NERF).parameters(), trained(back).parameters(), strict=True):
         assert torch.equal(one, two)
     assert not torch.equal(trained(NERF).density_head.weight, field_of("nerf", seed=5).density_head.weight)
+
+
+def test_the_released_encoding_has_neither_the_box_nor_pi() -> None:
+    """Sines of 2^k x in scene units, and of 2^k d: what `run_nerf_helpers.py` of the original computes."""
+    box = Box(torch.tensor([-1.0, -2.0, -3.0]), torch.tensor([1.5, 2.0, 1.0]))
+    field = NetworkField(ALL_PARTS["nerf_released"], SMALL, box, "float32", seed=0)
+    x = torch.rand(20, 3, generator=torch.Generator().manual_seed(1)) * 4.0 - 2.0
+    bands = (2.0 ** torch.arange(SMALL.position_bands)).view(-1, 1, 1)
+    waves = torch.stack([torch.sin(bands * x), torch.cos(bands * x)], dim=1)
+    expected = waves.permute(2, 0, 1, 3).reshape(20, -1)
+    torch.testing.assert_close(field._encoded(x)[:, 3:], expected, rtol=0.0, atol=2e-5)
+    view = field.encode_directions(x)
+    torch.testing.assert_close(view[:, 3:6], torch.sin(x), rtol=0.0, atol=1e-6)

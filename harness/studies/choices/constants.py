@@ -5,8 +5,10 @@ show at all. One number for all methods is not the same thing for all: it is a s
 So every method is trained with every pair of them, on all scenes of the plan, with a seed that no verdict uses.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -16,8 +18,10 @@ from baselines.catalog import CATALOG
 from baselines.methods.chosen import DensityConstants
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
+from harness.records.json_record import as_promised, load_json
 from harness.studies.choices.arms import Arm, CellTask, trained_cells
 from harness.studies.choices.sweep import SEED
+from scenes.files.errors import InputError
 
 UNITS = (1.0, 3.0, 10.0, 25.0, 100.0, 250.0, 1000.0)
 """The units of density that are tried, per half of the longest side of the scene's box."""
@@ -72,34 +76,39 @@ def pairs_of(method: str) -> list[DensityConstants]:
 
 
 def search(
-    plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
-) -> Iterator[ConstantsRow]:
-    """Train every pair of every method of `plan` on every scene, then the finalists for the whole budget; decoded
-    images go to `scratch`, a folder on a disk, and finished cells to `kept`.
+    plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, finished: list[ConstantsRow]
+) -> Iterator[list[ConstantsRow]]:
+    """Train every pair of every method of `plan` on every scene, then the finalists for the whole budget. Yield the
+    rows of one scene, method and start at a time; those that are `finished` are not trained again. Decoded images go to
+    `scratch`, a folder on a disk.
 
     Raises `InputError` for a view set without validation views.
     """
+    known = {(row.method, row.constants, row.scene, row.steps): row for row in finished}
 
-    def trained(steps: int, pairs: dict[str, list[DensityConstants]]) -> Iterator[ConstantsRow]:
-        """Yield the rows of all pairs; those of one scene and method with one start are one task."""
+    def trained(steps: int, pairs: dict[str, list[DensityConstants]]) -> Iterator[list[ConstantsRow]]:
         budgeted = replace(plan, budget=Budget(steps, None))
-        tasks = [
-            CellTask(scene, method, SEED, folder, scratch, budgeted, _arms(some, start), device, "val", kept)
-            for scene, folder in folders.items()
-            for method, some in pairs.items()
-            for start in dict.fromkeys(pair.start for pair in some)
-        ]
+        tasks = []
+        for scene, (method, some) in product(folders, pairs.items()):
+            yield [known[key] for pair in some if (key := (method, pair, scene, steps)) in known]
+            missing = [pair for pair in some if (method, pair, scene, steps) not in known]
+            tasks += [
+                CellTask(scene, method, SEED, folders[scene], scratch, budgeted, _arms(missing, start), device, "val")
+                for start in dict.fromkeys(pair.start for pair in missing)
+            ]
         for task, cell in zip(tasks, trained_cells(tasks, workers), strict=True):
-            for name, arm in task.arms.items():
-                ended = cell.ended[name]
-                assert arm.density is not None
-                yield ConstantsRow(cell.method, arm.density, cell.scene, steps, ended.psnr, ended.core_seconds)
+            ended = [(arm.density, cell.ended[name]) for name, arm in task.arms.items()]
+            yield [
+                ConstantsRow(cell.method, pair, cell.scene, steps, end.psnr, end.core_seconds)
+                for pair, end in ended
+                if pair is not None
+            ]
 
     assert plan.budget.steps is not None
     rows = []
-    for row in trained(max(1, plan.budget.steps // SHARE), {method: pairs_of(method) for method in plan.methods}):
-        rows.append(row)
-        yield row
+    for some in trained(max(1, plan.budget.steps // SHARE), {method: pairs_of(method) for method in plan.methods}):
+        rows += some
+        yield some
     yield from trained(plan.budget.steps, {method: list(means(rows, method))[:FINALISTS] for method in plan.methods})
 
 
@@ -118,15 +127,15 @@ def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float
     return dict(sorted(ended.items(), key=lambda item: -item[1]))
 
 
-def chosen(rows: list[ConstantsRow]) -> dict[str, DensityConstants]:
-    """Map method → the pair that `RULE` chooses; methods without one are left out."""
-    longest = max(row.steps for row in rows)
-    finals = [row for row in rows if row.steps == longest]
+def chosen(rows: list[ConstantsRow], steps: int) -> dict[str, DensityConstants]:
+    """Map method → the pair that `RULE` chooses of those trained for all `steps`; methods without one are left out."""
+    finals = [row for row in rows if row.steps == steps]
     best = {method: list(means(finals, method))[:1] for method in dict.fromkeys(row.method for row in finals)}
     return {method: first[0] for method, first in best.items() if first}
 
 
 def as_json(rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any]) -> dict[str, Any]:
+    """Return the record of a search; one that was stopped has no choice for some or all methods."""
     return {
         "what": "unit of density and start of the field of each method, on validation views",
         "rule": RULE,
@@ -134,5 +143,23 @@ def as_json(rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any]) ->
         "provenance": provenance,
         "settings": plan.settings(),
         "rows": [asdict(row) for row in rows],
-        "chosen": {method: asdict(pair) for method, pair in chosen(rows).items()},
+        "chosen": {method: asdict(pair) for method, pair in chosen(rows, plan.budget.steps or 0).items()},
     }
+
+
+def read_rows(file: Path, plan: Plan) -> list[ConstantsRow]:
+    """Return the rows of a record of the same settings, to be resumed from; none if there is no record.
+
+    Raises `InputError` for a record that cannot be read, and for one of other settings.
+    """
+    if not file.exists():
+        return []
+    try:
+        record = load_json(file)
+        rows: list[ConstantsRow] = as_promised(record["rows"], list[ConstantsRow])
+        settings = record["settings"]
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(f"{file}: no record of a search ({error}); remove it, or name another --out") from error
+    if settings != json.loads(json.dumps(plan.settings())):
+        raise InputError(f"{file}: was made with other settings; use the same options, or name another --out")
+    return rows

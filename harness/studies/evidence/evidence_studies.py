@@ -42,7 +42,7 @@ STUDIES: dict[str, Study] = catalogue(
     _study("objections", "What if it were compared otherwise?",
            "Does the verdict change with the start of the field, the encoding of NeRF, the paper's quadrature, without "
            "silhouettes, or without Eq. 4?",
-           "Pairs of methods that differ in what is objected to, on all eight scenes, judged like the headline; methods "
+           "Pairs of methods that differ in what is objected to, on all eight scenes, judged like the headline; they "
            "are rendered again with Eq. 4 taken out.",
            "objections:objections", 5400, "objections", "no_silhouettes"),
     _study("collapse", "Does a training end without a picture?",

@@ -44,7 +44,8 @@ def objections(context: EvidenceContext) -> Iterator[Found]:
     yield amplifier_after_training(cells)
     every: list[Effect] = []
     for objection in OBJECTIONS:
-        own = effects(runs[objection.training].cells, objection.method, objection.against, objection.words)
+        where = "" if objection.training == "objections" else "without silhouettes"
+        own = effects(runs[objection.training].cells, objection.method, objection.against, where)
         every += own
         for effect in chosen(own, scene="all"):
             yield f"{objection.words}: {objection.method} − {objection.against} is {in_words(effect)} at equal steps."

@@ -1,6 +1,7 @@
 """The search for unit of density and start: its rule where the right choice is known, and a tiny search for real."""
 
 import json
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -8,12 +9,24 @@ import pytest
 from baselines.catalog import CATALOG
 from baselines.methods.chosen import FILE, DensityConstants, chosen
 from harness.plan.profiles import PROFILES, Machine, planned
+from harness.records.json_record import write_json
 from harness.studies.choices import constants
-from harness.studies.choices.constants import FINALISTS, READINGS, SHARE, ConstantsRow, means, pairs_of, search
+from harness.studies.choices.arms import trained_cell
+from harness.studies.choices.constants import (
+    FINALISTS,
+    READINGS,
+    SHARE,
+    ConstantsRow,
+    means,
+    pairs_of,
+    read_rows,
+    search,
+)
+from scenes.files.errors import InputError
 from tests.harness.ball import ball_with_validation_views
 from tests.replacing import replace
 
-PUBLISHED = Path("docs/constants.json")
+PUBLISHED = list(Path("docs").glob("constants.json"))
 SCENES = ("a", "b")
 
 
@@ -32,13 +45,13 @@ def test_the_best_mean_after_all_steps_is_chosen_whatever_came_first() -> None:
     brief = rows_of("nerf", {FIRST: (30.0, 20.0), SECOND: (24.0, 24.0)}, 10)
     full = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0)}, 40)
     assert list(means(brief, "nerf")) == [FIRST, SECOND]
-    assert constants.chosen(brief + full) == {"nerf": SECOND}
+    assert constants.chosen(brief + full, 40) == {"nerf": SECOND}
 
 
 def test_a_pair_that_diverges_on_a_scene_is_out() -> None:
     rows = rows_of("nerf", {LOST: (99.0, None), FIRST: (20.0, 20.0)}, 40)
-    assert constants.chosen(rows) == {"nerf": FIRST}
-    assert constants.chosen(rows_of("nerf", {LOST: (None, None)}, 40)) == {}
+    assert constants.chosen(rows, 40) == {"nerf": FIRST}
+    assert constants.chosen(rows_of("nerf", {LOST: (None, None)}, 40), 40) == {}
 
 
 def test_every_pair_that_a_method_can_have_is_tried() -> None:
@@ -48,33 +61,48 @@ def test_every_pair_that_a_method_can_have_is_tried() -> None:
     assert {method for method, starts in READINGS.items() if None in starts} == READINGS.keys() - {"qnerf_shifted"}
 
 
-def test_a_tiny_search_trains_every_pair_and_then_the_finalists(tmp_path: Path) -> None:
+def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(constants, "trained_cells", lambda tasks, workers: map(trained_cell, tasks))
     folder = ball_with_validation_views(tmp_path / "ball")
     plan = replace(planned("smoke", methods=["qnerf"], budget_steps=2 * SHARE, resolution=16), scenes=("ball",))
-    rows = list(search(plan, {"ball": folder}, tmp_path, 1, "cpu", tmp_path / "kept"))
+    rows = list(chain(*search(plan, {"ball": folder}, tmp_path, 1, "cpu", [])))
     brief, full = ([row.constants for row in rows if row.steps == steps] for steps in (2, 2 * SHARE))
     assert brief == pairs_of("qnerf")
     assert sorted(map(str, full)) == sorted(map(str, list(means(rows[: len(brief)], "qnerf"))[:FINALISTS]))
     assert len({row.psnr_val for row in rows}) == len(rows), "each pair is another training"
-    again = list(search(plan, {"ball": folder}, tmp_path, 1, "cpu", tmp_path / "kept"))
-    assert again == rows, "finished cells are kept"
+    file = tmp_path / "record.json"
+    write_json(file, constants.as_json(rows[3:], plan, {}))
+    found = search(plan, {"ball": folder}, tmp_path, 1, "cpu", read_rows(file, plan))
+    assert sorted(map(_result, chain(*found))) == sorted(map(_result, rows)), "what is missing is trained alike"
+    with pytest.raises(InputError, match="was made with other settings"):
+        read_rows(file, planned("smoke", methods=["qnerf"], budget_steps=SHARE, resolution=16))
+    file.write_text("[]")
+    with pytest.raises(InputError, match="no record of a search"):
+        read_rows(file, plan)
 
 
-def test_methods_are_made_with_the_published_choice() -> None:
-    record = json.loads(PUBLISHED.read_text(encoding="utf-8"))
-    rows = [ConstantsRow(**{**row, "constants": DensityConstants(**row["constants"])}) for row in record["rows"]]
-    assert constants.chosen(rows) == chosen("reduced"), "docs/constants.json has another choice than the methods"
+def _result(row: ConstantsRow) -> str:
+    return str(replace(row, core_seconds=0.0))
+
+
+def test_methods_are_made_with_their_constants() -> None:
     for method, pair in chosen("reduced").items():
         parts = CATALOG[method].parts
         assert parts is not None
         assert (parts.density_scale, parts.start) == (pair.unit, pair.start)
-
-
-def test_the_search_uses_neither_seeds_nor_views_of_a_verdict() -> None:
-    record = json.loads(PUBLISHED.read_text(encoding="utf-8"))
-    assert record["seed"] not in {seed for plan in PROFILES.values() for seed in plan.seeds}
-    assert {row["scene"] for row in record["rows"]} == set(PROFILES["reduced"].scenes)
     assert set(json.loads(FILE.read_text(encoding="utf-8"))) <= set(PROFILES)
+    assert set(READINGS) == set(chosen("reduced"))
+
+
+def test_the_constants_are_those_of_the_published_search() -> None:
+    for file in PUBLISHED:
+        record, plan = json.loads(file.read_text(encoding="utf-8")), PROFILES["reduced"]
+        rows = [ConstantsRow(**{**row, "constants": DensityConstants(**row["constants"])}) for row in record["rows"]]
+        assert constants.chosen(rows, plan.budget.steps or 0) == chosen("reduced")
+        assert record["seed"] not in {seed for plan in PROFILES.values() for seed in plan.seeds}
+        assert {row.scene for row in rows} == set(plan.scenes)
 
 
 @pytest.mark.parametrize("profile", ["smoke", "reduced"])
