@@ -41,7 +41,7 @@ class Changed:
     compared: int
     verdicts: int
     signs: int
-    """The number of these that go from better to worse or the other way round."""
+    """The number of these of which the sign goes from above to below 0 or the other way round."""
     rows: list[str]
 
 
@@ -97,8 +97,8 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
         all=_apart("all", scored) if scored else None,
         changed=[_changed(rows, sense) for sense in ("on_these_scenes", "scenes_like_these")],
         headline=[
-            f"{ours.method} − {ours.against}: {ours.difference:+.2f} dB ({ours.verdict}) → "
-            f"{theirs.difference:+.2f} dB ({theirs.verdict})"
+            f"{ours.method} − {ours.against}: {ours.difference:+.2f} dB ({ours.verdict.phrase}) → "
+            f"{theirs.difference:+.2f} dB ({theirs.verdict.phrase})"
             for ours, theirs in rows
             if (ours.scene, ours.metric, ours.budget) == ("all", "psnr", "steps")
             and ours.difference is not None
@@ -161,9 +161,9 @@ def _changed(rows: list[tuple[Comparison, Comparison]], sense: str) -> Changed:
         if before is not None and after is not None:
             compared += 1
             if before.verdict != after.verdict:
-                signs += {before.verdict, after.verdict} == {"better", "worse"}
+                signs += {before.verdict.sign, after.verdict.sign} == {"above 0", "below 0"}
                 where = f"{row.method} − {row.against}, {row.metric} at equal {row.budget}, {row.scene}"
-                lines.append(f"{where}: {before.verdict} → {after.verdict}")
+                lines.append(f"{where}: {before.verdict.phrase} → {after.verdict.phrase}")
     return Changed(sense, compared, len(lines), signs, lines)
 
 
