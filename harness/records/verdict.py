@@ -1,5 +1,6 @@
 """A verdict: two answers to two questions about a difference, its sign and its size, and the phrase for both."""
 
+from collections.abc import Iterable
 from typing import Literal
 
 from harness.records.json_record import Record
@@ -31,6 +32,13 @@ class Verdict(Record, frozen=True):
 
 OPEN = Verdict("open", "open")
 TURNED: dict[Sign, Sign] = {"above 0": "below 0", "below 0": "above 0", "open": "open"}
+
+
+def common(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return the answers that all verdicts share; an answer on which they differ is open."""
+    found = list(verdicts)
+    signs, sizes = {verdict.sign for verdict in found}, {verdict.size for verdict in found}
+    return Verdict(signs.pop() if len(signs) == 1 else "open", sizes.pop() if len(sizes) == 1 else "open")
 
 
 def verdict_of(interval: tuple[float, float] | None, margin: float) -> Verdict:

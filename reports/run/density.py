@@ -291,14 +291,14 @@ def unit_grids(records: Records) -> list[Grid]:
             if comparison is not None and comparison.difference is not None:
                 pair = interval(comparison.simultaneous or comparison.interval)
                 against = Entry(signed(comparison.difference), pair, value=comparison.difference)
-            verdict = Entry(comparison.verdict if comparison is not None else "not compared")
+            verdict = Entry(comparison.verdict.phrase if comparison is not None else "not compared")
             further.append([Entry(method, title), _score(psnr) if psnr else EMPTY, against, verdict])
     unit = Column("unit of density", small="per half of the box")
     columns = [
         Column("method", numeric=False),
         Column("test PSNR", small="dB"),
         Column("− nerf", small="dB, 95 % interval on this scene"),
-        Column("verdict", numeric=False),
+        Column("sign, size", numeric=False),
     ]
     return [
         Grid("The ladder of units", [unit, *(Column(base, small="dB") for base in BASES)], ladder, filtered=False),

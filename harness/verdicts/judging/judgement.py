@@ -26,11 +26,13 @@ def in_words(record: JudgementRecord, ranking: Ranking) -> str:
         verdicts = Counter(pair.verdict.phrase for pair in ranking.pairs)
         known = [f"{many} {phrase}" for phrase, many in verdicts.items()]
         return f"differences from {record.baseline}: {'; '.join(known)}"
-    apart, every = (sum(pair.distinguished for pair in pairs) for pairs in (ranking.neighbours, ranking.pairs))
-    many, all_many = len(ranking.neighbours), len(ranking.pairs)
+    every, all_many = sum(pair.distinguished for pair in ranking.pairs), len(ranking.pairs)
     if every in (0, all_many):
         return "all distinguished from each other" if every else "no two distinguished"
-    return f"{apart or 'none'} of {many} neighbouring pairs distinguished, {every} of all {all_many} pairs"
+    first = ranking.places[0].method
+    level = sum(first in (pair.method, pair.against) and not pair.distinguished for pair in ranking.pairs)
+    others = f"{level or 'none'} of the other {len(ranking.places) - 1}"
+    return f"{first} leads; {others} not distinguished from it, {every} of all {all_many} pairs distinguished"
 
 
 def number(record: JudgementRecord, value: float | None, sign: str = "") -> str:
