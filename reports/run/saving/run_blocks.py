@@ -94,7 +94,6 @@ def beside(run: Run, other: Run, replicates: Run) -> str:
     whole = len(common) == len(names) == len(others)
     sense, places = ("scenes_like_these", ["all"]) if whole else ("on_these_scenes", common)
     rows: list[tuple[str, ...]] = []
-    verdicts = []
     for place in places:
         where = f", mean of {counted(len(common), 'scene')}" if whole else f" on {place}"
         inside = common if whole else [place]
@@ -104,7 +103,6 @@ def beside(run: Run, other: Run, replicates: Run) -> str:
         for pair in DUELS:
             duels = [row(each, place, *pair) for each in runs]
             if all(duels):
-                verdicts.append([verdict_in(duel[sense]) for duel in duels if duel])
                 known = (of_pairs.get(pair) if whole else None, None)
                 told = (
                     f"{signed(duel['difference'])} dB, {estimate(duel, sense, own)}"
@@ -118,10 +116,9 @@ def beside(run: Run, other: Run, replicates: Run) -> str:
         for method in main_methods(run)
         if whole and all(gain.get(method) is not None for gain in gains)
     ]
-    same = sum(len(set(pair)) == 1 for pair in verdicts)
     words = "on scenes like these" if whole else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
-    return f"{same} of {len(verdicts)} verdicts are the same.\n\n{table(head, rows)}\n\n{scale(other)}"
+    return f"{table(head, rows)}\n\n{scale(other)}"
 
 
 def _score(run: Run, scenes: list[str], method: str) -> str:
