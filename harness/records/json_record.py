@@ -131,6 +131,8 @@ def read_record(
         if not (sealed or by_hand):
             raise ValueError("its digest is missing, so it was changed by hand")
         return record
+    except RecursionError as error:
+        raise DamagedRecord(f"{path}: is nested too deeply; {remedy}") from error
     except (OSError, ValueError) as error:
         raise DamagedRecord(f"{path}: {error}; {remedy}") from error
 

@@ -334,5 +334,5 @@ def read_studies(path: Path) -> Studies:
         raise
     except OSError as error:
         raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
         raise DamagedRecord(f"{path}: {error}; {again(shelf, path.parent)}") from error

@@ -95,7 +95,7 @@ def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: s
     if vs_control.verdict.sign == "open":
         return f"{told}; {clause(vs_control)}: {same} may do as well"
     if vs_control.verdict.sign == "above 0":
-        return f"{told}; {clause(vs_control)}, which has the same bandwidth"
+        return f"{told}; over {same} {vs_control.method} gains {vs_control.size}{size_words(vs_control.verdict)}"
     return f"{told}; {same} scores {vs_control.size} more{size_words(vs_control.verdict)}"
 
 

@@ -12,6 +12,7 @@ NO_INTERVAL = {
     "inconclusive": OPEN,
 }
 """Map word → the verdict where there is none: only savings of time, of which more is better, have such words."""
+ENDS = [[first, second] for first in (int, float) for second in (int, float)]
 FAILS: dict[str, Sign] = {"better": "below 0", "worse": "above 0", "inconclusive": "open"}
 """Map word → the sign of the difference of two shares of failed runs."""
 
@@ -20,8 +21,8 @@ def in_two_words(data: Any, margin: float = METRICS[PRIMARY].smallest_of_interes
     """Return plain data of a record in which every verdict of four words on a difference is `{"sign": …, "size": …}`.
 
     They are derived from the interval that the word was taken from and the margin of its metric. What was called
-    inconclusive stays open, as it may have had too few seeds.
-    Verdicts of other vocabularies, on claims or omissions, stay as they are.
+    inconclusive stays open, as it may have had too few seeds. Verdicts of other vocabularies, on claims or omissions,
+    stay as they are.
     """
     if isinstance(data, list):
         return [in_two_words(value, margin) for value in data]
@@ -44,8 +45,12 @@ def in_two_words(data: Any, margin: float = METRICS[PRIMARY].smallest_of_interes
     return data
 
 
-def _words(word: str, interval: Any, margin: float) -> dict[str, str]:
-    found = verdict_of(interval, margin) if word != "inconclusive" else OPEN
-    if interval is None:
+def _words(word: str, interval: Any, margin: float) -> dict[str, str] | str:
+    """Return both words as plain data; the word itself behind anything that is no interval, which readers refuse."""
+    if interval is None or word == "inconclusive":
         found = NO_INTERVAL[word]
+    elif isinstance(interval, list | tuple) and [type(end) for end in interval] in ENDS:
+        found = verdict_of((interval[0], interval[1]), margin)
+    else:
+        return word
     return {"sign": found.sign, "size": found.size}

@@ -4,7 +4,7 @@
     what `block(NAME, docs)` makes of docs/*.json
     <!-- end -->
 
-A block is empty if a file of it is not published, other than the optional ones.
+A block is empty if a file of it is not published, other than one with ? behind its name.
 """
 
 import json
@@ -19,10 +19,8 @@ from reports.run.saving import run_blocks, study_blocks
 from reports.run.saving.run_blocks import Run
 
 RUN = ("reduced/summary.json",)
-REPLICATES = "reduced/processors.json"
+REPLICATES = "reduced/processors.json?"
 """The plan of the default run, made again twice (`python -m harness compare`)."""
-OPTIONAL = (REPLICATES,)
-"""The files without which a block is written all the same."""
 BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "scale": (RUN, run_blocks.scale),
     "result": ((*RUN, REPLICATES), run_blocks.result),
@@ -64,9 +62,9 @@ MARKED = re.compile(r"<!-- numbers: ([\w ]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 def block(name: str, docs: Path) -> str:
     """Return a block; raises `KeyError` for a name that no block has."""
     files, write = BLOCKS[name]
-    if not all((docs / file).is_file() or file in OPTIONAL for file in files):
+    if not all((docs / file).is_file() or file.endswith("?") for file in files):
         return ""
-    return write(*(_published(docs / file) for file in files))
+    return write(*(_published(docs / file.removesuffix("?")) for file in files))
 
 
 def _published(path: Path) -> Run | Studies:

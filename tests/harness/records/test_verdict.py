@@ -82,6 +82,12 @@ def test_verdicts_of_this_version_and_of_other_vocabularies_stay(verdict: Any) -
     assert in_two_words([claim]) == [claim]
 
 
+@pytest.mark.parametrize("pair", ["ab", [1.0], [None, 1.0], {"low": 0.0}, 3, [True, 2.0]])
+def test_a_former_word_behind_no_interval_is_left_to_the_reader_to_refuse(pair: Any) -> None:
+    former = {**row("better", None, metric="psnr"), "simultaneous": pair}
+    assert in_two_words(former)["verdict"] == "better"
+
+
 def test_records_of_an_earlier_version_are_read() -> None:
     rows = [*read_comparisons(FORMER / "run"), *read_studies(FORMER / "evidence.json").studies[0].effects]
     targets = read_targets(FORMER / "run")

@@ -65,7 +65,7 @@ def test_a_difference_is_told_with_sign_and_size(found: Outcome, told: str) -> N
     [
         (None, ""),
         (outcome(MORE, 0.5, against="nerf_matched"),
-         "; qnerf gains 0.50 dB over nerf_matched, more than the 0.2 dB that matter, which has the same bandwidth"),
+         "; over nerf_matched, which has the same bandwidth, qnerf gains 0.50 dB, more than the 0.2 dB that matter"),
         (outcome(BELOW, -0.1, against="nerf_matched"),
          "; nerf_matched, which has the same bandwidth, scores 0.10 dB more, less than the 0.2 dB that matter"),
         (outcome(SMALL, 0.0, against="nerf_matched"),
