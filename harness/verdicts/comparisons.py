@@ -182,8 +182,8 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
         settled = table[only].size >= FEWEST_SEEDS
         return Judgement(here.mean, estimate(here, about.smallest_of_interest, settled), None, pairs, unpaired)
     here, elsewhere = on_these_scenes(table, family), scenes_like_these(table, family)
-    both = (estimate(each, about.smallest_of_interest) for each in (here, elsewhere))
-    return Judgement(here.mean, *both, pairs, unpaired)
+    margin = about.smallest_of_interest
+    return Judgement(here.mean, estimate(here, margin), estimate(elsewhere, margin), pairs, unpaired)
 
 
 def scores_at(

@@ -205,5 +205,5 @@ def test_cells_that_waited_for_a_processor_are_counted(records: Records):
     slow = [replace(records.cells[0], train_seconds=1.5 * 54.4), *records.cells[1:]]
     assert waiting(replace(records, cells=slow)) == (
         "1 of 18 cells shared their processor with other work: up to 1.5 seconds of the wall per core second. Scores "
-        "do not mind; trust core seconds, and no seconds of the wall."
+        "are unaffected; trust core seconds, not wall time."
     )

@@ -123,7 +123,7 @@ def test_agreement_of_steps_and_time_is_said(whole: Records):
 def test_lost_cells_are_in_the_title(records: Records, whole: Records, tmp_path):
     title = headline(records).title
     assert title.startswith("qnerf gains "), "others are judged"
-    assert title.endswith(f"(on scenes like these){RISING}; qnerf lost 1 of its 6 runs")
+    assert title.endswith(f"on scenes like these){RISING}; qnerf lost 1 of its 6 runs")
     cells = [replace(cell, status="error") if (cell.scene, cell.method, cell.seed) == ("chair", "nerf", 0) else cell
              for cell in whole.cells]  # fmt: skip
     baselines = headline(decided(replace(whole, cells=cells), nerf_steps=OPEN))

@@ -75,7 +75,7 @@ def test_a_pair_without_a_saving_is_a_row():
     )
     grid = savings_grid(replace(RECORD, comparisons=[nothing]), ["all"])
     assert grid is not None
-    assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "inconclusive\n1 pair not judged")
+    assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "sign and size open\n1 pair not judged")
     assert savings_grid(replace(RECORD, comparisons=[]), ["all"]) is None
 
 
