@@ -137,6 +137,7 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
 
 def run_equivalence(options: argparse.Namespace, show: "Progress") -> int:
     from harness.machine.device import available_cores
+    from harness.records.verdict import Verdict
     from harness.studies.choices.equivalence import ScorePair, as_json, pairs
 
     plan, _ = planned_by(options)
@@ -149,7 +150,8 @@ def run_equivalence(options: argparse.Namespace, show: "Progress") -> int:
     cells = pairs(plan, options.changes, folders, options.out.parent, available_cores(), _kept(options))
     rows = _shown(cells, line, show)
     for row in _written(options.out, as_json(rows, plan))["summary"]:
-        show.line(f"{row['change']}, {row['method']}: {row['difference']} dB {row['interval']}, {row['verdict']}")
+        words = Verdict(**row["verdict"]).phrase
+        show.line(f"{row['change']}, {row['method']}: {row['difference']} dB {row['interval']}, {words}")
     return 0
 
 

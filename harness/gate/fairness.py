@@ -161,4 +161,4 @@ def seen_differences(cells: list[CellRecord], method: str) -> int | None:
     rows = [row for row in compare(cells, [method, copy_of(method)]) if row.budget == "steps" and row.pairs]
     if not rows:
         return None
-    return sum(row.difference != 0 or row.unpaired > 0 or row.verdict in ("better", "worse") for row in rows)
+    return sum(row.difference != 0 or row.unpaired > 0 or row.verdict.sign != "open" for row in rows)

@@ -154,7 +154,7 @@ def not_tested(plan: Plan) -> list[str]:
             f"The paper's scale: 800 × 800 views and 200 000 steps (here {plan.views.resolution} px, "
             f"{plan.budget.in_words}). "
             "Low resolution and short training reward low bandwidth"
-            + (", which is why nerf_matched stands beside." if "nerf_matched" in plan.methods else ".")
+            + (", which is why nerf_matched is shown for comparison." if "nerf_matched" in plan.methods else ".")
         )
     if plan.train.network.width != 256 or plan.train.network.depth != 8:
         missing.append(f"The paper's network (8 × 256): here {plan.train.network.depth} × {plan.train.network.width}.")
@@ -162,8 +162,8 @@ def not_tested(plan: Plan) -> list[str]:
         missing.append("Hierarchical (coarse and fine) sampling: an occupancy grid takes its place, for all methods.")
     if plan.budget.seconds is None and plan.budget.core_seconds is None:
         missing.append(
-            "Training made for equal time: equal-time scores are read off runs of equal steps, where the slower method "
-            "is met before its learning rate has fallen all the way. --budget-seconds gives every method its own."
+            "Training for equal time: scores at equal time are taken from the middle of the slower method's run, "
+            "before its learning rate has fallen all the way. --budget-seconds gives every method its own."
         )
     if plan.lpips is None:
         missing.append("LPIPS: its weights are not part of this program; --lpips FILE scores with them.")

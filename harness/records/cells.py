@@ -7,6 +7,7 @@ from typing import Any, Literal, TypedDict
 from msgspec import defstruct, field
 from msgspec.structs import asdict, replace
 
+from harness.records.former.four_words import in_two_words
 from harness.records.json_record import (
     REMEDY,
     DamagedRecord,
@@ -20,8 +21,8 @@ from harness.records.json_record import (
     write_record,
 )
 from harness.records.metric_table import METRICS, POSSIBLE
+from harness.records.verdict import Verdict
 
-Verdict = Literal["better", "worse", "equivalent", "inconclusive"]
 Budget = Literal["steps", "seconds", "core_seconds"]
 """What two methods are given equal amounts of: training steps, wall seconds or core seconds, each on its own clock."""
 HELD = "held:"
@@ -41,7 +42,7 @@ class Estimate(Record, frozen=True):
     """The number of comparisons that are looked at together (`harness.verdicts.comparisons.family_of`)."""
     verdict: Verdict
     smallest_detectable: float | None
-    """The smallest true difference that is called better or worse in 80 % of runs with just this spread."""
+    """The smallest true difference whose sign is found in 80 % of runs with just this spread."""
     effect: float | None
     """The difference in standard deviations of the paired differences within a scene, or of the scenes' means."""
 
@@ -387,7 +388,7 @@ def read_comparisons(out: Path, cells: Iterable[CellRecord] = ()) -> list[Compar
     path = records_folder(out) / "comparisons.json"
     if not path.exists():
         return []
-    record = read_record(path, Comparisons, None)
+    record = read_record(path, Comparisons, None, former=in_two_words)
     require_unchanged(path, record.digests, cells)
     return record.rows
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import stat
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -114,8 +115,10 @@ def read_record(
     formerly: tuple[str, ...] = (),
     remedy: str = REMEDY,
     by_hand: bool = False,
+    former: Callable[[Any], Any] | None = None,
 ) -> One:
-    """Read a record; keys that were there `formerly` are dropped. Raises `DamagedRecord` for anything else, and for one
+    """Read a record; keys that were there `formerly` are dropped, and `former` brings what earlier versions wrote into
+    this version's form. Raises `DamagedRecord` for anything else, and for one
     without its digest, unless it may be written `by_hand`.
     """
     try:
@@ -123,10 +126,13 @@ def read_record(
         if (written := data.get("schema")) != schema:
             remedy = "run again into a fresh folder" if remedy == REMEDY else remedy
             raise ValueError(f"schema {shown(written)}, this version reads {schema}")
-        record = as_promised({name: value for name, value in data.items() if name not in formerly}, kind)
+        data = {name: value for name, value in data.items() if name not in formerly}
+        record = as_promised(former(data) if former else data, kind)
         if not (sealed or by_hand):
             raise ValueError("its digest is missing, so it was changed by hand")
         return record
+    except RecursionError as error:
+        raise DamagedRecord(f"{path}: is nested too deeply; {remedy}") from error
     except (OSError, ValueError) as error:
         raise DamagedRecord(f"{path}: {error}; {remedy}") from error
 

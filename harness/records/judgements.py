@@ -6,8 +6,10 @@ This module imports modules of records alone, as reports read it.
 from itertools import pairwise
 from pathlib import Path
 
-from harness.records.cells import Estimate, Verdict
+from harness.records.cells import Estimate
+from harness.records.former.four_words import in_two_words
 from harness.records.json_record import DamagedRecord, Record, read_record, write_record
+from harness.records.verdict import OPEN, Verdict
 
 JUDGEMENT_SCHEMA = 1
 JUDGEMENT_FILE = "judgement.json"
@@ -28,11 +30,11 @@ class Pair(Record, frozen=True):
 
     @property
     def verdict(self) -> Verdict:
-        return self.scenes_like_these.verdict if self.scenes_like_these else "inconclusive"
+        return self.scenes_like_these.verdict if self.scenes_like_these else OPEN
 
     @property
-    def told_apart(self) -> bool:
-        return self.verdict in ("better", "worse")
+    def distinguished(self) -> bool:
+        return self.verdict.sign != "open"
 
 
 class Place(Record, frozen=True):
@@ -102,15 +104,14 @@ class JudgementRecord(Record, frozen=True):
     schema: int = JUDGEMENT_SCHEMA
 
 
-def changed_pairs(record: JudgementRecord) -> list[tuple[Pair, str]]:
+def changed_pairs(record: JudgementRecord) -> list[tuple[Pair, Verdict]]:
     """Return the pairs whose verdict differs without the suspect results, and that verdict."""
     if record.without_suspects is None:
         return []
-    turned = {"better": "worse", "worse": "better"}
-    after: dict[tuple[str, str], str] = {}
+    after: dict[tuple[str, str], Verdict] = {}
     for pair in record.without_suspects.pairs:
         after[pair.method, pair.against] = pair.verdict
-        after[pair.against, pair.method] = turned.get(pair.verdict, pair.verdict)
+        after[pair.against, pair.method] = pair.verdict.turned
     pairs = [(pair, after[pair.method, pair.against]) for pair in record.given.pairs]
     return [(pair, verdict) for pair, verdict in pairs if verdict != pair.verdict]
 
@@ -121,7 +122,7 @@ def write_judgement(path: Path, record: JudgementRecord) -> None:
 
 def read_judgement(path: Path) -> JudgementRecord:
     """Read the record; raises `DamagedRecord` if the file is not what this version writes."""
-    record = read_record(path, JudgementRecord, JUDGEMENT_SCHEMA, remedy=REMEDY)
+    record = read_record(path, JudgementRecord, JUDGEMENT_SCHEMA, remedy=REMEDY, former=in_two_words)
     if not record.given.places:
         raise DamagedRecord(f"{path}: it has no method; {REMEDY}")
     return record

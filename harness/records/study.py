@@ -13,8 +13,10 @@ from typing import Any, Literal
 import msgspec
 from msgspec import field
 
-from harness.records.cells import Budget, Estimate, Verdict
+from harness.records.cells import Budget, Estimate
+from harness.records.former.four_words import in_two_words
 from harness.records.json_record import DamagedRecord, Record, as_promised, finite_or_none, load_record, write_record
+from harness.records.verdict import Verdict
 
 SCHEMA = 2
 SHELVES = {
@@ -316,7 +318,7 @@ def again(shelf: str, out: Path) -> str:
 
 def read_studies(path: Path) -> Studies:
     """Read studies. Raises `DamagedRecord` if the file is not what this version or the one before it writes."""
-    from harness.records.study_of_schema_1 import converted
+    from harness.records.former.study_of_schema_1 import converted
 
     shelf = path.stem
     try:
@@ -327,10 +329,10 @@ def read_studies(path: Path) -> Studies:
             data = converted(shelf, data)
         if data.get("schema") != SCHEMA:
             raise ValueError(f"not a record of studies of schema {SCHEMA}")
-        return as_promised(data, Studies)
+        return as_promised(in_two_words(data), Studies)
     except FormerRecord:
         raise
     except OSError as error:
         raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
         raise DamagedRecord(f"{path}: {error}; {again(shelf, path.parent)}") from error

@@ -10,8 +10,10 @@ from typing import Literal
 
 from msgspec import field
 
-from harness.records.cells import Budget, CellRecord, Estimate, Verdict, records_folder, require_unchanged
+from harness.records.cells import Budget, CellRecord, Estimate, records_folder, require_unchanged
+from harness.records.former.four_words import in_two_words
 from harness.records.json_record import Record, read_record, write_record
+from harness.records.verdict import Verdict
 
 TARGETS_SCHEMA = 1
 TARGETS_FILE = "targets.json"
@@ -74,7 +76,7 @@ class TargetComparison(Record, frozen=True):
     """The interval that the verdict is taken from, for `family` comparisons together."""
     family: int
     verdict: Verdict
-    """The verdict; better means sooner."""
+    """The verdict on the saving: above 0 means sooner."""
     smallest_detectable: float | None
     """The true saving in per cent that such a sample would find in 80 % of repetitions."""
     difference: float | None
@@ -134,6 +136,6 @@ def read_targets(out: Path, cells: Iterable[CellRecord] = ()) -> TargetsRecord |
     path = records_folder(out) / TARGETS_FILE
     if not path.exists():
         return None
-    record = read_record(path, TargetsRecord, TARGETS_SCHEMA)
+    record = read_record(path, TargetsRecord, TARGETS_SCHEMA, former=in_two_words)
     require_unchanged(path, record.digests, cells)
     return record

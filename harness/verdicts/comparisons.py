@@ -10,6 +10,7 @@ import numpy as np
 
 from harness.records.cells import Budget, CellRecord, Comparison, Estimate
 from harness.records.metric_table import METRICS, PRIMARY
+from harness.records.verdict import OPEN
 from harness.verdicts.failures import judgeable
 from harness.verdicts.paper import TABLE4
 from harness.verdicts.statistics import estimate, on_one_scene, on_these_scenes, scenes_like_these
@@ -23,7 +24,7 @@ AT: dict[Budget, str] = {"steps": "step", "seconds": "seconds", "core_seconds": 
 """Map budget → the field of a checkpoint that holds how much of it was spent until then."""
 Key = tuple[str, str, int]
 
-NO_ESTIMATE = Estimate(None, None, 1, "inconclusive", None, None)
+NO_ESTIMATE = Estimate(None, None, 1, OPEN, None, None)
 
 
 OPTIONAL = tuple(name for name, metric in METRICS.items() if metric.optional)
@@ -173,16 +174,16 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
     about, chosen = METRICS[metric], table if scene == "all" else {scene: table[scene]}
     pairs = int(sum(np.isfinite(values).sum() for values in chosen.values()))
     unpaired = sum(values.size for values in chosen.values()) - pairs
-    of_interest = (about.smallest_of_interest, about.higher_is_better)
     if not pairs:
         return Judgement(None, None, None, 0, unpaired)
     if scene != "all" or len(table) == 1:
         (only,) = chosen
         here = on_one_scene(table, only, family)
         settled = table[only].size >= FEWEST_SEEDS
-        return Judgement(here.mean, estimate(here, *of_interest, settled), None, pairs, unpaired)
+        return Judgement(here.mean, estimate(here, about.smallest_of_interest, settled), None, pairs, unpaired)
     here, elsewhere = on_these_scenes(table, family), scenes_like_these(table, family)
-    return Judgement(here.mean, estimate(here, *of_interest), estimate(elsewhere, *of_interest), pairs, unpaired)
+    margin = about.smallest_of_interest
+    return Judgement(here.mean, estimate(here, margin), estimate(elsewhere, margin), pairs, unpaired)
 
 
 def scores_at(

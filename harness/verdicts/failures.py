@@ -11,6 +11,7 @@ from typing import Literal
 from scipy.special import betaincinv
 
 from harness.records.cells import CellRecord
+from harness.records.verdict import Sign
 from harness.verdicts.statistics import CONFIDENCE, sign_test
 
 COLLAPSED = "empty collapse"
@@ -19,7 +20,6 @@ COLLAPSED = "empty collapse"
 FINISHED = ("done", "diverged")
 """The states of a run that says something of its method."""
 Failure = Literal["diverged", "empty collapse"]
-Called = Literal["better", "worse", "inconclusive"]
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class FailureComparison:
     """The share of the pairs in which `method` failed less that of `against`."""
     p_value: float
     """The two-sided p-value: how often chance alone makes the counts as unequal, if both fail equally often."""
-    verdict: Called
-    """The verdict; better: `method` fails less often."""
+    verdict: Sign
+    """The sign of the difference: below 0 if `method` fails less often."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def exact_interval(failed: int, runs: int) -> tuple[float, float]:
 def _comparison(method: str, against: str, pairs: int, only_method: int, only_against: int) -> FailureComparison:
     difference = (only_method - only_against) / pairs
     p_value = sign_test(only_method, only_against)
-    called: Called = "worse" if only_method > only_against else "better"
+    called: Sign = "above 0" if only_method > only_against else "below 0"
     if p_value >= 1.0 - CONFIDENCE:
-        called = "inconclusive"
+        called = "open"
     return FailureComparison(method, against, pairs, only_method, only_against, difference, p_value, called)

@@ -18,7 +18,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import gammainc, stdtrit  # scipy.stats takes a second longer to import
 
-from harness.records.cells import Estimate, Verdict
+from harness.records.cells import Estimate
+from harness.records.verdict import OPEN, Verdict, verdict_of
 from harness.verdicts import nested
 
 CONFIDENCE = 0.95
@@ -151,53 +152,30 @@ def sign_test(ahead: int, behind: int) -> float:
     return min(1.0, 2 * sum(math.comb(tosses, heads) for heads in range(min(ahead, behind) + 1)) / 2**tosses)
 
 
-def detectable(result: PairedDifference, smallest_of_interest: float) -> float | None:
-    """Return the true difference of which `verdict` would say better or worse in 80 % of repetitions, not only tell
-    from 0.
-
-    It is larger than `smallest_detectable` where that is so small that the interval may lie within the effects of no
-    interest.
-    """
-    if result.error is None or result.freedom is None:
-        return None
-    if result.error == 0:
-        return smallest_of_interest
-    threshold = critical(result.freedom, result.family)
-    return shift_found(threshold, result.freedom, smallest_of_interest / result.error) * result.error
-
-
-def shift_found(threshold: float, freedom: float, of_interest: float = 0.0) -> float:
+def shift_found(threshold: float, freedom: float) -> float:
     """Return the true mean, in standard errors, that is found in 80 % of repetitions: by the noncentral t distribution.
 
     A mean is found if it lies beyond `threshold` of its own estimated standard errors, which have `freedom` degrees of
-    freedom, and whose interval of ± as many reaches beyond `of_interest`, in true standard errors, too. The estimate's
-    own uncertainty counts: with few degrees of freedom this is well beyond the sum of two quantiles of t.
+    freedom. The estimate's own uncertainty counts: with few degrees of freedom this is well beyond the sum of two
+    quantiles of t.
     """
     # rounded to all digits that count, so that a table and the same one shifted share a cache entry
-    return _shift_found(*(float(f"{value:.7g}") for value in (threshold, freedom, of_interest)))
+    return _shift_found(float(f"{threshold:.7g}"), float(f"{freedom:.7g}"))
 
 
 @lru_cache(maxsize=32768)
-def _shift_found(threshold: float, freedom: float, of_interest: float) -> float:
-    high = threshold + of_interest + 2.0
-    while share_found(high, threshold, freedom, of_interest) < POWER:
+def _shift_found(threshold: float, freedom: float) -> float:
+    high = threshold + 2.0
+    while share_found(high, threshold, freedom) < POWER:
         high *= 2.0
-
-    def excess(shift: float) -> float:
-        return share_found(shift, threshold, freedom, of_interest) - POWER
-
-    return float(brentq(excess, 0.0, high, xtol=1e-9 * high))
+    return float(brentq(lambda shift: share_found(shift, threshold, freedom) - POWER, 0.0, high, xtol=1e-9 * high))
 
 
-def share_found(shift: float, threshold: float, freedom: float, of_interest: float = 0.0) -> float:
-    """Return the share of repetitions, with a true mean of `shift` standard errors, that find it; see `shift_found`.
-
-    Without `of_interest` it is the noncentral t distribution's upper tail. Given the mean, its estimated error must be
-    small enough for 0 to lie outside, and large enough for the smallest effect of interest to lie inside.
+def share_found(shift: float, threshold: float, freedom: float) -> float:
+    """Return the share of repetitions, with a true mean of `shift` standard errors, that find it: the noncentral t
+    distribution's upper tail. Given the mean, its estimated error must be small enough for 0 to lie outside.
     """
-    mean = NORMAL + shift
-    most, least = mean / threshold, (of_interest - mean) / threshold
-    return float(WEIGHTS @ np.maximum(_error_below(most, freedom) - _error_below(least, freedom), 0.0))
+    return float(WEIGHTS @ _error_below((NORMAL + shift) / threshold, freedom))
 
 
 def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
@@ -205,29 +183,13 @@ def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
     return np.asarray(gammainc(freedom / 2, freedom / 2 * np.maximum(bound, 0.0) ** 2))
 
 
-def verdict(result: PairedDifference, smallest_of_interest: float, higher_is_better: bool) -> Verdict:
-    """Return the verdict that the simultaneous interval allows.
-
-    equivalent    the whole interval lies within ± the smallest effect of interest
-    better/worse  the interval does not hold 0
-    inconclusive  anything else, and any estimate without interval
-    """
-    if result.simultaneous is None:
-        return "inconclusive"
-    low, high = result.simultaneous
-    if -smallest_of_interest < low and high < smallest_of_interest:
-        return "equivalent"
-    if low > 0:
-        return "better" if higher_is_better else "worse"
-    if high < 0:
-        return "worse" if higher_is_better else "better"
-    return "inconclusive"
+def verdict(result: PairedDifference, smallest_of_interest: float) -> Verdict:
+    """Return sign and size as the simultaneous interval allows (`harness.records.verdict.verdict_of`)."""
+    return verdict_of(result.simultaneous, smallest_of_interest)
 
 
-def estimate(
-    result: PairedDifference, smallest_of_interest: float, higher_is_better: bool, settled: bool = True
-) -> Estimate:
-    """Return the record of an estimate, without a verdict unless `settled`."""
-    called = verdict(result, smallest_of_interest, higher_is_better) if settled else "inconclusive"
-    least = detectable(result, smallest_of_interest)
+def estimate(result: PairedDifference, smallest_of_interest: float, settled: bool = True) -> Estimate:
+    """Return the record of an estimate, both answers open unless `settled`."""
+    called = verdict(result, smallest_of_interest) if settled else OPEN
+    least = result.smallest_detectable
     return Estimate(result.interval, result.simultaneous, result.family, called, least, result.effect)

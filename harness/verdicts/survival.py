@@ -16,8 +16,10 @@ from typing import Literal
 import numpy as np
 from msgspec.structs import replace
 
-from harness.records.cells import CellRecord, Estimate, Verdict
+from harness.records.cells import CellRecord, Estimate
+from harness.records.metric_table import SMALLEST_SAVING
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
+from harness.records.verdict import OPEN, Sign, Verdict, verdict_of
 from harness.verdicts.comparisons import (
     AT,
     FEWEST_SEEDS,
@@ -34,7 +36,6 @@ from harness.verdicts.comparisons import (
 from harness.verdicts.statistics import (
     CONFIDENCE,
     PairedDifference,
-    estimate,
     on_one_scene,
     on_these_scenes,
     scenes_like_these,
@@ -43,8 +44,6 @@ from harness.verdicts.statistics import (
 
 PRINTED_TARGET = 30.0
 """The target in dB of the paper's Table 3."""
-SMALLEST_SAVING = 5.0
-"""The saving in per cent of training time that matters: the paper prints 18 and 19."""
 LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
 """Map status → why a run was not seen to get there, whatever it scored before."""
 
@@ -174,13 +173,13 @@ class Paired:
         ours, theirs = (sum(pair[side].known == known for pair in self.pairs.values()) for side in (0, 1))
         return ours, theirs
 
-    def sooner(self, family: int) -> Verdict:
-        """Return which was there first in more pairs than chance explains (sign test, exact and two-sided)."""
+    def sooner(self, family: int) -> Sign:
+        """Return whether one was there first in more pairs than chance explains (sign test, exact and two-sided)."""
         ahead = sum(ours.time < theirs.time for ours, theirs in self.pairs.values())
         behind = sum(ours.time > theirs.time for ours, theirs in self.pairs.values())
         if sign_test(ahead, behind) >= (1.0 - CONFIDENCE) / family:
-            return "inconclusive"
-        return "better" if ahead > behind else "worse"
+            return "open"
+        return "above 0" if ahead > behind else "below 0"
 
 
 def compared(
@@ -190,8 +189,8 @@ def compared(
 
     The compared quantity is the restricted time min(T, horizon), with a horizon for each scene: the shortest that a
     finished run of the two was watched there. All of it was seen, so that its interval is honest whatever is censored;
-    of the time to the target itself it is a bound at most. While some pair's time is a bound alone, nothing is called
-    equivalent.
+    of the time to the target itself it is a bound at most. While some pair's time is a bound alone, no saving is
+    called smaller than matters.
     """
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
     shared = [name for name in scenes_of(list(runs.values()), method, against) if name != "all"]
@@ -239,20 +238,21 @@ def compared(
 
 def _estimate(paired: Paired, result: PairedDifference, settled: bool = True) -> Estimate:
     """Return the estimate in per cent of time saved, without a verdict unless `settled`."""
-    of_logs = estimate(result, -math.log1p(-SMALLEST_SAVING / 100), higher_is_better=False)
-    verdict = of_logs.verdict
+    verdict = verdict_of(_in_per_cent(result.simultaneous), SMALLEST_SAVING) if settled else OPEN
     bounds = any(each.known != "reached" for pair in paired.pairs.values() for each in pair)
-    if bounds and not _with_width(result.interval):  # times that are bounds alone agree by construction
-        verdict = paired.sooner(result.family)
-    if not settled or (verdict == "equivalent" and bounds):
-        verdict = "inconclusive"
+    if settled and bounds:
+        if not _with_width(result.interval):  # times that are bounds alone agree by construction
+            verdict = Verdict(paired.sooner(result.family), "open")
+        elif verdict.size == "smaller than matters":
+            verdict = Verdict(verdict.sign, "open")
+    least = result.smallest_detectable
     return Estimate(
         _in_per_cent(_with_width(result.interval)),
         _in_per_cent(_with_width(result.simultaneous)),
         result.family,
         verdict,
-        None if of_logs.smallest_detectable is None else _per_cent(-of_logs.smallest_detectable),
-        None if of_logs.effect is None else -of_logs.effect,
+        None if least is None else _per_cent(-least),
+        None if result.effect is None else -result.effect,
     )
 
 

@@ -6,12 +6,12 @@ from harness.verdicts.failures import Failures, failures
 from reports.claims.psnr_table import lines
 from reports.data.load import Records
 from reports.data.selection import behind_difference
-from reports.data.wording import BUDGETS, NARROW, counted, number, signed
+from reports.data.wording import BUDGETS, NARROW, counted, number, signed, tone_of_sign
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
 SENSES = {"on_these_scenes": "on these scenes", "scenes_like_these": "on scenes like these"}
 EXPLAINED = (
-    "On these scenes asks what another run with other seeds would say of the very scenes that were tried; its error "
+    "On these scenes asks what another run with other seeds would say of these scenes; its error "
     "comes from the seeds alone. On scenes like these asks what to expect of a scene that was not tried; its error "
     "comes from how much the scenes differ."
 )
@@ -48,7 +48,7 @@ def senses_grid(records: Records) -> Grid:
     columns = [Column("method", numeric=False), Column("budget", numeric=False), Column("difference")]
     columns += [Column(words, small="95 % interval") for words in SENSES.values()]
     note = f"{EXPLAINED} d is the difference in standard deviations of the pairs within a scene, or of the scenes."
-    return Grid("The same difference, asked about twice", columns, rows, note=note)
+    return Grid("One difference, two questions", columns, rows, note=note)
 
 
 def _estimate(about: Estimate | None) -> Entry:
@@ -56,7 +56,8 @@ def _estimate(about: Estimate | None) -> Entry:
         return EMPTY
     effect = f"d = {signed(about.effect, 1)}" if about.effect is not None else ""
     low, high = about.interval
-    return Entry(between(about.interval), lines(about.verdict, effect), about.verdict, low, {"low": low, "high": high})
+    tone, words = tone_of_sign(about.verdict.sign), lines(about.verdict.phrase, effect)
+    return Entry(between(about.interval), words, tone, low, {"low": low, "high": high})
 
 
 def found_failures(records: Records) -> Failures:
@@ -67,7 +68,7 @@ def rates_grid(records: Records) -> Grid:
     """Tabulate how often each method failed; empty if no run did."""
     failed = found_failures(records)
     rates = failed.rates if any(rate.failed for rate in failed.rates) else []
-    words = {"better": "fails less often", "worse": "fails more often", "inconclusive": "not told apart"}
+    words = {"below 0": "fails less often", "above 0": "fails more often", "open": "not distinguished"}
     columns = [Column("method", numeric=False), *map(Column, ("runs", "diverged", "empty collapse", "rate"))]
     columns.append(Column("against", small="paired", numeric=False))
     rows = []

@@ -110,10 +110,11 @@ def how_sure(records: Records, evidence: Studies | None) -> list[str]:
         sense = SENSES["scenes_like_these" if like else "on_these_scenes"]
         sentences.append(f"{difference_in_words(row, records.scenes, records.run.seeds)}. The verdict is {sense}.")
         if like and here is not None and here.interval is not None:
-            sentences.append(f"On these scenes alone, the interval is {between(here.interval)} dB ({here.verdict}).")
+            known = f"{between(here.interval)} dB ({here.verdict.phrase})"
+            sentences.append(f"On these scenes alone, the interval is {known}.")
     if row is not None and row.smallest_detectable is not None:
         least = number(row.smallest_detectable)
-        sentences.append(f"A true difference below {least} dB could have gone unnoticed (power 80 %).")
+        sentences.append(f"The sign of a true difference below {least} dB could have stayed open (power 80 %).")
     return [*sentences, *calibration(evidence)]
 
 
@@ -121,6 +122,6 @@ def calibration(evidence: Studies | None) -> list[str]:
     """State what the study of the intervals found, and each check that does not hold; or that there was no study."""
     study = evidence.study("calibration") if evidence else None
     if study is None:
-        return ["The intervals' own error rate was not checked beside this run (`nox -s evidence` does)."]
+        return ["The intervals' own error rate was not checked in this run (`nox -s evidence` does)."]
     broken = [check for check in study.checks if not check.holds]
     return [*study.answers[:1], *(f"Comparer: {described(check)} – this check does not hold." for check in broken)]

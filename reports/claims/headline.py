@@ -1,16 +1,17 @@
 """The result in plain words: against the baseline *and* against the bandwidth control, by steps and by time.
 
-The verdicts are those of the run's comparisons; this module only finds the words. A gain over `nerf` that is gone
-against `nerf_matched` (the same network with a bandwidth that reaches as far as φ) is called no more than the effect of
-bandwidth alone.
+The verdicts are those of the run's comparisons; this module only finds the words. `nerf_matched` is the same network as
+`nerf` with a bandwidth that reaches as far as φ: what it gains, bandwidth alone brings.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from harness.records.cells import Comparison
 from harness.verdicts.comparisons import baseline_of
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
+from reports.data.outcome import Outcome, clause, size_words
 from reports.data.table import average_of, cells_frame, shared_scenes
 from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
 
@@ -79,42 +80,32 @@ def headline(records: Records) -> Headline:
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
 
 
-def title_of(method: str, baseline: str, control: str | None, vs_baseline: str | None, vs_control: str | None) -> str:
-    """Return the one line that a reader takes home, from the two verdicts at equal steps."""
+def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: str | None = None) -> str:
+    """Return the line that a reader takes home: sign and size of the difference from the baseline at equal steps, and
+    how much of it the bandwidth alone explains. `control` is the method with the bandwidth of φ alone, if it was run.
+    """
     if vs_baseline is None:
-        return f"No comparison of {method} with {baseline} could be made"
-    if vs_baseline == "better":
-        if control == method:
-            return f"{method} scores above {baseline}: bandwidth alone makes this difference"
-        if control is None or vs_control is None:
-            return f"{method} scores above {baseline}, but without a bandwidth control beside it this says little"
-        gain = f"The gain of {method} over {baseline}"
-        return {
-            "better": f"{method} scores above both {baseline} and {control}",
-            "equivalent": f"{gain} is no more than bandwidth alone brings: {control} does as well",
-            "worse": f"{gain} is no more than bandwidth alone brings: {control} does better still",
-            "inconclusive": f"{gain} is not shown to be more than bandwidth alone brings: {control} may do as well",
-        }[vs_control]
-    alone, both = {
-        "worse": (f"{method} scores below {baseline}", f"{method} scores below both {baseline} and {control}"),
-        "equivalent": (
-            f"{method} and {baseline} score the same within the margin",
-            f"{method} scores the same as {baseline} and {control}, within the margin",
-        ),
-        "inconclusive": (
-            f"This run cannot tell {method} from {baseline}",
-            f"This run cannot tell {method} from {baseline} or {control}",
-        ),
-    }[vs_baseline]
-    if control is None or vs_control is None or control == method:
-        return alone
-    beside = {
-        "better": f"{method} scores above {control}",
-        "worse": f"{method} scores below {control}",
-        "equivalent": f"{method} is level with {control}",
-        "inconclusive": f"against {control} nothing is settled",
-    }[vs_control]
-    return both if vs_control == vs_baseline else f"{alone}; {beside}"
+        return ""
+    told = clause(vs_baseline)
+    if control == vs_baseline.method and vs_baseline.verdict.sign == "above 0":
+        return f"{told}: bandwidth alone makes this difference"
+    if vs_control is None:
+        return told
+    same = f"{vs_control.against}, which has the same bandwidth,"
+    if vs_control.verdict.sign == "open":
+        return f"{told}; {clause(vs_control)}: {same} may do as well"
+    if vs_control.verdict.sign == "above 0":
+        return f"{told}; over {same} {vs_control.method} gains {vs_control.size}{size_words(vs_control.verdict)}"
+    return f"{told}; {same} scores {vs_control.size} more{size_words(vs_control.verdict)}"
+
+
+def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
+    """Return the difference over all scenes as its sentence needs it; None without any."""
+    if row is None or row.difference is None:
+        return None
+    of_scenes = (records.comparison(scene, row.method, row.against, budget=row.budget) for scene in records.scenes)
+    by_scene = tuple(each.difference for each in of_scenes if each is not None and each.difference is not None)
+    return Outcome(row.method, row.against, (row.difference,), row.verdict, by_scene)
 
 
 def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> str:
@@ -123,34 +114,38 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
     if cells and all(cell.status == "not_available" for cell in cells):
         return f"{method} was not available: nothing can be said of it"
     if cells and lost == len(cells):
-        return f"{method} did not finish a single cell: nothing can be said of its quality"
-    verdicts = {duel.against: duel.steps.verdict for duel in fought if duel.steps and duel.steps.difference is not None}
+        return f"{method} did not finish a single run: nothing can be said of its quality"
+    found = {duel.against: outcome for duel in fought if (outcome := outcome_of(records, duel.steps))}
     losses = [words for name in (method, cast.baseline) if (words := _lost(records, name))]
-    if losses and cast.baseline not in verdicts:
-        open_ = f"against {cast.baseline} nothing is settled" if lost else f"nothing is settled about {method}"
-        return f"{' and '.join(losses)}: {open_}"
-    vs_baseline, vs_control = (verdicts.get(rival or "") for rival in (cast.baseline, cast.control))
-    title = title_of(method, cast.baseline, cast.control, vs_baseline, vs_control)
+    if losses and cast.baseline not in found:
+        return f"{' and '.join(losses)}: {method} and {cast.baseline} cannot be compared"
+    title = title_of(found.get(cast.baseline), found.get(cast.control or ""), cast.control)
+    title = title or f"No comparison of {method} with {cast.baseline} could be made"
     differs = any(duel.seconds and duel.steps and duel.seconds.verdict != duel.steps.verdict for duel in fought)
     how = ["at equal steps"] if differs else []
-    if verdicts:  # the question that they answer (`reports.claims.estimands`)
+    if found:  # the question that they answer (`reports.claims.estimands`)
         like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
         how.append("on scenes like these" if like else "on these scenes")
-    rising = [_rising(records, [method, cast.baseline])] if verdicts else []
+    rising = [_rising(records, [method, cast.baseline])] if found else []
     return "; ".join(filter(None, [f"{title} ({', '.join(how)})" if how else title, *rising, *losses]))
 
 
 def _rising(records: Records, methods: list[str]) -> str:
-    """Return `still rising by 0.9 dB a doubling`, of the method that rises more; nothing near convergence."""
-    gain = max((row.gain for row in last_doublings(records.cells, methods) if row.gain is not None), default=0.0)
-    return f"still rising by {number(gain, 1)} dB a doubling" if gain >= STILL_RISING else ""
+    """State that training was not finished, by the method that rises more; nothing near convergence."""
+    return rising(row.gain for row in last_doublings(records.cells, methods))
+
+
+def rising(gains: Iterable[float | None]) -> str:
+    """State what the last doubling of the steps brought at most, if training was not finished by then."""
+    gain = max((gain for gain in gains if gain is not None), default=0.0)
+    return f"training was not finished (twice the steps brought {number(gain, 1)} dB)" if gain >= STILL_RISING else ""
 
 
 def _lost(records: Records, method: str) -> str:
-    """Return `qnerf lost 1 of its 6 cells`, or nothing."""
+    """Return `qnerf lost 1 of its 6 runs`, or nothing."""
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in LOST for cell in cells)
-    return f"{method} lost {lost} of its {counted(len(cells), 'cell')}" if lost else ""
+    return f"{method} lost {lost} of its {counted(len(cells), 'run')}" if lost else ""
 
 
 def _means(records: Records) -> str:
@@ -163,23 +158,23 @@ def _means(records: Records) -> str:
     scored = [f"{method} {number(mean)} dB" for method, mean in means.items() if mean is not None]
     where = f"over {counted(len(scenes), 'scene')}" if len(scenes) > 1 else f"on {scenes[0]}"
     losses = [words for method in records.methods if (words := _lost(records, method))]
-    survivors = f" This is of the cells that finished: {listed(losses)}." if losses else ""
+    survivors = f" This is of the runs that finished: {listed(losses)}." if losses else ""
     return f"Mean test PSNR {where}: {listed(scored)}.{survivors}"
 
 
 def _bandwidth(records: Records, cast: Roles) -> str:
     """Explain the control and its own gain: the size of the bandwidth effect."""
     if cast.control is None:
-        return f"{CONTROL} was not run, so a difference cannot be told from an effect of bandwidth alone."
+        return f"{CONTROL} was not run, so a difference may be an effect of bandwidth alone."
     why = (
         f"{cast.control} is {cast.baseline} with nothing changed but its encoding, cut down to "
         f"the frequencies that the φ encoding reaches. "
-        f"What it gains too is owed to bandwidth, not to the parts of the new method"
+        f"Its own gain comes from bandwidth, not from the parts of the new method"
     )
     row = records.comparison("all", cast.control, cast.baseline)
     if row is None or row.difference is None:
         return f"{why}."
-    return f"{why}: here {signed(row.difference)} dB {interval(row.interval)}".rstrip() + f" ({row.verdict})."
+    return f"{why}: here {signed(row.difference)} dB {interval(row.interval)}".rstrip() + f" ({row.verdict.phrase})."
 
 
 def disagreements(records: Records, method: str) -> list[str]:
@@ -194,7 +189,7 @@ def disagreements(records: Records, method: str) -> list[str]:
             compared, skipped = compared + complete, skipped + (not complete)
             if len(sides) == 2 and sides[0].verdict != sides[1].verdict:
                 where = "over all scenes" if scene == "all" else f"on {scene}"
-                cases.append(f"{where} against {duel.against} ({sides[0].verdict} → {sides[1].verdict})")
+                cases.append(f"{where} against {duel.against} ({sides[0].verdict.phrase} → {sides[1].verdict.phrase})")
     if not cases:
         where = f"wherever both could be compared ({skipped} could not)" if skipped else "everywhere"
         return [f"Equal steps and equal time lead to the same verdict on {method} {where}."] if compared else []

@@ -10,17 +10,17 @@ from reports.claims.headline import TABULATED, roles
 from reports.data.load import Records
 from reports.data.selection import Selection, behind_difference
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
-from reports.data.wording import NOTHING, counted, interval, number, signed
+from reports.data.wording import NOTHING, counted, interval, number, signed, tone_of_sign
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
 TOGETHER = (
-    "Where several are looked at together, the verdict is taken from the wider interval of them all: all of these hold "
+    "Where several are looked at together, the verdict is taken from wider intervals (Bonferroni): all of these hold "
     "the truth in 95 %."
 )
 SPENT = (
     "Gain of the last doubling: PSNR at the end less that at half of the steps, while the learning rate still falls; "
     "the mean over scenes with its 95 % interval. Core seconds are processor time of all threads in training alone (on "
-    "a GPU the host's), below them seconds of the wall."
+    "a GPU the host's), below them wall time."
 )
 FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
 
@@ -156,10 +156,10 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]
         row = [Entry("all scenes" if scene == "all" else scene)]
         row += [difference_entry(records.comparison(scene, method, rival, budget=name)) for rival, name, _ in pairs]
         rows.append(row + [Entry(signed(gain, 1), tone="muted")] * bool(printed))
-    note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and the verdict. "
+    note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and its sign and size. "
     note += "A scene's interval is over seeds, that of all scenes on scenes like these."
     note += f" {TOGETHER}" if any(row.family > 1 and row.simultaneous for row in records.comparisons) else ""
-    note += f" Against {control}, what bandwidth alone brings is gone." if control and method != control else ""
+    note += f" The column − {control} removes the effect of bandwidth." if control and method != control else ""
     return Grid(f"{method}: difference in PSNR", columns, rows[:-1], rows[-1:], note)
 
 
@@ -170,12 +170,13 @@ def difference_entry(row: Comparison | None) -> Entry:
     lost = f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
     behind = behind_difference(row)
     if row.difference is None:
-        return Entry(NOTHING, lines(row.verdict, lost), row.verdict, runs=behind)
-    digits = metric_of(row.metric).digits_of_difference
+        return Entry(NOTHING, lines(row.verdict.phrase, lost), "open", runs=behind)
+    metric = metric_of(row.metric)
+    digits, tone = metric.digits_of_difference, tone_of_sign(row.verdict.sign, metric.higher_is_better)
     pair = row.simultaneous or row.interval
-    small = lines(interval(pair, digits), row.verdict, lost)
+    small = lines(interval(pair, digits), row.verdict.phrase, lost)
     low, high = pair or (None, None)
-    return Entry(signed(row.difference, digits), small, row.verdict, row.difference, {"low": low, "high": high}, behind)
+    return Entry(signed(row.difference, digits), small, tone, row.difference, {"low": low, "high": high}, behind)
 
 
 def lines(*parts: str) -> str:

@@ -9,13 +9,13 @@ WORDS = (
     ),
     (
         "equal steps, equal training time, equal core seconds",
-        "What two methods are given the same of. At equal time the slower one is met before its last step, and before "
+        "What two methods are given the same of. At equal time the slower one is read before its last step, and before "
         "its learning rate has fallen all the way.",
     ),
     (
         "core second",
         "A second of one processor core, used by this training alone. It stays nearly the same if a machine does other "
-        "work as well, where seconds of the wall become longer.",
+        "work as well, where wall time becomes longer.",
     ),
     ("floor", "The score of the nearest training photo, shown in place of a rendering. Below it nothing was learnt."),
     ("ceiling", "The score of a perfect method: the ground truth itself is rendered, and has noise."),
@@ -30,15 +30,20 @@ WORDS = (
         "was not tried; it is wider, as scenes differ.",
     ),
     (
-        "better, worse, equivalent, inconclusive",
-        "Better and worse: 0 lies outside of the interval. Equivalent: the interval holds nothing larger than the "
-        "smallest difference of interest (0.2 dB of PSNR). Inconclusive: neither.",
+        "sign: above 0, below 0, open",
+        "Whether the whole interval of a difference lies above or below 0. Whether above is good depends on the score: "
+        "the colour says so.",
     ),
-    ("smallest detectable", "A true difference of this size would be called better or worse in 80 of 100 repetitions."),
+    (
+        "size: matters, smaller than matters, open",
+        "Whether the whole interval lies beyond, or within, the smallest difference of interest (0.2 dB of PSNR). Sign "
+        "and size are two questions: a difference may be above 0 and smaller than matters.",
+    ),
+    ("smallest detectable", "The sign of a true difference of this size would be found in 80 of 100 repetitions."),
     (
         "bandwidth",
         "The highest frequency of the positional encoding. nerf_matched is nerf with the lower bandwidth that the "
-        "golden ratio gives: what it gains as well is no merit of the golden ratio.",
+        "golden ratio gives: its own gain does not come from the golden ratio.",
     ),
     (
         "gain of the last doubling",

@@ -3,13 +3,26 @@
 import math
 from typing import Literal, get_args
 
+from harness.records.verdict import Sign
+from harness.records.verdict import Verdict as TwoWords
+
 Verdict = Literal["reproduced", "not reproduced", "seen", "not seen at this scale", "inconclusive", "not tested"]
-
-
+"""The verdict on a statement of the paper; that on a difference is `harness.records.verdict.Verdict`."""
 UNTESTED: Verdict = "not tested"
-
-
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+MARKS: dict[Sign, str] = {"above 0": "▲", "below 0": "▼", "open": "?"}
+
+
+def tone_of_sign(sign: Sign, higher_is_better: bool = True) -> str:
+    """Return the tone of a difference, which follows its sign: a gain or a loss by the direction of its metric."""
+    if sign == "open":
+        return "open"
+    return f"{sign.removesuffix(' 0')} {'gain' if (sign == 'above 0') == higher_is_better else 'loss'}"
+
+
+def mark_of(verdict: TwoWords) -> str:
+    """Return ▲, ▼ or ? for the sign, and = behind it where the size is smaller than matters."""
+    return MARKS[verdict.sign] + "=" * (verdict.size == "smaller than matters")
 
 
 BUDGETS = {"steps": "equal steps", "seconds": "equal training time", "core_seconds": "equal core seconds"}

@@ -18,7 +18,7 @@ class Entry:
     text: str
     small: str = ""
     tone: str = ""
-    """The tone: `better`, `worse`, `equivalent`, `inconclusive`, `failed`, `muted`, or nothing."""
+    """The tone: `above gain`, `below loss`, … of a sign, `open`, `failed`, `muted`, or nothing."""
     value: float | str | None = field(default=None, compare=False)
     """The value it is sorted by and saved as, if its text differs: a number before it was rounded, the scene if its
     name is not repeated.

@@ -206,13 +206,13 @@ def further_grid(records: Records) -> Grid:
         if comparison is not None and comparison.difference is not None:
             pair = interval(comparison.simultaneous or comparison.interval)
             against = Entry(signed(comparison.difference), pair, value=comparison.difference)
-        verdict = Entry(comparison.verdict if comparison is not None else "not compared")
+        verdict = Entry(comparison.verdict.phrase if comparison is not None else "not compared")
         rows.append([Entry(method, title), _score(psnr) if psnr else EMPTY, against, verdict])
     columns = [
         Column("method", numeric=False),
         Column("test PSNR", small="dB"),
         Column("− nerf", small="dB, 95 % interval on this scene"),
-        Column("verdict", numeric=False),
+        Column("sign, size", numeric=False),
     ]
     return Grid(f"Further methods on {scene}", columns, rows, filtered=False)
 

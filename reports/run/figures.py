@@ -60,7 +60,7 @@ def _differences_panel(records: Records, method: str, rival: str, budget: str, w
     if printed:
         traces.append(Trace("printed in the paper", MUTED.light, "mark", tuple(printed.values()), tuple(printed)))
     stated = "; ".join(
-        f"{row.scene} {signed(row.difference)} {interval(row.simultaneous or row.interval)} {row.verdict}"
+        f"{row.scene} {signed(row.difference)} {interval(row.simultaneous or row.interval)} {row.verdict.phrase}"
         for row in every
     )
     title = f"{method} − {rival} at {words}"

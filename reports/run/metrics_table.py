@@ -52,7 +52,7 @@ def score(mean: float | None, metric: Metric, behind: Selection) -> Entry:
 
 
 def comparisons_grid(records: Records) -> Grid:
-    """Tabulate every comparison of the run, with the smallest true difference that it would have found."""
+    """Tabulate every comparison of the run, with the smallest true difference whose sign it would have found."""
     names = ("scene", "method − against", "metric", "at equal")
     columns = [Column(name, numeric=False) for name in names]
     columns += [Column("difference"), Column("smallest detectable"), Column("pairs")]
@@ -68,7 +68,7 @@ def comparisons_grid(records: Records) -> Grid:
         detected = Entry(number(least, metric.digits_of_difference), value=least)
         rows.append([*map(Entry, words), difference_entry(comparison), detected, Entry(str(comparison.pairs))])
     note = (
-        "Smallest detectable: the true difference that a comparison with just this spread calls better or worse in "
+        "Smallest detectable: the true difference whose sign a comparison with just this spread finds in "
         "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
         f"scene by scene; PSNR over all scenes stands alone. {TOGETHER}"
     )
@@ -175,7 +175,7 @@ def costs_grid(records: Records) -> Grid:
             ]
         )
     note = (
-        f"Training: core seconds, below them seconds of the wall, without scoring; as a multiple of {against}’s on the "
+        f"Training: core seconds, below them wall time, without scoring; as a multiple of {against}’s on the "
         "same scene and seed, for as many steps (geometric mean, 95 % interval). Drawing: wall time of a view at the "
         "end. Memory: the peak of the process, libraries included, which trains all methods of a scene and seed."
     )
@@ -220,7 +220,7 @@ def waiting(records: Records) -> str:
     most = max(cell.wall_per_core_second or 0.0 for cell in slow)
     return (
         f"{len(slow)} of {len(records.cells)} cells shared their processor with other work: up to {number(most, 1)} "
-        "seconds of the wall per core second. Scores do not mind; trust core seconds, and no seconds of the wall."
+        "seconds of the wall per core second. Scores are unaffected; trust core seconds, not wall time."
     )
 
 
@@ -262,7 +262,7 @@ def warning_kinds(records: Records) -> list[tuple[str, int]]:
     return kinds.most_common()
 
 
-VERDICT_TONES = {"within its bound": "equivalent", "costs more": "failed", "inconclusive": "inconclusive"}
+VERDICT_TONES = {"costs more": "failed", "inconclusive": "muted"}
 
 
 def left_out_grid(records: Records) -> Grid:

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from harness.records.cells import CellRecord
-from harness.records.metric_table import METRICS, PRIMARY
+from harness.records.metric_table import METRICS, PRIMARY, Metric
 from harness.verdicts.comparisons import Budget, Judgement, differences, family_of, judged, scored_along
 from reports.claims.claim_list import claims
 from reports.claims.headline import TABULATED
 from reports.claims.psnr_table import lines, losses, spent_entry, tone_of
 from reports.data.load import Records
 from reports.data.table import cells_frame, curves_frame, spread_of
-from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
+from reports.data.wording import BUDGETS, counted, interval, listed, number, signed, tone_of_sign
 from reports.drawing.figure import plots, with_common_limits
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Panel, Trace
@@ -24,6 +24,7 @@ from reports.run.curves import middle_of, points_of
 from scenes.files.atomic import write_atomically
 
 EVERYWHERE = "all"
+PSNR = METRICS[PRIMARY]
 FIRST, OTHER = "first", "other"
 SAME_CLOCK = ("processor", "cores", "threads", "device")
 """The facts that two runs must share before their seconds are compared."""
@@ -164,7 +165,8 @@ def _sentence(first: Output, versus: Against) -> str:
     for method in methods_of(both):
         row = next(filter(None, (versus.row(scene, method) for scene in (EVERYWHERE, *scenes))), None)
         same = row and row.difference == 0 and row.chosen.interval == (0.0, 0.0)
-        verdicts.append(f"{method} {'the same' if same else row.chosen.verdict if row else 'not compared'}")
+        told = f"{signed(row.difference)} dB ({row.chosen.verdict.phrase})" if row else "not compared"
+        verdicts.append(f"{method} {'the same' if same else told}")
     return f"{', '.join(words)}: {listed(verdicts)}"
 
 
@@ -211,7 +213,7 @@ def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Gr
     ]
 
     def changes(scene: str) -> list[Entry]:
-        return [difference_entry(versus.row(scene, method, budget=budget), 2) for versus, budget, _ in shown]
+        return [difference_entry(versus.row(scene, method, budget=budget), PSNR) for versus, budget, _ in shown]
 
     rows = []
     for scene in scenes_of(outputs):
@@ -225,17 +227,19 @@ def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Gr
     return Grid(f"{method}: test PSNR (dB)", columns, rows, [total] if len(rows) > 1 else [])
 
 
-def difference_entry(row: Judgement | None, digits: int) -> Entry:
+def difference_entry(row: Judgement | None, metric: Metric) -> Entry:
     """Return the difference, its interval, the one that the verdict is taken from if it is wider, and the verdict."""
+    digits = metric.digits_of_difference
     if row is None:
         return EMPTY
     chosen, aside = row.chosen, f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
     if row.difference is None:
-        return Entry("–", lines(chosen.verdict, aside), chosen.verdict)
+        return Entry("–", lines(chosen.verdict.phrase, aside), "open")
     wide = chosen.simultaneous if chosen.simultaneous != chosen.interval else None
     together = f"together: {interval(wide, digits)}" if wide else ""
-    verdict = f"{interval(chosen.interval, digits)} {chosen.verdict}".strip()
-    return Entry(signed(row.difference, digits), lines(verdict, together, aside), chosen.verdict)
+    tone = tone_of_sign(chosen.verdict.sign, metric.higher_is_better)
+    verdict = f"{interval(chosen.interval, digits)} {chosen.verdict.phrase}".strip()
+    return Entry(signed(row.difference, digits), lines(verdict, together, aside), tone)
 
 
 def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
@@ -247,7 +251,7 @@ def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
         for metric, about in METRICS.items():
             changes = [versus.row(EVERYWHERE, method, metric) for versus in others]
             if any(changes):
-                shown = [difference_entry(row, about.digits_of_difference) for row in changes]
+                shown = [difference_entry(row, about) for row in changes]
                 rows.append([Entry(method), Entry(metric), *shown])
     return Grid("Every score over all scenes, at equal steps", columns, rows)
 
@@ -290,8 +294,8 @@ def verdicts_grid(outputs: list[Output]) -> Grid:
             *(
                 Entry(
                     signed(comparison.difference),
-                    lines(interval(comparison.interval), comparison.verdict),
-                    comparison.verdict,
+                    lines(interval(comparison.interval), comparison.verdict.phrase),
+                    tone_of_sign(comparison.verdict.sign),
                 )
                 if comparison
                 else EMPTY

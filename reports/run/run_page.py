@@ -82,8 +82,8 @@ def page(records: Records, beside: Beside = ALONE) -> str:
 
 def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
     layout = Layout(colours_of([*records.methods, *records.run.guests]))
-    filters = {"signed": wording.signed, "interval": wording.interval, "as_data": as_data, "behind": behind_difference}
-    layout.environment.filters.update(filters)
+    filters = {"signed": wording.signed, "interval": wording.interval, "tone_of_sign": wording.tone_of_sign}
+    layout.environment.filters.update(filters | {"as_data": as_data, "behind": behind_difference})
     run, ledger = records.run, claims(records, beside)
     studies = [record for record in (beside.evidence, beside.stability, beside.serving) if record is not None]
     shelves = {record.shelf: shown.get(record.shelf) or shelf_shown(record, records.out) for record in studies}
@@ -101,6 +101,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         records=records,
         run=run,
         headline=answer,
+        ruler_like=any(duel.steps and duel.steps.scenes_like_these for duel in answer.duels),
         first=first_screen(records, ledger, beside),
         facts=facts(records),
         scale=in_a_line(records),

@@ -6,7 +6,7 @@ from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, T
 from reports.claims.psnr_table import lines
 from reports.data.load import Records
 from reports.data.selection import Selection, behind_saving
-from reports.data.wording import NARROW, count, counted, interval, number, signed, significant
+from reports.data.wording import NARROW, count, counted, interval, number, signed, significant, tone_of_sign
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Kind, Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
@@ -176,15 +176,15 @@ def saving_entry(saving: TargetComparison | None) -> Entry:
         ]
         censored.append(f"horizon {number(saving.horizon, 0)} {AXES[saving.axis][2]}")
     least = saving.smallest_detectable
-    could = "" if least is None else f"could detect {number(least, 0)}{NARROW}%"
+    could = "" if least is None else f"detectable {number(least, 0)}{NARROW}%"
     aside = f"{counted(saving.unpaired, 'pair')} not judged" if saving.unpaired else ""
     pair = None if saving.saving is None else saving.simultaneous or saving.interval
     low, high = pair or (None, None)
     return Entry(
         "–" if saving.saving is None else f"{signed(saving.saving, 1)}{NARROW}%",
-        lines(interval(pair, 1), saving.verdict, could, *censored, aside),
-        saving.verdict,
+        lines(interval(pair, 1), saving.verdict.phrase, could, *censored, aside),
+        tone_of_sign(saving.verdict.sign),
         saving.saving,
-        {} if saving.saving is None else {"low": low, "high": high, "could detect": least},
+        {} if saving.saving is None else {"low": low, "high": high, "detectable": least},
         behind_saving(saving),
     )

@@ -7,7 +7,7 @@ from textwrap import fill
 
 from harness.records.metric_table import metric_of
 from harness.records.study import Effect
-from reports.data.wording import BUDGETS, after, counted, interval, number, signed
+from reports.data.wording import BUDGETS, after, counted, interval, mark_of, number, signed, tone_of_sign
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
@@ -20,7 +20,6 @@ MARGIN = 0.06
 LONGEST_NAME = 38
 """The letters after which the name of a row is broken."""
 WIDTH = 7.6
-MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "?"}
 
 
 def forests(effects: list[Effect], of_interest: dict[str, float]) -> dict[tuple[str, str, str], Panel]:
@@ -79,24 +78,23 @@ def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: flo
         if known:
             low, at, high = zip(*known, strict=True)
             traces.append(Trace(words, colour, "range", low, at, high, width=width))
-    for words, verdicts in (("settled", ("better", "worse")), ("not settled", ("equivalent", "inconclusive"))):
+    for words, is_open in (("sign known", False), ("sign open", True)):
         dots = [
             (effect.difference, float(place))
             for place, effect in enumerate(rows)
-            if effect.difference is not None and effect.verdict in verdicts
+            if effect.difference is not None and (effect.verdict.sign == "open") == is_open
         ]
         if dots:
             x, y = zip(*dots, strict=True)
-            hollow = words != "settled"
-            traces.append(Trace(f"difference, {words}", colour, "mark", x, y, marker="o", hollow=hollow, size=5.5))
+            traces.append(Trace(f"difference, {words}", colour, "mark", x, y, marker="o", hollow=is_open, size=5.5))
     figures = [
         f"{signed(effect.difference, metric.digits)}  {interval(effect.interval, metric.digits)}  "
-        f"{MARKS[effect.verdict]}"
+        f"{mark_of(effect.verdict)}"
         for effect in rows
     ]
     names = tuple(fill(row_name(effect), LONGEST_NAME) for effect in rows)
     words = "; ".join(
-        f"{row_name(effect)} {figure} {effect.verdict}" for effect, figure in zip(rows, figures, strict=True)
+        f"{row_name(effect)} {figure} {effect.verdict.phrase}" for effect, figure in zip(rows, figures, strict=True)
     )
     return Panel(
         title,
@@ -128,8 +126,8 @@ def forest_key(effects: list[Effect]) -> str:
     together = f"{family} hold together in 95 % of repetitions" if high > 1 else "each comparison stands for itself"
     return (
         "Dot and thick bar: difference and its 95 % interval alone, which are the figures behind it. Thin bar: the "
-        f"interval that the verdict is taken from, so wide that {together}. Filled dot, ▲ and ▼: better or worse; "
-        "hollow dot, = and ?: equivalent or inconclusive. Grey band: differences too small to matter."
+        f"interval that the verdict is taken from, so wide that {together}. Filled dot, ▲ and ▼: above or below 0; "
+        "hollow dot and ?: sign open; =: smaller than matters. Grey band: differences too small to matter."
     )
 
 
@@ -140,11 +138,11 @@ def scene_words(scene: str) -> str:
 def effects_grid(effects: list[Effect]) -> Grid:
     """Return every effect with all facts about it."""
     labels = ("effect", "against", "scene", "metric", "budget")
-    figures = ("difference", "95 % interval", "simultaneous", "of", "could detect", "pairs", "unpaired")
+    figures = ("difference", "95 % interval", "simultaneous", "of", "detectable", "pairs", "unpaired")
     columns = [
         *(Column(label, numeric=False) for label in labels),
         *map(Column, figures),
-        Column("verdict", numeric=False),
+        Column("sign, size", numeric=False),
     ]
     rows = []
     for effect in effects:
@@ -164,13 +162,13 @@ def effects_grid(effects: list[Effect]) -> Grid:
                 Entry(number(effect.smallest_detectable, metric.digits)),
                 Entry(str(effect.pairs), tone="muted"),
                 Entry(str(effect.unpaired), tone="fails" if effect.unpaired else "muted"),
-                Entry(effect.verdict, tone=effect.verdict),
+                Entry(effect.verdict.phrase, tone=tone_of_sign(effect.verdict.sign, metric.higher_is_better)),
             ]
         )
     note = (
         "The verdict is taken from the simultaneous interval: of as many intervals as “of” says, all hold the truth "
-        "together in 95 % of repetitions. “could detect”: the true difference that such a sample, with this spread, "
-        "would tell from 0 in 80 % of repetitions."
+        "together in 95 % of repetitions. “detectable”: the true difference of which such a sample, with this spread, "
+        "finds the sign in 80 % of repetitions."
     )
     return Grid(f"Every effect: {counted(len(effects), 'comparison')}", columns, rows, note=note)
 

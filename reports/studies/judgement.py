@@ -9,8 +9,9 @@ from markupsafe import Markup
 
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Ranking, changed_pairs
+from harness.records.verdict import Verdict
 from harness.verdicts.judging.judgement import headline, missing_line, number, shown_groups, suspect_line, without_line
-from reports.data.wording import duration
+from reports.data.wording import duration, mark_of, tone_of_sign
 from reports.drawing.figure import padded, plots
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
@@ -19,8 +20,6 @@ from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 from reports.page.shell import Layout, section
 from scenes.files.atomic import write_atomically
 
-MARKS = {"better": "▲", "worse": "▼", "equivalent": "=", "inconclusive": "·"}
-TURNED = {"better": "worse", "worse": "better"}
 FROM_BEST = "Methods from best to worst"
 MOST_TITLES = 40
 """The number of methods up to which each pair of the matrix shows its numbers."""
@@ -47,15 +46,15 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
     """
     everything = record.baseline is None
     shown = {pair.method: pair for pair in (ranking.neighbours if everything else ranking.pairs)}
-    rival = "the next one" if everything else str(record.baseline)
+    rival = "the next" if everything else str(record.baseline)
     columns = [
         Column("method", numeric=False),
         Column(f"mean {record.metric}{f' ({record.unit})' if record.unit else ''}"),
         Column("scenes"),
         Column("groups", numeric=False),
         Column(f"less {rival}", small="on scenes like these"),
-        Column("verdict", numeric=False),
-        Column("could find"),
+        Column("sign, size", numeric=False),
+        Column("detectable gap"),
         Column(f"less {rival}", small="on these scenes"),
         Column("training"),
         Column("core seconds"),
@@ -73,7 +72,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(str(place.scenes)),
                 Entry(shown_groups(place.groups)) if everything else EMPTY,
                 difference(record, pair, estimate),
-                Entry(verdict_words(estimate.verdict), tone=estimate.verdict) if estimate else EMPTY,
+                Entry(estimate.verdict.phrase, tone=tone(record, estimate.verdict)) if estimate else EMPTY,
                 Entry(number(record, least)) if least is not None else EMPTY,
                 difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
                 *(
@@ -84,10 +83,10 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
             ]
         )
     note = (
-        f"Intervals are at 95 % for all {ranking.family} comparisons together. What such a table could find is the "
-        "smallest true difference that it tells apart in 80 % of cases."
+        f"Intervals are at 95 % for all {ranking.family} comparisons together. The detectable gap is the "
+        "smallest true difference whose sign such a table finds in 80 % of cases."
     )
-    groups = " No two methods of a group are told apart; groups are the longest runs of neighbours of which that holds."
+    groups = " Groups are the longest runs of neighbours of which no two are distinguished."
     return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=3)
 
 
@@ -95,12 +94,12 @@ def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | 
     """Return the difference with its simultaneous interval, and the verdict if it has no column of its own."""
     if pair is None or estimate is None:
         return EMPTY
-    words = within(record, estimate) + (f"\n{verdict_words(estimate.verdict)}" if worded else "")
+    words = within(record, estimate) + (f"\n{estimate.verdict.phrase}" if worded else "")
     return Entry(number(record, pair.difference, "+"), words, value=pair.difference)
 
 
-def verdict_words(verdict: str) -> str:
-    return "not told apart" if verdict == "inconclusive" else verdict
+def tone(record: JudgementRecord, verdict: Verdict) -> str:
+    return tone_of_sign(verdict.sign, record.higher_is_better)
 
 
 def within(record: JudgementRecord, estimate: Estimate) -> str:
@@ -117,12 +116,12 @@ def matrix(record: JudgementRecord) -> list[tuple[str, list[Square]]]:
     for pair in record.given.pairs:
         estimate = pair.scenes_like_these
         ends = f" {within(record, estimate)}" if estimate else ""
-        numbers = f"{number(record, pair.difference, '+')}{ends}, {verdict_words(pair.verdict)}"
+        numbers = f"{number(record, pair.difference, '+')}{ends}, {pair.verdict.phrase}"
         numbers = numbers if estimate else "no interval"
         title = f"{pair.method} − {pair.against}: {numbers}" if len(names) <= MOST_TITLES else ""
-        other = TURNED.get(pair.verdict, pair.verdict)
-        squares[pair.method, pair.against] = Square(pair.verdict, MARKS[pair.verdict], title)
-        squares[pair.against, pair.method] = Square(other, MARKS[other], title)
+        turned = pair.verdict.turned
+        squares[pair.method, pair.against] = Square(tone(record, pair.verdict), mark_of(pair.verdict), title)
+        squares[pair.against, pair.method] = Square(tone(record, turned), mark_of(turned), title)
     itself = Square("itself", "", "")
     return [(name, [squares.get((name, other), itself) for other in names]) for name in names]
 
@@ -149,7 +148,7 @@ def changes_grid(record: JudgementRecord) -> Grid:
     columns = [Column("pair", numeric=False), Column("as given", numeric=False), Column("without", numeric=False)]
     changes = changed_pairs(record)
     rows = [
-        [Entry(f"{pair.method} − {pair.against}"), Entry(verdict_words(pair.verdict)), Entry(verdict_words(after))]
+        [Entry(f"{pair.method} − {pair.against}"), Entry(pair.verdict.phrase), Entry(after.phrase)]
         for pair, after in changes[:MOST_CHANGES]
     ]
     more = len(changes) - len(rows)
@@ -179,9 +178,9 @@ def _groups(record: JudgementRecord) -> Panel:
     at = tuple(map(float, range(len(places) + len(bars))))
     traces = (
         Trace("mean", KNOWN["nerf"].light, "dots", tuple(means), at[: len(places)]),
-        Trace("not told apart", INK.light, "range", lows, at[len(places) :], highs),
+        Trace("not distinguished", INK.light, "range", lows, at[len(places) :], highs),
     )
-    title = f"Mean {record.metric} and the groups that are not told apart"
+    title = f"Mean {record.metric} and the groups that are not distinguished"
     words = [f"group {group}: {', '.join(member.method for member in some)}" for group, some in bars.items()]
     rows += [f"group {group}" for group in bars]
     made = _panel(record, title, f"mean {record.metric}", traces, words or ["There is no group of several"], rows)
@@ -209,7 +208,7 @@ def _against(record: JudgementRecord) -> Panel:
         Trace("difference", KNOWN["nerf"].light, "dots", tuple(pair.difference or 0.0 for pair in pairs), at),
     )
     title = f"{record.metric} less that of {record.baseline}"
-    words = [f"{pair.method} {number(record, pair.difference, '+')} {verdict_words(pair.verdict)}" for pair in pairs]
+    words = [f"{pair.method} {number(record, pair.difference, '+')} {pair.verdict.phrase}" for pair in pairs]
     return _panel(record, title, title, traces, words, [pair.method for pair in pairs])
 
 

@@ -49,7 +49,7 @@ def test_the_differences_with_seeds_are_those_of_the_table() -> None:
             assert estimate
             assert estimate.simultaneous
             low, high = (f"{end:+.2f}".replace("-", "−") for end in estimate.simultaneous)
-            estimates.append(f"[{low}, {high}] {estimate.verdict}")
+            estimates.append(f"[{low}, {high}] {estimate.verdict.phrase}")
         rows.append(f"| `{pair.method}` | {pair.difference:+.2f} | {' | '.join(estimates)} |".replace("| -", "| −"))
     assert after(f"differences of examples/{SEEDED} against nerf") == "\n".join(rows), REMEDY + "\n".join(rows)
 
@@ -60,13 +60,13 @@ def sentences() -> list[str]:
     places = [row.method for row in judgement.given.places]
     assert places[-1] == "colmap"
     trained = [pair for pair in judgement.given.neighbours if pair.against != "colmap"]
-    assert not any(pair.told_apart for pair in trained)
+    assert not any(pair.distinguished for pair in trained)
     for pair in trained:
         assert pair.scenes_like_these
         assert pair.scenes_like_these.interval
         assert pair.scenes_like_these.interval[0] < 0 < pair.scenes_like_these.interval[1]
     best = places[0]
-    from_best = [f"`{pair.against}`" for pair in judgement.given.pairs if pair.method == best and pair.told_apart]
+    from_best = [f"`{pair.against}`" for pair in judgement.given.pairs if pair.method == best and pair.distinguished]
     least = [pair.scenes_like_these.smallest_detectable or 0.0 for pair in trained if pair.scenes_like_these]
     (suspect,) = judgement.suspects
     assert judgement.without_suspects
@@ -80,9 +80,9 @@ def sentences() -> list[str]:
     return [
         f"Test PSNR of {len(places)} methods on the {len(judgement.scenes)} scenes",
         f"{len(places) - 1} of the methods were trained (`colmap` was not), and none of their {len(trained)} "
-        "neighbouring pairs is told apart: not with intervals for all pairs together, and not where each pair is "
+        "neighbouring pairs is distinguished: not with intervals for all pairs together, and not where each pair is "
         "looked at alone.",
-        f"The best, `{best}`, is told apart from {', '.join(from_best[:-1])} and {from_best[-1]} alone.",
+        f"The best, `{best}`, is distinguished from {', '.join(from_best[:-1])} and {from_best[-1]} alone.",
         f"lies between {min(least):.2f} and {max(least):.2f} dB.",
         f"The row of `{suspect.method}` is a single collapsed cell: {suspect.value:.2f} dB on {suspect.scene}, where "
         f"{suspect.expected:.2f} dB is to be expected and its own paper prints {paper:.2f} dB.",

@@ -8,9 +8,11 @@ from typing import Any
 
 import pytest
 
+from harness.records.json_record import plain
 from harness.records.study import Answer, Studies, StudyInfo, StudyRecord, Table, check, read_studies, write_studies
+from harness.records.verdict import OPEN, Verdict
 from reports.run.saving.published import BLOCKS, MARKED, block, main, pages, rewritten
-from reports.run.saving.run_blocks import SAYS
+from reports.run.saving.run_blocks import DUELS
 from tests.harness.shell import ROOT
 
 ELSEWHERE = {
@@ -82,19 +84,64 @@ def changed(tmp_path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
 def test_what_is_not_published_is_not_told(tmp_path: Path) -> None:
     published = changed(tmp_path, lambda data: None)
     assert {name for name in BLOCKS if block(name, published)} == {
-        name for name, (files, _) in BLOCKS.items() if set(files) == {"reduced/summary.json"}
+        name
+        for name, (files, _) in BLOCKS.items()
+        if {file for file in files if file[-1] != "?"} == {"reduced/summary.json"}
     }
 
 
-@pytest.mark.parametrize("verdict", SAYS)
-def test_the_words_follow_the_verdict(tmp_path: Path, verdict: str) -> None:
+BOTH = [Verdict("above 0", "open"), Verdict("below 0", "matters"), Verdict("open", "smaller than matters"), OPEN]
+
+
+@pytest.mark.parametrize("verdict", BOTH, ids=lambda verdict: verdict.phrase)
+def test_the_words_follow_the_verdict(tmp_path: Path, verdict: Verdict) -> None:
     def judged(data: dict[str, Any]) -> None:
         for row in data["comparisons"]:
-            row["verdict"] = verdict
+            row["verdict"] = plain(verdict)
 
-    text = block("further methods", changed(tmp_path, judged))
-    assert f": {verdict}" in text
-    assert not any(words in text for other, words in SAYS.items() if other != verdict)
+    assert f": {verdict.phrase} |" in block("further methods", changed(tmp_path, judged))
+
+
+def with_replicates(folder: Path, published: Verdict, *replicates: Verdict) -> Path:
+    """The default run with one verdict on every pair over all scenes, and a comparison of two replicates."""
+
+    def judged(data: dict[str, Any]) -> None:
+        for row in data["comparisons"]:
+            if row["scene"] == "all" and row["metric"] == "psnr":
+                row["difference"] = 0.137
+                row["verdict"] = row["scenes_like_these"]["verdict"] = plain(published)
+
+    made = changed(folder, judged)
+    rows = [
+        {"method": first, "against": second, "differences": [0.12, 0.144], "verdicts": plain(list(replicates))}
+        for first, second in DUELS
+    ]
+    (made / "reduced" / "processors.json").write_text(json.dumps({"over_all": rows}), encoding="utf-8")
+    return made
+
+
+ABOVE = Verdict("above 0", "open")
+SMALL = Verdict("above 0", "smaller than matters")
+
+
+@pytest.mark.parametrize(
+    ("replicates", "cell"),
+    [
+        ((ABOVE, ABOVE), ": above 0, size open |"),
+        ((ABOVE, SMALL), "; +0.12 to +0.14 dB in three runs: above 0, size open |"),
+        ((SMALL, OPEN), "; +0.12 to +0.14 dB in three runs: sign and size open |"),
+        ((OPEN, OPEN), "; +0.12 to +0.14 dB in three runs: sign and size open |"),
+    ],
+)
+def test_a_published_word_that_replicates_do_not_repeat_is_not_printed(
+    replicates: tuple[Verdict, Verdict], cell: str, tmp_path: Path
+) -> None:
+    text = block("result", with_replicates(tmp_path, ABOVE, *replicates))
+    rows = [line for line in text.splitlines() if " − " in line and line.startswith("|")]
+    assert len(rows) == 3
+    assert all(line.endswith(cell) for line in rows)
+    gains = replicates[0].sign == replicates[1].sign == "above 0"
+    assert text.startswith("**Qnerf gains" if gains else "**The sign of qnerf − nerf is open (+0.12 to +0.14 dB")
 
 
 def test_the_command_rewrites_what_is_out_of_date(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -177,16 +224,12 @@ def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
             "qnerf − nerf_matched: -0.31 dB (worse) → -0.30 dB (worse)",
         ],
     }
-    published = changed(tmp_path, lambda data: None)  # better, and worse
+    published = changed(tmp_path, lambda data: None)
     written(tmp_path, "reduced/processors.json", "environment.json", **processors)
     said = block("processors", published)
     assert "(here: instruction set AVX2 and AVX512)" in said
     assert "0.30 dB (RMS of 24; at most 1.27), and change 38 of 324 verdicts on scenes like these, 0 in sign" in said
-    assert "qnerf − nerf: +0.14 dB (better) → +0.15 dB (equivalent); qnerf − nerf_matched: −0.31 dB (worse)" in said
-    assert said.endswith("The published verdict on qnerf − nerf is at its edge: these do not both repeat it.")
-    processors["headline"] = ["qnerf − nerf: +0.14 dB (better) → +0.15 dB (better)"]
-    written(tmp_path, "reduced/processors.json", "environment.json", **processors)
-    assert block("processors", published).endswith("(better) → +0.15 dB (better).")
+    assert "`qnerf` − `nerf` +0.14 to +0.15 dB in three runs: sign and size open (published: " in said
 
     def lost(data: dict[str, Any]) -> None:
         data["failures"]["rates"][-1] |= {"diverged": 2, "collapsed": 1, "rate": 0.125, "interval": [0.027, 0.324]}
@@ -281,20 +324,19 @@ def test_a_late_verdict_stands_beside_the_early_one(tmp_path: Path) -> None:
         data["settings"]["train"]["optimiser"]["name"] = "adam"
         for duel in data["comparisons"]:
             if (duel["scene"], duel["method"], duel["against"]) == ("all", "nerf_matched", "nerf"):
-                duel["scenes_like_these"]["verdict"] = "worse"
+                duel["scenes_like_these"]["verdict"] = {"sign": "below 0", "size": "open"}
         for cell in data["cells"]:
             cell["psnr"], cell["train_core_seconds"] = 31.5 + cell["seed"], 200.0
 
     told = beside_the_default_run(tmp_path, later)
-    assert told[0] == "2 of 3 verdicts are the same."
-    assert "1000 steps of 512 rays, SOAP | 4000 steps of 512 rays, Adam" in told[2]
-    rows = {line.split(" | ")[0]: line.split(" | ") for line in told[4:]}
+    assert "1000 steps of 512 rays, SOAP | 4000 steps of 512 rays, Adam" in told[0]
+    rows = {line.split(" | ")[0]: line.split(" | ") for line in told[2:]}
     early, late = rows["| `nerf`, mean of 8 scenes"][1:]
     assert (early.split()[0], late) == (scores_of("nerf"), "32.50 dB, 200 core s |")
     early, late = rows["| `nerf_matched` − `nerf`"][1:]
-    assert early.endswith("better")
-    assert late.endswith("worse |")
-    assert len(told) == 4 + 3 + 3 + 3 + 2
+    assert early.endswith("above 0, matters")
+    assert late.endswith("below 0, size open |")
+    assert len(told) == 2 + 3 + 3 + 3 + 2
 
 
 def scores_of(method: str) -> str:
@@ -308,8 +350,7 @@ def test_a_run_of_some_scenes_is_compared_on_each(tmp_path: Path) -> None:
         data["scenes"] = [scene for scene in data["scenes"] if scene["scene"] in ("mic", "lego")]
 
     told = beside_the_default_run(tmp_path, fewer)
-    assert told[0] == "6 of 6 verdicts are the same."
-    assert [line.split(" | ")[0] for line in told[4:7]] == [f"| `{name}` on lego" for name in DUELISTS]
+    assert [line.split(" | ")[0] for line in told[2:5]] == [f"| `{name}` on lego" for name in DUELISTS]
     assert sum(" − " in line.split(" | ")[0] for line in told) == 6
     assert not any("last doubling" in line for line in told)
 

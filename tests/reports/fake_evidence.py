@@ -12,6 +12,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from harness.records.study import Answer, Effect, Finding, Studies, StudyInfo, StudyRecord, Table, check
+from harness.records.verdict import OPEN, verdict_of
 from tests.reports.fake_shelf import lines, shelf, write_shelf
 
 SCENES = ("lego", "ficus", "hotdog")
@@ -26,13 +27,11 @@ def effect(
 ) -> Effect:  # fmt: skip
     """With an interval of ± `half` alone and three times that together, judged as the harness does."""
     low, high = difference - 3 * half, difference + 3 * half
-    verdict: Any = "better" if low > 0 else "worse" if high < 0 else "inconclusive"
-    if -INTEREST[metric] < low and high < INTEREST[metric]:
-        verdict = "equivalent"
+    verdict = OPEN if unpaired else verdict_of((low, high), INTEREST[metric])
     alone = (round(difference - half, 4), round(difference + half, 4))
     return Effect(
         name, against, scene, metric, budget, round(difference, 4), alone, (round(low, 4), round(high, 4)), family,
-        "inconclusive" if unpaired else verdict, round(4.2 * half, 3), 9, unpaired, note,
+        verdict, round(4.2 * half, 3), 9, unpaired, note,
     )  # fmt: skip
 
 
@@ -107,7 +106,7 @@ def _factorial() -> StudyRecord:
         for name, size in PARTS.items()
     ]
     effects.append(effect("qnerf", "nerf", "all", -1.9, 3.4, unpaired=2, family=28))
-    effects.append(Effect("qnerf", "nerf", "lego", "psnr", "seconds", None, None, None, 28, "inconclusive", None, 0, 3))
+    effects.append(Effect("qnerf", "nerf", "lego", "psnr", "seconds", None, None, None, 28, OPEN, None, 0, 3))
     return study(
         info,
         "lego, ficus, hotdog; 3 seeds; 500 steps; 100 training views of 100 px",

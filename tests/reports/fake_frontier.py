@@ -1,6 +1,7 @@
 """A made-up frontier: two families at two budgets, and what φ changes."""
 
 from harness.records.study import Answer, Effect, Series, Studies, StudyRecord, Table
+from harness.records.verdict import OPEN
 from harness.studies.frontier.error_against_time import ERROR
 from harness.studies.frontier.frontier_studies import STUDIES
 from tests.reports.fake_shelf import PROVENANCE, shelf
@@ -19,7 +20,7 @@ def fake_frontier() -> Studies:
     found = [Answer("At 60 core seconds splats has the best mean over 8 scenes, 33.98 dB."), *lines, means]
     gain, ends = 0.4, (-0.1, 0.9)
     grown = Effect(
-        "planes_phi", "planes_same_ends", "all", "psnr", "core_seconds", gain, ends, ends, 1, "inconclusive", 0.7, 16, 0
+        "planes_phi", "planes_same_ends", "all", "psnr", "core_seconds", gain, ends, ends, 1, OPEN, 0.7, 16, 0
     )
     studies = [
         StudyRecord(STUDIES["error_against_time"].info, "8 scenes", found, 3000.0),

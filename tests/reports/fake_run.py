@@ -36,6 +36,7 @@ from harness.records.pictures import (
     write_renders,
     write_truth,
 )
+from harness.records.verdict import verdict_of
 from harness.verdicts.paper import printed
 
 EIGHT = ("chair", "drums", "ficus", "hotdog", "lego", "materials", "mic", "ship")
@@ -171,17 +172,14 @@ def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Compari
         mean = round(sum(both) / len(both) - (loss if duel[0] == "qnerf" else 0), 3)
         half = 0.12 if scene == "all" else 0.3
         low, high = round(mean - half, 3), round(mean + half, 3)
-        verdict = "better" if low > 0 else "worse" if high < 0 else "inconclusive"
-        if verdict == "inconclusive" and max(-low, high) < 0.25:
-            verdict = "equivalent"
+        verdict = verdict_of((low, high), 0.25)
         there = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
         near = (round(mean - 0.05, 3), round(mean + 0.05, 3))
-        in_near = "better" if near[0] > 0 else "worse" if near[1] < 0 else "equivalent"
         several = scene == "all" and len(scenes) > 1
         rows.append(
             Comparison(
                 scene, *duel, "psnr", budget, mean, (low, high), verdict, 0.4, len(both), len(pairs) - len(both),
-                (low, high), 1, Estimate(near, near, 1, in_near, 0.1, 4 * mean) if several else there,
+                (low, high), 1, Estimate(near, near, 1, verdict_of(near, 0.25), 0.1, 4 * mean) if several else there,
                 there if several else None,
             )
         )  # fmt: skip

@@ -3,6 +3,7 @@
 import pytest
 
 from harness.records.cells import Comparison, LeftOut
+from harness.records.verdict import OPEN, Verdict
 from reports.claims.psnr_table import difference_entry, differences_grids, score_entry, scores_grid
 from reports.data.load import Records, read_records
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
@@ -10,6 +11,8 @@ from reports.page.grid import Entry
 from reports.run.metrics_table import costs_grid, failures_grid, left_out_grid, metrics_grid, properties_grid, waiting
 from tests.replacing import replace
 from tests.reports.fake_run import write_fake_run
+
+ABOVE = Verdict("above 0", "open")
 
 
 def test_spread_is_over_finished_seeds_alone(records: Records):
@@ -34,7 +37,7 @@ def test_a_method_that_never_finished_has_no_number(tmp_path):
 
 def test_differences_are_those_of_the_comparisons(records: Records):
     changed = [
-        replace(one, difference=0.125, interval=(0.01, 0.3), simultaneous=(0.05, 0.2), verdict="better", unpaired=0)
+        replace(one, difference=0.125, interval=(0.01, 0.3), simultaneous=(0.05, 0.2), verdict=ABOVE, unpaired=0)
         if (one.scene, one.against, one.budget) == ("chair", "nerf", "steps") and one.method == "qnerf"
         else one
         for one in records.comparisons
@@ -48,17 +51,23 @@ def test_differences_are_those_of_the_comparisons(records: Records):
         "− nerf_matched",
         "Δ",
     ]
-    assert grid.rows[0][1] == Entry("+0.12", "[+0.05, +0.20]\nbetter", "better")
+    assert grid.rows[0][1] == Entry("+0.12", "[+0.05, +0.20]\nabove 0, size open", "above gain")
     assert grid.rows[0][5] == Entry("+1.4", tone="muted")
     assert grid.totals[0][0].text == "all scenes"
     assert "1 pair not judged" in grid.totals[0][1].small
 
 
+@pytest.mark.parametrize(("metric", "tone"), [("psnr", "above gain"), ("flip", "above loss")])
+def test_a_colour_follows_the_sign_and_the_direction_of_the_metric(metric, tone):
+    pair = (0.3, 0.7)
+    one = Comparison("all", "qnerf", "nerf", metric, "steps", 0.5, pair, ABOVE, 0.4, 6, 0, pair, 1, None, None)
+    assert difference_entry(one).tone == tone
+    assert difference_entry(replace(one, verdict=Verdict("open", "smaller than matters"))).tone == "open"
+
+
 def test_a_comparison_without_pairs_shows_no_number():
-    one = Comparison(
-        "lego", "qnerf", "nerf", "psnr", "steps", None, None, "inconclusive", None, 0, 3, None, 1, None, None
-    )
-    assert difference_entry(one) == Entry("–", "inconclusive\n3 pairs not judged", "inconclusive")
+    one = Comparison("lego", "qnerf", "nerf", "psnr", "steps", None, None, OPEN, None, 0, 3, None, 1, None, None)
+    assert difference_entry(one) == Entry("–", "sign and size open\n3 pairs not judged", "open")
 
 
 def test_diverged_cells_show_in_every_table_of_scores(records: Records):
@@ -147,7 +156,7 @@ def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):
         ("costs more", "", "failed"),
     ]  # fmt: skip
     assert texts[1][1][0] == "6.40·10⁻⁵ of a colour"
-    assert texts[1][3] == ("within its bound", "", "equivalent")
+    assert texts[1][3] == ("within its bound", "", "")
     assert [text for text, _, _ in texts[2]] == ["–", "–", "–", "–"]
 
 
@@ -160,11 +169,11 @@ def test_a_score_within_one_db_of_its_ceiling_is_called_reference_limited(mean, 
 
 def test_the_interval_of_a_family_stands_beside_the_one_of_the_comparison_alone() -> None:
     alone = Comparison(
-        "all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), "better", 0.4, 6, 0, (0.1, 0.9), 1, None, None
+        "all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), ABOVE, 0.4, 6, 0, (0.1, 0.9), 1, None, None
     )
-    assert difference_entry(alone).small == "[+0.10, +0.90]\nbetter"
-    of_eight = replace(alone, scene="lego", verdict="inconclusive", simultaneous=(-0.3, 1.3), family=8)
-    assert difference_entry(of_eight).small == "[−0.30, +1.30]\ninconclusive"
+    assert difference_entry(alone).small == "[+0.10, +0.90]\nabove 0, size open"
+    of_eight = replace(alone, scene="lego", verdict=OPEN, simultaneous=(-0.3, 1.3), family=8)
+    assert difference_entry(of_eight).small == "[−0.30, +1.30]\nsign and size open"
     older = replace(of_eight, simultaneous=None)
     assert "together" not in difference_entry(older).small
 
@@ -196,5 +205,5 @@ def test_cells_that_waited_for_a_processor_are_counted(records: Records):
     slow = [replace(records.cells[0], train_seconds=1.5 * 54.4), *records.cells[1:]]
     assert waiting(replace(records, cells=slow)) == (
         "1 of 18 cells shared their processor with other work: up to 1.5 seconds of the wall per core second. Scores "
-        "do not mind; trust core seconds, and no seconds of the wall."
+        "are unaffected; trust core seconds, not wall time."
     )

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from harness.plan.profiles import Plan
+from harness.records.json_record import plain
+from harness.records.verdict import OPEN
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
 from harness.verdicts.statistics import verdict
 
@@ -69,8 +71,8 @@ def pairs_of(cell: CellArms, changes: list[Change]) -> Iterator[ScorePair]:
 def as_json(rows: list[ScorePair], plan: Plan) -> dict[str, Any]:
     """Return the pairs, and for each change and method the mean difference with its interval and verdict."""
     return {
-        "what": "test PSNR with a change minus test PSNR as planned, paired over cells; equivalent: 95 % interval "
-        f"within ±{SMALLEST_OF_INTEREST_DB} dB",
+        "what": "test PSNR with a change minus test PSNR as planned, paired over cells; smaller than "
+        f"matters: 95 % interval within ±{SMALLEST_OF_INTEREST_DB} dB",
         "settings": plan.settings(),
         "summary": [
             _summary([row for row in rows if (row.change, row.method) == (change, method)])
@@ -92,5 +94,5 @@ def _summary(rows: list[ScorePair]) -> dict[str, Any]:
         "difference": result.mean if result else None,
         "interval": result.interval if result else None,
         "largest": max((abs(changed - planned) for changed, planned in both), default=None),
-        "verdict": verdict(result, SMALLEST_OF_INTEREST_DB, higher_is_better=True) if result else "inconclusive",
+        "verdict": plain(verdict(result, SMALLEST_OF_INTEREST_DB) if result else OPEN),
     }

@@ -75,7 +75,7 @@ def bandwidth(context: EvidenceContext) -> Iterator[Found]:
         ]
         yield f"φ with ten bands at {px} px, {listed(others)}."
     for name in dict.fromkeys(effect.name for effect in changes):
-        yield f"{name}: the effect moves by {_on_scenes(changes, name, gain=False)}."
+        yield f"{name}: the effect moves by {_on_scenes(changes, name)}."
     shares = []
     for px, run in trained.items():
         rays = max(cell.steps for cell in run.cells) * run.plan.train.rays
@@ -116,8 +116,11 @@ def answer(effects_of_factors: list[Effect]) -> str:
     here = by_scene(effects_of_factors)
     cases = {factor: [effect for effect in here if effect.name.startswith(f"{factor} at")] for factor in FACTORS}
     changes = {factor: _direction(some) for factor, some in cases.items()}
-    nothing = {factor: all(effect.verdict == "equivalent" for effect in some) for factor, some in cases.items()}
-    if changes[REACH] and nothing[BASE]:
+    small = "smaller than matters"
+    nothing = {factor: all(effect.verdict.size == small for effect in some) for factor, some in cases.items()}
+    if all(nothing.values()):
+        verdict = "Neither: at these resolutions neither reach nor base changes PSNR by as much as matters"
+    elif changes[REACH] and nothing[BASE]:
         verdict = (
             f"It is bandwidth: a shorter reach {changes[REACH]}, and at the same reach φ for 2 does not change it by "
             "as much as matters"
@@ -126,15 +129,13 @@ def answer(effects_of_factors: list[Effect]) -> str:
         verdict = f"Both: a shorter reach {changes[REACH]}, and φ for 2 at the same reach {changes[BASE]}"
     elif changes[REACH]:
         verdict = (
-            f"Bandwidth, as far as it can be told: a shorter reach {changes[REACH]}; at the same reach no difference "
-            "between φ and 2 is told from 0, nor is it everywhere too small to matter"
+            f"Bandwidth, as far as these runs can say: a shorter reach {changes[REACH]}; at the same reach no "
+            "difference between φ and 2 is distinguished from 0, nor is it everywhere smaller than matters"
         )
     elif changes[BASE]:
-        verdict = f"The base: φ for 2 at the same reach {changes[BASE]}; how far the frequencies reach is not told to"
-    elif all(nothing.values()):
-        verdict = "Neither: at these resolutions neither reach nor base changes PSNR by as much as matters"
+        verdict = f"The base: φ for 2 at the same reach {changes[BASE]}; the sign of what the reach changes is open"
     else:
-        verdict = "Not settled: neither reach nor base is told from 0 on any scene at any resolution"
+        verdict = "Open: neither reach nor base has an effect distinguished from 0 on any scene at any resolution"
     family = max(effect.family for effect in here)
     return f"{verdict}. A case is a scene at a resolution; the {family} cases of a factor are looked at together."
 
@@ -142,19 +143,17 @@ def answer(effects_of_factors: list[Effect]) -> str:
 def _direction(cases: list[Effect]) -> str:
     """Return which way, in how many cases and by how much the effects go that differ from 0; empty if none does."""
     ways = []
-    for verb, verdict in (("raises", "better"), ("lowers", "worse")):
-        values = sorted(effect.difference or 0.0 for effect in cases if effect.verdict == verdict)
+    for verb, sign in (("raises", "above 0"), ("lowers", "below 0")):
+        values = sorted(effect.difference or 0.0 for effect in cases if effect.verdict.sign == sign)
         if values:
             ends = dict.fromkeys(amount(value, "psnr") for value in (values[0], values[-1]))
             ways.append(f"{verb} PSNR in {len(values)} of {len(cases)} cases ({' to '.join(ends)})")
     return " and ".join(ways)
 
 
-def _on_scenes(some: list[Effect], name: str, against: str = "", gain: bool = True) -> str:
+def _on_scenes(some: list[Effect], name: str, against: str = "") -> str:
     """Return the effects of that name on PSNR at equal steps, scene by scene."""
-    return listed(
-        f"{in_words(effect, gain)} on {effect.scene}" for effect in by_scene(some, name=name, against=against)
-    )
+    return listed(f"{in_words(effect)} on {effect.scene}" for effect in by_scene(some, name=name, against=against))
 
 
 def _table(run: StudyRun, px: int) -> Table:

@@ -234,11 +234,9 @@ def amount(value: float | None, metric: str, sign: bool = True) -> str:
     return f"{number(value, metric, sign)} {metric_table.METRICS[metric].unit}".strip()
 
 
-def in_words(effect: Effect, gain: bool = True) -> str:
-    """Return the effect as `+0.81 dB (95 % interval +0.52 to +1.10: better)`, with the interval that the verdict is
-    taken from.
-
-    Without `gain`, as for an interaction, more is called "above 0" and not "better".
+def in_words(effect: Effect) -> str:
+    """Return the effect as `+0.81 dB (95 % interval +0.52 to +1.10: above 0, matters)`, with the interval that the
+    verdict is taken from.
     """
     lost = f", {effect.unpaired} of {effect.unpaired + effect.pairs} pairs without a score" if effect.unpaired else ""
     size = amount(effect.difference, effect.metric)
@@ -246,7 +244,7 @@ def in_words(effect: Effect, gain: bool = True) -> str:
         return f"{size} (no interval{lost})"
     low, high = (number(end, effect.metric) for end in effect.simultaneous)
     kind = "95 % interval" if effect.family == 1 else f"95 % interval, {effect.family} together,"
-    return f"{size} ({kind} {low} to {high}: {verdict_in_words(effect, gain)}{lost})"
+    return f"{size} ({kind} {low} to {high}: {effect.verdict.phrase}{lost})"
 
 
 def in_brief(effect: Effect) -> str:
@@ -255,17 +253,6 @@ def in_brief(effect: Effect) -> str:
         return "no figure"
     ends = [number(end, effect.metric) for end in effect.simultaneous or ()]
     return number(effect.difference, effect.metric) + (f" [{', '.join(ends)}]" if ends else "")
-
-
-def verdict_in_words(effect: Effect, gain: bool = True) -> str:
-    about = metric_table.METRICS[effect.metric]
-    if effect.verdict == "equivalent":
-        return f"within ±{about.smallest_of_interest} {about.unit}".strip()
-    if effect.verdict == "inconclusive":
-        return "not settled"
-    if gain:
-        return effect.verdict
-    return "above 0" if (effect.difference or 0.0) > 0 else "below 0"
 
 
 def listed(parts: Iterable[str]) -> str:

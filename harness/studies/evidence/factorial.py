@@ -18,7 +18,6 @@ from harness.studies.evidence.contrasts import (
     listed,
     score_table,
     spread_of,
-    verdict_in_words,
     without_a_score,
 )
 from harness.studies.evidence.evidence_context import READINGS, EvidenceContext
@@ -96,14 +95,12 @@ def _answer(by_reading: dict[str, list[Effect]]) -> str:
     clauses = []
     for reading, of_reading in by_reading.items():
         main = zip(PARTS, chosen(of_reading, scene="all", note=""), strict=True)
-        parts = listed(
-            f"{part} {amount(effect.difference, 'psnr')} ({verdict_in_words(effect)})" for part, effect in main
-        )
+        parts = listed(f"{part} {amount(effect.difference, 'psnr')} ({effect.verdict.phrase})" for part, effect in main)
         clauses.append(f"with the amplifier of {reading} {parts}")
     return (
         f"What each part changes at equal steps over all scenes: {'; '.join(clauses)}; what the φ encoding changes "
-        "need not be φ's doing, as with as many bands it reaches less far than 2^k (the study of bandwidth tells the "
-        "two apart)."
+        "need not be φ's doing, as with as many bands it reaches less far than 2^k (the study of bandwidth "
+        "separates the two)."
     )
 
 
@@ -114,14 +111,14 @@ def _in_figures(of_reading: list[Effect], reading: str) -> Iterator[str]:
         yield f"{start} ({reading}): {listed(f'{part} {in_words(effect)}' for part, effect in main)}."
 
     def clause(effect: Effect) -> str:
-        return f"{effect.name.removesuffix(f' ({reading})')} {in_words(effect, gain=False)}"
+        return f"{effect.name.removesuffix(f' ({reading})')} {in_words(effect)}"
 
     together = chosen(of_reading, scene="all", note="interaction")
-    if settled := [effect for effect in together if effect.verdict in ("better", "worse")]:
-        yield f"Parts that act otherwise together than alone ({reading}): {listed(map(clause, settled))}."
+    if signed := [effect for effect in together if effect.verdict.sign != "open"]:
+        yield f"Parts that act differently together than alone ({reading}): {listed(map(clause, signed))}."
     else:
         largest = clause(max(together, key=lambda effect: abs(effect.difference or 0.0)))
-        yield f"No interaction is told from 0 over all scenes ({reading}); the largest is {largest}."
+        yield f"No interaction is distinguished from 0 over all scenes ({reading}); the largest is {largest}."
 
 
 def _densest(cells: list[CellRecord], reading: str) -> Iterator[str]:

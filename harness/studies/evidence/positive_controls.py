@@ -79,13 +79,13 @@ class Loss:
 
     @property
     def is_found(self) -> bool:
-        """Return whether the loss is called worse over all scenes or on one of them, and better nowhere.
+        """Return whether the difference is below 0 over all scenes or on one of them, and above 0 nowhere.
 
         These are two families at 5 %, each of which calls a false loss one in at most half as many studies: together in
         at most 5 %.
         """
-        verdicts = [effect.verdict for effect in self.psnr]
-        return "worse" in verdicts and "better" not in verdicts
+        signs = [effect.verdict.sign for effect in self.psnr]
+        return "below 0" in signs and "above 0" not in signs
 
 
 def positive_controls(context: EvidenceContext) -> Iterator[Found]:
@@ -122,10 +122,10 @@ def _loss(control: Control, baseline: StudyRun, own: StudyRun) -> Loss:
 def _answer(losses: list[Loss]) -> str:
     yes, no = ([loss.control.what for loss in losses if loss.is_found == wanted] for wanted in (True, False))
     if not no:
-        return f"Yes: NeRF {listed(yes)} is found to be worse, by the functions that judge Q-NeRF."
+        return f"Yes: the loss of NeRF {listed(yes)} is found, by the functions that judge Q-NeRF."
     if not yes:
         return f"No: none of the known losses is found (NeRF {listed(no)})."
-    return f"In part: NeRF {listed(yes)} is found to be worse; {listed(no)} it is not told from NeRF."
+    return f"In part: the loss of NeRF {listed(yes)} is found; {listed(no)} it is not distinguished from NeRF."
 
 
 def _sentences(loss: Loss) -> Iterator[str]:
@@ -148,10 +148,10 @@ def _checks(loss: Loss) -> Iterator[Check]:
     smallest one of interest and `TIMES` the original's.
     """
     control = loss.control
-    what = f"NeRF {control.what} is found to be worse: verdicts that say so"
+    what = f"NeRF {control.what} loses PSNR: verdicts with a sign below 0"
     if loss.psnr:
-        verdicts = ", ".join(f"{effect.scene} {effect.verdict}" for effect in loss.psnr)
-        count = sum(effect.verdict == "worse" for effect in loss.psnr) if loss.is_found else 0
+        verdicts = ", ".join(f"{effect.scene} {effect.verdict.phrase}" for effect in loss.psnr)
+        count = sum(effect.verdict.sign == "below 0" for effect in loss.psnr) if loss.is_found else 0
         why = (
             f"PSNR at equal steps: {verdicts}; two families, over all scenes and on single ones: either calls a loss "
             "that is not there one in at most 2.5 % of studies"

@@ -25,7 +25,7 @@ def front(context: FrontierContext) -> Iterator[Found]:
     if len(budgets) > 1:
         yield early_and_late(families, budgets, tables)
     for budget, table in zip(budgets, tables, strict=True):
-        yield from _not_told_apart(budget, families, table)
+        yield from _not_distinguished(budget, families, table)
     columns = ["family", *(f"{budget:g} core s" for budget in budgets)]
     for name, title, shares in (
         ("best", "Probability of the best mean over scenes", np.array(best)),
@@ -57,8 +57,8 @@ def early_and_late(families: tuple[str, ...], budgets: list[float], tables: list
     return f"{ends} {then}; Kendall's τ of the two rankings is {tau:.2f}."
 
 
-def _not_told_apart(budget: float, families: tuple[str, ...], table: np.ndarray) -> Iterator[str]:
-    """Yield which families cannot be told from the best by paired differences over scenes."""
+def _not_distinguished(budget: float, families: tuple[str, ...], table: np.ndarray) -> Iterator[str]:
+    """Yield which families are not distinguished from the best by paired differences over scenes."""
     known = [place for place in range(len(families)) if not np.isnan(table[place]).any()]
     if len(known) < 2 or table.shape[1] < 2:
         return
@@ -71,7 +71,8 @@ def _not_told_apart(budget: float, families: tuple[str, ...], table: np.ndarray)
         if found.simultaneous is None or found.simultaneous[1] >= 0.0:
             near.append(families[place])
     if near:
-        yield f"At {budget:g} core seconds {listed(near)} cannot be told from {families[leader]} on these scenes."
+        are = "is" if len(near) == 1 else "are"
+        yield f"At {budget:g} core seconds {listed(near)} {are} not distinguished from {families[leader]}."
 
 
 def _crossings(frontier: Frontier) -> Table:

@@ -40,7 +40,7 @@ def _of_machine(runs: list[PastRun]) -> Iterator[Finding]:
     changed = [name for name, found in changes.items() if found]
     tried = sum(len(series) >= FEWEST for series in values.values())
     if not tried:
-        yield Answer(f"No figure has the {FEWEST} runs in which a change can be told from chance.")
+        yield Answer(f"No figure has the {FEWEST} runs in which a change can be distinguished from chance.")
     else:
         expected = f"{CHANCE * tried:.1g} of them would by chance"
         yield Answer(f"{len(changed)} of {tried} figures with at least {FEWEST} runs changed; {expected}.")

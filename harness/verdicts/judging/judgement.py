@@ -3,15 +3,14 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
 
-from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
 from harness.records.metric_table import PRIMARY
 from harness.verdicts.judging.result_table import MARGINS, ResultTable
-from harness.verdicts.statistics import PairedDifference, detectable, on_these_scenes, paired_difference, verdict
+from harness.verdicts.statistics import estimate, on_these_scenes, paired_difference
 from scenes.files.errors import InputError
 
 
@@ -22,17 +21,18 @@ def headline(record: JudgementRecord) -> str:
 
 
 def in_words(record: JudgementRecord, ranking: Ranking) -> str:
-    """State how many pairs are told apart."""
+    """State how many pairs are distinguished."""
     if record.baseline is not None:
-        verdicts = Counter[str](pair.verdict for pair in ranking.pairs)
-        words = {"better": "better", "worse": "worse", "equivalent": "equivalent", "inconclusive": "not told apart"}
-        known = [f"{verdicts[name]} {shown}" for name, shown in words.items() if verdicts[name]]
-        return f"against {record.baseline} {', '.join(known)}"
-    apart, every = (sum(pair.told_apart for pair in pairs) for pairs in (ranking.neighbours, ranking.pairs))
-    many, all_many = len(ranking.neighbours), len(ranking.pairs)
+        verdicts = Counter(pair.verdict.phrase for pair in ranking.pairs)
+        known = [f"{many} {phrase}" for phrase, many in verdicts.items()]
+        return f"differences from {record.baseline}: {'; '.join(known)}"
+    every, all_many = sum(pair.distinguished for pair in ranking.pairs), len(ranking.pairs)
     if every in (0, all_many):
-        return "all told apart from each other" if every else "no two told apart"
-    return f"{apart or 'none'} of {many} neighbouring pairs told apart, {every} of all {all_many} pairs"
+        return "all distinguished from each other" if every else "no two distinguished"
+    first = ranking.places[0].method
+    level = sum(first in (pair.method, pair.against) and not pair.distinguished for pair in ranking.pairs)
+    others = f"{level or 'none'} of the other {len(ranking.places) - 1}"
+    return f"{first} leads; {others} not distinguished from it, {every} of all {all_many} pairs distinguished"
 
 
 def number(record: JudgementRecord, value: float | None, sign: str = "") -> str:
@@ -72,7 +72,7 @@ def lines(record: JudgementRecord) -> Iterator[str]:
     for name, mean, scenes, last in rows:
         yield f"  {name:{widths[0]}}  {mean:>{widths[1]}}  {scenes:>{widths[2]}}  {last}"
     if record.baseline is None:
-        yield "No two methods of a group are told apart."
+        yield "No two methods of a group are distinguished."
     for suspect in record.suspects[:10]:
         yield f"suspect: {suspect_line(record, suspect)}"
     if len(record.suspects) > 10:
@@ -99,7 +99,7 @@ def _against(record: JudgementRecord, pair: Pair | None) -> str:
         return "–"
     ends = pair.scenes_like_these.simultaneous if pair.scenes_like_these else None
     within = f" [{', '.join(number(record, end, '+') for end in ends)}]" if ends else ""
-    return f"{number(record, pair.difference, '+')}{within} {pair.verdict}"
+    return f"{number(record, pair.difference, '+')}{within} {pair.verdict.phrase}"
 
 
 SUSPECT_DEVIATIONS = 8.0
@@ -152,12 +152,10 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
     else:
         rival = table.methods.index(baseline)
         duels = [(row, rival) for row in order if row != rival]
-    neighbours = set(pairwise(order))
-    pairs = []
-    for a, b in duels:
-        shown = baseline is not None or (a, b) in neighbours
-        names, differences = (table.methods[a], table.methods[b]), table.values[a] - table.values[b]
-        pairs.append(_pair(*names, differences, len(duels), margin, table.higher_is_better, shown))
+    pairs = [
+        _pair(table.methods[a], table.methods[b], table.values[a] - table.values[b], len(duels), margin)
+        for a, b in duels
+    ]
     groups = _groups([table.methods[row] for row in order], pairs) if baseline is None else [[] for _ in order]
     scenes = np.isfinite(table.values).any(axis=2).sum(axis=1)
     places = [
@@ -200,34 +198,23 @@ def adjusted_means(cells: np.ndarray) -> np.ndarray:
     return np.asarray(of_method + (0.0 if there.all() else of_scene.mean()))
 
 
-def _pair(
-    method: str, against: str, differences: np.ndarray, family: int, margin: float, higher: bool, shown: bool
-) -> Pair:
-    """Compare by `differences` [scenes, seeds], NaN where there is no pair; with the detectable effect if `shown`."""
+def _pair(method: str, against: str, differences: np.ndarray, family: int, margin: float) -> Pair:
+    """Compare by `differences` [scenes, seeds], NaN where there is no pair."""
     means = scene_means(differences[None])[0]
     there = means[np.isfinite(means)]
     if not there.size:
         return Pair(method, against, 0, None, None, None)
 
-    def estimated(result: PairedDifference) -> Estimate:
-        least = detectable(result, margin) if shown else None  # the costly part
-        return Estimate(
-            result.interval, result.simultaneous, family, verdict(result, margin, higher), least, result.effect
-        )
-
-    like = estimated(paired_difference(there, family)) if there.size > 1 else None
+    like = estimate(paired_difference(there, family), margin) if there.size > 1 else None
     seeded = np.isfinite(differences).sum(axis=1).max() > 1
-    here = (
-        estimated(on_these_scenes({str(place): row for place, row in enumerate(differences)}, family))
-        if seeded
-        else None
-    )
+    table = {str(place): row for place, row in enumerate(differences)}
+    here = estimate(on_these_scenes(table, family), margin) if seeded else None
     return Pair(method, against, int(there.size), float(there.mean()), like, here)
 
 
 def _groups(names: list[str], pairs: list[Pair]) -> list[list[int]]:
-    """Return each method's groups: the longest runs of neighbours in which no two methods are told apart."""
-    apart = {frozenset((pair.method, pair.against)) for pair in pairs if pair.told_apart}
+    """Return each method's groups: the longest runs of neighbours in which no two methods are distinguished."""
+    apart = {frozenset((pair.method, pair.against)) for pair in pairs if pair.distinguished}
     runs: list[tuple[int, int]] = []
     first = 0
     for last in range(len(names)):
@@ -310,4 +297,4 @@ def notes(table: ResultTable, margin: float) -> Iterator[str]:
             "scenes, only of scenes like these."
         )
     if margin == 0:
-        yield f"No smallest effect of interest is known for {table.metric}: nothing is called equivalent (--margin)."
+        yield f"No smallest effect of interest is known for {table.metric}: sizes stay open (--margin)."

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from harness.records.cells import CellRecord, Comparison, RunRecord, read_cells, read_run
+from harness.records.json_record import plain
+from harness.records.verdict import Verdict
 from harness.verdicts.comparisons import Key, compare
 from scenes.files.errors import InputError
 
@@ -41,8 +43,18 @@ class Changed:
     compared: int
     verdicts: int
     signs: int
-    """The number of these that go from better to worse or the other way round."""
+    """The number of these of which the sign goes from above to below 0 or the other way round."""
     rows: list[str]
+
+
+@dataclass(frozen=True)
+class OverAll:
+    """PSNR at equal steps over all scenes, in both outputs."""
+
+    method: str
+    against: str
+    differences: tuple[float, float]
+    verdicts: tuple[Verdict, Verdict]
 
 
 @dataclass(frozen=True)
@@ -59,6 +71,7 @@ class TwoRuns:
     all: Apart | None
     changed: list[Changed]
     headline: list[str]
+    over_all: list[OverAll]
 
 
 def two_runs(first: Path, second: Path) -> TwoRuns:
@@ -83,6 +96,14 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
         if ours != theirs:
             origins[name] = (sorted(ours), sorted(theirs))
 
+    over_all = [
+        OverAll(ours.method, ours.against, (ours.difference, theirs.difference), (ours.verdict, theirs.verdict))
+        for ours, theirs in rows
+        if (ours.scene, ours.metric, ours.budget) == ("all", "psnr", "steps")
+        and ours.difference is not None
+        and theirs.difference is not None
+    ]
+
     def apart_by(kind: str) -> list[Apart]:
         names = dict.fromkeys(getattr(cell, kind) for cell, _ in scored)
         return [_apart(name, [pair for pair in scored if getattr(pair[0], kind) == name]) for name in names]
@@ -96,15 +117,15 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
         by_scene=apart_by("scene"),
         all=_apart("all", scored) if scored else None,
         changed=[_changed(rows, sense) for sense in ("on_these_scenes", "scenes_like_these")],
-        headline=[
-            f"{ours.method} − {ours.against}: {ours.difference:+.2f} dB ({ours.verdict}) → "
-            f"{theirs.difference:+.2f} dB ({theirs.verdict})"
-            for ours, theirs in rows
-            if (ours.scene, ours.metric, ours.budget) == ("all", "psnr", "steps")
-            and ours.difference is not None
-            and theirs.difference is not None
-        ],
+        headline=[_headline(found) for found in over_all],
+        over_all=over_all,
     )
+
+
+def _headline(found: OverAll) -> str:
+    pairs = zip(found.differences, found.verdicts, strict=True)
+    told = (f"{difference:+.2f} dB ({verdict.phrase})" for difference, verdict in pairs)
+    return f"{found.method} − {found.against}: {' → '.join(told)}"
 
 
 def _keyed(rows: list[Comparison]) -> dict[tuple[str, ...], Comparison]:
@@ -161,14 +182,15 @@ def _changed(rows: list[tuple[Comparison, Comparison]], sense: str) -> Changed:
         if before is not None and after is not None:
             compared += 1
             if before.verdict != after.verdict:
-                signs += {before.verdict, after.verdict} == {"better", "worse"}
+                signs += {before.verdict.sign, after.verdict.sign} == {"above 0", "below 0"}
                 where = f"{row.method} − {row.against}, {row.metric} at equal {row.budget}, {row.scene}"
-                lines.append(f"{where}: {before.verdict} → {after.verdict}")
+                lines.append(f"{where}: {before.verdict.phrase} → {after.verdict.phrase}")
     return Changed(sense, compared, len(lines), signs, lines)
 
 
 def as_json(runs: TwoRuns) -> dict[str, Any]:
-    return {"schema": 1, **asdict(runs)}
+    data: dict[str, Any] = plain({"schema": 1, **asdict(runs)})
+    return data
 
 
 def lines_of(runs: TwoRuns) -> list[str]:

@@ -4,7 +4,7 @@
     what `block(NAME, docs)` makes of docs/*.json
     <!-- end -->
 
-A block is empty if a file of it is not published.
+A block is empty if a file of it is not published, other than one with ? behind its name.
 """
 
 import json
@@ -13,28 +13,31 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from harness.records.former.four_words import in_two_words
 from harness.records.study import Studies, read_studies
 from reports.run.saving import run_blocks, study_blocks
 from reports.run.saving.run_blocks import Run
 from reports.studies import constants
 
 RUN = ("reduced/summary.json",)
+REPLICATES = "reduced/processors.json?"
+"""The plan of the default run, made again twice (`python -m harness compare`)."""
 BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "scale": (RUN, run_blocks.scale),
-    "result": (RUN, run_blocks.result),
+    "result": ((*RUN, REPLICATES), run_blocks.result),
     "equal time": (RUN, lambda run: run_blocks.differences(run, "seconds")),
     "scores": (RUN, run_blocks.scores),
     "constants": (("constants.json",), constants.choice),
     "further methods": (RUN, run_blocks.further),
     "failures": (RUN, run_blocks.failed),
     "last doubling": (RUN, run_blocks.doubling),
-    "late verdict": ((*RUN, "converged/summary.json"), run_blocks.beside),
+    "late verdict": ((*RUN, "converged/summary.json", REPLICATES), run_blocks.beside),
     "late equal time": (("converged/summary.json",), lambda run: run_blocks.differences(run, "seconds")),
     "twice the steps": (
         ("reduced/halved.json", *RUN, "converged/summary.json", "converged/doubled.json"),
         run_blocks.twice_the_steps,
     ),
-    "under Adam": ((*RUN, "adam/summary.json"), run_blocks.beside),
+    "under Adam": ((*RUN, "adam/summary.json", REPLICATES), run_blocks.beside),
     "learning": (("learning_rates.json",), study_blocks.learning),
     "ledger": (RUN, run_blocks.ledger),
     "processors": (("reduced/processors.json", *RUN), run_blocks.processors),
@@ -60,13 +63,16 @@ MARKED = re.compile(r"<!-- numbers: ([\w ]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 def block(name: str, docs: Path) -> str:
     """Return a block; raises `KeyError` for a name that no block has."""
     files, write = BLOCKS[name]
-    paths = [docs / file for file in files]
-    return write(*map(_published, paths)) if all(path.is_file() for path in paths) else ""
+    if not all((docs / file).is_file() or file.endswith("?") for file in files):
+        return ""
+    return write(*(_published(docs / file.removesuffix("?")) for file in files))
 
 
 def _published(path: Path) -> Run | Studies:
+    if not path.is_file():
+        return {}
     data: Run = json.loads(path.read_text(encoding="utf-8"))
-    return read_studies(path) if "studies" in data else data
+    return read_studies(path) if "studies" in data else in_two_words(data)
 
 
 def pages(root: Path) -> list[Path]:

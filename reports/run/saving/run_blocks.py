@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterable
 from statistics import fmean, stdev
-from typing import Any
 
 import numpy as np
 
@@ -11,17 +10,10 @@ from harness.records.study import Check, Studies
 from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
+from reports.data.outcome import shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
+from reports.run.saving.replicates import Replicated, Run, answer, replicated, row, verdict_in
 
-Run = dict[str, Any]
-"""The content of a published JSON file that is no record of studies."""
-SAYS = {
-    "better": "scores above",
-    "worse": "scores below",
-    "equivalent": "scores the same within the margin as",
-    "inconclusive": "is not told apart from",
-}
-"""Map verdict → the verb of a sentence about it: no other words compare two methods on these pages."""
 DUELS = ((FAVOURITE, BASELINE), (FAVOURITE, CONTROL), (CONTROL, BASELINE))
 
 
@@ -36,18 +28,17 @@ def main_methods(run: Run) -> list[str]:
     return [method for method in run["methods"] if method in run["settings"]["methods"]]
 
 
-def row(run: Run, scene: str, method: str, against: str, budget: str = "steps") -> Run | None:
-    """Return the comparison of two methods by PSNR; None if there is no difference."""
-    asked = {"scene": scene, "method": method, "against": against, "metric": "psnr", "budget": budget}
-    rows = (comparison for comparison in run["comparisons"] if asked.items() <= comparison.items())
-    return next((effect for effect in rows if effect["difference"] is not None), None)
-
-
-def estimate(comparison: Run, sense: str) -> str:
-    """Format `−0.13 to +0.50: inconclusive`, of the interval that the verdict is taken from."""
+def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str:
+    """Format `−0.13 to +0.50: sign and size open`, of the interval that the verdict is taken from. Words that a
+    replicate does not repeat are not printed: `−0.13 to +0.50; +0.12 to +0.14 dB in three runs: above 0, size open`.
+    """
     known = comparison[sense]
     pair = known and (known["simultaneous"] or known["interval"])
-    return f"{between(pair)}: {known['verdict']}" if pair else "–"
+    if not pair:
+        return "–"
+    if runs and sense == "scenes_like_these" and not runs.repeated:
+        return f"{between(pair)}; {shared(runs.differences, runs.verdicts)}"
+    return f"{between(pair)}: {verdict_in(known).phrase}"
 
 
 def scale(run: Run) -> str:
@@ -62,18 +53,23 @@ def scale(run: Run) -> str:
     )
 
 
-def result(run: Run) -> str:
+def result(run: Run, replicates: Run) -> str:
     """State the answer, the printed gain, and who scores how much more than whom, asked twice."""
     gain = next(
         (claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None), None
     )
     printed = f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." if gain else ""
-    return f"**{run['headline']}.**{printed}\n\n{differences(run)}"
+    return f"**{answer(run, replicates)}.**{printed}\n\n{differences(run, replicates=replicates)}"
 
 
-def differences(run: Run, budget: str = "steps") -> str:
+def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
+    of_pairs = replicated(run, replicates or {})
     rows = [
-        (f"`{pair[0]}` − `{pair[1]}`", f"{signed(duel['difference'])} dB", *(estimate(duel, name) for name in SENSES))
+        (
+            f"`{pair[0]}` − `{pair[1]}`",
+            f"{signed(duel['difference'])} dB",
+            *(estimate(duel, name, of_pairs.get(pair)) for name in SENSES),
+        )
         for pair in DUELS
         if (duel := row(run, "all", *pair, budget))
     ]
@@ -88,17 +84,16 @@ def training(run: Run) -> str:
     return f"{run['settings']['budget']['steps']} steps of {train['rays']} rays, {named}"
 
 
-def beside(run: Run, other: Run) -> str:
-    """Tabulate a second run of the same methods beside the default one: over all scenes if both have the same, else
-    scene by scene.
+def beside(run: Run, other: Run, replicates: Run) -> str:
+    """Tabulate a second run of the same methods next to the default one, whose `replicates` are: over all scenes if
+    both have the same, else scene by scene.
     """
-    runs = (run, other)
+    runs, of_pairs = (run, other), replicated(run, replicates)
     names, others = ([scene["scene"] for scene in each["scenes"]] for each in runs)
     common = [name for name in names if name in others]
     whole = len(common) == len(names) == len(others)
     sense, places = ("scenes_like_these", ["all"]) if whole else ("on_these_scenes", common)
     rows: list[tuple[str, ...]] = []
-    verdicts = []
     for place in places:
         where = f", mean of {counted(len(common), 'scene')}" if whole else f" on {place}"
         inside = common if whole else [place]
@@ -108,8 +103,12 @@ def beside(run: Run, other: Run) -> str:
         for pair in DUELS:
             duels = [row(each, place, *pair) for each in runs]
             if all(duels):
-                verdicts.append([duel[sense]["verdict"] for duel in duels if duel])
-                told = (f"{signed(duel['difference'])} dB, {estimate(duel, sense)}" for duel in duels if duel)
+                known = (of_pairs.get(pair) if whole else None, None)
+                told = (
+                    f"{signed(duel['difference'])} dB, {estimate(duel, sense, own)}"
+                    for duel, own in zip(duels, known, strict=True)
+                    if duel
+                )
                 rows.append((f"`{pair[0]}` − `{pair[1]}`{'' if whole else where}", *told))
     gains = [{gained["method"]: gained["gain"] for gained in each["last_doubling"]} for each in runs]
     rows += [
@@ -117,10 +116,9 @@ def beside(run: Run, other: Run) -> str:
         for method in main_methods(run)
         if whole and all(gain.get(method) is not None for gain in gains)
     ]
-    same = sum(len(set(pair)) == 1 for pair in verdicts)
     words = "on scenes like these" if whole else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
-    return f"{same} of {len(verdicts)} verdicts are the same.\n\n{table(head, rows)}\n\n{scale(other)}"
+    return f"{table(head, rows)}\n\n{scale(other)}"
 
 
 def _score(run: Run, scenes: list[str], method: str) -> str:
@@ -255,21 +253,21 @@ def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> 
 
 
 def processors(run: Run, published: Run) -> str:
-    """State how far the same plan and seeds move on another processor, the verdicts over all scenes on both, and which
-    of the published ones these do not both repeat.
-    """
+    """State how far the same plan and seeds move on another processor, and what the published run and these share."""
     here = ", ".join(
         f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}"
         for place, (ours, theirs) in run["origins"].items()
     )
-    headline = "; ".join(run["headline"]).replace("-", "−")
-    own = {f"{first} − {second}": row(published, "all", first, second) for first, second in DUELS}
-    told = (line.split(": ", 1) for line in run["headline"])
-    edge = [name for name, both in told if (duel := own.get(name)) and both.count(f"({duel['verdict']})") < 2]
-    unsure = f" The published verdict on {listed(edge)} is at its edge: these do not both repeat it." if edge else ""
+    told = listed(
+        [
+            f"`{first}` − `{second}` {shared(found.differences, found.verdicts)}"
+            + ("" if found.repeated else f" (published: {found.verdicts[0].phrase}, which they do not all repeat)")
+            for (first, second), found in replicated(published, run).items()
+        ]
+    )
     return (
         f"The same plan and seeds on another processor or instruction set (here: {here}) {_moved(run)} "
-        f"(`python -m harness compare A B`). Over all scenes, on one and on the other: {headline}.{unsure}"
+        f"(`python -m harness compare A B`). Over all scenes, of the published run and these: {told}."
     )
 
 

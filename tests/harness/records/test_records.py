@@ -42,6 +42,7 @@ from harness.records.json_record import (
     write_record,
 )
 from harness.records.metric_table import METRICS
+from harness.records.verdict import OPEN, Verdict
 from scenes.files.errors import as_text
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.replacing import replace
@@ -55,7 +56,7 @@ def one_cell() -> CellRecord:
     return cell("lego", "qnerf", 2, curve)
 
 
-HERE = Estimate((0.0, 0.2), (-0.1, 0.3), 48, "better", 0.1, None)
+HERE = Estimate((0.0, 0.2), (-0.1, 0.3), 48, Verdict("open", "open"), 0.1, None)
 
 
 def one_run() -> RunRecord:
@@ -84,8 +85,8 @@ def test_a_cell_comes_back_as_it_was_written(tmp_path: Path) -> None:
 def test_a_run_and_comparisons_come_back_as_they_were_written(tmp_path: Path) -> None:
     duel = ("lego", "qnerf", "nerf", "ssim")
     rows = [
-        Comparison(*duel, "seconds", None, None, "inconclusive", None, 0, 3, None, 1, None, None),
-        Comparison(*duel, "steps", 0.1, (0.0, 0.2), "better", 0.1, 3, 0, (-0.1, 0.3), 48, HERE, None),
+        Comparison(*duel, "seconds", None, None, OPEN, None, 0, 3, None, 1, None, None),
+        Comparison(*duel, "steps", 0.1, (0.0, 0.2), Verdict("above 0", "open"), 0.1, 3, 0, (-0.1, 0.3), 48, HERE, None),
     ]
     write_run(tmp_path, one_run())
     write_comparisons(tmp_path, rows)

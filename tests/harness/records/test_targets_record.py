@@ -17,15 +17,16 @@ from harness.records.targets import (
     read_targets,
     write_targets,
 )
+from harness.records.verdict import OPEN, Verdict
 
-HERE = Estimate((3.0, 31.0), (1.0, 33.0), 8, "better", 20.0, 1.0)
+HERE = Estimate((3.0, 31.0), (1.0, 33.0), 8, Verdict("above 0", "open"), 20.0, 1.0)
 SAVING = TargetComparison(
-    "all", "qnerf", "nerf", "steps", 1000.0, 18.0, (3.0, 31.0), (1.0, 33.0), 8, "better", 20.0, -80.0, (-90.0, -70.0),
-    6, (0, 1), (2, 0), 0, 3.0, None, HERE, None,
+    "all", "qnerf", "nerf", "steps", 1000.0, 18.0, (3.0, 31.0), (1.0, 33.0), 8, HERE.verdict, 20.0, -80.0,
+    (-90.0, -70.0), 6, (0, 1), (2, 0), 0, 3.0, None, HERE, None,
 )  # fmt: skip
 NOTHING = replace(
     SAVING, scene="lego", saving=None, interval=None, simultaneous=None, smallest_detectable=None, difference=None,
-    difference_interval=None, verdict="inconclusive", pairs=0,
+    difference_interval=None, verdict=OPEN, pairs=0,
 )  # fmt: skip
 RECORD = TargetsRecord(
     24.0,

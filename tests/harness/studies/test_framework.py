@@ -26,6 +26,7 @@ from harness.records.study import (
     read_studies,
     write_studies,
 )  # fmt: skip
+from harness.records.verdict import OPEN
 from harness.run_folder.integrity import DAMAGED
 from harness.studies.evidence.evidence_studies import SHELF as EVIDENCE
 from harness.studies.framework import Found, Shelf, line_of, list_lines
@@ -207,7 +208,7 @@ EVERYTHING = Studies(
         StudyInfo("Q1", "title", "question?", "method", {"bar": "small"}), "scale",
         [Answer("It is."), check("error", 1.0, 0.5, 2.0, "dB", "why", subject="nerf", owner="paper", repeats=3,
                                  spread=(0.9, 1.1), id="a.b"),
-         Effect("qnerf", "nerf", "all", "psnr", "steps", 0.1, (0.0, 0.2), None, 2, "inconclusive", None, 3, 0),
+         Effect("qnerf", "nerf", "all", "psnr", "steps", 0.1, (0.0, 0.2), None, 2, OPEN, None, 3, 0),
          Series("panel", 1, "line", "x", "y", [1.0, 2.0], [None, 1.0], None, [1.0, 2.0], False, True),
          Table("t", 1, "table", ["a", "b"], [["x", 1.0], [None, 2.0]]),
          Picture(1, "t", "c", f"{PICTURES_FOLDER}/p.png")],

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from harness.records.cells import CellRecord, Comparison, unscored
 from harness.records.metric_table import METRICS
+from harness.records.verdict import OPEN, Verdict
 from harness.verdicts.comparisons import (
     OPTIONAL,
     budgets_of,
@@ -41,17 +42,17 @@ def test_equal_steps_compare_final_scores_and_equal_time_reads_the_slower_where_
     cells = [quick("nerf", 0, 24.0), quick("nerf", 1, 25.0), slow("qnerf", 0, 27.0), slow("qnerf", 1, 26.0)]
     row = psnr_row(cells, "lego")
     assert (row.method, row.against, row.pairs, row.unpaired) == ("qnerf", "nerf", 2, 0)
-    assert (row.difference, row.verdict) == (2.0, "inconclusive")
+    assert (row.difference, row.verdict) == (2.0, OPEN)
     # differences 3 and 1: mean 2, standard error 1, t of one degree of freedom 12.7062
     assert row.interval == pytest.approx((2 - 12.7062, 2 + 12.7062), abs=1e-4)
     row = of(compare(cells[::2], ["nerf", "qnerf"]), scene="lego", metric="psnr", budget="seconds")
     # qnerf after 100 s lies log(100 / 20) / log(200 / 20) of the way from 21 to 27 dB
     assert row.difference == pytest.approx(21 + 6 * math.log(5) / math.log(10) - 24)
-    assert (row.interval, row.verdict, row.smallest_detectable) == (None, "inconclusive", None)
+    assert (row.interval, row.verdict, row.smallest_detectable) == (None, OPEN, None)
     many = [quick("nerf", seed, 26.0 + 0.01 * seed) for seed in range(4)] + [slow("qnerf", s, 27.0) for s in range(4)]
     rows = [row for row in compare(many, ["nerf", "qnerf"]) if row.scene == "lego" and row.metric == "psnr"]
-    assert of(rows, budget="steps").verdict == "better"
-    assert of(rows, budget="seconds").verdict == "worse", "who wins may differ"
+    assert of(rows, budget="steps").verdict.sign == "above 0"
+    assert of(rows, budget="seconds").verdict.sign == "below 0", "who wins may differ"
 
 
 DUEL = ("nerf", "qnerf")
@@ -85,7 +86,7 @@ def test_where_a_run_has_not_counted_core_seconds_there_is_no_such_comparison() 
     assert "core_seconds" in budgets_of([cells[0], never]), "one that never trained has none to count"
 
 
-def test_the_direction_of_a_metric_is_minded() -> None:
+def test_a_sign_is_that_of_the_difference() -> None:
     flips = {"nerf": (0.300, 0.301, 0.302), "qnerf": (0.2, 0.2, 0.2)}
     cells = [
         cell("lego", method, seed, [checkpoint(10, 10.0, 20.0)], scores={"psnr": 20.0, "flip": flip})
@@ -94,7 +95,7 @@ def test_the_direction_of_a_metric_is_minded() -> None:
     ]
     row = of(compare(cells, ["nerf", "qnerf"]), scene="lego", metric="flip", budget="steps")
     assert row.difference == pytest.approx(-0.101)
-    assert row.verdict == "better"
+    assert row.verdict == Verdict("below 0", "matters"), "the sign of the difference, whichever way is better"
 
 
 def planted(gains: dict[str, list[float]]) -> list[CellRecord]:
@@ -114,10 +115,10 @@ def test_the_verdict_is_taken_from_the_interval_of_the_whole_family() -> None:
     row = psnr_row(planted({scene: [0.25, 0.75, 1.25] for scene in "abcdefgh"}), "a")
     assert row.interval is not None
     assert row.simultaneous is not None
-    assert (row.interval[0] > 0 > row.simultaneous[0], row.family, row.verdict) == (True, 8, "inconclusive")
+    assert (row.interval[0] > 0 > row.simultaneous[0], row.family, row.verdict) == (True, 8, OPEN)
     # 4.3 standard errors of 2 degrees of freedom
-    assert psnr_row(planted({"a": [0.25, 0.75, 1.25]}), "a").verdict == "inconclusive"
-    assert psnr_row(planted({"a": [1.0, 1.5, 2.0]}), "a").verdict == "better"
+    assert psnr_row(planted({"a": [0.25, 0.75, 1.25]}), "a").verdict == OPEN
+    assert psnr_row(planted({"a": [1.0, 1.5, 2.0]}), "a").verdict.sign == "above 0"
 
 
 def test_families_are_the_declared_ones() -> None:
@@ -195,8 +196,8 @@ def test_over_all_scenes_both_senses_stand_side_by_side() -> None:
     assert elsewhere.interval == pytest.approx((3 - 12.7062, 3 + 12.7062), abs=1e-4)
     # seeds: (1 / 3 + 0 / 3) / 4, and of two variances one says nothing
     assert here.interval == pytest.approx((3 - 2.7764 / 12**0.5, 3 + 2.7764 / 12**0.5), abs=1e-3)
-    assert (here.verdict, elsewhere.verdict) == ("better", "inconclusive")
-    assert (row.interval, row.verdict, row.family) == (elsewhere.interval, "inconclusive", 1)
+    assert (here.verdict.sign, elsewhere.verdict) == ("above 0", OPEN)
+    assert (row.interval, row.verdict, row.family) == (elsewhere.interval, OPEN, 1)
     assert here.effect == pytest.approx(3 / 0.5**0.5)
     assert elsewhere.effect == pytest.approx(3 / 2**0.5)
 
@@ -206,14 +207,14 @@ def test_a_single_scene_says_nothing_of_others() -> None:
     row = psnr_row(cells, "all")
     assert row.scenes_like_these is None
     assert replace(row, scene="a") == psnr_row(cells, "a")
-    assert (row.verdict, row.on_these_scenes and row.on_these_scenes.verdict) == ("better", "better")
+    assert [each and each.verdict.sign for each in (row, row.on_these_scenes)] == ["above 0"] * 2
 
 
 @pytest.mark.parametrize("seeds", [1, 2])
 def test_fewer_than_three_seeds_give_no_verdict_on_a_single_scene(seeds: int) -> None:
     cells = planted({scene: [5.0, 5.01][:seeds] for scene in "abcd"})
-    assert psnr_row(cells, "a").verdict == "inconclusive"
-    assert psnr_row(cells, "all").verdict == "better"
+    assert psnr_row(cells, "a").verdict == OPEN
+    assert psnr_row(cells, "all").verdict.sign == "above 0"
 
 
 @pytest.mark.parametrize("broken", ["diverged", "collapsed", "missing", "error"])
@@ -227,7 +228,7 @@ def test_a_run_without_a_score_is_counted_and_the_others_are_judged(broken: str,
         cells.append(replace(diverged("b", "qnerf", 3), status=broken))  # type: ignore[arg-type]
     for scene, pairs in (("b", 3), ("all", 7)):
         row = of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget=budget)
-        assert (row.pairs, row.unpaired, row.verdict) == (pairs, 1, "better")
+        assert (row.pairs, row.unpaired, row.verdict.sign) == (pairs, 1, "above 0")
     assert row.difference == pytest.approx((2.985 + 2.99) / 2)
     if broken == "diverged":  # of the reference alike
         row = psnr_row([*cells[1:], diverged("a", "nerf", 0)], "a")
@@ -238,7 +239,7 @@ def test_one_lost_run_turns_no_verdict_however_bad_the_method_is() -> None:
     gains = {scene: [-3.0, -3.1, -2.9] for scene in "abcdefgh"}
     cells = planted(gains)
     cells[-1] = diverged("h", "qnerf", 2)
-    assert [psnr_row(cells, scene).verdict for scene in ("a", "h", "all")] == ["worse"] * 3
+    assert [psnr_row(cells, scene).verdict.sign for scene in ("a", "h", "all")] == ["below 0"] * 3
 
 
 def test_a_method_of_one_scene_is_compared_there_and_not_over_all() -> None:
@@ -258,7 +259,7 @@ def test_nothing_left_to_compare_is_a_row_without_a_number() -> None:
     for scene in ("lego", "all"):
         row = of(compare(cells, ["nerf", "qnerf"]), scene=scene, metric="psnr", budget="steps")
         assert (row.difference, row.interval, row.smallest_detectable) == (None, None, None)
-        assert (row.verdict, row.pairs, row.unpaired) == ("inconclusive", 0, 2)
+        assert (row.verdict, row.pairs, row.unpaired) == (OPEN, 0, 2)
 
 
 def test_scores_between_checkpoints_are_linear_in_log_time() -> None:

@@ -10,6 +10,7 @@ from scipy.stats import norm
 
 from harness.records.cells import CellRecord
 from harness.records.targets import Reach, TargetComparison, read_targets, write_targets
+from harness.records.verdict import OPEN, Verdict
 from harness.verdicts import nested
 from harness.verdicts.comparisons import duels
 from harness.verdicts.statistics import half_widths
@@ -140,7 +141,7 @@ def test_seconds_are_cut_where_the_quicker_method_ended() -> None:
     cells = [run("nerf", seed, [20, 22, 24], pace=0.1) for seed in range(3)]
     cells += [run("qnerf", seed, [20, 22, 24], pace=0.2) for seed in range(3)]
     at_21 = of(cells, "seconds", target=21.0)
-    assert (at_21.horizon, at_21.never, at_21.verdict) == (100.0, (0, 0), "worse")
+    assert (at_21.horizon, at_21.never, at_21.verdict.sign) == (100.0, (0, 0), "below 0")
     assert at_21.saving == pytest.approx(-100.0)
     # nerf after 84 s, qnerf after 168 s, of which nobody watched more than 100 with both
     at_limit = of(cells, "seconds", target=22 + 2 * math.log10(8.4))
@@ -166,26 +167,26 @@ def cells_of(nerf: list[Scores], qnerf: list[Scores]) -> list[CellRecord]:
     ("nerf", "qnerf", "expected"),
     [
         # 24 dB after 100 steps; a gain of 2 dB at each checkpoint brings it to √1000
-        ([SAME] * 3, [SOONER] * 3, {"saving": 100 * (1 - 10**-0.5), "difference": 10**1.5 - 100, "verdict": "better"}),
+        ([SAME] * 3, [SOONER] * 3, {"saving": 100 * (1 - 10**-0.5), "difference": 10**1.5 - 100, "sign": "above 0"}),
         ([SAME] * 3, [SOONER] * 3, {"pairs": 3, "never": (0, 0), "earlier": (0, 0), "horizon": 1000.0}),
-        ([SOONER] * 3, [SAME] * 3, {"saving": 100 * (1 - 10**0.5), "verdict": "worse"}),
+        ([SOONER] * 3, [SAME] * 3, {"saving": 100 * (1 - 10**0.5), "sign": "below 0"}),
         # a run that ends low or diverges counts as long as it was watched: 1000 steps in place of 100
         ([SAME] * 4, [SAME, SAME, SAME, LATE], {"saving": 100 * (1 - 10**0.25), "never": (1, 0), "unpaired": 0}),
         ([SAME] * 4, [SAME, SAME, SAME, "diverged"], {"saving": 100 * (1 - 10**0.25), "never": (1, 0), "unpaired": 0}),
-        ([SAME] * 4, [SAME, SAME, SAME, LATE], {"difference": (1000 - 100) / 4, "verdict": "inconclusive", "pairs": 4}),
-        ([SAME] * 4, [SAME] * 3, {"saving": 0.0, "unpaired": 1, "verdict": "equivalent"}),
+        ([SAME] * 4, [SAME, SAME, SAME, LATE], {"difference": (1000 - 100) / 4, "verdict": OPEN, "pairs": 4}),
+        ([SAME] * 4, [SAME] * 3, {"saving": 0.0, "unpaired": 1, "size": "smaller than matters"}),
         # a full disk refutes nobody: runs lost to one must not read as if they never got there
-        ([SAME] * 4, ["error"] * 4, {"saving": None, "pairs": 0, "unpaired": 4, "verdict": "inconclusive"}),
+        ([SAME] * 4, ["error"] * 4, {"saving": None, "pairs": 0, "unpaired": 4, "verdict": OPEN}),
         ([SAME] * 4, ["diverged"] * 4, {"saving": -900.0, "pairs": 4, "never": (4, 0), "unpaired": 0}),
-        ([SAME] * 3, ["error", SOONER, SOONER], {"saving": 100 * (1 - 10**-0.5), "pairs": 2, "verdict": "better"}),
+        ([SAME] * 3, ["error", SOONER, SOONER], {"saving": 100 * (1 - 10**-0.5), "pairs": 2, "sign": "above 0"}),
         # who was there at the first checkpoint cannot seem quicker than that: 10 steps or fewer against 100
         ([SAME] * 3, [AT_ONCE] * 3, {"saving": 90.0, "earlier": (3, 0)}),
         # at once against never is at least 99 % of the time watched: no width, and a verdict by counting
-        ([LATE] * 5, [AT_ONCE] * 5, {"saving": 99.0, "interval": None, "verdict": "inconclusive"}),
-        ([LATE] * 6, [AT_ONCE] * 6, {"simultaneous": None, "difference_interval": None, "verdict": "better"}),
-        # where nobody gets there, or all were there before, nothing is equivalent
-        ([LATE] * 3, [LATE] * 3, {"saving": None, "interval": None, "pairs": 3, "verdict": "inconclusive"}),
-        ([AT_ONCE] * 3, [AT_ONCE] * 3, {"saving": None, "interval": None, "pairs": 3, "verdict": "inconclusive"}),
+        ([LATE] * 5, [AT_ONCE] * 5, {"saving": 99.0, "interval": None, "verdict": OPEN}),
+        ([LATE] * 6, [AT_ONCE] * 6, {"simultaneous": None, "difference_interval": None, "sign": "above 0"}),
+        # where nobody gets there, or all were there before, no size is small
+        ([LATE] * 3, [LATE] * 3, {"saving": None, "interval": None, "pairs": 3, "verdict": OPEN}),
+        ([AT_ONCE] * 3, [AT_ONCE] * 3, {"saving": None, "interval": None, "pairs": 3, "verdict": OPEN}),
     ],
 )
 def test_savings_of_runs_that_get_there_end_below_diverge_or_fail(
@@ -193,23 +194,24 @@ def test_savings_of_runs_that_get_there_end_below_diverge_or_fail(
 ) -> None:
     row = of(cells_of(nerf, qnerf))
     for name, value in expected.items():
-        assert getattr(row, name) == pytest.approx(value), name
+        held = getattr(row.verdict if name in ("sign", "size") else row, name)
+        assert held == (value if isinstance(value, Verdict | str) else pytest.approx(value)), name
 
 
-def test_late_against_never_is_not_equivalent() -> None:
+def test_late_against_never_is_not_called_small() -> None:
     """nerf gets there just before the end, qnerf never: they are nearly level in what was watched, and nobody knows."""
     cells = [run("nerf", seed, [20, 24, 26.001 + 0.001 * seed]) for seed in range(3)]
     row = of([*cells, *(run("qnerf", seed, [20, 24, 25.9]) for seed in range(3))], target=26.0)
     assert row.never == (3, 0)
     assert row.simultaneous is not None
     assert -5.0 < row.simultaneous[0] < row.simultaneous[1] < 5.0
-    assert row.verdict != "equivalent"
+    assert row.verdict.size != "smaller than matters"
 
 
-def test_over_scenes_of_which_one_says_nothing_nothing_is_equivalent() -> None:
+def test_over_scenes_of_which_one_says_nothing_no_size_is_small() -> None:
     cells = cells_of([SAME] * 3, [SAME] * 3)
     row = of([replace(each, scene="mic") for each in cells] + cells_of([LATE] * 3, [LATE] * 3), scene="all")
-    assert (row.saving, row.verdict) == (0, "inconclusive")
+    assert (row.saving, row.verdict) == (0, OPEN)
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def test_scores_and_verdicts_that_moved_are_counted(first: Path, tmp_path: Path)
     here, elsewhere = result.changed
     assert (here.compared, here.verdicts, here.signs) == (6, 6, 6), "two scenes and all, at equal steps and time"
     assert elsewhere.compared == 2
-    assert result.headline == ["qnerf − nerf: +1.10 dB (better) → -1.10 dB (worse)"]
+    assert result.headline == ["qnerf − nerf: +1.10 dB (above 0, matters) → -1.10 dB (below 0, matters)"]
 
 
 def test_the_same_output_again_differs_in_nothing(first: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 import pytest
 
 from harness.records.cells import Estimate
+from harness.records.verdict import OPEN
 from harness.verdicts.paper import LEDGER
 from reports.claims.claim_list import KINDS, RULES, claims, tally
 from reports.claims.ledger import OWN_FIGURES
@@ -24,7 +25,7 @@ LOST = {"difference": None, "on_these_scenes": None, "pairs": 0}
 def measured(difference: float, half: float, effect: float | None = 4.0, **changes) -> dict:
     """What a comparison says of a difference with an interval of ± `half` on these scenes."""
     pair = (difference - half, difference + half)
-    return {"difference": difference, "on_these_scenes": Estimate(pair, pair, 1, "better", None, effect), **changes}
+    return {"difference": difference, "on_these_scenes": Estimate(pair, pair, 1, OPEN, None, effect), **changes}
 
 
 def with_comparisons(records: Records, **changes) -> Records:

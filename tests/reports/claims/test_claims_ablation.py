@@ -6,6 +6,7 @@ import pytest
 
 from harness.records.cells import Comparison, Estimate
 from harness.records.study import Effect, Studies, StudyInfo, StudyRecord, check
+from harness.records.verdict import OPEN
 from reports.claims.scores import NEEDS_STUDY
 from reports.data.beside import Beside
 from reports.data.load import Records
@@ -25,8 +26,8 @@ MISSED = "not seen at this scale"
 def effect(pair: tuple[str, str], difference: float | None, half: float = 0.1, **changes) -> Effect:
     near = None if difference is None else (difference - half, difference + half)
     wide = None if difference is None else (difference - 3 * half, difference + 3 * half)
-    here = Estimate(near, wide, 3, "better", 0.3, None)
-    full = Effect(*pair, "lego", "psnr", "steps", difference, near, wide, 3, "better", 0.3, 3, 0, "", here)
+    here = Estimate(near, wide, 3, OPEN, 0.3, None)
+    full = Effect(*pair, "lego", "psnr", "steps", difference, near, wide, 3, OPEN, 0.3, 3, 0, "", here)
     return replace(full, **changes)
 
 
@@ -63,7 +64,7 @@ def test_a_part_is_judged_by_the_row_above_it_on_lego_at_equal_steps(whole: Reco
 
 
 def test_equation_4_stands_beside_and_is_not_judged(whole: Records):
-    claim = claimed(whole, study(effect(LISTING_2, -2.5), effect(EQUATION_4, 0.61, verdict="inconclusive")))[CLAIM]
+    claim = claimed(whole, study(effect(LISTING_2, -2.5), effect(EQUATION_4, 0.61, verdict=OPEN)))[CLAIM]
     assert claim.verdict == MISSED
     assert claim.note == f"with the amplifier of Eq. 4: +0.61 [+0.31, +0.91] (inconclusive); {DERIVED}"
     alone = claimed(whole, study(effect(EQUATION_4, 0.61)))[CLAIM]
@@ -71,8 +72,8 @@ def test_equation_4_stands_beside_and_is_not_judged(whole: Records):
 
 
 def test_the_runs_own_comparison_comes_before_the_study(whole: Records):
-    here = Estimate((0.0, 0.2), (0.0, 0.2), 1, "better", 0.1, 1.0)
-    own = Comparison("lego", *LISTING_2, "psnr", "steps", 0.1, (0.0, 0.2), "better", 0.1, 3, 0, None, 1, here, None)
+    here = Estimate((0.0, 0.2), (0.0, 0.2), 1, OPEN, 0.1, 1.0)
+    own = Comparison("lego", *LISTING_2, "psnr", "steps", 0.1, (0.0, 0.2), OPEN, 0.1, 3, 0, None, 1, here, None)
     records = replace(whole, comparisons=[*whole.comparisons, own])
     for evidence in (None, study(effect(LISTING_2, 0.6))):
         claim = claimed(records, evidence)[CLAIM]

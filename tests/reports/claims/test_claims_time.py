@@ -7,6 +7,7 @@ import pytest
 from harness.records.cells import Estimate
 from harness.records.json_record import DamagedRecord
 from harness.records.targets import TargetComparison, TargetsRecord, write_targets
+from harness.records.verdict import OPEN
 from reports.claims.ledger import Bench, Finding, entries
 from reports.claims.time import NEEDS_MACHINE, NEEDS_SCENES, bound, saving, time_to_target
 from reports.data.load import Records, read_records
@@ -18,7 +19,7 @@ from tests.reports.fake_run import PAPER
 
 ONE = TargetComparison(
     scene="all", method="qnerf", against="nerf", axis="steps", horizon=1600.0, saving=18.0, interval=(-9.0, 41.0),
-    simultaneous=(-9.0, 41.0), family=1, verdict="inconclusive", smallest_detectable=5.0, difference=-100.0,
+    simultaneous=(-9.0, 41.0), family=1, verdict=OPEN, smallest_detectable=5.0, difference=-100.0,
     difference_interval=(-130.0, -70.0), pairs=6, never=(0, 0), earlier=(0, 0), unpaired=0,
     at_least=None, at_most=None, on_these_scenes=None, scenes_like_these=None,
 )  # fmt: skip
@@ -26,7 +27,7 @@ ONE = TargetComparison(
 
 def on_them(pair: tuple[float, float] | None, **changes) -> TargetComparison:
     """With an interval on these scenes, which alone is asked for; that of scenes like these is wide."""
-    return replace(ONE, on_these_scenes=Estimate(pair, pair, 1, "better", None, None), **changes)
+    return replace(ONE, on_these_scenes=Estimate(pair, pair, 1, OPEN, None, None), **changes)
 
 
 SAVED = on_them((14.0, 22.0))

@@ -11,7 +11,7 @@ def test_both_senses_stand_in_one_row(whole: Records):
     assert len(grid.rows) == 6, "three pairs of methods, two budgets"
     texts = [entry.text for entry in grid.rows[0]]
     assert texts == ["qnerf", "at equal steps", "+0.81 dB", "+0.76 to +0.86", "+0.69 to +0.93"]
-    assert grid.rows[0][3].small == "better\nd = +3.2"
+    assert grid.rows[0][3].small == "above 0, matters\nd = +3.2"
     row = whole.comparison("chair", "qnerf", "nerf", budget="seconds")
     assert f"+{row.difference:.2f} dB at equal training time" in difference_in_words(row, ["chair"], [0, 1, 2])
 
@@ -21,7 +21,7 @@ def test_failures_have_rates_and_are_compared(records: Records, whole: Records):
     rows = {row[0].text: [entry.text for entry in row[1:]] for row in rates_grid(records).rows}
     assert rows["nerf"][:4] == ["6", "0", "0", "0\u202f%"]
     assert rows["qnerf"][:4] == ["6", "1", "0", "17\u202f%"]
-    assert rows["qnerf"][4].splitlines()[0] == "nerf: not told apart (1 : 0 of 6 pairs, p = 1.000)"
+    assert rows["qnerf"][4].splitlines()[0] == "nerf: not distinguished (1 : 0 of 6 pairs, p = 1.000)"
     cells = [replace(cell, warnings=["empty collapse: 0.001"] * (cell.method == "qnerf")) for cell in whole.cells]
     rate = found_failures(replace(whole, cells=cells)).rates[2]
     assert (rate.method, rate.collapsed, rate.rate) == ("qnerf", 6, 1.0)

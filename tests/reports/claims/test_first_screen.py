@@ -77,10 +77,10 @@ def test_how_sure(records: Records, whole: Records, tmp_path):
     assert sure == [
         "qnerf − nerf = +0.81 dB after equal steps (95\u202f% interval +0.69 to +0.93; 2 scenes × 3 seeds). "
         "The verdict is on scenes like these.",
-        "On these scenes alone, the interval is +0.76 to +0.86 dB (better).",
-        "A true difference below 0.40 dB could have gone unnoticed (power 80 %).",
+        "On these scenes alone, the interval is +0.76 to +0.86 dB (above 0, matters).",
+        "The sign of a true difference below 0.40 dB could have stayed open (power 80 %).",
     ], "the power is that of the comparison in the headline"
-    assert "was not checked beside this run" in unchecked
+    assert "was not checked in this run" in unchecked
     assert "2 scenes × 3 seeds; 1 of 6 pairs not judged)" in shown(records).sure[0]
     assert "1 of 6 pairs not judged" in page(records)
     alone = read_records(write_fake_run(tmp_path / "one", ("chair",), pictures=False, with_diverged=False))
@@ -104,7 +104,7 @@ def test_the_page_opens_with_all_of_it(whole: Records):
         top.index(words)
         for words in ("as printed?", "<h1>", ">How sure<", "+0.69 to +0.93", ">Scale<", "not the paper’s",
                       ">Not tested<", 'href="#not-tested"', "PSNR gain, average", "claims need",
-                      "How sure, in more detail", "0.746", "statements in the ledger", "Every statement",
+                      ">Confidence<", "0.746", "statements in the ledger", "Every statement",
                       "At what scale", "What was not tested")
     ]  # fmt: skip
     assert places == sorted(places)

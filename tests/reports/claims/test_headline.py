@@ -2,13 +2,18 @@
 
 import pytest
 
+from harness.records.verdict import OPEN, Verdict
 from reports.claims.headline import headline, roles, title_of
 from reports.data.load import Records, read_records
+from reports.data.outcome import Outcome, clause
 from tests.replacing import replace
 from tests.reports.fake_run import METHODS, write_fake_run
 
+ABOVE, BELOW = Verdict("above 0", "open"), Verdict("below 0", "smaller than matters")
+MORE, SMALL = Verdict("above 0", "matters"), Verdict("open", "smaller than matters")
 
-def decided(records: Records, **verdicts: str) -> Records:
+
+def decided(records: Records, **verdicts: Verdict) -> Records:
     """The same run with verdicts set by `rival_budget`."""
     changed = [
         replace(row, verdict=verdicts.get(f"{row.against}_{row.budget}", row.verdict)) if row.method == "qnerf" else row
@@ -17,60 +22,97 @@ def decided(records: Records, **verdicts: str) -> Records:
     return replace(records, comparisons=changed)
 
 
-BOUND = "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does "
-UNSHOWN = "The gain of qnerf over nerf is not shown to be more than bandwidth alone brings: nerf_matched may do as well"
-LONE = "qnerf scores above nerf, but without a bandwidth control beside it this says little"
+def outcome(verdict: Verdict, *differences: float, against: str = "nerf", by_scene: tuple[float, ...] = ()) -> Outcome:
+    return Outcome("qnerf", against, differences, verdict, by_scene)
 
 
 @pytest.mark.parametrize(
-    ("vs_baseline", "vs_control", "title"),
+    ("found", "told"),
     [
-        ("better", "better", "qnerf scores above both nerf and nerf_matched"),
-        ("better", "equivalent", f"{BOUND}as well"),
-        ("better", "worse", f"{BOUND}better still"),
-        ("better", "inconclusive", UNSHOWN),
-        ("better", None, LONE),
-        ("worse", "worse", "qnerf scores below both nerf and nerf_matched"),
-        ("equivalent", "better", "qnerf and nerf score the same within the margin; qnerf scores above nerf_matched"),
-        ("worse", "better", "qnerf scores below nerf; qnerf scores above nerf_matched"),
-        ("inconclusive", "worse", "This run cannot tell qnerf from nerf; qnerf scores below nerf_matched"),
-        ("inconclusive", "inconclusive", "This run cannot tell qnerf from nerf or nerf_matched"),
-        ("worse", None, "qnerf scores below nerf"),
-        (None, "better", "No comparison of qnerf with nerf could be made"),
+        (outcome(MORE, 0.81), "qnerf gains 0.81 dB over nerf, more than the 0.2 dB that matter"),
+        (outcome(BELOW, -0.1), "qnerf loses 0.10 dB to nerf, less than the 0.2 dB that matter"),
+        (outcome(ABOVE, 0.14), "qnerf gains 0.14 dB over nerf, which may be more or less than the 0.2 dB that matter"),
+        (outcome(SMALL, 0.0), "the sign of qnerf − nerf is open (0.00 dB), its size below the 0.2 dB that matter"),
+        (
+            outcome(OPEN, -0.3, by_scene=(-0.3,) * 8),
+            "the sign of qnerf − nerf is open (−0.30 dB), and so is whether it reaches the 0.2 dB that matter",
+        ),
+        (
+            outcome(OPEN, 0.137, 0.12, 0.14),
+            "the sign of qnerf − nerf is open (+0.12 to +0.14 dB in three runs), and so is whether it reaches the "
+            "0.2 dB that matter",
+        ),
+        (
+            outcome(ABOVE, 0.137, 0.12, 0.14),
+            "qnerf gains 0.12 to 0.14 dB (three runs) over nerf, which may be more or less than the 0.2 dB that matter",
+        ),
+        (
+            outcome(OPEN, -3.0, by_scene=(-2.0, -4.0)),
+            "qnerf is 3.00 dB below nerf on both scenes; two scenes are too few to predict others",
+        ),
+        (
+            outcome(OPEN, 0.1, by_scene=(1.0, -1.0, 0.3)),
+            "qnerf − nerf is +1.00, −1.00 and +0.30 dB on all three scenes; three scenes are too few to predict others",
+        ),
     ],
 )
-def test_titles(vs_baseline, vs_control, title):
-    assert title_of("qnerf", "nerf", "nerf_matched", vs_baseline, vs_control) == title
+def test_a_difference_is_told_with_sign_and_size(found: Outcome, told: str) -> None:
+    assert clause(found) == told
+
+
+@pytest.mark.parametrize(
+    ("vs_control", "told"),
+    [
+        (None, ""),
+        (outcome(MORE, 0.5, against="nerf_matched"),
+         "; over nerf_matched, which has the same bandwidth, qnerf gains 0.50 dB, more than the 0.2 dB that matter"),
+        (outcome(BELOW, -0.1, against="nerf_matched"),
+         "; nerf_matched, which has the same bandwidth, scores 0.10 dB more, less than the 0.2 dB that matter"),
+        (outcome(SMALL, 0.0, against="nerf_matched"),
+         "; the sign of qnerf − nerf_matched is open (0.00 dB), its size below the 0.2 dB that matter: nerf_matched, "
+         "which has the same bandwidth, may do as well"),
+    ],
+)  # fmt: skip
+def test_the_control_stands_behind_the_baseline(vs_control: Outcome | None, told: str) -> None:
+    found = outcome(MORE, 0.81)
+    assert title_of(found, vs_control, "nerf_matched") == clause(found) + told
+
+
+def test_a_gain_of_the_control_itself_is_that_of_bandwidth() -> None:
+    found = replace(outcome(MORE, 0.3), method="nerf_matched")
+    assert title_of(found, None, "nerf_matched") == f"{clause(found)}: bandwidth alone makes this difference"
+    assert title_of(None, found) == ""
+
+
+RISING = "; training was not finished (twice the steps brought 0.3 dB)"
 
 
 def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole: Records):
-    records = decided(
-        whole, nerf_steps="better", nerf_seconds="better", nerf_matched_steps="equivalent", nerf_matched_seconds="worse"
-    )
+    records = decided(whole, nerf_steps=ABOVE, nerf_seconds=ABOVE, nerf_matched_steps=SMALL, nerf_matched_seconds=BELOW)
     shown = headline(records)
-    assert shown.title == (
-        "The gain of qnerf over nerf is no more than bandwidth alone brings: nerf_matched does as well "
-        "(at equal steps, on scenes like these); still rising by 0.3 dB a doubling"
+    assert shown.title.startswith(
+        "qnerf gains 0.81 dB over nerf, which may be more or less than the 0.2 dB that matter;"
     )
+    assert shown.title.endswith(f"(at equal steps, on scenes like these){RISING}")
     assert (
         shown.sentences[0] == "Mean test PSNR over 2 scenes: nerf 23.35 dB, nerf_matched 24.26 dB and qnerf 24.16 dB."
     )
-    assert "owed to bandwidth" in shown.sentences[1]
+    assert "comes from bandwidth" in shown.sentences[1]
+    small, below = "sign open, smaller than matters", "below 0, smaller than matters"
     assert shown.sentences[2] == (
-        "Equal steps and equal time differ on qnerf over all scenes against nerf_matched (equivalent → worse), "
-        "on chair against nerf_matched (equivalent → worse) and on drums against nerf_matched (equivalent → worse)."
+        f"Equal steps and equal time differ on qnerf over all scenes against nerf_matched ({small} → {below}), "
+        f"on chair against nerf_matched ({small} → {below}) and on drums against nerf_matched ({small} → {below})."
     )
     assert [(duel.method, duel.against) for duel in shown.duels] == [("qnerf", "nerf"), ("qnerf", "nerf_matched")]
 
 
 def test_agreement_of_steps_and_time_is_said(whole: Records):
-    same = {f"{rival}_{budget}": "better" for rival in ("nerf", "nerf_matched") for budget in ("steps", "seconds")}
+    same = {f"{rival}_{budget}": ABOVE for rival in ("nerf", "nerf_matched") for budget in ("steps", "seconds")}
     records = decided(whole, **same)
     shown = headline(records)
-    better = "qnerf scores above both nerf and nerf_matched (on scenes like these)"
-    assert shown.title == f"{better}; still rising by 0.3 dB a doubling"
+    assert shown.title.endswith(f"(on scenes like these){RISING}")
     flat = [replace(cell, curve=[replace(point, psnr=20.0) for point in cell.curve]) for cell in records.cells]
-    assert headline(replace(records, cells=flat)).title == better
+    assert headline(replace(records, cells=flat)).title == shown.title.removesuffix(RISING)
     assert shown.sentences[-1] == "Equal steps and equal time lead to the same verdict on qnerf everywhere."
     kept = [row for row in records.comparisons if (row.scene, row.budget) != ("chair", "seconds")]
     assert headline(replace(records, comparisons=kept)).sentences[-1] == (
@@ -80,16 +122,16 @@ def test_agreement_of_steps_and_time_is_said(whole: Records):
 
 def test_lost_cells_are_in_the_title(records: Records, whole: Records, tmp_path):
     title = headline(records).title
-    assert title.startswith("The gain of qnerf over nerf is no more than bandwidth alone brings"), "others are judged"
-    assert title.endswith("(on scenes like these); still rising by 0.3 dB a doubling; qnerf lost 1 of its 6 cells")
+    assert title.startswith("qnerf gains "), "others are judged"
+    assert title.endswith(f"on scenes like these){RISING}; qnerf lost 1 of its 6 runs")
     cells = [replace(cell, status="error") if (cell.scene, cell.method, cell.seed) == ("chair", "nerf", 0) else cell
              for cell in whole.cells]  # fmt: skip
-    baselines = headline(decided(replace(whole, cells=cells), nerf_steps="inconclusive"))
-    assert baselines.title.startswith("This run cannot tell qnerf from nerf")
-    assert baselines.title.endswith("; nerf lost 1 of its 6 cells")
-    assert baselines.sentences[0].endswith("This is of the cells that finished: nerf lost 1 of its 6 cells.")
+    baselines = headline(decided(replace(whole, cells=cells), nerf_steps=OPEN))
+    assert baselines.title.startswith("qnerf is 0.81 dB above nerf on both scenes; two scenes are too few to predict")
+    assert baselines.title.endswith("; nerf lost 1 of its 6 runs")
+    assert baselines.sentences[0].endswith("This is of the runs that finished: nerf lost 1 of its 6 runs.")
     never = headline(read_records(write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False)))
-    assert never.title == "qnerf did not finish a single cell: nothing can be said of its quality"
+    assert never.title == "qnerf did not finish a single run: nothing can be said of its quality"
 
 
 def test_other_casts(whole: Records, tmp_path):
@@ -99,7 +141,7 @@ def test_other_casts(whole: Records, tmp_path):
         return headline(read_records(write_fake_run(out, methods=methods, pictures=False, with_diverged=False)))
 
     two = played("nerf", "qnerf")
-    assert "without a bandwidth control" in two.title
+    assert "bandwidth" not in two.title
     assert "nerf_matched was not run" in two.sentences[1]
     assert played("nerf").title == "Only nerf was run: there is nothing to compare it with"
     methods = {"nerf": "", "nerf_matched": "", "qnerf_theorem": "", "qnerf": ""}

@@ -62,7 +62,7 @@ def test_the_first_screen_says_what_it_reaches_in_nerfs_core_seconds(visited: Re
     assert first_screen(visited, claims(visited, beside), beside)["guests"] == guests(visited)
     assert guests(whole) == ""
     assert "splats</" in page(visited)
-    assert "Elsewhere" not in page(whole)
+    assert "<dt>Other methods</dt>" not in page(whole)
 
 
 def test_its_curve_stands_over_core_seconds(visited: Records) -> None:

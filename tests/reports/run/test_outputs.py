@@ -55,11 +55,14 @@ def test_a_change_is_found_where_it_is_and_as_large_as_it_is(tmp_path):
     outputs, found = compared(tmp_path, change_cell=shifted("qnerf", 1.0))
     row = found.row(EVERYWHERE, "qnerf")
     assert row.difference == pytest.approx(1.01)
-    assert row.chosen.verdict == "better"
+    assert row.chosen.verdict.phrase == "above 0, matters"
     assert found.row("chair", "qnerf").difference == pytest.approx(1.01)
     assert found.row(EVERYWHERE, "nerf").difference == 0.0
     assert found.identical == 12
-    assert headline(outputs[0], [found]) == "b against a: nerf the same, nerf_matched the same and qnerf better"
+    assert (
+        headline(outputs[0], [found])
+        == "b against a: nerf the same, nerf_matched the same and qnerf +1.01 dB (above 0, matters)"
+    )
 
 
 def test_every_metric_is_judged_at_equal_steps_and_those_along_training_at_equal_time(tmp_path):
@@ -99,7 +102,7 @@ def test_another_ground_truth_is_shown_and_not_judged(tmp_path):
 def test_a_lost_cell_is_counted_and_the_others_are_judged(tmp_path):
     _, found = compared(tmp_path, change_cell=shifted("qnerf", 1.0), with_diverged=True)
     row = found.row(EVERYWHERE, "qnerf")
-    assert (row.chosen.verdict, row.unpaired, row.pairs) == ("better", 1, 5)
+    assert (row.chosen.verdict.sign, row.unpaired, row.pairs) == ("above 0", 1, 5)
 
 
 def test_what_only_one_output_has_is_named_and_costs_the_others_nothing(tmp_path):

@@ -1,6 +1,7 @@
 """When runs reached a score: every run that did not stays in sight, and the record alone computes."""
 
 from harness.records.targets import Reach, ReachCurve, TargetComparison, TargetsRecord
+from harness.records.verdict import OPEN
 from harness.verdicts.survival import targets
 from reports.data.load import Records
 from reports.drawing.palette import KNOWN
@@ -10,7 +11,7 @@ from tests.replacing import replace
 
 CURVE = ReachCurve("nerf", "all", "steps", [100.0, 200.0, 800.0], [0.25, 0.5, 0.5], [4, 3, 2])
 SAVING = TargetComparison(
-    "all", "qnerf", "nerf", "steps", 800.0, 18.0, (3.0, 31.0), (-1.0, 33.0), 8, "inconclusive", 20.4, -80.0,
+    "all", "qnerf", "nerf", "steps", 800.0, 18.0, (3.0, 31.0), (-1.0, 33.0), 8, OPEN, 20.4, -80.0,
     (-90.0, -70.0), 6, (0, 1), (2, 0), 1, 3.0, None, None, None,
 )  # fmt: skip
 REACHES = [
@@ -53,14 +54,14 @@ def test_savings_stand_with_interval_verdict_and_everything_that_is_less_than_a_
     assert grid is not None
     ((method, steps, seconds),) = grid.rows
     assert (method.text, method.small) == ("qnerf", "against nerf")
-    assert (steps.text, steps.tone) == ("+18.0\u202f%", "inconclusive")
+    assert (steps.text, steps.tone) == ("+18.0\u202f%", "open")
     assert steps.small.splitlines() == [
-        "[−1.0, +33.0]", "inconclusive", "could detect 20\u202f%", "not within the time watched:",
+        "[−1.0, +33.0]", "sign and size open", "detectable 20\u202f%", "not within the time watched:",
         "1 of 6 runs of nerf", "there at once:", "2 of 6 runs of qnerf", "to the target itself +3.0\u202f% or more",
         "horizon 800 steps", "1 pair not judged",
     ]  # fmt: skip
     assert seconds.text == "–"
-    assert dict(steps.parts)["could detect"] == 20.4
+    assert dict(steps.parts)["detectable"] == 20.4
     counted = replace(RECORD, comparisons=[*RECORD.comparisons, replace(SAVING, axis="core_seconds")])
     grid = savings_grid(counted, ["all"])
     assert grid is not None
@@ -74,7 +75,7 @@ def test_a_pair_without_a_saving_is_a_row():
     )
     grid = savings_grid(replace(RECORD, comparisons=[nothing]), ["all"])
     assert grid is not None
-    assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "inconclusive\n1 pair not judged")
+    assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "sign and size open\n1 pair not judged")
     assert savings_grid(replace(RECORD, comparisons=[]), ["all"]) is None
 
 

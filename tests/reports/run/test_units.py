@@ -67,7 +67,7 @@ def test_the_printed_form_stands_apart_with_its_reason(explained: Path) -> None:
     assert "arXiv 2404.02155" in said
     shown = page(records)
     assert 'id="further"' in shown
-    assert "<dt>As printed</dt>" in shown
+    assert "<dt>Word for word</dt>" in shown
 
 
 def test_a_run_without_further_methods_has_no_such_section(whole: Records) -> None:

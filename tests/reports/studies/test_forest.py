@@ -3,12 +3,13 @@
 import pytest
 
 from harness.records.study import Effect
+from harness.records.verdict import OPEN, Verdict
 from reports.drawing.figure import svg
 from reports.studies.forest import effects_grid, forest_key, forests, limits_of
 
 
 def an_effect(difference: float | None, alone=None, together=None, **more) -> Effect:
-    parts = {"scene": "all", "metric": "psnr", "budget": "steps", "family": 8, "verdict": "inconclusive"}
+    parts = {"scene": "all", "metric": "psnr", "budget": "steps", "family": 8, "verdict": OPEN}
     parts |= {"name": "part", "against": "", "smallest_detectable": 0.4, "pairs": 9, "unpaired": 0, **more}
     return Effect(difference=difference, interval=alone, simultaneous=together, **parts)
 
@@ -25,19 +26,19 @@ def test_an_axis_holds_zero_every_difference_and_the_band_but_no_monstrous_inter
 def test_a_row_has_its_marks_its_figures_and_its_verdict():
     rows = [
         an_effect(0.3, (0.1, 0.5), (-0.2, 0.8)),
-        an_effect(0.9, verdict="better", note="Eq. 4", unpaired=1),
+        an_effect(0.9, verdict=Verdict("above 0", "smaller than matters"), note="Eq. 4", unpaired=1),
         an_effect(None, name="nothing", against="nerf"),
     ]
     (drawn,) = forests(rows, {"psnr": 0.2}).values()
     traces = {trace.label: (trace.x, trace.y, trace.x_high) for trace in drawn.traces}
     assert traces["interval alone"] == ((0.1,), (0.0,), (0.5,))
     assert traces["interval of all together"] == ((-0.2,), (0.0,), (0.8,))
-    assert traces["difference, settled"][:2] == ((0.9,), (1.0,))
-    assert traces["difference, not settled"][:2] == ((0.3,), (0.0,))
+    assert traces["difference, sign known"][:2] == ((0.9,), (1.0,))
+    assert traces["difference, sign open"][:2] == ((0.3,), (0.0,))
     assert traces["±0.2\u202fdB, the smallest effect of interest"][0] == (-0.2, 0.2, 0.2, -0.2)
     assert drawn.rows == ("part", "part (Eq. 4; 1 pair not judged)", "nothing − nerf")
-    assert drawn.figures == ("+0.30  [+0.10, +0.50]  ?", "+0.90    ▲", "–    ?")
-    assert "part (Eq. 4; 1 pair not judged) +0.90    ▲ better" in drawn.alt
+    assert drawn.figures == ("+0.30  [+0.10, +0.50]  ?", "+0.90    ▲=", "–    ?")
+    assert "part (Eq. 4; 1 pair not judged) +0.90    ▲= above 0, smaller than matters" in drawn.alt
 
 
 def test_parts_stand_before_methods_and_single_scenes_in_the_table_alone():

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from harness.records.json_record import DamagedRecord
 from harness.records.study import Answer, Check, Effect, Series, Studies, StudyInfo, StudyRecord, Table, check
+from harness.records.verdict import OPEN
 from reports.data.studies_load import find_studies
 from reports.run.run_page import page
 from reports.studies.study_page import headline, of_interest, sentences, shelf_shown, study_page
@@ -130,7 +131,7 @@ def test_the_smallest_effects_of_interest_are_those_of_the_record():
 
 def test_hostile_words_stay_words(tmp_path):
     effect = Effect(
-        *(HOSTILE, HOSTILE, HOSTILE, HOSTILE, "steps", 0.1, (0.0, 0.2), (-0.1, 0.3), 8, "better", 0.4, 9, 0, HOSTILE)
+        *(HOSTILE, HOSTILE, HOSTILE, HOSTILE, "steps", 0.1, (0.0, 0.2), (-0.1, 0.3), 8, OPEN, 0.4, 9, 0, HOSTILE)
     )
     hostile_study = study(
         StudyInfo(HOSTILE, HOSTILE, HOSTILE, HOSTILE),

@@ -56,12 +56,12 @@ def test_the_two_factors_are_what_they_are_called() -> None:
 
 
 def test_reach_is_found_where_reach_was_planted(found: list[Found]) -> None:
-    for px, size, said in ((100, 0.9, "better"), (200, 0.3, "better"), (300, -0.3, "worse")):
+    for px, size, said in ((100, 0.9, "above 0"), (200, 0.3, "above 0"), (300, -0.3, "below 0")):
         for scene in SCENES:
             reach, base = (effect(found, f"{factor} at {px} px", scene=scene) for factor in (REACH, BASE))
-            assert (reach.verdict, base.verdict) == (said, "equivalent")
+            assert (reach.verdict.sign, base.verdict.size) == (said, "smaller than matters")
             assert reach.difference == pytest.approx(size, abs=0.05)
-            assert effect(found, f"{REACH} × {BASE} at {px} px", scene=scene).verdict == "equivalent"
+            assert effect(found, f"{REACH} × {BASE} at {px} px", scene=scene).verdict.size == "smaller than matters"
 
 
 def test_every_ladder_stands_against_nerf_and_phi_against_those_of_its_reach(found: list[Found]) -> None:
@@ -69,7 +69,7 @@ def test_every_ladder_stands_against_nerf_and_phi_against_those_of_its_reach(fou
         assert effect(found, f"{method} at 100 px", "nerf", "lego").difference == pytest.approx(size, abs=0.05)
         assert effect(found, f"{method} at 300 px", "nerf", budget="seconds").difference is not None
     for method, against in DECISIVE:
-        assert effect(found, f"{method} at 200 px", against, "lego").verdict == "equivalent"
+        assert effect(found, f"{method} at 200 px", against, "lego").verdict.size == "smaller than matters"
 
 
 def test_it_is_said_how_the_effect_moves_with_resolution(found: list[Found]) -> None:
@@ -77,7 +77,7 @@ def test_it_is_said_how_the_effect_moves_with_resolution(found: list[Found]) -> 
     assert moved.difference == pytest.approx(-1.2, abs=0.05)
     assert moved.interval is not None
     assert moved.interval[1] < 0
-    assert effect(found, f"{BASE}, from 100 to 300 px", scene="lego").verdict == "equivalent"
+    assert effect(found, f"{BASE}, from 100 to 300 px", scene="lego").verdict.size == "smaller than matters"
     said = [sentence for sentence in sentences(found) if "from 100 to 300 px: the effect moves by" in sentence]
     assert len(said) == 2
     assert "−1.2" in said[0]

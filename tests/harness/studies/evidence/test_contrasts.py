@@ -110,7 +110,7 @@ def test_a_diverged_cell_is_counted_in_every_contrast_and_the_others_are_judged(
     for scene, unpaired, pairs in (("all", 1, 8), ("ficus", 1, 2), ("lego", 0, 3)):
         counts = {(effect.unpaired, effect.pairs) for effect in named(effects, scene).values()}
         assert counts == {(unpaired, pairs)}
-        assert named(effects, scene)["b"].verdict == "worse"
+        assert named(effects, scene)["b"].verdict.sign == "below 0"
 
 
 def test_at_equal_time_all_corners_are_read_when_the_quickest_ended() -> None:

@@ -16,6 +16,7 @@ from harness.records.study import (
     read_studies,
     write_studies,
 )
+from harness.records.verdict import OPEN
 from harness.studies.evidence.contrasts import Term, spread
 from harness.studies.evidence.evidence_context import READINGS, TRAININGS
 from harness.studies.evidence.factorial import PARTS, cumulative, design_of, factorial, pairs
@@ -84,8 +85,8 @@ def test_what_was_planted_is_found_on_every_scene(found: list[Found], reading: s
         for term in design_of(reading).terms():
             part = effect(found, f"{' × '.join(term)} ({reading})", scene=scene)
             assert part.difference == pytest.approx(TRUTH[reading].get(term, 0.0), abs=0.03)
-    assert effect(found, f"φ encoding ({reading})").verdict == "better"
-    assert effect(found, f"φ skip ({reading})").verdict == "equivalent"
+    assert effect(found, f"φ encoding ({reading})").verdict.sign == "above 0"
+    assert effect(found, f"φ skip ({reading})").verdict.size == "smaller than matters"
 
 
 def test_rows_of_table_4_are_effects_against_the_row_above_and_against_nerf(found: list[Found]) -> None:
@@ -137,8 +138,8 @@ def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> N
     found = study(tmp_path, with_diverged(cells_of(), ("lego", "qnerf", 1)))
     assert effect(found, "qnerf", "nerf").unpaired == 1
     for scene in ("all", "hotdog"):
-        assert effect(found, "amplifier (Listing 2)", scene=scene).verdict == "worse"
-    assert effect(found, "φ encoding (Eq. 4)").verdict == "better"
+        assert effect(found, "amplifier (Listing 2)", scene=scene).verdict.sign == "below 0"
+    assert effect(found, "φ encoding (Eq. 4)").verdict.sign == "above 0"
     assert any("qnerf on lego, seed 1 (not finite at step 7: loss)" in sentence for sentence in sentences(found))
     assert "(2 of 3 seeds)" in str(table(found, "table4_Listing 2").rows[3][2])
 
@@ -150,8 +151,8 @@ def test_a_method_of_which_nothing_is_left_does_not_break_the_study(tmp_path: Pa
     ]
     found = study(tmp_path, cells)
     lost = effect(found, "amplifier (Listing 2)")
-    assert (lost.difference, lost.verdict, lost.unpaired) == (None, "inconclusive", 9)
-    assert effect(found, "amplifier (Eq. 4)").verdict == "equivalent"
+    assert (lost.difference, lost.verdict, lost.unpaired) == (None, OPEN, 9)
+    assert effect(found, "amplifier (Eq. 4)").verdict.size == "smaller than matters"
     written = [Answer(finding) if isinstance(finding, str) else finding for finding in found]
     record = StudyRecord(StudyInfo("factorial", "t", "q?", "m"), findings=written)
     write_studies(tmp_path / "evidence.json", Studies("evidence", {}, {}, [record]))

@@ -182,7 +182,7 @@ def test_a_gain_of_phi_is_judged_against_each_control_by_scenes_and_seeds() -> N
         assert effect.difference == pytest.approx(gains[name] * 1.02, rel=1e-6)
         assert effect.budget == "core_seconds"
         assert effect.pairs == 6
-        assert effect.verdict == ("better" if gains[name] > 0 else "worse")
+        assert effect.verdict.sign == ("above 0" if gains[name] > 0 else "below 0")
     assert "+0.51 dB" in str(found[0])
 
 

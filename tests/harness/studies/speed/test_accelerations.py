@@ -125,7 +125,7 @@ def test_pairs_are_summed_up_by_change_and_method() -> None:
     assert (row["pairs"], row["diverged"]) == (3, 1)
     assert row["difference"] == pytest.approx(0.1)
     assert row["largest"] == pytest.approx(0.1)
-    assert row["verdict"] == "equivalent"
+    assert row["verdict"]["size"] == "smaller than matters"
 
 
 def test_a_change_changes_one_thing() -> None:

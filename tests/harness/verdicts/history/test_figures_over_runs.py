@@ -38,4 +38,4 @@ def test_few_runs_are_said_to_show_nothing() -> None:
     from harness.verdicts.history.figures_over_runs import figures_over_runs
 
     (study,) = figures_over_runs(past_runs()[:2:2], [], {}, {}).studies
-    assert study.answers == ["No figure has the 12 runs in which a change can be told from chance."]
+    assert study.answers == ["No figure has the 12 runs in which a change can be distinguished from chance."]

@@ -1,0 +1,60 @@
+"""A verdict: two answers to two questions about a difference, its sign and its size, and the phrase for both."""
+
+from collections.abc import Iterable
+from typing import Literal
+
+from harness.records.json_record import Record
+
+Sign = Literal["above 0", "below 0", "open"]
+Size = Literal["matters", "smaller than matters", "open"]
+
+
+class Verdict(Record, frozen=True):
+    """What an interval says of a difference `method` − `against`; whether that is good depends on the metric."""
+
+    sign: Sign
+    size: Size
+    """Compared with the smallest effect of interest, the margin, in either direction."""
+
+    @property
+    def phrase(self) -> str:
+        """The two words as they are printed: `above 0, smaller than matters`, `sign open, matters`, …"""
+        if self == OPEN:
+            return "sign and size open"
+        sign = "sign open" if self.sign == "open" else self.sign
+        return f"{sign}, {'size open' if self.size == 'open' else self.size}"
+
+    @property
+    def turned(self) -> "Verdict":
+        """The verdict on `against` − `method`."""
+        return Verdict(TURNED[self.sign], self.size)
+
+
+OPEN = Verdict("open", "open")
+TURNED: dict[Sign, Sign] = {"above 0": "below 0", "below 0": "above 0", "open": "open"}
+
+
+def common(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return the answers that all verdicts share; an answer on which they differ is open."""
+    found = list(verdicts)
+    signs, sizes = {verdict.sign for verdict in found}, {verdict.size for verdict in found}
+    return Verdict(signs.pop() if len(signs) == 1 else "open", sizes.pop() if len(sizes) == 1 else "open")
+
+
+def verdict_of(interval: tuple[float, float] | None, margin: float) -> Verdict:
+    """Return the verdict that an interval allows, with `margin` ≥ 0 in its unit; both answers are open without one.
+
+    sign    above or below 0 if the whole interval is
+    size    "smaller than matters" if the interval lies within (−margin, margin), "matters" if it lies wholly beyond
+            one of the two; with a margin of 0 a size is never asked about, and stays open
+    """
+    if interval is None:
+        return OPEN
+    low, high = interval
+    sign: Sign = "above 0" if low > 0 else "below 0" if high < 0 else "open"
+    size: Size = "open"
+    if margin > 0 and -margin < low and high < margin:
+        size = "smaller than matters"
+    elif margin > 0 and (low > margin or high < -margin):
+        size = "matters"
+    return Verdict(sign, size)

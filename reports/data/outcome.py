@@ -1,0 +1,90 @@
+"""A difference of two methods as a clause: how large, of which sign, and whether it matters; for the headline alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from harness.records.metric_table import METRICS, PRIMARY
+from harness.records.verdict import Verdict, common
+from reports.data.wording import listed, number, signed
+
+FEW_SCENES = 3
+"""The number of scenes up to which an open sign is explained by how few they are."""
+MARGIN = f"{METRICS[PRIMARY].smallest_of_interest:g} dB"
+NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight", 9: "nine"}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The difference in PSNR `method` − `against` over all scenes, in one run or in several of one plan."""
+
+    method: str
+    against: str
+    differences: tuple[float, ...]
+    """One per run, dB."""
+    verdict: Verdict
+    """What all runs share."""
+    by_scene: tuple[float, ...] = ()
+    """The mean difference on each scene, dB."""
+
+    @property
+    def size(self) -> str:
+        """Format `0.14 dB`, or `0.12 to 0.14 dB (three runs)`, without sign."""
+        ends = sorted({number(abs(value)) for value in self.differences}, key=float)
+        more = f" ({counted_runs(len(self.differences))})" if len(self.differences) > 1 else ""
+        return f"{' to '.join(dict.fromkeys([ends[0], ends[-1]]))} dB{more}"
+
+
+def counted_runs(many: int) -> str:
+    """Format `three runs`."""
+    return f"{NUMBERS.get(many, str(many))} run{'' if many == 1 else 's'}"
+
+
+def between_runs(differences: Sequence[float]) -> str:
+    """Format `+0.12 to +0.14 dB`, or `+0.12 dB` if all round to the same."""
+    return f"{' to '.join(dict.fromkeys(signed(value) for value in (min(differences), max(differences))))} dB"
+
+
+def shared(differences: Sequence[float], verdicts: Sequence[Verdict]) -> str:
+    """State what runs of one plan share: `+0.12 to +0.14 dB in three runs: above 0, size open`."""
+    return f"{between_runs(differences)} in {counted_runs(len(differences))}: {common(verdicts).phrase}"
+
+
+def clause(found: Outcome) -> str:
+    """Return `qnerf gains 0.14 dB over nerf, less than the 0.2 dB that matter`."""
+    if found.verdict.sign == "open":
+        return _few(found) or _open(found)
+    verb = "gains {} over" if found.verdict.sign == "above 0" else "loses {} to"
+    return f"{found.method} {verb.format(found.size)} {found.against}{size_words(found.verdict)}"
+
+
+def size_words(verdict: Verdict) -> str:
+    return {
+        "matters": f", more than the {MARGIN} that matter",
+        "smaller than matters": f", less than the {MARGIN} that matter",
+        "open": f", which may be more or less than the {MARGIN} that matter",
+    }[verdict.size]
+
+
+def _open(found: Outcome) -> str:
+    pair = f"{found.method} − {found.against}"
+    more = f" in {counted_runs(len(found.differences))}" if len(found.differences) > 1 else ""
+    start = f"the sign of {pair} is open ({between_runs(found.differences)}{more})"
+    if found.verdict.size == "smaller than matters":
+        return f"{start}, its size below the {MARGIN} that matter"
+    return f"{start}, and so is whether it reaches the {MARGIN} that matter"
+
+
+def _few(found: Outcome) -> str:
+    """State what was measured on scenes that are too few for a sign; empty if they are not few."""
+    many = len(found.by_scene)
+    if not 1 < many <= FEW_SCENES or len(found.differences) > 1:
+        return ""
+    where = "both scenes" if many == 2 else f"all {NUMBERS[many]} scenes"
+    (difference,) = found.differences
+    if all(value * difference > 0 for value in found.by_scene):
+        way = "above" if difference > 0 else "below"
+        measured = f"{found.method} is {number(abs(difference))} dB {way} {found.against} on {where}"
+    else:
+        each = listed([signed(value) for value in found.by_scene])
+        measured = f"{found.method} − {found.against} is {each} dB on {where}"
+    return f"{measured}; {NUMBERS[many]} scenes are too few to predict others"
