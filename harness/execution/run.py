@@ -21,7 +21,6 @@ from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
 from harness.plan.profiles import Machine, Plan
 from harness.plan.schedule import Budget
-from harness.plan.stated_omissions import with_stated
 from harness.records.cells import (
     CellRecord,
     RunRecord,
@@ -84,7 +83,7 @@ def run(
         cautions = [f"{scene.name}: {caution}" for scene in scenes for caution in scene.cautions]
         for caution in cautions:
             show.line(f"view set {caution}")
-    scenes = with_stated(with_measured(scenes, earlier), plan)
+    scenes = with_measured(scenes, earlier)
     origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
     origin |= record.provenance | notices_of(earlier)
     record = structs.replace(record, provenance=origin, paper={**printed(), **measured_at_paper_size("qnerf")})

@@ -24,10 +24,10 @@ ALWAYS = [
     "integral. A view set in the Blender format from elsewhere is taken to lie within ±1.5 unless --bounds says where.",
     "Sampling is not stated in the paper; the full profile takes the original NeRF's 64 coarse + 128 fine.",
     "The paper names no unit of length, and density is per length (Alpha Invariance, arXiv 2404.02155): what an "
-    "amplifier calls 1 is a density per half of the longest side of the scene's box. This unit, and the density with "
-    "which a fresh field starts, were chosen for each method by the same search on validation views (`python -m "
-    "harness study constants`). qnerf has no shift before its sigmoid, as Listing 2 prints it; qnerf_printed has a "
-    "density of at most 1 per scene unit.",
+    "amplifier calls 1 is a density per half of the longest side of the scene's box. For Listing 2 this unit is the "
+    "largest density as well. `python -m harness study constants` tries units and starts of each method alike, on "
+    "validation views. qnerf has no shift before its sigmoid, as Listing 2 prints it; qnerf_printed has a density of "
+    "at most 1 per scene unit.",
     "Vanilla NeRF's density is a softplus instead of ReLU, which can die for good; Eq. 4 acts on the same density.",
     "Adam's gradient is clipped, for all methods, at norm 1 and at four times the running mean of the norms before it, "
     "against single spikes: norm 1 alone may be a hundred times the usual one.",
@@ -51,6 +51,12 @@ def deviations(plan: Plan) -> list[str]:
     """Return where this plan departs from the paper's printed text, and why; one sentence each."""
     train, paper = plan.train, TrainSettings()
     rows = list(ALWAYS)
+    if constants := plan.density_constants(plan.methods):
+        each = (
+            f"{method} {pair.unit:g} and {'as printed' if pair.start is None else f'{pair.start:g}'}"
+            for method, pair in constants.items()
+        )
+        rows.append(f"Unit of density and density of a fresh field, per half of the box: {'; '.join(each)}.")
     if (train.learning_rate, train.rays) != (paper.learning_rate, paper.rays):
         rows.append(
             f"The learning rate falls {SHAPES[train.decay]} from {train.learning_rate:g} to "
@@ -76,7 +82,7 @@ def deviations(plan: Plan) -> list[str]:
     if train.precision != "float32":
         rows.append(
             f"Matrix products run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "
-            "float32. docs/precision.json holds four cells of a shorter run in float32 and bfloat16."
+            "float32."
         )
     if train.grid.cells and train.accelerations.grid:
         per_pixel = train.grid.per_pixel
@@ -86,8 +92,7 @@ def deviations(plan: Plan) -> list[str]:
             f"empty space is skipped by an occupancy grid of {fineness} from step {train.grid.first_step} on: one grid "
             "for each method, of its own density, all with the same rules. A "
             f"cell is left out where a ray loses less than {train.grid.opacity_threshold:.0%} of what it loses in the "
-            "densest one; for Listing 2 this also changes the points that its mean runs over. docs/left_out.json "
-            "says what it costs on eight scenes."
+            "densest one; for Listing 2 this also changes the points that its mean runs over."
         )
         trained = {name: METHODS[name].parts for name in plan.methods if name in METHODS}
         bound = [name for name, own in trained.items() if own and not AMPLIFIERS[own.amplifier](None).pointwise]

@@ -238,25 +238,6 @@ def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
     assert "in 3 of 24 runs (95 % interval 3 to 32 %)" in text
 
 
-def test_the_best_optimiser_of_a_sweep_stands_first_and_one_that_diverged_is_left_out(tmp_path: Path) -> None:
-    def arm(name: str, share: float, *scores: float | None) -> list[dict[str, Any]]:
-        rate = {"learning_rate": 0.01, "last_learning_rate": 0.001, "decay": "linear", "betas": [0.9, 0.99]}
-        common = {"tried": {"optimiser": name, "covered_share": share, **rate}, "method": "nerf"}
-        return [common | {"scene": f"s{i}", "psnr_val": psnr, "core_seconds": 20.0} for i, psnr in enumerate(scores)]
-
-    rows = [*arm("adam", 0.8, 28.0, 26.0), *arm("soap", 0.8, 29.0, 28.0), *arm("soap", 0.0, 27.0, 25.0)]
-    data = {"rows": [*rows, *arm("muon", 0.8, 40.0, None)], "settings": {}}
-    (tmp_path / "learning_rates.json").write_text(json.dumps(data), encoding="utf-8")
-    told = block("learning", tmp_path).splitlines()
-    assert told[0].startswith("Means over s0 and s1 and `nerf`")
-    assert told[-3:] == [
-        "| soap | 0.9 / 0.99 | 0.01 to 0.001, linear | 80% | 28.50 | 20 |",
-        "| adam | 0.9 / 0.99 | 0.01 to 0.001, linear | 80% | 27.00 | 20 |",
-        "| soap | 0.9 / 0.99 | 0.01 to 0.001, linear | as they come | 26.00 | 20 |",
-    ]
-    assert not any("muon" in line for line in told)
-
-
 def test_what_the_last_doubling_brought_is_told_of_the_main_methods(tmp_path: Path) -> None:
     def with_gains(data: dict[str, Any]) -> None:
         data["last_doubling"] = [

@@ -31,6 +31,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "further methods": (RUN, run_blocks.further),
     "failures": (RUN, run_blocks.failed),
     "last doubling": (RUN, run_blocks.doubling),
+    "ceiling": ((*RUN, "converged/summary.json"), run_blocks.ceiling),
     "late verdict": ((*RUN, "converged/summary.json", REPLICATES), run_blocks.beside),
     "late equal time": (("converged/summary.json",), lambda run: run_blocks.differences(run, "seconds")),
     "twice the steps": (
@@ -38,7 +39,6 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
         run_blocks.twice_the_steps,
     ),
     "under Adam": ((*RUN, "adam/summary.json", REPLICATES), run_blocks.beside),
-    "learning": (("learning_rates.json",), study_blocks.learning),
     "ledger": (RUN, run_blocks.ledger),
     "processors": (("reduced/processors.json", *RUN), run_blocks.processors),
     "GPU": (
@@ -55,6 +55,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "speed": (("speed.json",), study_blocks.speed),
     "serving": (("reduced/serving.json",), study_blocks.serving),
     "left out": (("left_out.json",), study_blocks.left_out),
+    "left out over scenes": (("left_out.json",), study_blocks.left_out_over_scenes),
 }
 """Name → the files below docs, and what is written of them."""
 MARKED = re.compile(r"<!-- numbers: ([\w ]+) -->\n(.*?)<!-- end -->", re.DOTALL)

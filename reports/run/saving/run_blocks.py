@@ -172,6 +172,36 @@ def further(run: Run) -> str:
     return table((f"on {scene}", "what it is", f"− `{BASELINE}`, 95 % on this scene"), rows) if rows else ""
 
 
+def unit_of(run: Run, method: str) -> float:
+    """Return the unit of density of a method, per half of the longest side of the scene's box."""
+    settings = run["settings"]
+    # runs from before it was a setting of the training
+    return (
+        settings["density_units"][method]["scale"]
+        if "density_units" in settings
+        else (settings["train"]["density"][method]["unit"])
+    )
+
+
+def ceiling(run: Run, late: Run) -> str:
+    """State the largest densities of early and late trainings, and which methods end at their unit of density."""
+    ranges, bound = [], []
+    for method in main_methods(run):
+        found = [
+            [cell["properties"]["largest_density"] for cell in side["cells"] if cell["method"] == method]
+            for side in (run, late)
+        ]
+        ends = [f"{number(min(values), 0)} to {number(max(values), 0)}" for values in found]
+        ranges.append(f"`{method}` {ends[0]} early and {ends[1]} late")
+        unit = unit_of(run, method)
+        every = [value for values in found for value in values]
+        if max(every) <= 1.001 * unit:
+            reached = sum(value >= 0.99 * unit for value in every)
+            bound.append(f"`{method}` cannot exceed {unit:g}, and reaches it in {reached} of {len(every)} trainings")
+    words = f"Largest density of each training, per half of the box: {listed(ranges)}."
+    return f"{words} {'; '.join(bound)}." if bound else words
+
+
 def failed(run: Run) -> str:
     """State how often runs diverged or collapsed."""
     rates = run.get("failures", {}).get("rates", [])

@@ -3,7 +3,11 @@
 from collections import Counter
 from statistics import fmean
 
+import numpy as np
+
+from harness.records.metric_table import METRICS
 from harness.records.study import Studies
+from harness.verdicts.statistics import paired_difference, verdict
 from reports.data.wording import counted, interval, listed, number, signed, significant
 from reports.run.saving.run_blocks import Run, table, target
 
@@ -128,6 +132,24 @@ def left_out(effects: Run) -> str:
     return table(("scene", *(titles[name] for name in names)), lines)
 
 
+def left_out_over_scenes(effects: Run) -> str:
+    """State what each omission does to PSNR over scenes, judged like the headline: on scenes like these."""
+    words, seeds = [], dict.fromkeys(effects["settings"]["seeds"])
+    of_interest = METRICS["psnr"].smallest_of_interest
+    for name, what in {row["name"]: row["what"] for row in reversed(effects["omissions"])}.items():
+        rows = [row for row in effects["omissions"] if row["name"] == name and row["unit"] == "dB"]
+        changes = [row["difference"] for row in rows if row["difference"] is not None]
+        if len(changes) < 2:
+            continue
+        found = paired_difference(np.array(changes))
+        saved = fmean(row["seconds_saved"] for row in rows)
+        words.append(
+            f"{what} {signed(found.mean)} dB {interval(found.interval)} on {counted(len(changes), 'scene')} "
+            f"({verdict(found, of_interest).phrase}), {number(saved, 0)} core s saved a cell"
+        )
+    return f"Left out, over scenes ({counted(len(seeds), 'seed')}): {'; '.join(words)}." if words else ""
+
+
 def omission(effect: Run) -> str:
     """Format `−0.31 [−0.57, −0.05] dB: inconclusive, 27.7 s saved`; of pictures the change of colour."""
     if effect["difference"] is None:
@@ -135,30 +157,6 @@ def omission(effect: Run) -> str:
     ends = f" {interval(effect['interval'])}" if effect["interval"] else ""
     change = f"{signed(effect['difference'])}{ends} dB" if effect["unit"] == "dB" else significant(effect["difference"])
     return f"{change}: {effect['verdict']}, {number(effect['seconds_saved'], 1)} s saved"
-
-
-def learning(swept: Run) -> str:
-    """Tabulate the means of a sweep over its scenes and methods, the best settings first."""
-    arms: dict[tuple[str, ...], list[Run]] = {}
-    for row in swept["rows"]:
-        arms.setdefault(_settings_in_words(row["tried"]), []).append(row)
-    averaged = [
-        (fmean(row["psnr_val"] for row in rows), arm, fmean(row["core_seconds"] for row in rows))
-        for arm, rows in arms.items()
-        if all(row["psnr_val"] is not None for row in rows)
-    ]
-    scenes, methods = (dict.fromkeys(row[key] for row in swept["rows"]) for key in ("scene", "method"))
-    head = ("optimiser", "β", "learning rate", "rays through covered pixels", "validation PSNR, dB", "core seconds")
-    lines = [(*arm, number(psnr), number(seconds, 0)) for psnr, arm, seconds in sorted(averaged, reverse=True)]
-    named = listed([f"`{name}`" for name in methods])
-    what = f"Means over {listed(list(scenes))} and {named}, one seed that no verdict uses:"
-    return f"{what}\n\n{table(head, lines)}"
-
-
-def _settings_in_words(tried: Run) -> tuple[str, ...]:
-    rate = f"{tried['learning_rate']:g} to {tried['last_learning_rate']:g}, {tried['decay']}"
-    share = f"{tried['covered_share']:.0%}" if tried["covered_share"] else "as they come"
-    return tried["optimiser"], " / ".join(f"{beta:g}" for beta in tried["betas"]), rate, share
 
 
 def environment(installed: Run) -> str:
