@@ -75,6 +75,8 @@ TRAININGS: dict[str, Training] = {
     "no_direction": Training(("nerf", "nerf_no_direction"), DIRECTED[1:], 1000, seeds=tuple(range(6))),
     "images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE),
     "half_images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE // 2),
+    "steps_850": Training(("nerf",), tuple(CLASSICS), 850, seeds=(0, 1)),
+    "steps_930": Training(("nerf",), tuple(CLASSICS), 930, seeds=(0, 1)),
     "quarter_images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE // 4),
     "factorial": Training(COMBINATIONS, FACTORIAL_SCENES, 400),
     "bandwidth_100": Training(LADDERS, TEXTURED, 400, train_views=60, test_views=3),

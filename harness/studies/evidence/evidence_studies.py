@@ -16,9 +16,10 @@ STUDIES: dict[str, Study] = catalogue(
     _study("positive_controls", "Does it find what is known?",
            "Does the comparer find the losses that the original NeRF's ablation found?",
            "NeRF without positional encoding, without view direction, with half and with a quarter of the training "
-           "views where these are few, each against NeRF, judged like Q-NeRF.",
-           "positive_controls:positive_controls", 340,
-           "no_encoding", "no_direction", "images", "half_images", "quarter_images"),
+           "views where these are few, and with 7 and 15 % fewer steps, each against NeRF, judged like Q-NeRF.",
+           "positive_controls:positive_controls", 5400,
+           "no_encoding", "no_direction", "images", "half_images", "quarter_images", "objections", "steps_850",
+           "steps_930"),
     _study("ceilings", "Is the noise ceiling right?",
            "Does the PSNR ceiling that follows from the ground truth's own variance agree with an independent render?",
            "Every test view is rendered once more with other random numbers; half of the mean square difference of two "

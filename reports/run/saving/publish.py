@@ -81,7 +81,7 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
         "core_seconds": [point.core_seconds for point in cell.curve],
         "network_evaluations": [point.network_evaluations for point in cell.curve],
     }
-    curve |= {name: [finite_or_none(getattr(point, name)) for point in cell.curve] for name in ("psnr", "rmse_linear")}
+    curve |= {name: [finite_or_none(getattr(point, name)) for point in cell.curve] for name in METRICS}
     return {
         **{
             name: getattr(cell, name)
