@@ -201,7 +201,7 @@ def added_part(bench: Bench, entry: Printed) -> Finding:
     other = effect_of(evidence, scene, EQUATION_4.get(method, ""), EQUATION_4.get(against, against), metric)
     if other is not None:
         shown = f"{signed(other.difference, digits)} {interval(other.simultaneous or other.interval, digits)}".strip()
-        notes.insert(0, f"with the amplifier of Eq. 4: {shown} ({other.verdict})")
+        notes.insert(0, f"with the amplifier of Eq. 4: {shown} ({other.verdict.phrase})")
     return Finding(
         judge_gain(entry.printed, MARGINS[metric], pair, False),
         PAIRED.format(metric=metric.upper(), units="seed"),

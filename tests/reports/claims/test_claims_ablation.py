@@ -66,7 +66,7 @@ def test_a_part_is_judged_by_the_row_above_it_on_lego_at_equal_steps(whole: Reco
 def test_equation_4_stands_beside_and_is_not_judged(whole: Records):
     claim = claimed(whole, study(effect(LISTING_2, -2.5), effect(EQUATION_4, 0.61, verdict=OPEN)))[CLAIM]
     assert claim.verdict == MISSED
-    assert claim.note == f"with the amplifier of Eq. 4: +0.61 [+0.31, +0.91] (inconclusive); {DERIVED}"
+    assert claim.note == f"with the amplifier of Eq. 4: +0.61 [+0.31, +0.91] (sign and size open); {DERIVED}"
     alone = claimed(whole, study(effect(EQUATION_4, 0.61)))[CLAIM]
     assert (alone.verdict, alone.measured) == (UNTESTED, None)
 
