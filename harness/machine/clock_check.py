@@ -1,11 +1,16 @@
-"""Does the clock of training count the right seconds, and how much do those of the same work differ?
+"""Does the clock of training count the right seconds, how much do those of the same work differ, and do core seconds of
+several threads hold work alone?
 
-The clock is held against other clocks of the system on three known loads; the same products are timed again and again.
+The clock is held against other clocks of the system on three known loads; the same matrix multiplications are timed
+again and again, and with more threads beside programs that use their cores.
 """
 
 import resource
+import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +27,12 @@ NOISY = 0.05
 """The spread of the same work's core seconds, and the share of the wall seconds that it waits, above which another
 program is to be suspected.
 """
+SPINNING = 1.3
+"""The core seconds of several threads, as a multiple of one thread's for the same work, above which threads that wait
+are to be suspected.
+"""
+BUSY = "import time\nuntil = time.monotonic() + {seconds}\nwhile time.monotonic() < until:\n    pass"
+"""A program that uses a core for so many seconds, and then ends even if nobody is left to end it."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +94,52 @@ def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) 
         before = watch.core_seconds
     low, middle, high = np.quantile(each, (0.25, 0.5, 0.75))
     return float((high - low) / middle), (watch.seconds - wall) / (watch.core_seconds - cores) - 1.0
+
+
+def seconds_each(watch: Stopwatch, work: Callable[[], object], seconds: float = SECONDS) -> float:
+    """Repeat the work for so many seconds of the wall; returns the core seconds of each repetition."""
+    work()  # the first time starts threads
+    wall, cores, repeats = watch.seconds, watch.core_seconds, 0
+    while watch.seconds - wall < seconds:
+        with watch.running():
+            work()
+        repeats += 1
+    return (watch.core_seconds - cores) / repeats
+
+
+def spinning(watch: Stopwatch, threads: int, busy: Callable[[int], AbstractContextManager[None]]) -> float:
+    """Return the core seconds of `layers` by so many threads beside as many busy programs, as a multiple of those by
+    one thread, which has nobody to wait for. torch is left with one thread.
+    """
+    try:
+        torch.set_num_threads(1)
+        alone = seconds_each(watch, layers)
+        torch.set_num_threads(threads)
+        with busy(threads):
+            return seconds_each(watch, layers) / alone
+    finally:
+        torch.set_num_threads(1)
+
+
+@contextmanager
+def busy_programs(count: int, seconds: float = 10.0) -> Iterator[None]:
+    """Run so many programs that use a core each, for so many seconds at most."""
+    command = [sys.executable, "-S", "-c", BUSY.format(seconds=seconds)]
+    programs = [subprocess.Popen(command) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
+
+
+def layers() -> object:
+    """Evaluate a few layers as a training step does: short operations, after each of which threads wait."""
+    points, weights = torch.ones(1 << 13, 64), torch.ones(64, 64)
+    for _ in range(8):
+        points = torch.relu(points @ weights / 64.0)
+    return points
 
 
 def products() -> object:

@@ -4,7 +4,6 @@ nothing in it can be set.
 """
 
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -15,7 +14,6 @@ import torch
 
 from baselines.methods.repaired import CANDIDATES, EXCLUDED
 from harness.machine.provenance import provenance
-from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import for_scene
 from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
@@ -23,7 +21,7 @@ from harness.records.json_record import Record, as_promised, load_json, plain
 from harness.studies.choices.arms import views_of
 from harness.studies.evidence.evidence_context import SEARCHED
 from harness.training.batches import Batches
-from harness.training.learner import Learner, take_step
+from harness.training.learner import Learner, take_step, warm_up
 from harness.training.lockstep import box_of, needs_view_direction, psnr_on, stream_of, turns
 from harness.training.make_learner import learner_for
 from harness.training.scoring import evaluate
@@ -182,11 +180,12 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
     cameras = evaluate.cameras_of(views, views.train, device)
     batch_at = Batches(cameras, views.train.rgba, settings.covered_share).stream(stream, settings.rays)
     box, directed = box_of(views, device), needs_view_direction(views)
+    on_cores = device.type == "cpu"
+    budget = Budget(None, None, plan.budget.seconds) if on_cores else plan.budget
     active: list[Learner] = []
     for method in plan.methods:
-        learner = learner_for(method, box, settings, plan.budget, stream, device, directed)
-        learner.clock = Stopwatch(device, time.process_time if device.type == "cpu" else time.perf_counter)
-        learner.warm_up(*batch_at(0))
+        learner = learner_for(method, box, settings, budget, stream, device, directed)
+        warm_up(learner, batch_at)
         active.append(learner)
     for order in turns(active):
         for learner in order:
@@ -199,6 +198,5 @@ def _together(plan: Plan, views: ViewSet, scene: str, seed: int, device: torch.d
                 score = None
             active.remove(learner)
             evaluations, scalars = learner.network_evaluations, learner.amplifier_scalars()
-            yield RepairRow(
-                learner.method, scene, seed, score, learner.step, learner.clock.seconds, evaluations, **scalars
-            )
+            seconds = learner.clock.core_seconds if on_cores else learner.clock.seconds
+            yield RepairRow(learner.method, scene, seed, score, learner.step, seconds, evaluations, **scalars)

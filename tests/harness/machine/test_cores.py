@@ -113,9 +113,9 @@ EIGHT: list[tuple[int, ...]] = [(core, core + 8) for core in range(8)]
     ("asked", "groups", "machine", "warned"),
     [
         ({}, 100, Machine("cpu", 8, 1), False),
-        ({}, 3, Machine("cpu", 3, 2), False),
+        ({}, 3, Machine("cpu", 3, 1), False),
         ({"workers": 8, "threads": 2}, 100, Machine("cpu", 8, 2), True),
-        ({"workers": 4}, 100, Machine("cpu", 4, 2), False),
+        ({"workers": 4}, 100, Machine("cpu", 4, 1), False),
         ({"threads": 3}, 100, Machine("cpu", 2, 3), False),
     ],
 )
@@ -124,7 +124,7 @@ def test_workers_of_a_machine_with_hardware_threads_have_cores_of_their_own(
 ) -> None:
     monkeypatch.setattr("harness.machine.cores.siblings", lambda cpus: EIGHT)
     monkeypatch.setattr("harness.machine.device.available_cores", lambda: 16)
-    given = {"executor": "local", "workers": None, "threads": None, "keep_every": machine.keep_every}
+    given = {"executor": "local", "workers": None, "threads": 1, "keep_every": machine.keep_every}
     options = Namespace(**{**given, **asked})
     warnings: list[str] = []
     assert chosen_machine(options, torch.device("cpu"), groups, warnings.append) == machine
