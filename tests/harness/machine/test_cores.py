@@ -9,7 +9,8 @@ import pytest
 import torch
 from msgspec.structs import replace
 
-from harness.execution.executors import chosen_machine, shared_by
+from harness.command.main import parsed
+from harness.execution.executors import chosen_machine, shared_by, unused_by
 from harness.machine.cores import _taken, chosen_cores, own_cores, physical_cores, quota_cores, siblings
 from harness.machine.device import available_cores, only_gpu
 from harness.machine.mixed_code import clocks_apart
@@ -104,6 +105,14 @@ def test_where_the_system_has_no_binding_nothing_is_said_of_sharing(monkeypatch:
     unbound = cell("a", "nerf", "X", [0])
     (sentence,) = clocks_apart([replace(unbound, provenance={**unbound.provenance, "own_cores": cores})])
     assert sentence.endswith("1 of 1 could not be bound to any, so that their training seconds may be long.")
+
+
+def test_cores_that_one_thread_a_cell_leaves_idle_are_said() -> None:
+    assert unused_by(Machine("cpu", 1, parsed(["run"]).threads), 2) == "; 1 of 2 cores idle, --threads 2 uses more"
+    assert unused_by(Machine("cpu", 3, 1), 8) == "; 5 of 8 cores idle, --threads 2 uses more"
+    for busy in (Machine("cpu", 2, 1), Machine("cpu", 1, 2), Machine("cuda", 1, 1), Machine("cpu", 1, 1, "ray")):
+        assert unused_by(busy, 2) == ""
+    assert unused_by(Machine("cpu", 3, 1), 4) == "", "three workers cannot share one more core"
 
 
 EIGHT: list[tuple[int, ...]] = [(core, core + 8) for core in range(8)]
