@@ -2,7 +2,7 @@
 several threads hold work alone?
 
 The clock is held against other clocks of the system on three known loads; the same matrix multiplications are timed
-again and again, and with more threads beside programs that use their cores.
+again and again, and a few layers with one thread and with more while other programs use the cores.
 """
 
 import resource
@@ -27,9 +27,9 @@ NOISY = 0.05
 """The spread of the same work's core seconds, and the share of the wall seconds that it waits, above which another
 program is to be suspected.
 """
-SPINNING = 1.3
-"""The core seconds of several threads, as a multiple of one thread's for the same work, above which threads that wait
-are to be suspected.
+SPINNING = 2.0
+"""The core seconds of two threads, as a multiple of one thread's for the same work, above which they spin. Threads that
+sleep share caches as well, and differ from case to case on a busy machine.
 """
 BUSY = "import time\nuntil = time.monotonic() + {seconds}\nwhile time.monotonic() < until:\n    pass"
 """A program that uses a core for so many seconds, and then ends even if nobody is left to end it."""
@@ -85,40 +85,37 @@ def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) 
     median, and the wall seconds of all per core second less 1.
     """
     work()  # the first time loads what it needs
-    each, before = [], watch.core_seconds
     wall, cores = watch.seconds, watch.core_seconds
-    for _ in range(repeats):
-        with watch.running():
-            work()
-        each.append(watch.core_seconds - before)
-        before = watch.core_seconds
+    each = [_core_seconds(watch, work) for _ in range(repeats)]
     low, middle, high = np.quantile(each, (0.25, 0.5, 0.75))
     return float((high - low) / middle), (watch.seconds - wall) / (watch.core_seconds - cores) - 1.0
 
 
-def seconds_each(watch: Stopwatch, work: Callable[[], object], seconds: float = SECONDS) -> float:
-    """Repeat the work for so many seconds of the wall; returns the core seconds of each repetition."""
-    work()  # the first time starts threads
-    wall, cores, repeats = watch.seconds, watch.core_seconds, 0
-    while watch.seconds - wall < seconds:
-        with watch.running():
-            work()
-        repeats += 1
-    return (watch.core_seconds - cores) / repeats
+def _core_seconds(watch: Stopwatch, work: Callable[[], object]) -> float:
+    before = watch.core_seconds
+    with watch.running():
+        work()
+    return watch.core_seconds - before
 
 
-def spinning(watch: Stopwatch, threads: int, busy: Callable[[int], AbstractContextManager[None]]) -> float:
-    """Return the core seconds of `layers` by so many threads beside as many busy programs, as a multiple of those by
-    one thread, which has nobody to wait for. torch is left with one thread.
+def spinning(
+    watch: Stopwatch, threads: int, busy: Callable[[int], AbstractContextManager[None]], repeats: int = REPEATS
+) -> float:
+    """Return the core seconds of `layers` by so many threads as a multiple of those by one, which has nobody to wait
+    for: the median of pairs, while as many busy programs as threads run. torch is left with one thread.
     """
+    pairs: list[list[float]] = []
     try:
-        torch.set_num_threads(1)
-        alone = seconds_each(watch, layers)
-        torch.set_num_threads(threads)
         with busy(threads):
-            return seconds_each(watch, layers) / alone
+            for _ in range(repeats + 1):
+                pairs.append([])
+                for count in (1, threads):
+                    torch.set_num_threads(count)
+                    pairs[-1].append(_core_seconds(watch, layers))
     finally:
         torch.set_num_threads(1)
+    # the first pair loads what it needs
+    return float(np.median([several / one for one, several in pairs[1:]]))
 
 
 @contextmanager
@@ -137,7 +134,7 @@ def busy_programs(count: int, seconds: float = 10.0) -> Iterator[None]:
 def layers() -> object:
     """Evaluate a few layers as a training step does: short operations, after each of which threads wait."""
     points, weights = torch.ones(1 << 13, 64), torch.ones(64, 64)
-    for _ in range(8):
+    for _ in range(4):
         points = torch.relu(points @ weights / 64.0)
     return points
 

@@ -216,14 +216,14 @@ def clock_findings() -> Iterator[Finding]:
 
 
 def spinning_findings() -> Iterator[Finding]:
-    """Yield whether core seconds of two threads hold their waiting, beside programs that this starts itself."""
+    """Yield whether core seconds of two threads hold their waiting, under a load that this makes itself."""
     from harness.machine.clock_check import SPINNING, busy_programs, spinning, system_clocks
 
     if allowed_cores() < 2:
         return
     with own_cores(2):  # which the busy programs inherit
         times = spinning(system_clocks().watch(), 2, busy_programs)
-    found = f"{times:.2f} times those of one thread for the same work, beside 2 busy programs"
+    found = f"{times:.2f} times those of one thread for the same work, with 2 busy programs on the same cores"
     to_do = f"keep --threads 1, or unset {VARIABLE} and {SPINS}: threads that wait use processor time"
     yield judge("core seconds of 2 threads", found, (times > SPINNING, "limited", to_do))
 

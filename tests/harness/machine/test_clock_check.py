@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from harness.machine import clock_check
-from harness.machine.clock_check import TOLERATED, Clocks, clock_errors, noise, seconds_each, spinning, system_clocks
+from harness.machine.clock_check import TOLERATED, Clocks, clock_errors, noise, spinning, system_clocks
 from harness.machine.stopwatch import Stopwatch
 
 
@@ -98,12 +98,6 @@ def test_noise_is_the_spread_of_the_same_work_and_its_waits() -> None:
     spread, waits = noise(watch, work, repeats=9)
     assert spread == pytest.approx(0.04 / 1.04), "of 1.00, 1.01 … 1.08, not of the first, which imports"
     assert waits == pytest.approx(0.26 / 1.04)
-
-
-def test_the_core_seconds_of_a_repetition_are_those_after_the_first() -> None:
-    machine, lengths = Machine(), iter([9.0, 0.25, 0.5, 0.75])
-    watch = Stopwatch(torch.device("cpu"), lambda: machine.wall, lambda: machine.cores)
-    assert seconds_each(watch, lambda: machine.work(next(lengths)), seconds=1.5) == 0.5
 
 
 @pytest.mark.parametrize(("spins", "times"), [(True, 7.0), (False, 1.0)])
