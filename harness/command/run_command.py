@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from harness.command.options import add_shared
 from harness.command.tensorboard_command import also_written, checked
-from harness.execution.executors import add_executor_options, chosen_machine, device_and_bfloat16, device_here
+from harness.execution.executors import (
+    add_executor_options,
+    chosen_machine,
+    device_and_bfloat16,
+    device_here,
+    unused_by,
+)
+from harness.machine.cores import physical_cores
 from harness.plan.defaults import RENDER_LIMIT
 from scenes.files.errors import InputError
 
@@ -125,7 +132,7 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         )
     machine = chosen_machine(options, device, len(plan.groups()), show.line)
     say: Callable[[str], None] = print if options.dry_run else show.line
-    for line in plan_lines(plan, machine):
+    for line in plan_lines(plan, machine, physical_cores()):
         say(line)
     if options.dry_run or not (options.quiet or options.profile == "smoke"):  # whose run takes hardly longer
         from harness.execution.cost import estimate_apart
@@ -191,8 +198,8 @@ def _afterwards(
     return verify, serve
 
 
-def plan_lines(plan: "Plan", machine: "Machine") -> list[str]:
-    """Return the plan in words, for the terminal."""
+def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:
+    """Return the plan in words, for the terminal of a machine with so many physical cores."""
     network, views = plan.train.network, plan.views
     own = f"{plan.scene_file}: " if plan.scene_file else ""
     rendered = f"{own}{views.train} train / {views.val} val / {views.test} test views a scene"
@@ -206,7 +213,8 @@ def plan_lines(plan: "Plan", machine: "Machine") -> list[str]:
         f"  views    {views.resolution} px wide; {source}",
         f"  network  {network.depth} × {network.width}, L = {network.position_bands}/{network.direction_bands}, "
         f"{plan.train.rays} rays a step, {plan.train.precision} products",
-        f"  machine  {machine.device}, {_at_once(machine)} of {machine.threads} threads",
+        f"  machine  {machine.device}, {_at_once(machine)} of {machine.threads} thread{'s' * (machine.threads > 1)}"
+        f"{unused_by(machine, cores)}",
     ]
 
 
@@ -220,7 +228,7 @@ def _at_once(machine: "Machine") -> str:
         return "as many groups at once as the Ray cluster has room for, each"
     if machine.executor == "submitit":
         return f"at most {machine.workers} jobs at once"
-    return f"{machine.workers} workers"
+    return f"{machine.workers} worker{'s' * (machine.workers > 1)}"
 
 
 def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":

@@ -89,8 +89,7 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
         from harness.studies.evidence.evidence_context import run
 
         device, cores = chosen_device(options.device), available_cores()
-        workers = options.workers or (cores if device.type == "cpu" else 1)
-        machine = Machine(device.type, workers, max(1, cores // workers))
+        machine = Machine(device.type, options.workers or (cores if device.type == "cpu" else 1), 1)
         sets = options.view_sets
         return lambda studies, out: run(studies, out, sets, machine, options.quick, options.resume, show)
 

@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 SERVED_VIEWS = 1000
 """The views rendered to measure view cache and attention at the end of a run."""
 BESIDE = (1.0, 1.3)
-"""The overhead factor for reading views, batches, writing records and pictures, and scores of the last checkpoint
-alone.
-"""
+"""The overhead factor for reading views, writing records and pictures, and scores of the last checkpoint alone."""
 HISTOGRAM_POINTS = 32**3
 PROPERTY_POINTS = 48**3
 

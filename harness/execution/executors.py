@@ -25,7 +25,7 @@ def add_executor_options(command: argparse.ArgumentParser) -> None:
     """Add the options of `run`."""
     add = command.add_argument
     add("--workers", type=int, metavar="N", help="processes on this machine (default: one a core, or one a GPU)")
-    add("--threads", type=int, metavar="N", help="threads of each cell (default: cores over workers; on Ray 1)")
+    add("--threads", type=int, default=1, metavar="N", help="threads of each cell (default: 1)")
     add("--executor", default="local", choices=EXECUTORS, help="where cells run (ray, submitit: optional extras)")
     add(
         "--keep-every", type=float, default=KEPT_EVERY, metavar="S",
@@ -61,14 +61,14 @@ def device_and_bfloat16(
         from harness.execution.submitit_executor import asked
 
         beside = options.out.parent if options.out else Path("out")
-        name, bfloat16, words = asked(beside, _threads(options) or 1, options.device, options.job)
+        name, bfloat16, words = asked(beside, _threads(options), options.device, options.job)
         say(words)
         return torch.device(name), bfloat16
     from harness.execution.cluster.connection import connect, gpus_multiply_bfloat16, hardware
 
     if options.workers is not None:
         raise InputError("--workers: on Ray the cluster decides how many cells run at once; --threads sets their cores")
-    threads = _threads(options) or 1
+    threads = _threads(options)
     say("asking the nodes of the Ray cluster what they have")
     connect(options.ray_address)
     cluster = hardware(threads)
@@ -99,16 +99,15 @@ def chosen_machine(
         raise InputError(f"--keep-every {options.keep_every:g}: must lie between 0 and 1e9 seconds")
     threads, keep = _threads(options), options.keep_every
     if options.executor == "ray":
-        return Machine(device.type, max(1, cores // (threads or 1)), threads or 1, "ray", keep)
+        return Machine(device.type, max(1, cores // threads), threads, "ray", keep)
     if options.executor == "submitit":
-        usual = groups if shutil.which("srun") else max(1, cores // (threads or 1))
+        usual = groups if shutil.which("srun") else max(1, cores // threads)
         workers = options.workers or min(usual, groups)
-        return Machine(device.type, workers, threads or 1, "submitit", keep, tuple(options.job))
+        return Machine(device.type, workers, threads, "submitit", keep, tuple(options.job))
     # hardware threads of one core would slow each other down
     own = min(physical_cores(), cores)
-    usual = max(1, own // (threads or 1)) if device.type == "cpu" else torch.cuda.device_count()
-    workers = min(options.workers or usual, groups)
-    machine = Machine(device.type, workers, threads or max(1, own // workers), keep_every=keep)
+    usual = max(1, own // threads) if device.type == "cpu" else torch.cuda.device_count()
+    machine = Machine(device.type, min(options.workers or usual, groups), threads, keep_every=keep)
     for warning in shared_by(machine, own, torch.cuda.device_count() if device.type == "cuda" else 0):
         say(f"warning: {warning}")
     return machine
@@ -127,6 +126,14 @@ def shared_by(machine: "Machine", cores: int, gpus: int) -> list[str]:
     if machine.device == "cuda" and machine.workers > gpus:
         warnings.append(f"{machine.workers} workers share {gpus} GPUs; training seconds are not comparable")
     return warnings
+
+
+def unused_by(machine: "Machine", cores: int) -> str:
+    """Describe the physical `cores` of this machine that cells on its processor leave idle; empty if there are none."""
+    idle = cores - machine.workers * machine.threads
+    if machine.executor != "local" or machine.device != "cpu" or idle < machine.workers:
+        return ""
+    return f"; {idle} of {cores} cores idle, --threads {cores // machine.workers} uses more"
 
 
 def run_groups(
@@ -159,7 +166,7 @@ def leave() -> None:
         disconnect()
 
 
-def _threads(options: argparse.Namespace) -> int | None:
-    if options.threads is not None and not 1 <= options.threads <= 1024:
+def _threads(options: argparse.Namespace) -> int:
+    if not 1 <= options.threads <= 1024:
         raise InputError(f"--threads {options.threads}: must lie between 1 and 1024")
-    return options.threads
+    return int(options.threads)

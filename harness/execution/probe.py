@@ -21,12 +21,13 @@ from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.records.metric_table import METRICS
-from harness.training.batches import Cameras
+from harness.training.batches import Batches, Cameras
 from harness.training.learner import Learner
 from harness.training.make_learner import learner_for
 from harness.training.scoring import metrics
 from harness.training.trainer import Diverged, Trainer
 from scenes.files.errors import InputError
+from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world
 
 OCCUPIED = (0.25, 0.45)
@@ -51,7 +52,7 @@ class Pace:
     """The seconds, least and most, of one method."""
 
     first_step: float
-    """The seconds of a step before empty space is skipped."""
+    """The seconds of a step before empty space is skipped, the making of its batch included, as in those below."""
     step: tuple[float, float]
     """The seconds of a step afterwards, the grid's refreshes included."""
     ray: tuple[float, float]
@@ -120,15 +121,34 @@ def _learner(plan: Plan, method: str, device: torch.device) -> Learner:
     return learner_for(method, box, plan.train, Budget(1, None), "cost", device)
 
 
-def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
-    """Return rays of random pixels of the training cameras, as batches have them, and colours."""
-    generator = generator_for("cost", count)
+def _cameras(plan: Plan) -> Cameras:
     poses, width = camera_to_world("train"), plan.views.resolution
     focal = 0.5 * width / np.tan(0.5 * FOV_X_RADIANS)
-    cameras = Cameras.of(poses, width, width, float(focal), RADIUS - 2.0, RADIUS + 2.0)
-    view, column, row = (torch.randint(most, (count,), generator=generator) for most in (len(poses), width, width))
+    return Cameras.of(poses, width, width, float(focal), RADIUS - 2.0, RADIUS + 2.0)
+
+
+def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
+    """Return rays of random pixels of the training cameras, as batches have them, and colours."""
+    generator, cameras = generator_for("cost", count), _cameras(plan)
+    most = len(cameras), cameras.width, cameras.height
+    view, column, row = (torch.randint(size, (count,), generator=generator) for size in most)
     colours = torch.rand(count, 3, generator=generator)
     return cameras.rays(view, column, row).to(device), colours.to(device)
+
+
+def _batch_seconds(plan: Plan, learner: Learner, clock: Callable[[], float]) -> float:
+    """Return the median seconds of making a batch; of one image, as it takes no longer to read from many."""
+    width = plan.views.resolution
+    images = ImageStack.of([np.random.default_rng(0).random((width, width, 4), dtype=np.float32)])
+    cameras = _cameras(plan).to(learner.device)
+    batches = Batches(replace(cameras, camera_to_world=cameras.camera_to_world[:1]), images, plan.train.covered_share)
+    batch_at = batches.for_learner(learner.whole_views, "cost", plan.train.rays)
+    taken = []
+    for step in range(REPEATS + 1):
+        began = clock()
+        batch_at(step)
+        taken.append(clock() - began)
+    return float(np.median(taken[1:]))
 
 
 def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
@@ -142,12 +162,13 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
     def render(count: int) -> None:
         learner.render(batch(count)[0], count)
 
-    first, settings = _seconds(step, plan.train.rays, learner.device, clock), plan.train.grid
+    made = _batch_seconds(plan, learner, clock)
+    first, settings = made + _seconds(step, plan.train.rays, learner.device, clock), plan.train.grid
     if not isinstance(learner, Trainer) or learner.grid is None:
         later = first
         if isinstance(learner, Trainer) and settings.cells and not learner.whole_rays:
             learner.step = settings.first_step + 1  # more bins per ray from then on
-            later = _seconds(step, plan.train.rays, learner.device, clock)
+            later = made + _seconds(step, plan.train.rays, learner.device, clock)
         ray = _seconds(render, plan.score.chunk, learner.device, clock) / plan.score.chunk
         # voxels are coarser before a share of the budget
         least = later if isinstance(learner, Trainer) else later * (1.0 - plan.train.voxels.halves[1])
@@ -163,7 +184,8 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
     for share in OCCUPIED:
         learner.step = settings.first_step + 1
         grid.occupied = _random_mask(share, grid.occupied)
-        steps.append(_seconds(step, plan.train.rays, learner.device, clock) + point * points / settings.every)
+        evaluated = _seconds(step, plan.train.rays, learner.device, clock)
+        steps.append(made + evaluated + point * points / settings.every)
         grid.occupied = _random_mask(SEEN * share, grid.occupied)
         rays.append(_seconds(render, plan.score.chunk, learner.device, clock) / plan.score.chunk)
     return Pace(first, (steps[0], steps[1]), (rays[0], rays[1]), point)

@@ -1,11 +1,16 @@
-"""Does the clock of training count the right seconds, and how much do those of the same work differ?
+"""Does the clock of training count the right seconds, how much do those of the same work differ, and do core seconds of
+several threads hold work alone?
 
-The clock is held against other clocks of the system on three known loads; the same products are timed again and again.
+The clock is held against other clocks of the system on three known loads; the same matrix multiplications are timed
+again and again, and a few layers with one thread and with more while other programs use the cores.
 """
 
 import resource
+import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +27,12 @@ NOISY = 0.05
 """The spread of the same work's core seconds, and the share of the wall seconds that it waits, above which another
 program is to be suspected.
 """
+SPINNING = 2.0
+"""The core seconds of two threads, as a multiple of one thread's for the same work, above which they spin. Threads that
+sleep share caches as well, and differ from case to case on a busy machine.
+"""
+BUSY = "import time\nuntil = time.monotonic() + {seconds}\nwhile time.monotonic() < until:\n    pass"
+"""A program that uses a core for so many seconds, and then ends even if nobody is left to end it."""
 
 
 @dataclass(frozen=True)
@@ -74,15 +85,58 @@ def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) 
     median, and the wall seconds of all per core second less 1.
     """
     work()  # the first time loads what it needs
-    each, before = [], watch.core_seconds
     wall, cores = watch.seconds, watch.core_seconds
-    for _ in range(repeats):
-        with watch.running():
-            work()
-        each.append(watch.core_seconds - before)
-        before = watch.core_seconds
+    each = [_core_seconds(watch, work) for _ in range(repeats)]
     low, middle, high = np.quantile(each, (0.25, 0.5, 0.75))
     return float((high - low) / middle), (watch.seconds - wall) / (watch.core_seconds - cores) - 1.0
+
+
+def _core_seconds(watch: Stopwatch, work: Callable[[], object]) -> float:
+    before = watch.core_seconds
+    with watch.running():
+        work()
+    return watch.core_seconds - before
+
+
+def spinning(
+    watch: Stopwatch, threads: int, busy: Callable[[int], AbstractContextManager[None]], repeats: int = REPEATS
+) -> float:
+    """Return the core seconds of `layers` by so many threads as a multiple of those by one, which has nobody to wait
+    for: the median of pairs, while as many busy programs as threads run. torch is left with one thread.
+    """
+    pairs: list[list[float]] = []
+    try:
+        with busy(threads):
+            for _ in range(repeats + 1):
+                pairs.append([])
+                for count in (1, threads):
+                    torch.set_num_threads(count)
+                    pairs[-1].append(_core_seconds(watch, layers))
+    finally:
+        torch.set_num_threads(1)
+    # the first pair loads what it needs
+    return float(np.median([several / one for one, several in pairs[1:]]))
+
+
+@contextmanager
+def busy_programs(count: int, seconds: float = 10.0) -> Iterator[None]:
+    """Run so many programs that use a core each, for so many seconds at most."""
+    command = [sys.executable, "-S", "-c", BUSY.format(seconds=seconds)]
+    programs = [subprocess.Popen(command) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
+
+
+def layers() -> object:
+    """Evaluate a few layers as a training step does: short operations, after each of which threads wait."""
+    points, weights = torch.ones(1 << 13, 64), torch.ones(64, 64)
+    for _ in range(4):
+        points = torch.relu(points @ weights / 64.0)
+    return points
 
 
 def products() -> object:

@@ -14,7 +14,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.machine.cores import quota_cores
+from harness.machine.cores import own_cores, quota_cores
+from harness.machine.wait_policy import SPINS, VARIABLE
 from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
 Verdict = Literal["ok", "limited", "missing"]
@@ -211,6 +212,20 @@ def clock_findings() -> Iterator[Finding]:
     found = f"core seconds differ by {100 * spread:.1f} % (middle half), waits for {100 * max(waits, 0.0):.1f} %"
     to_do = "stop other programs before anything is timed"
     yield judge("the same work again", found, (max(spread, waits) > NOISY, "limited", to_do))
+    yield from spinning_findings()
+
+
+def spinning_findings() -> Iterator[Finding]:
+    """Yield whether core seconds of two threads hold their waiting, under a load that this makes itself."""
+    from harness.machine.clock_check import SPINNING, busy_programs, spinning, system_clocks
+
+    if allowed_cores() < 2:
+        return
+    with own_cores(2):  # which the busy programs inherit
+        times = spinning(system_clocks().watch(), 2, busy_programs)
+    found = f"{times:.2f} times those of one thread for the same work, with 2 busy programs on the same cores"
+    to_do = f"keep --threads 1, or unset {VARIABLE} and {SPINS}: threads that wait use processor time"
+    yield judge("core seconds of 2 threads", found, (times > SPINNING, "limited", to_do))
 
 
 def product_findings() -> Iterator[Finding]:

@@ -6,6 +6,7 @@ A node must have sources and packages in common with the driver for its cells to
 import ast
 import hashlib
 import io
+import os
 import platform
 import subprocess
 import tokenize
@@ -19,6 +20,7 @@ from typing import Any
 import torch
 
 from harness.machine.device import available_cores, multiplies_bfloat16
+from harness.machine.wait_policy import waits_passively
 
 OUR_PACKAGES = ("harness", "scenes", "baselines")
 """The packages of ours that a cell needs, sent to every node."""
@@ -129,6 +131,7 @@ def provenance(device: torch.device) -> dict[str, Any]:
         "instruction_set": torch.backends.cpu.get_cpu_capability(),
         "cores": available_cores(),
         "threads": torch.get_num_threads(),
+        "waiting": "passive" if waits_passively(os.environ) else "active",
         "device": torch.cuda.get_device_name() if device.type == "cuda" else "cpu",
         "torch_build": f"ROCm {torch.version.hip}" if torch.version.hip else f"CUDA {torch.version.cuda}",
         "bfloat16_products": multiplies_bfloat16(device),

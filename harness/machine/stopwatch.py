@@ -41,6 +41,11 @@ class Stopwatch:
             self.seconds += self._clock() - began
             self.core_seconds += self._core_clock() - core_began
 
+    def add(self, seconds: float, core_seconds: float) -> None:
+        """Count work that was measured elsewhere."""
+        self.seconds += seconds
+        self.core_seconds += core_seconds
+
     def counting(self, items: Iterable[T]) -> Iterator[T]:
         """Yield the items; the time to make each counts, and not what is done with it."""
         source = iter(items)

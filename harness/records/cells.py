@@ -225,7 +225,25 @@ class CellRecord(Record, frozen=True):
     @property
     def waited(self) -> bool:
         """Tell whether its wall seconds are longer than its own work accounts for."""
-        return (self.wall_per_core_second or 0.0) > WAITED
+        return (self.wall_per_core_second or 0.0) > WAITED or self.spun
+
+    @property
+    def spun(self) -> bool:
+        """Tell whether its core seconds are longer than its own work accounts for: several threads tested again and
+        again whether the others were done, on cores that other programs used (`harness.machine.wait_policy`).
+
+        Such threads use all of their cores' time where nothing else runs. Older records do not say how they waited.
+        """
+        threads = self.provenance.get("threads", 1)
+        if threads == 1 or self.provenance.get("waiting", "active") != "active":
+            return False
+        return threads * (self.wall_per_core_second or 0.0) > WAITED
+
+    @property
+    def all_warnings(self) -> list[str]:
+        """Return the warnings, also that of its clock, which is no part of its results."""
+        clock = f"core seconds too long: {self.provenance['threads']} threads waited actively" if self.spun else ""
+        return [*self.warnings, clock] if clock else self.warnings
 
 
 class SceneRecord(Record, frozen=True):

@@ -8,6 +8,7 @@ rays.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -15,6 +16,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from baselines.contract import Rays
+from harness.machine.stopwatch import Stopwatch
 from harness.plan.seeds import generator_for
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import over_white
@@ -110,7 +112,13 @@ class Camera:
         return self.cameras(device).all_rays(0)
 
 
-Batch = tuple[Rays, Float[Tensor, "rays 3"]]
+class Batch(NamedTuple):
+    """Rays, the colours that they see, and what it took to make them; 0 if that is not to be counted."""
+
+    rays: Rays
+    colours: Float[Tensor, "rays 3"]
+    seconds: float = 0.0
+    core_seconds: float = 0.0
 
 
 class Batches:
@@ -132,11 +140,13 @@ class Batches:
         self._last: tuple[tuple[int | str, int, int], Batch] | None = None
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
-        """Return `count` rays and their colours over white; depends on its arguments alone. Must not be changed."""
+        """Return `count` rays and their colours over white; depends on its arguments alone. Must not be changed.
+
+        It is kept for the other methods of a group, which are at the same step: its seconds are those of its making.
+        """
         key = (seed, step, count)
         if self._last is None or self._last[0] != key:
-            # kept for the other methods, which are at the same step
-            self._last = (key, self._drawn(*key))
+            self._last = (key, self._timed(lambda: self._drawn(*key)))
         return self._last[1]
 
     def stream(self, seed: int | str, count: int) -> Callable[[int], Batch]:
@@ -146,16 +156,22 @@ class Batches:
     def views(self, seed: int | str) -> Callable[[int], Batch]:
         """Return the function of a step that draws a training view, and returns all of its pixels, row by row."""
 
-        def view_at(step: int) -> Batch:
-            view = int(torch.randint(len(self.cameras), (1,), generator=generator_for(seed, step, "view")))
-            colours = torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3)
-            return self.cameras.all_rays(view), colours.to(self.cameras.camera_to_world.device)
-
-        return view_at
+        return lambda step: self._timed(lambda: self._view(seed, step))
 
     def for_learner(self, whole_views: bool, seed: int | str, count: int) -> Callable[[int], Batch]:
         """Return the stream of a method: whole views if it draws, else `count` rays."""
         return self.views(seed) if whole_views else self.stream(seed, count)
+
+    def _timed(self, make: Callable[[], Batch]) -> Batch:
+        watch = Stopwatch(self.cameras.camera_to_world.device)
+        with watch.running():
+            batch = make()
+        return batch._replace(seconds=watch.seconds, core_seconds=watch.core_seconds)
+
+    def _view(self, seed: int | str, step: int) -> Batch:
+        view = int(torch.randint(len(self.cameras), (1,), generator=generator_for(seed, step, "view")))
+        colours = torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3)
+        return Batch(self.cameras.all_rays(view), colours.to(self.cameras.camera_to_world.device))
 
     def _drawn(self, seed: int | str, step: int, count: int) -> Batch:
         generator = generator_for(seed, step, "batch")
@@ -168,4 +184,4 @@ class Batches:
         device = self.cameras.camera_to_world.device
         index = index.to(device)
         width, size = self.cameras.width, self.cameras.width * self.cameras.height
-        return self.cameras.rays(index // size, index % width, index % size // width), colours.to(device)
+        return Batch(self.cameras.rays(index // size, index % width, index % size // width), colours.to(device))

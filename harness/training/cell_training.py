@@ -24,7 +24,7 @@ from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.training.batches import Batch
 from harness.training.checkpoints import checkpoint_path, restore_training, save_checkpoint, training_state
-from harness.training.learner import Learner, take_step
+from harness.training.learner import Learner, take_step, warm_up
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
 from harness.training.scoring.amplifier_effect import amplifier_effect
@@ -167,7 +167,7 @@ class CellTraining:
         """Run everything before the clock starts; returns the record if the cell ends with it."""
         try:
             with left_as_it_was():
-                self.trainer.warm_up(*self.batch_at(0))
+                warm_up(self.trainer, self.batch_at)
         except (Exception, SystemExit) as error:
             return self._failed(error, "before the first step")
         return None

@@ -54,6 +54,7 @@ class Stepped(Protocol):
     """The part of a `Learner` that the loop of training needs."""
 
     step: int
+    clock: Stopwatch
 
     @property
     def progress(self) -> float: ...
@@ -72,7 +73,6 @@ class Learner(Stepped, Protocol):
     method: str
     box: Box
     device: torch.device
-    clock: Stopwatch
     clipping: Clipping
     network_evaluations: int
     """The number of points at which the method was evaluated for training so far."""
@@ -116,9 +116,20 @@ class Learner(Stepped, Protocol):
 L = TypeVar("L", bound=Stepped)
 
 
+def warm_up(learner: Learner, batch_at: Callable[[int], Batch]) -> None:
+    """Run everything that is done once, with the batch of the first step, off the learner's clock."""
+    batch = batch_at(0)
+    learner.warm_up(batch.rays, batch.colours)
+
+
 def take_step(learner: Stepped, batch_at: Callable[[int], Batch]) -> None:
-    """Take the learner's next step; `batch_at` returns the batch of a step (`Batches.stream`). Raises `Diverged`."""
-    learner.train_on(*batch_at(learner.step))
+    """Take the learner's next step; `batch_at` returns the batch of a step (`Batches.stream`). Raises `Diverged`.
+
+    The making of the batch counts, also where it was made for another learner: alone, this one would have made it.
+    """
+    batch = batch_at(learner.step)
+    learner.clock.add(batch.seconds, batch.core_seconds)
+    learner.train_on(batch.rays, batch.colours)
 
 
 def steps(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], bool] | None = None) -> Iterator[L]:

@@ -14,7 +14,7 @@ from harness.records.cells import CellRecord, unscored
 from harness.training.batches import Batches
 from harness.training.cell_training import CellTraining, IncompatibleSnapshot
 from harness.training.checkpoints import Keeping
-from harness.training.learner import Learner, train
+from harness.training.learner import Learner, train, warm_up
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.saved_renders import keep_truth
 from harness.training.scoring import evaluate
@@ -146,7 +146,7 @@ def trained_alone(
     box, directed = box_of(views, device), needs_view_direction(views)
     learner = learner_for(method, box, settings, budget, stream, device, directed)
     batch_at = batches.for_learner(learner.whole_views, stream, settings.rays)
-    learner.warm_up(*batch_at(0))
+    warm_up(learner, batch_at)
     return train(learner, batch_at)
 
 

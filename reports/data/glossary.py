@@ -14,8 +14,9 @@ WORDS = (
     ),
     (
         "core second",
-        "A second of one processor core, used by this training alone. It stays nearly the same if a machine does other "
-        "work as well, where wall time becomes longer.",
+        "A second of one processor core, used by this training alone, the making of its batches included. Other "
+        "programs on the machine make wall times too long, and change core seconds little. They too are too long where "
+        "several threads wait for each other actively; a cell then carries a warning.",
     ),
     ("floor", "The score of the nearest training photo, shown in place of a rendering. Below it nothing was learnt."),
     ("ceiling", "The score of a perfect method: the ground truth itself is rendered, and has noise."),

@@ -217,11 +217,14 @@ def waiting(records: Records) -> str:
     slow = [cell for cell in records.cells if cell.waited]
     if not slow:
         return ""
-    most = max(cell.wall_per_core_second or 0.0 for cell in slow)
-    return (
-        f"{len(slow)} of {len(records.cells)} cells shared their processor with other work: up to {number(most, 1)} "
-        "seconds of the wall per core second. Scores are unaffected; trust core seconds, not wall time."
+    most, spun = max(cell.wall_per_core_second or 0.0 for cell in slow), sum(cell.spun for cell in slow)
+    sentence = (
+        f"{len(slow)} of {len(records.cells)} cells shared their processor: up to {number(most, 1)} seconds of the "
+        "wall per core second. Other programs ran: scores are unaffected, wall times are too long."
     )
+    if spun:
+        sentence += f" Core seconds of {spun} of them are too long as well: several threads waited actively."
+    return sentence
 
 
 def failures_grid(records: Records) -> Grid:
@@ -242,7 +245,7 @@ def warnings_grid(records: Records) -> Grid:
     columns = [Column(name, numeric=False) for name in ("scene", "method", "seeds", "warning")]
     seeds_of: dict[tuple[str, str, str], list[int]] = {}
     for cell in records.cells:
-        for warning in cell.warnings:
+        for warning in cell.all_warnings:
             seeds_of.setdefault((cell.scene, cell.method, warning), []).append(cell.seed)
     rows = [
         [
@@ -258,7 +261,7 @@ def warnings_grid(records: Records) -> Grid:
 
 def warning_kinds(records: Records) -> list[tuple[str, int]]:
     """Return the kinds of warnings (the words before the colon) and how many cells carry each."""
-    kinds = Counter(kind for cell in records.cells for kind in {text.split(":")[0] for text in cell.warnings})
+    kinds = Counter(kind for cell in records.cells for kind in {text.split(":")[0] for text in cell.all_warnings})
     return kinds.most_common()
 
 

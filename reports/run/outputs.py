@@ -26,8 +26,10 @@ from scenes.files.atomic import write_atomically
 EVERYWHERE = "all"
 PSNR = METRICS[PRIMARY]
 FIRST, OTHER = "first", "other"
-SAME_CLOCK = ("processor", "cores", "threads", "device")
-"""The facts that two runs must share before their seconds are compared."""
+SAME_CLOCK = ("processor", "cores", "threads", "waiting", "device")
+"""The facts that two runs must share before their seconds are compared. Records without `waiting` are of clocks that do
+not count batches.
+"""
 DASHES = (("solid:", ()), ("dashed:", (5.0, 2.0)), ("dotted:", (1.5, 1.5)), ("dash-dotted:", (6.0, 2.0, 1.5, 2.0)))
 """The dashes, one per output, over and over."""
 FEW = 3
@@ -194,7 +196,7 @@ def sentences(first: Output, others: list[Against]) -> list[str]:
             why = listed([f"{scene} ({reason})" for scene, reason in versus.unlike.items()])
             notes.append(f"The ground truth of {name} is another one in {why}: shown, and not judged.")
         if not versus.same_clock:
-            notes.append(f"{name} ran on another kind of machine, or on other cores: their seconds are not compared.")
+            notes.append(f"{name} ran on another kind of machine or was timed otherwise: seconds are not compared.")
     return notes
 
 

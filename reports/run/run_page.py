@@ -52,8 +52,8 @@ TABLES = {
 CONVERGENCE = (
     "Thin: one seed. Thick: mean of the finished seeds. A cross: where a run diverged. Dashed: the floor (copying the "
     "nearest training view) and, where it is near, the ceiling (noise of the ground truth). "
-    "Core seconds: processor time of all threads in training alone, on a GPU the host's; a shared machine changes it "
-    "less than the wall."
+    "Core seconds: processor time of all threads in training alone, on a GPU the host's. Other programs on the "
+    "machine make wall times too long, and change core seconds little."
 )
 WORK = (
     "Lower and further left is better. Thin: one seed. Thick: the geometric mean of the finished seeds, over all "
@@ -110,7 +110,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         expected=len(run.scenes) * len(run.methods) * len(run.seeds),
         not_tested=missing,
         not_tested_in_short=in_short(missing),
-        warned=sum(bool(cell.warnings) for cell in records.cells),
+        warned=sum(bool(cell.all_warnings) for cell in records.cells),
         warning_kinds=metrics_table.warning_kinds(records),
         waiting=metrics_table.waiting(records),
         shelves=shelves.values(),

@@ -8,7 +8,15 @@ from reports.claims.psnr_table import difference_entry, differences_grids, score
 from reports.data.load import Records, read_records
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
 from reports.page.grid import Entry
-from reports.run.metrics_table import costs_grid, failures_grid, left_out_grid, metrics_grid, properties_grid, waiting
+from reports.run.metrics_table import (
+    costs_grid,
+    failures_grid,
+    left_out_grid,
+    metrics_grid,
+    properties_grid,
+    waiting,
+    warnings_grid,
+)
 from tests.replacing import replace
 from tests.reports.fake_run import write_fake_run
 
@@ -204,6 +212,12 @@ def test_cells_that_waited_for_a_processor_are_counted(records: Records):
     assert waiting(records) == ""
     slow = [replace(records.cells[0], train_seconds=1.5 * 54.4), *records.cells[1:]]
     assert waiting(replace(records, cells=slow)) == (
-        "1 of 18 cells shared their processor with other work: up to 1.5 seconds of the wall per core second. Scores "
-        "are unaffected; trust core seconds, not wall time."
+        "1 of 18 cells shared their processor: up to 1.5 seconds of the wall per core second. Other programs ran: "
+        "scores are unaffected, wall times are too long."
     )
+    slow[0] = replace(slow[0], provenance={"threads": 2})
+    assert waiting(replace(records, cells=slow)).endswith(
+        "Core seconds of 1 of them are too long as well: several threads waited actively."
+    )
+    (row,) = [row for row in warnings_grid(replace(records, cells=slow)).rows if "core seconds" in row[3].text]
+    assert row[3].text == "core seconds too long: 2 threads waited actively"

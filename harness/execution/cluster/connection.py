@@ -19,6 +19,7 @@ from harness.execution.cluster.room import fits, needs_of
 from harness.execution.cluster.view_set_files import node_folder
 from harness.machine.cores import own_siblings, physical_cores
 from harness.machine.provenance import differences, our_folders, versions
+from harness.machine.wait_policy import wait_policy
 from scenes.files.errors import InputError
 
 HOW_TO_INSTALL = (
@@ -76,6 +77,7 @@ def connect(address: str | None) -> None:
         "py_modules": [str(folder) for folder in our_folders()],
         "excludes": ["__pycache__"],
         "working_dir": _empty_folder(),
+        "env_vars": wait_policy(os.environ),
     }
     # a Ray that we start ourselves tells nobody about it
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")

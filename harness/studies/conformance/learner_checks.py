@@ -18,7 +18,7 @@ from harness.studies.conformance.subject import Broken, Subject
 from harness.studies.drawn_views import disc_views
 from harness.training.batches import Batches
 from harness.training.checkpoints import load_checkpoint, restore_training, save_checkpoint, tensors_of, training_state
-from harness.training.learner import Learner, at_step, train
+from harness.training.learner import Learner, at_step, train, warm_up
 from harness.training.lockstep import box_of
 from harness.training.make_learner import learner_for
 from harness.training.scoring.evaluate import cameras_of
@@ -67,14 +67,14 @@ def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, st
     _, batches = drawn()
     learner = fresh(subject, settings)
     batch_at = batches.for_learner(learner.whole_views, STREAM, settings.rays)
-    learner.warm_up(*batch_at(0))
+    warm_up(learner, batch_at)
     for stop in stops:
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch) / "cell.safetensors"
             write_unfinished(path, training_state(train(learner, batch_at, at_step(stop))))
             kept = read_unfinished(path)
         learner = fresh(subject, settings)
-        learner.warm_up(*batch_at(0))
+        warm_up(learner, batch_at)
         restore_training(learner, kept)
     return train(learner, batch_at, at_step(steps))
 

@@ -23,7 +23,7 @@ from harness.records.study import Check, check
 from harness.studies.drawn_views import write_disc
 from harness.studies.framework import StudyContext
 from harness.training.batches import Batch, Batches
-from harness.training.learner import at_step, train
+from harness.training.learner import at_step, train, warm_up
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
@@ -126,7 +126,7 @@ def synthetic_batch(context: SpeedContext, count: int) -> Batch:
     aims = torch.rand(count, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(aims - origins, dim=-1)
     colours = torch.rand(count, 3, generator=generator)
-    return Rays(origins, directions, 2.0, 6.0).to(context.device), colours.to(context.device)
+    return Batch(Rays(origins, directions, 2.0, 6.0).to(context.device), colours.to(context.device))
 
 
 def unit_box(device: torch.device) -> Box:
@@ -223,7 +223,7 @@ def trained_reduced(context: SpeedContext, view_dependent: bool | None = None) -
     directed = needs_view_direction(views) if view_dependent is None else view_dependent
     trainer = new_trainer(context, plan.train, box_of(views, context.device), directed, plan.budget)
     batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
-    trainer.warm_up(*batch_at(0))
+    warm_up(trainer, batch_at)
     return train(trainer, batch_at, at_step(plan.train.grid.first_step + (10 if context.quick else 300)))
 
 

@@ -30,7 +30,7 @@ from harness.studies.speed.speed_context import (
     unit_box,
 )
 from harness.training.batches import Batch
-from harness.training.learner import take_step
+from harness.training.learner import take_step, warm_up
 
 
 def measure(context: SpeedContext) -> Iterator[Check]:
@@ -40,7 +40,9 @@ def measure(context: SpeedContext) -> Iterator[Check]:
     field = PlainField(settings.network, unit_box(context.device), STREAM).to(context.device)
     optimiser = torch.optim.Adam(field.parameters(), lr=settings.learning_rate)
     sides: dict[str, Callable[[], object]] = {
-        "plain": lambda: plain_step(field, optimiser, *batch, settings.bins, generator_for(STREAM, 0, "jitter")),
+        "plain": lambda: plain_step(
+            field, optimiser, batch.rays, batch.colours, settings.bins, generator_for(STREAM, 0, "jitter")
+        ),
         "accelerated": dense_side(context, settings, batch),
     }
     if settings.precision != "float32":
@@ -63,7 +65,7 @@ def measure(context: SpeedContext) -> Iterator[Check]:
 def dense_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> Callable[[], object]:
     """Return a step of the harness; raises `RuntimeError` if it leaves a sample out and is not comparable."""
     trainer = new_trainer(context, settings, unit_box(context.device))
-    trainer.warm_up(*batch)
+    warm_up(trainer, lambda _: batch)
 
     def step() -> None:
         before = trainer.network_evaluations

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise, repeat, takewhile
 from operator import mul
-from typing import Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
@@ -35,7 +34,7 @@ from harness.studies.speed.speed_context import (
     views_of,
 )
 from harness.training.batches import Batch
-from harness.training.learner import Stepped, train
+from harness.training.learner import Stepped, train, warm_up
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.scoring.evaluate import cameras_of, floor_psnr
 from harness.training.trainer import Diverged, Trainer
@@ -131,13 +130,6 @@ def pixels_of(views: ViewSet, device: torch.device, pixels: int = TEST_PIXELS) -
     )
 
 
-@runtime_checkable
-class TimedLearner(Stepped, Protocol):
-    """A learner with a clock of its own."""
-
-    clock: Stopwatch
-
-
 class Plain:
     """Plain training as anyone would write it: 64 stratified samples from near to far, constant learning rate."""
 
@@ -151,7 +143,7 @@ class Plain:
         self.clock = Stopwatch(device)
         self.step = 0
         # allocations, outside the clock
-        plain_loss(self.field, *first, settings.bins, None).backward()
+        plain_loss(self.field, first.rays, first.colours, settings.bins, None).backward()
 
     def train_on(self, rays: Rays, colours: Tensor) -> None:
         jitter = generator_for(STREAM, self.step, "jitter")
@@ -167,7 +159,7 @@ class Plain:
 
 
 def follow(
-    learner: TimedLearner,
+    learner: Stepped,
     batch_at: Callable[[int], Batch],
     colours_of: Callable[[Rays], Tensor],
     pixels: PixelSubset,
@@ -237,7 +229,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Series]:
         settings, until = sides[name]
         trainer = Trainer("nerf", box, settings, until, seed, device, directed)
         batch_at = batches.stream(seed, settings.rays)
-        trainer.warm_up(*batch_at(0))
+        warm_up(trainer, batch_at)
 
         first = budget / (context.target(*GOALS[name]) or 100.0) / 20
         times = takewhile(lambda due: due < budget, accumulate(repeat(GROWTH), mul, initial=first))

@@ -16,7 +16,7 @@ from scenes.files.errors import InputError
 
 OF_THE_MACHINE = ("precision", "device", "threads")
 """The settings that a plan leaves to the machine."""
-PLACE = ("processor", "instruction_set", "threads", "device", "commit")
+PLACE = ("processor", "instruction_set", "threads", "waiting", "device", "commit")
 """The parts of the origin of cells that are shown side by side."""
 
 

@@ -1,11 +1,13 @@
 """The check of the clock, on made-up clocks: a sound one passes, and each fault is found where it shows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import pytest
 import torch
 
-from harness.machine.clock_check import TOLERATED, Clocks, clock_errors, noise, system_clocks
+from harness.machine import clock_check
+from harness.machine.clock_check import TOLERATED, Clocks, clock_errors, noise, spinning, system_clocks
 from harness.machine.stopwatch import Stopwatch
 
 
@@ -96,3 +98,26 @@ def test_noise_is_the_spread_of_the_same_work_and_its_waits() -> None:
     spread, waits = noise(watch, work, repeats=9)
     assert spread == pytest.approx(0.04 / 1.04), "of 1.00, 1.01 … 1.08, not of the first, which imports"
     assert waits == pytest.approx(0.26 / 1.04)
+
+
+@pytest.mark.parametrize(("spins", "times"), [(True, 7.0), (False, 1.0)])
+def test_threads_that_spin_beside_busy_programs_are_told_by_their_core_seconds(
+    monkeypatch: pytest.MonkeyPatch, spins: bool, times: float
+) -> None:
+    machine, others = Machine(), [0]
+
+    @contextmanager
+    def busy(count: int) -> Iterator[None]:
+        others[0] = count
+        yield
+        others[0] = 0
+
+    def layers() -> None:
+        waiting = 3.0 * others[0] * (torch.get_num_threads() - 1) if spins else 0.0
+        machine.work(0.1 * (1.0 + waiting))
+
+    monkeypatch.setattr(clock_check, "layers", layers)
+    watch = Stopwatch(torch.device("cpu"), lambda: machine.wall, lambda: machine.cores)
+    assert spinning(watch, 2, busy) == pytest.approx(times)
+    assert others == [0]
+    assert torch.get_num_threads() == 1

@@ -9,7 +9,8 @@ import pytest
 import torch
 from msgspec.structs import replace
 
-from harness.execution.executors import chosen_machine, shared_by
+from harness.command.main import parsed
+from harness.execution.executors import chosen_machine, shared_by, unused_by
 from harness.machine.cores import _taken, chosen_cores, own_cores, physical_cores, quota_cores, siblings
 from harness.machine.device import available_cores, only_gpu
 from harness.machine.mixed_code import clocks_apart
@@ -106,6 +107,14 @@ def test_where_the_system_has_no_binding_nothing_is_said_of_sharing(monkeypatch:
     assert sentence.endswith("1 of 1 could not be bound to any, so that their training seconds may be long.")
 
 
+def test_cores_that_one_thread_a_cell_leaves_idle_are_said() -> None:
+    assert unused_by(Machine("cpu", 1, parsed(["run"]).threads), 2) == "; 1 of 2 cores idle, --threads 2 uses more"
+    assert unused_by(Machine("cpu", 3, 1), 8) == "; 5 of 8 cores idle, --threads 2 uses more"
+    for busy in (Machine("cpu", 2, 1), Machine("cpu", 1, 2), Machine("cuda", 1, 1), Machine("cpu", 1, 1, "ray")):
+        assert unused_by(busy, 2) == ""
+    assert unused_by(Machine("cpu", 3, 1), 4) == "", "three workers cannot share one more core"
+
+
 EIGHT: list[tuple[int, ...]] = [(core, core + 8) for core in range(8)]
 
 
@@ -113,9 +122,9 @@ EIGHT: list[tuple[int, ...]] = [(core, core + 8) for core in range(8)]
     ("asked", "groups", "machine", "warned"),
     [
         ({}, 100, Machine("cpu", 8, 1), False),
-        ({}, 3, Machine("cpu", 3, 2), False),
+        ({}, 3, Machine("cpu", 3, 1), False),
         ({"workers": 8, "threads": 2}, 100, Machine("cpu", 8, 2), True),
-        ({"workers": 4}, 100, Machine("cpu", 4, 2), False),
+        ({"workers": 4}, 100, Machine("cpu", 4, 1), False),
         ({"threads": 3}, 100, Machine("cpu", 2, 3), False),
     ],
 )
@@ -124,7 +133,7 @@ def test_workers_of_a_machine_with_hardware_threads_have_cores_of_their_own(
 ) -> None:
     monkeypatch.setattr("harness.machine.cores.siblings", lambda cpus: EIGHT)
     monkeypatch.setattr("harness.machine.device.available_cores", lambda: 16)
-    given = {"executor": "local", "workers": None, "threads": None, "keep_every": machine.keep_every}
+    given = {"executor": "local", "workers": None, "threads": 1, "keep_every": machine.keep_every}
     options = Namespace(**{**given, **asked})
     warnings: list[str] = []
     assert chosen_machine(options, torch.device("cpu"), groups, warnings.append) == machine

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from harness.machine.stopwatch import Stopwatch
 from harness.plan.seeds import generator_for
 from harness.training.batches import Batches, Cameras, covered_pixels
 from scenes.view_sets.image_stack import ImageStack
@@ -47,12 +48,26 @@ def test_batches_are_those_of_all_views_composited_in_memory_to_the_bit() -> Non
     whole = torch.as_tensor(over_white(rgba), dtype=torch.float32).reshape(-1, 3)
     for seed, step, count in ((0, 0, 512), ("lego/2", 31, 1024), (3, 1199, 1)):
         index = torch.randint(len(whole), (count,), generator=generator_for(seed, step, "batch"))
-        rays, colours = some.batch(seed, step, count)
+        rays, colours, *_ = some.batch(seed, step, count)
         assert colours.dtype == torch.float32
         assert torch.equal(colours, whole[index])
         direct = views.rays(index // size**2, index % size, index % size**2 // size)
         assert torch.equal(rays.directions, direct.directions)
         assert torch.equal(rays.origins, direct.origins)
+
+
+def test_a_batch_brings_the_time_of_its_making_also_where_it_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    readings = iter(range(100))
+    monkeypatch.setattr(
+        "harness.training.batches.Stopwatch",
+        lambda device: Stopwatch(device, lambda: float(next(readings) ** 2), lambda: 10.0 * next(readings)),
+    )
+    some = batches()
+    first = some.batch(0, 0, 40)
+    assert (first.seconds, first.core_seconds) == (2.0**2 - 0.0, 10.0 * (3 - 1))
+    assert some.batch(0, 0, 40) is first
+    view = some.for_learner(True, 0, 40)(0)
+    assert (view.seconds, view.core_seconds) == (6.0**2 - 4.0**2, 10.0 * (7 - 5))
 
 
 def one_dot(share: float) -> Batches:

@@ -7,11 +7,10 @@ import pytest
 import torch
 
 from baselines.catalog import CATALOG
-from baselines.contract import Box
+from baselines.contract import Box, Rays
 from baselines.numerics.optimisers import OptimiserName
 from harness.plan.profiles import TUNED
 from harness.plan.settings import TrainSettings
-from harness.training.batches import Batch
 from harness.training.checkpoints import load_checkpoint, save_checkpoint
 from harness.training.trainer import Trainer
 from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours
@@ -29,7 +28,7 @@ def trained(method: str, kind: str, settings: TrainSettings, steps: int) -> Trai
     return learner
 
 
-def batch(seed: int, device: torch.device) -> Batch:
+def batch(seed: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
     rays, colours = rays_and_colours(seed=seed)
     return rays.to(device), colours.to(device)
 

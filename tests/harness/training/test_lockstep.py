@@ -203,7 +203,8 @@ def test_only_training_is_on_the_clock(ball: ViewSet, tmp_path: Path, monkeypatc
 
         monkeypatch.setattr(evaluate, name, slow)
 
-    monkeypatch.setattr("harness.training.trainer.Stopwatch", lambda device: Stopwatch(device, clock))
+    for module in ("trainer", "batches"):
+        monkeypatch.setattr(f"harness.training.{module}.Stopwatch", lambda device: Stopwatch(device, clock, clock))
     for name in ("render_split", "quick_scores", "density_histogram", "train_psnr", "measured_properties"):
         slowed(name)
     original = Trainer.warm_up
@@ -213,10 +214,11 @@ def test_only_training_is_on_the_clock(ball: ViewSet, tmp_path: Path, monkeypatc
         original(self, *batch)
 
     monkeypatch.setattr(Trainer, "warm_up", warm_up)
-    cells = group(ball, tmp_path, ("nerf", "qnerf"))
-    for cell in cells.values():
-        assert cell.train_seconds == 24 * 0.5
-        assert [point.seconds for point in cell.curve] == [3.0, 6.0, 12.0]
+    together = group(ball, tmp_path / "together", ("nerf", "qnerf"))
+    for cell in (*together.values(), *group(ball, tmp_path / "alone", ("qnerf",)).values()):
+        # a step and its batch, whoever it was made for; between two readings of one clock the other is read once
+        assert cell.train_seconds == cell.train_core_seconds == 24 * 2 * 1.0
+        assert [point.seconds for point in cell.curve] == [12.0, 24.0, 48.0]
 
 
 def test_a_budget_of_seconds_ends_each_method_by_its_own_clock(
@@ -235,6 +237,7 @@ def test_a_budget_of_seconds_ends_each_method_by_its_own_clock(
         return Stopwatch(device, clock)
 
     monkeypatch.setattr("harness.training.trainer.Stopwatch", stopwatch)
+    monkeypatch.setattr("harness.training.batches.Stopwatch", lambda device: Stopwatch(device, float, float))
     cells = group(ball, tmp_path, ("nerf", "qnerf"), budget=Budget(None, 20.0))
     assert {method: (cell.steps, cell.train_seconds) for method, cell in cells.items()} == {
         "nerf": (20, 20.0), "qnerf": (10, 20.0),

@@ -36,10 +36,10 @@ def batch_at() -> Callable[[int], Batch]:
 def test_a_step_sees_all_pixels_of_one_view_and_each_view_in_its_turn() -> None:
     views, _ = drawn()
     seen = [batch_at()(step) for step in range(40)]
-    assert {len(rays) for rays, _ in seen} == {views.width * views.height}
-    assert all(bool((rays.origins == rays.origins[:1]).all()) for rays, _ in seen)
-    assert len({tuple(rays.origins[0].tolist()) for rays, _ in seen}) == len(views.train.names)
-    assert torch.equal(batch_at()(7)[1], seen[7][1])
+    assert {len(batch.rays) for batch in seen} == {views.width * views.height}
+    assert all(bool((batch.rays.origins == batch.rays.origins[:1]).all()) for batch in seen)
+    assert len({tuple(batch.rays.origins[0].tolist()) for batch in seen}) == len(views.train.names)
+    assert torch.equal(batch_at()(7).colours, seen[7].colours)
 
 
 def test_stopped_before_and_after_a_relocation_it_ends_in_the_same_bits() -> None:
@@ -76,7 +76,7 @@ def test_a_number_that_is_not_finite_ends_it_with_the_gaussians_of_before(
 ) -> None:
     learner = train(trainer(), batch_at(), at_step(3))
     before = learner.field.values.clone()
-    rays, colours = batch_at()(3)
+    rays, colours, *_ = batch_at()(3)
     if where == "gradient":
         slope: Any = learner._slope
         monkeypatch.setattr(learner, "_slope", lambda *given: (0.0, slope(*given)[1] * float("nan"), 1))

@@ -46,5 +46,15 @@ def test_a_cell_that_shared_its_processor_is_told_from_one_that_used_several() -
     assert alone.waited
     assert not replace(alone, train_core_seconds=15.0).waited
     assert not replace(alone, train_core_seconds=32.0).waited, "two threads"
+    passive = replace(alone, train_core_seconds=15.0, provenance={"threads": 2, "waiting": "passive"})
+    assert not passive.waited, "its threads slept"
+    assert not passive.spun
+    active = replace(passive, provenance={"threads": 2, "waiting": "active"})
+    assert active.spun, "2 × 16 s on cores of which it had 15 s"
+    assert active.waited
+    assert active.all_warnings == ["core seconds too long: 2 threads waited actively"]
+    assert replace(active, provenance={"threads": 2}).spun, "an older record: they waited actively"
+    assert not replace(active, train_core_seconds=30.0).spun, "nothing else ran"
+    assert not replace(active, train_core_seconds=8.0, provenance={"threads": 1}).spun, "alone, it waits for nobody"
     assert not replace(alone, train_core_seconds=None).waited
     assert not replace(alone, provenance={"device": "NVIDIA H100"}).waited, "a GPU's work is no processor's"

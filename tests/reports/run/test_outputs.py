@@ -78,9 +78,10 @@ def test_every_metric_is_judged_at_equal_steps_and_those_along_training_at_equal
     }
 
 
-def test_seconds_of_another_machine_are_not_compared(tmp_path):
+@pytest.mark.parametrize("fact", ["processor", "waiting"])
+def test_seconds_of_another_machine_or_clock_are_not_compared(tmp_path, fact):
     def elsewhere(run):
-        return replace(run, provenance={**run.provenance, "processor": "another"})
+        return replace(run, provenance={**run.provenance, fact: "another"})
 
     outputs, found = compared(tmp_path, change=elsewhere)
     assert not found.same_clock

@@ -79,8 +79,8 @@ def doubled(context: StabilityContext) -> Callable[[int], Batch]:
     batch_at = here.batches.stream(STREAM, here.settings.rays)
 
     def doubled_at(step: int) -> Batch:
-        rays, colours = batch_at(step)
-        return rays.to(torch.float64), colours.double()
+        batch = batch_at(step)
+        return batch._replace(rays=batch.rays.to(torch.float64), colours=batch.colours.double())
 
     return doubled_at
 

@@ -2,8 +2,6 @@
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 import torch
@@ -11,6 +9,7 @@ from torch import Tensor
 
 from baselines.contract import Rays
 from harness.execution.progress import Quiet
+from harness.machine.stopwatch import Stopwatch
 from harness.records.study import Check
 from harness.studies.speed.speed_context import SpeedContext, batches_of
 from harness.studies.speed.time_to_target import (
@@ -24,6 +23,7 @@ from harness.studies.speed.time_to_target import (
     reached,
     targets_of,
 )
+from harness.training.batches import Batch
 from harness.training.learner import at_step, train
 from harness.training.trainer import Diverged
 from scenes.view_sets.view_set import ViewSet
@@ -39,7 +39,7 @@ class Scripted:
 
     def __init__(self, fails_after: float = float("inf"), shows_nan: bool = False) -> None:
         self.step = 0
-        self.clock: Any = SimpleNamespace(seconds=0.0)
+        self.clock = Stopwatch(CPU)
         self.fails_after = fails_after
         self.shows_nan = shows_nan
 
@@ -56,7 +56,7 @@ class Scripted:
 def followed(learner: Scripted, times: list[float], target: float = math.inf) -> PsnrCurve:
     rays, colours = rays_and_colours(8)
     black = PixelSubset(rays, torch.zeros_like(colours))
-    return follow(learner, lambda step: (rays, colours), learner.colours, black, times, target)
+    return follow(learner, lambda step: Batch(rays, colours), learner.colours, black, times, target)
 
 
 def test_a_training_is_looked_at_when_its_clock_has_passed() -> None:
