@@ -27,7 +27,9 @@ def seeds(generator: np.random.Generator, many: int) -> np.ndarray:
 
 def rounded(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Stored draws of the rounding, and by how much one more is better than their mean."""
-    draws = seeds(generator, SEEDS)[..., None] + SCATTER * generator.standard_normal((SCENES, METHODS, SEEDS, DRAWS + 1))
+    draws = seeds(generator, SEEDS)[..., None] + SCATTER * generator.standard_normal(
+        (SCENES, METHODS, SEEDS, DRAWS + 1)
+    )
     return draws[..., 1:], draws[..., 0] - draws[..., 1:].mean(axis=-1)
 
 
