@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.gate import gate_speed
 from harness.gate.gates import FALSE_ALARMS, LOSS_OF_ONE, LOSS_OVER_ALL, SLOWER_FOUND, Scatter
-from harness.gate.limits import read_stored
+from harness.gate.limits import KindFacts, LimitsFile, read_stored
 from harness.gate.losses import FIGURES, SINGLE, Judge
 from harness.gate.references import REFERENCES_FILE, References, rank_line
 
@@ -24,7 +24,13 @@ def tables() -> dict[str, str]:
     mutations = json.loads((ROOT / "gates" / "mutations.json").read_text(encoding="utf-8"))
     rank = json.loads((ROOT / "gates" / "rank.json").read_text(encoding="utf-8"))
     stored = read_stored(ROOT / "gates" / REFERENCES_FILE, References)
-    return {"spread": spread_table(stored), "mutations": mutation_table(mutations["rows"]), "rank": rank_line(rank)}
+    limits = read_stored(ROOT / "gates" / "limits.json", LimitsFile)
+    return {
+        "spread": spread_table(stored),
+        "renewal": renewal(stored, limits),
+        "mutations": mutation_table(mutations["rows"]),
+        "rank": rank_line(rank),
+    }
 
 
 def spread_table(stored: References) -> str:
@@ -53,6 +59,15 @@ def spread_table(stored: References) -> str:
     return "\n".join(
         [*head, *(f"| {what} | {' | '.join(values)} |" for what, values in rows.items()), "", slower(stored)]
     )
+
+
+def renewal(stored: References, limits: LimitsFile) -> str:
+    """What each renewal took, and of which commit it is."""
+    facts: dict[str, KindFacts] = dict(stored.kinds.items())
+    facts |= {f"speed of {name}": speed.facts for name, speed in stored.speed.items()}
+    facts |= dict(limits.kinds.items())
+    rows = [f"| {kind} | {some.seconds / 60:.0f} min | {some.provenance['commit']} |" for kind, some in facts.items()]
+    return "\n".join(["| | took | commit |", "|---|---|---|", *rows])
 
 
 def slower(stored: References) -> str:
