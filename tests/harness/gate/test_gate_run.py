@@ -12,7 +12,7 @@ from harness.__main__ import main
 from harness.command import gate_command
 from harness.gate import gate_run, images
 from harness.gate.gate_context import GateContext, complete
-from harness.gate.gates import KINDS, gates
+from harness.gate.gates import KINDS, TRAINED_SCENES, gates
 from harness.gate.limits import LimitsFile, read_stored, write_stored
 from harness.gate.references import REFERENCES_FILE
 from harness.machine.processor_class import class_here
@@ -193,7 +193,8 @@ def test_names_are_chosen_by_their_beginning() -> None:
         return [gate.name for gate in gate_command.chosen(list(given))]
 
     assert names("speed.render") == ["speed.render.nerf", "speed.render.qnerf"]
-    assert names("worse.nerf") == [f"worse.nerf.{score}" for score in ("psnr", "ssim", "depth_rmse")]
+    of_scenes = [f"{scene}.psnr" for scene in TRAINED_SCENES]
+    assert names("worse.nerf") == [f"worse.nerf.{score}" for score in ("psnr", "ssim", "depth_rmse", *of_scenes)]
     assert gate_command.chosen(None) == gates()
 
 
