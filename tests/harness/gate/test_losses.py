@@ -110,6 +110,7 @@ def less(cells: Cells, loss: float, scene: int | None = None, method: int | None
     return {**cells, "psnr": psnr}
 
 
+@pytest.mark.slow
 def test_rounding_passes_and_the_stated_losses_are_found(stored: References) -> None:
     """0.05 dB over all in 95 %, 0.15 dB by one method on one scene in 80 %, whichever it is."""
     simulated = Simulated(stored, np.random.default_rng(1))
@@ -129,6 +130,7 @@ def test_rounding_passes_and_the_stated_losses_are_found(stored: References) -> 
     assert ones / REPEATS >= 0.80
 
 
+@pytest.mark.slow
 def test_a_harmless_change_that_draws_other_numbers_passes_and_a_loss_does_not(stored: References) -> None:
     simulated = Simulated(stored, np.random.default_rng(2))
     alarms, found = 0, 0
@@ -145,6 +147,7 @@ def test_a_harmless_change_that_draws_other_numbers_passes_and_a_loss_does_not(s
     assert found / REPEATS == pytest.approx(0.8, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_change_with_the_same_numbers_is_judged_by_what_it_scatters(stored: References) -> None:
     simulated = Simulated(stored, np.random.default_rng(3))
     alarms, found = 0, 0

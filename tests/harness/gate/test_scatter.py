@@ -55,6 +55,7 @@ def shares(error: float) -> float:
     return 4.0 * np.sqrt(error * (1.0 - error) / REPEATS)
 
 
+@pytest.mark.slow
 @WEIGHTS
 @pytest.mark.parametrize("sample", [by_rounding, by_seeds, by_a_change])
 def test_limits_alarm_as_often_as_they_say_and_find_what_they_say(
