@@ -18,8 +18,11 @@ LIMITS = Path("gates/limits.json")
 def add_gate_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("--only", nargs="+", metavar="NAME", help="gates, or beginnings of their names: changed worse.qnerf images …")
-    add("--renew", action="store_true", help="measure limits and references anew, write them and print what changed")
-    add("--class", dest="of_class", metavar="NAME", help="be a processor of this class: default avx2 avx512")
+    add(
+        "--renew",
+        action="store_true",
+        help="measure limits and references anew, of committed code, and write them",
+    )
     add("--limits", type=Path, default=LIMITS, metavar="FILE", help=f"limits to hold to (default: {LIMITS})")
     add_shared(command, "--view-sets", "--out", "--list")
     add("--rank", type=Path, metavar="RUN", help="compare the order of methods with that of a finished run, no more")
@@ -42,26 +45,22 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
         return 0
 
     from harness.gate.gate_run import SHELF, context_for, renew, run
-    from harness.machine.processor_class import environment_of
+    from harness.machine.processor_class import class_here
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder, make_ours
 
-    if options.of_class is not None:
-        environment_of(options.of_class)
     out = options.out or fresh_folder("gate", resume=False)
     # before a folder is made
-    context = context_for(table, options.limits, out, options.view_sets, show, options.of_class, options.renew)
+    context = context_for(table, options.limits, out, options.view_sets, show, options.renew)
     with locked_folder(out):
         make_ours(out)
         if options.renew:
-            return renew(context, options.of_class)
+            return renew(context)
         replay = ["python", "-m", "harness", "gate"]
         if options.limits != LIMITS:
             replay += ["--limits", str(options.limits)]
-        if options.of_class is not None:
-            replay += ["--class", options.of_class]
         code = run(context, shlex.join(replay))
-        remember(options.history, out / SHELF.file, context.of_class, show)
+        remember(options.history, out / SHELF.file, class_here(), show)
         return code
 
 

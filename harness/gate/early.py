@@ -1,12 +1,13 @@
 """Has anything changed? Losses and renders of the first steps, in which rounding has not grown yet.
 
-In double precision rounding stays below 1e-12 for all of them: what differs there differs in meaning. In single
-precision, which is what runs use, it doubles from step to step, so that only the first few are compared.
+In double precision rounding stays below 1e-10 for all of them, whatever the processor: what differs there differs in
+meaning. In single precision, which is what runs use, it doubles from step to step, so that only the first few are
+compared.
 """
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,12 +15,11 @@ import numpy as np
 import torch
 from msgspec import structs
 
-from baselines import fused_network
 from harness.gate.gate_context import GateContext, complete
-from harness.gate.gates import FACTORS, STARTS, Start
+from harness.gate.gates import STARTS, TOLERANCES, Gate, Start, gates
 from harness.gate.limits import NONE_DIFFERS, Limit, judge
 from harness.gate.references import Course, Courses, References
-from harness.machine.processor_class import classes_here, forced, in_child
+from harness.machine.stopping import in_child
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
@@ -54,23 +54,6 @@ PRECISIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Reordering:
-    """Another order of the same sums."""
-
-    threads: int = 1
-    block_bytes: int = fused_network.BLOCK_BYTES
-    fused: bool = True
-
-
-REORDERINGS = {
-    "two threads": Reordering(threads=2),
-    "small blocks": Reordering(block_bytes=1 << 18),
-    "single operations": Reordering(fused=False),
-}
-"""The last one applies to single precision alone: single operations round to it."""
-
-
 def _answer(checks: dict[str, Check]) -> str:
     failed = [name for name, check in checks.items() if check.is_broken]
     return "Has anything changed? " + (f"yes: {', '.join(failed)}" if failed else "no more than the order of sums")
@@ -85,52 +68,53 @@ def measure(context: GateContext) -> Iterator[Check]:
         others = sorted(key for key in now.keys() | stored.profiles.keys() if now.get(key) != stored.profiles.get(key))
         why = ", ".join(f"{key} {stored.profiles.get(key)} → {now.get(key)}" for key in others)
         yield judge(asked[SETTINGS], [len(others)], NONE_DIFFERS, why)
-    starts = tuple(start for start in STARTS if any(name.endswith(f".{start}") for name in asked))
-    for precision, seen in (in_child(courses, starts) if starts else {}).items():
-        limit = Limit(None, tolerance(precision, stored) * context.wider("changed"))
-        for start, new in seen.items():
-            if gate := asked.get(f"changed.{precision}.{start}"):
-                size, where = deviation(new, stored.courses[precision][start])
-                yield judge(gate, [size], limit, "unchanged" if size == 0.0 else where)
+    for gate, size, where in _deviations(context) if asked.keys() - {SETTINGS} else ():
+        if gate.name in asked:
+            yield judge(gate, [size], _limit(gate), where)
+
+
+def broken(context: GateContext) -> list[str]:
+    """Return the gates of the first steps that fail, whether they are asked for or not."""
+    return [gate.name for gate, size, _ in _deviations(context) if judge(gate, [size], _limit(gate)).is_broken]
+
+
+def _limit(gate: Gate) -> Limit:
+    return Limit(None, TOLERANCES[gate.name.split(".")[1]])
+
+
+def _deviations(context: GateContext) -> Iterator[tuple[Gate, float | None, str]]:
+    """Yield gates, how far their first steps are from the stored ones, and where."""
+    here, stored = context.first_steps(), context.references.courses
+    for gate in gates():
+        match gate.name.split("."):
+            case ["changed", precision, start]:
+                before = stored.get(precision, {}).get(start, Course([math.nan], {}))
+                size, where = deviation(here[precision][start], before)
+                yield gate, size, "unchanged" if size == 0.0 else where
 
 
 def renew(context: GateContext) -> References:
-    """Return the references with new first steps, and with the deviations that other orders of the same sums cause."""
-    usual = in_child(courses)
-    reordered: dict[str, dict[str, float]] = {precision: {} for precision in PRECISIONS}
-
-    def compare(order: str, courses: Courses) -> None:
-        for precision, seen in courses.items():
-            reordered[precision][order] = float(f"{largest(seen, usual[precision]):.3g}")
-
-    for order, settings in REORDERINGS.items():
-        compare(order, in_child(courses, tuple(STARTS), settings))
-        context.show.line(f"changed: sums in another order, {order}")
-    for other in {"avx2", "avx512"} & set(classes_here()) - {context.of_class}:
-        with forced(other):
-            compare(f"class {other}", in_child(courses))
-    return structs.replace(context.references, profiles=profile_settings(), courses=usual, reordered=reordered)
+    return structs.replace(context.references, profiles=profile_settings(), courses=context.first_steps())
 
 
-def courses(names: tuple[str, ...] = tuple(STARTS), order: Reordering = Reordering()) -> Courses:
+def first_steps() -> Courses:
+    return in_child(courses)
+
+
+def courses(names: tuple[str, ...] = tuple(STARTS)) -> Courses:
     views = disc_views(32, 12, 1, seed=1)  # without a renderer, so that no renderer's rounding is in it
-    block_bytes, dtype = fused_network.BLOCK_BYTES, torch.get_default_dtype()
-    torch.set_num_threads(order.threads)
-    fused_network.BLOCK_BYTES = order.block_bytes
+    dtype = torch.get_default_dtype()
     seen: Courses = {}
     try:
         for precision, kind in PRECISIONS.items():
-            if order.fused or precision == "single":
-                torch.set_default_dtype(kind.dtype)
-                seen[precision] = {name: _first_steps(STARTS[name], views, kind, order.fused) for name in names}
+            torch.set_default_dtype(kind.dtype)
+            seen[precision] = {name: _first_steps(STARTS[name], views, kind) for name in names}
     finally:
         torch.set_default_dtype(dtype)
-        fused_network.BLOCK_BYTES = block_bytes
-        torch.set_num_threads(1)
     return seen
 
 
-def _settings(start: Start, fused: bool) -> TrainSettings:
+def settings_of_start(start: Start) -> TrainSettings:
     """Return the default profile's settings, with a grid, a warm-up and both kinds of clipping that act within the
     first steps, and a rate at which a density forms by then.
     """
@@ -146,12 +130,11 @@ def _settings(start: Start, fused: bool) -> TrainSettings:
         bins=usual.bins // 2 if start.fine_bins else usual.bins,
         fine_bins=start.fine_bins,
         grid=replace(usual.grid, cells=16, first_step=9, every=5),
-        accelerations=usual.accelerations if fused else usual.accelerations.without(("fused",)),
     )
 
 
-def _first_steps(start: Start, views: ViewSet, kind: Precision, fused: bool) -> Course:
-    settings, cpu = _settings(start, fused), torch.device("cpu")
+def _first_steps(start: Start, views: ViewSet, kind: Precision) -> Course:
+    settings, cpu = settings_of_start(start), torch.device("cpu")
     train, test = (
         replace(cameras, camera_to_world=cameras.camera_to_world.to(kind.dtype))
         for cameras in (evaluate.cameras_of(views, split, cpu) for split in (views.train, views.test))
@@ -195,19 +178,6 @@ def deviation(new: Course, stored: Course) -> tuple[float | None, str]:
     if not all(math.isfinite(size) for size, _ in sizes):
         return None, "a loss or a render is not finite"
     return max(sizes)
-
-
-def largest(new: Mapping[str, Course], stored: Mapping[str, Course]) -> float:
-    """Return the largest deviation of any start. Raises `ValueError` if one cannot be compared."""
-    sizes = [deviation(new[name], stored[name])[0] for name in new]
-    if None in sizes:
-        raise ValueError("a training of the first steps gave a number that is not finite")
-    return max(size for size in sizes if size is not None)
-
-
-def tolerance(precision: str, stored: References) -> float:
-    """Return the deviation measured for reordered sums times the factor of `FACTORS`."""
-    return FACTORS[precision] * max(stored.reordered[precision].values())
 
 
 def profile_settings() -> dict[str, Any]:

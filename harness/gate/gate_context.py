@@ -1,14 +1,14 @@
 """What a kind of gate is measured with, and how each of its gates comes to a check."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 
 from harness.execution.progress import Progress
-from harness.gate.gates import WIDER, Gate, Kind
+from harness.gate.gates import Gate, Kind
 from harness.gate.limits import LimitsFile, judge, unfit
-from harness.gate.references import References
+from harness.gate.references import Courses, References
 from harness.records.study import Answer, Check, Finding
 from scenes.files.errors import InputError
 
@@ -20,9 +20,6 @@ class GateContext:
     gates: tuple[Gate, ...]
     limits: LimitsFile
     references: References
-    """The references of the class of processor that is measured, or of another class."""
-    of_class: str
-    """The class that is measured."""
     limits_file: Path
     view_sets: Path
     out: Path
@@ -30,6 +27,8 @@ class GateContext:
     """A folder on a disk that is removed after the run."""
     workers: int
     show: Progress
+    first_steps: Callable[[], Courses]
+    """Trains the first steps, once for a run: `changed` compares them, and `worse` asks whether they have changed."""
 
     @property
     def images(self) -> Path:
@@ -40,12 +39,10 @@ class GateContext:
         """Return the gates of a kind that are asked for, by name."""
         return {gate.name: gate for gate in self.gates if gate.kind == kind}
 
-    def wider(self, kind: Kind) -> float:
-        """Return by how much the limits of a kind are wider than on the class of the references."""
-        return 1.0 if self.references.name == self.of_class else WIDER[kind]
 
-
-Measure = Callable[[GateContext], Iterator[Check]]
+REFERENCED: tuple[Kind, ...] = ("changed", "worse")
+"""The kinds that are held to references that hold for every processor."""
+Measure = Callable[[GateContext], Iterable[Finding]]
 
 
 def complete(
@@ -53,7 +50,8 @@ def complete(
 ) -> Callable[[Measure], Callable[[GateContext], Iterator[Finding]]]:
     """Decorate the measurement of a kind so that each gate asked for yields one check: what is not measured fails.
 
-    An error of ours in one kind costs its gates, not those of the others; `answer` puts its checks into a sentence.
+    An error of ours in one kind costs its gates, not those of the others. `answer` puts its checks into a sentence,
+    which comes before those of the measurement.
     """
 
     def decorated(measure: Measure) -> Callable[[GateContext], Iterator[Finding]]:
@@ -61,11 +59,15 @@ def complete(
         def findings(context: GateContext) -> Iterator[Finding]:
             asked = context.of_kind(kind)
             checks: dict[str, Check] = {}
-            why = unfit(kind, context.references.kinds) if kind in WIDER else ""
+            why = unfit(kind, context.references.kinds) if kind in REFERENCED else ""
+            said: list[Finding] = []
             try:
-                for check in () if why else measure(context):
-                    checks[check.id] = check
-                    yield check
+                for finding in () if why else measure(context):
+                    if isinstance(finding, Check):
+                        checks[finding.id] = finding
+                        yield finding
+                    else:
+                        said.append(finding)
             except (InputError, OSError):
                 raise
             except Exception as error:
@@ -75,6 +77,7 @@ def complete(
                 yield checks[name]
             if text := answer(checks):
                 yield Answer(text)
+            yield from said
 
         return findings
 

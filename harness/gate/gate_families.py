@@ -11,9 +11,8 @@ from msgspec import structs
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import FAMILIES, FAMILY_RENEWAL, FAMILY_SCENE, FAMILY_SEEDS
 from harness.gate.limits import judge
-from harness.gate.worse import trained
+from harness.gate.short_trainings import ended, trained
 from harness.records.study import Check
-from scenes.files.errors import InputError
 
 
 @complete("families")
@@ -33,9 +32,7 @@ def measure(context: GateContext) -> Iterator[Check]:
 
 def renew(context: GateContext) -> dict[str, list[float]]:
     """Return the scores of other seeds, which limits are made of. Raises `InputError` if a training did not end."""
-    cells = trained(context, FAMILIES, scenes=(FAMILY_SCENE,), seeds=FAMILY_RENEWAL)
-    if stopped := [f"{cell.method} seed {cell.seed}: {cell.reason}" for cell in cells if cell.status != "done"]:
-        raise InputError(f"--renew: no limits can be made of trainings that did not end ({'; '.join(stopped)})")
+    cells = ended(trained(context, FAMILIES, scenes=(FAMILY_SCENE,), seeds=FAMILY_RENEWAL), "limits")
     scores: dict[str, list[float]] = {}
     for cell in cells:
         if (score := cell.scores["psnr"]) is not None:

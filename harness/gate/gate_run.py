@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,10 +15,10 @@ from harness.gate import early, gate_families, gate_speed, images, worse
 from harness.gate.gate_context import GateContext
 from harness.gate.gates import IMAGE_SCENES, KINDS, Gate, Kind, gates, settings_of
 from harness.gate.limits import KindFacts, LimitsFile, changes, read_stored, write_stored
-from harness.gate.references import References, read_references, references_file, references_for
+from harness.gate.references import REFERENCES_FILE, Quotients, References
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
-from harness.machine.processor_class import class_here, classes_here, forced
-from harness.machine.provenance import provenance
+from harness.machine.processor_class import class_here
+from harness.machine.provenance import committed, provenance
 from harness.records.json_record import file_digest
 from harness.records.study import Check, Studies, StudyInfo, read_studies
 from harness.run_folder.folder_lock import scratch_folder
@@ -26,8 +27,6 @@ from harness.studies.framework import Shelf, Study
 from scenes.files.atomic import write_atomically
 
 JUNIT_FILE = "junit.xml"
-CLASSES = "classes"
-RENEWED_CLASSES = ("avx2", "avx512")
 CPU = torch.device("cpu")
 
 
@@ -47,36 +46,31 @@ SHELF = Shelf(
     package="harness.gate",
     resumes=False,
 )
-RENEWALS: dict[Kind, Callable[[GateContext], References]] = {
-    "changed": early.renew,
-    "worse": worse.renew,
-    "speed": gate_speed.renew,
-}
-"""The renewals that depend on the class of processor."""
+RENEWALS: dict[Kind, Callable[[GateContext], References]] = {"changed": early.renew, "worse": worse.renew}
+"""The renewals of references; speed's are of one class of processor."""
 RENEWED_LIMITS: dict[Kind, Callable[[GateContext], dict[str, list[float]]]] = {
     "images": images.renew,
     "families": gate_families.renew,
 }
-"""The renewals that do not."""
+"""The renewals of limits."""
 
 
 def context_for(
-    chosen: tuple[Gate, ...],
-    limits_file: Path,
-    out: Path,
-    view_sets: Path,
-    show: Progress,
-    of_class: str | None,
-    renewing: bool,
+    chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path, show: Progress, renewing: bool
 ) -> GateContext:
-    """Return what `run` or `renew` works with; raises `InputError` if what is stored cannot be read."""
-    name = of_class or class_here()
-    folder = limits_file.parent
-    fresh = renewing and not limits_file.exists()
-    limits = LimitsFile() if fresh else read_stored(limits_file, LimitsFile)
-    references = References(name) if renewing else references_for(folder / CLASSES, name)
-    cores = available_cores()
-    context = GateContext(chosen, limits, references, name, limits_file, view_sets, out, out, cores, show)
+    """Return what `run` or `renew` works with; raises `InputError` if what is stored cannot be read, and for a renewal
+    from code that is not committed.
+    """
+    references_file = limits_file.parent / REFERENCES_FILE
+    if renewing:
+        committed()
+    limits, references = (
+        kind() if renewing and not file.exists() else read_stored(file, kind)
+        for file, kind in ((limits_file, LimitsFile), (references_file, References))
+    )
+    context = GateContext(
+        chosen, limits, references, limits_file, view_sets, out, out, available_cores(), show, cache(early.first_steps)
+    )
     if not renewing:
         images.references_for(context)
     return context
@@ -87,20 +81,15 @@ def run(context: GateContext, replay: str) -> int:
     use_threads(1)
     keep_freed_memory()
     began = time.monotonic()
-    out, show, name, usual = context.out, context.show, context.of_class, context.references.name
-    line = f"{len(context.gates)} of {len(gates())} gates, processor of class {name}"
-    if name != usual:
-        line += f", of which nothing is stored: held to {usual} with wider limits; "
-        line += f"`python -m harness gate --renew --class {name}` makes its own"
-    show.line(line)
+    out, show = context.out, context.show
+    show.line(f"{len(context.gates)} of {len(gates())} gates, processor of class {class_here()}")
     kinds: list[str] = [kind for kind in KINDS if context.of_kind(kind)]
-    settings = {"class": name, "references": usual, "gates": [gate.name for gate in context.gates]}
+    settings = {"class": class_here(), "gates": [gate.name for gate in context.gates]}
 
     def within(scratch: Path, _: tuple[str, ...]) -> GateContext:
         return replace(context, scratch=scratch)
 
-    with forced(name):
-        framework.run(SHELF, kinds, out, False, settings, provenance(CPU), within, show)
+    framework.run(SHELF, kinds, out, False, settings, provenance(CPU), within, show)
     record = read_studies(out / SHELF.file)
     write_junit(out / JUNIT_FILE, record, replay)
     for _, check in record.broken:
@@ -138,44 +127,53 @@ def write_junit(file: Path, record: Studies, replay: str) -> None:
     write_atomically(file, ElementTree.tostring(top, encoding="utf-8", xml_declaration=True))
 
 
-def renew(context: GateContext, of_class: str | None) -> int:
+def renew(context: GateContext) -> int:
     """Measure anew the reference values of chosen gates, and write them; prints old → new for limits.
 
-    A kind is renewed completely, so that its limits have one origin; without `of_class` for the usual classes that this
-    machine can be, with it for that one and without what does not depend on it.
+    A kind is renewed completely, so that its limits have one origin.
     """
     use_threads(1)
     keep_freed_memory()
-    folder = context.limits_file.parent / CLASSES
-    usual = tuple(name for name in RENEWED_CLASSES if name in classes_here()) or (class_here(),)
     with scratch_folder(context.out) as scratch:
         context = replace(context, scratch=scratch)
-        for name in (of_class,) if of_class else usual:
-            file = references_file(folder, name)
-            references = read_references(folder, name) if file.exists() else References(name)
-            for kind, measure in RENEWALS.items():
-                if context.of_kind(kind):
-                    started = time.monotonic()
-                    with forced(name):
-                        references = measure(replace(context, references=references, of_class=name))
-                    facts = _facts(kind, started)
-                    references = structs.replace(references, kinds={**references.kinds, kind: facts})
-                    write_stored(file, references)
-                    context.show.line(f"{kind}: references of class {name} renewed in {facts.seconds:.0f} s")
-        limits = context.limits
-        for kind, measure_limits in RENEWED_LIMITS.items():
-            if context.of_kind(kind) and not of_class:
+        for kind in KINDS:
+            if context.of_kind(kind):
                 started = time.monotonic()
-                values = measure_limits(context)
-                names = [f"{scene}.exr" for scene in IMAGE_SCENES] if kind == "images" else []
-                files = {name: file_digest(context.images / name) for name in names}
-                renewed = limits.renewed(kind, values, structs.replace(_facts(kind, started), files=files))
-                write_stored(context.limits_file, renewed)
-                changed, limits = changes(limits, renewed), renewed
-                for line in (*changed, f"{kind}: {len(changed)} limits changed; review {context.limits_file}"):
-                    context.show.line(line)
+                if kind in RENEWED_LIMITS:
+                    context = _with_limits(context, kind)
+                elif kind in RENEWALS or kind == "speed":
+                    context = _with_references(context, kind)
+                context.show.line(f"{kind}: renewed in {time.monotonic() - started:.0f} s")
     return 0
 
 
+def _with_references(context: GateContext, kind: Kind) -> GateContext:
+    started = time.monotonic()
+    if kind == "speed":
+        quotients = gate_speed.renew(context)
+        speed = {**context.references.speed, class_here(): Quotients(_facts(kind, started), quotients)}
+        references = structs.replace(context.references, speed=speed)
+    else:
+        references = RENEWALS[kind](context)
+        kinds = {**references.kinds, kind: _facts(kind, started)}
+        references = structs.replace(references, kinds=kinds)
+    write_stored(context.limits_file.parent / REFERENCES_FILE, references)
+    return replace(context, references=references)
+
+
+def _with_limits(context: GateContext, kind: Kind) -> GateContext:
+    started, limits = time.monotonic(), context.limits
+    values = RENEWED_LIMITS[kind](context)
+    names = [f"{scene}.exr" for scene in IMAGE_SCENES] if kind == "images" else []
+    files = {name: file_digest(context.images / name) for name in names}
+    renewed = limits.renewed(kind, values, structs.replace(_facts(kind, started), files=files))
+    write_stored(context.limits_file, renewed)
+    changed = changes(limits, renewed)
+    for line in (*changed, f"{kind}: {len(changed)} limits changed; review {context.limits_file}"):
+        context.show.line(line)
+    return replace(context, limits=renewed)
+
+
 def _facts(kind: Kind, started: float) -> KindFacts:
-    return KindFacts(settings_of(kind), provenance(CPU), round(time.monotonic() - started, 1))
+    origin = {**provenance(CPU), "commit": committed()}
+    return KindFacts(settings_of(kind), origin, round(time.monotonic() - started, 1))

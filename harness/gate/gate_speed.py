@@ -1,7 +1,9 @@
 """Speed gates: seconds of a training step, of a rendered view and of its scores, in seconds of plain code that does the
-same kind of work in turn with them in the same process and is never made faster: `baselines.plain`, and a filter.
+same kind of work in turn with them in the same process and is never made faster: `baselines.plain`, and what other
+libraries compute of a score.
 
-A slower machine, or a busy one, is slower at both.
+A slower machine, or a busy one, is slower at both. Instructions that only one of them uses are not: quotients are held
+to those of the same class of processor.
 """
 
 import math
@@ -14,16 +16,15 @@ from functools import partial
 import numpy as np
 import torch
 from msgspec import structs
-from scipy.ndimage import gaussian_filter
 from scipy.stats import norm
 
 from baselines.plain import PlainField, plain_render, plain_step
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import RENEWAL_PROCESSES, SLOWER_FOUND, SPEED_REPEATS, STEPS, gates
-from harness.gate.limits import Limit, judge
-from harness.gate.references import References
-from harness.gate.worse import TRAIN
-from harness.machine.processor_class import in_child
+from harness.gate.limits import Limit, judge, unfit
+from harness.gate.short_trainings import TRAIN
+from harness.machine.processor_class import class_here
+from harness.machine.stopping import in_child
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.records.study import Check
@@ -38,38 +39,41 @@ from scenes.view_sets.view_set import ViewSet
 
 STEPS_BEFORE = 80
 """The steps before the measurement: the occupancy grid is in use from then on."""
-FILTERS = 20
 STREAM = "speed"
 CPU = torch.device("cpu")
 
 
 @complete("speed")
 def measure(context: GateContext) -> Iterator[Check]:
-    asked, stored = context.of_kind("speed"), context.references.speed
-    for name, quotient in in_child(ratios, tuple(asked)).items():
-        if before := stored.get(name):
-            yield judge(
-                asked[name], [quotient / statistics.geometric_mean(before)], limit_of(before, context.wider("speed"))
-            )
+    asked, here = context.of_kind("speed"), class_here()
+    stored = context.references.speed.get(here)
+    why = unfit("speed", {"speed": stored.facts}) if stored else ""
+    there = {name: stored.gates[name] for name in asked if name in stored.gates} if stored and not why else {}
+    for name, quotient in (in_child(ratios, tuple(there)) if there else {}).items():
+        yield judge(asked[name], [quotient / statistics.geometric_mean(there[name])], limit_of(there[name]))
+    for name in asked.keys() - there.keys():
+        missing = f"no reference of processors of class {here}; `python -m harness gate --renew --only speed` makes one"
+        check = judge(asked[name], [], why or missing)
+        yield check if why else structs.replace(check, status="not_available")
 
 
-def renew(context: GateContext) -> References:
-    """Measure in several processes in turn, as where data lies in memory is part of the spread."""
+def renew(context: GateContext) -> dict[str, list[float]]:
+    """Return the quotients by gate of several processes: where data lies in memory is part of the spread."""
     names = tuple(gate.name for gate in gates() if gate.kind == "speed")
     speed: dict[str, list[float]] = {name: [] for name in names}
     for number in range(RENEWAL_PROCESSES):
         for name, quotient in in_child(ratios, names).items():
             speed[name].append(float(f"{quotient:.5g}"))
         context.show.line(f"speed: process {number + 1} of {RENEWAL_PROCESSES}")
-    return structs.replace(context.references, speed=speed)
+    return speed
 
 
-def limit_of(ratios: list[float], wider: float = 1.0) -> Limit:
+def limit_of(ratios: list[float]) -> Limit:
     """Return the limit half way, in logarithms, between what was stored and `SLOWER_FOUND` times that; `detects` is the
     factor found in nine of ten runs, by the spread between the processes of the renewal.
     """
     spread = statistics.stdev(map(math.log, ratios)) if len(ratios) > 1 else 0.0
-    high = math.sqrt(SLOWER_FOUND) * wider
+    high = math.sqrt(SLOWER_FOUND)
     return Limit(None, high, 1.0, spread, len(ratios), high * math.exp(float(norm.ppf(0.9)) * spread))
 
 
@@ -113,9 +117,18 @@ def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[
         )
     image = evaluate.render_view(learner, cameras, 0, 2048)
     clipped = replace(image, colour=np.clip(image.colour, 0.0, 1.0))
+    return lambda: evaluate.view_scores(clipped, views.test, 0), partial(others_scores, clipped.colour)
 
-    def filtered() -> None:
-        for _ in range(FILTERS):
-            gaussian_filter(clipped.colour.astype(np.float64), (1.5, 1.5, 0))
 
-    return lambda: evaluate.view_scores(clipped, views.test, 0), filtered
+def others_scores(image: np.ndarray) -> None:
+    """Compute FLIP and CIEDE2000 of an image and its mirror image, by the libraries that have them.
+
+    They are most of a score's seconds, so that the quotient hardly depends on the machine (`tests/harness/gate`).
+    """
+    import colour
+    import flip_evaluator
+
+    first, second = np.ascontiguousarray(image), np.ascontiguousarray(image[:, ::-1])
+    flip_evaluator.evaluate(first, second, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True)
+    labs = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(side.astype(np.float64), "sRGB")) for side in (first, second)]
+    colour.delta_E(*labs, method="CIE 2000")

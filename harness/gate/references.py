@@ -1,5 +1,5 @@
-"""The results of one class of processor, `gates/classes/NAME.json`, which the same class must reproduce; and how well
-the order of methods there predicts that of a complete run.
+"""The stored results, `gates/references.json`, which this code must reproduce on every processor; and how well the
+order of methods there predicts that of a complete run.
 """
 
 from itertools import combinations
@@ -16,8 +16,6 @@ from scenes.files.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
-USUAL = "avx2"
-"""The class whose references a class without its own is held to, with wider limits."""
 Numbers = Annotated[list[float], Meta(min_length=1)]
 
 
@@ -34,43 +32,31 @@ Courses = dict[str, dict[str, Course]]
 """Precision → start → its record."""
 
 
-class References(Record, frozen=True):
-    """The references of one class of processor."""
+class Quotients(Record, frozen=True):
+    """The speed of one class of processor."""
 
-    name: str
+    facts: KindFacts
+    gates: dict[str, Numbers]
+    """Gate → quotients, one per process."""
+
+
+class References(Record, frozen=True):
+    """The references of the gates."""
+
     kinds: dict[Kind, KindFacts] = field(default_factory=dict)
     profiles: dict[str, Any] = field(default_factory=dict)
     """Setting of a profile → its value."""
     courses: Courses = field(default_factory=dict)
-    reordered: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Precision → another order of the same sums → the largest deviation that it causes."""
     cells: dict[str, dict[str, Numbers]] = field(default_factory=dict)
-    """"scene/method/seed" → score → one value for each draw of the rounding."""
+    """"scene/method/seed" → score → one value for each draw of the rounding, or a single one."""
     statistics: dict[str, Numbers] = field(default_factory=dict)
     """Comparison → difference and ends of its intervals, of the cells above."""
-    speed: dict[str, Numbers] = field(default_factory=dict)
-    """Gate → quotients, one per process."""
+    speed: dict[str, Quotients] = field(default_factory=dict)
+    """Class of processor → its speed."""
     schema: int = SCHEMA
 
 
-def references_file(folder: Path, name: str) -> Path:
-    return folder / f"{name}.json"
-
-
-def references_for(folder: Path, name: str) -> References:
-    """Return those of class `name`, or else of the usual one. Raises `InputError` if there is neither."""
-    return read_references(folder, name if references_file(folder, name).exists() else USUAL)
-
-
-def read_references(folder: Path, name: str) -> References:
-    """Read references. Raises `InputError`, with the remedy, for a file that is missing or damaged."""
-    file = references_file(folder, name)
-    stored = read_stored(file, References)
-    if stored.name != name:
-        raise InputError(f"{file}: holds the references of class {stored.name!r}; get it back from version control")
-    return stored
-
-
+REFERENCES_FILE = "references.json"
 RANK_FILE = "rank.json"
 FEWEST = 4
 """The fewest pairs of a scene and a method that a correlation needs."""
@@ -105,7 +91,7 @@ def publish(run: Path, folder: Path) -> str:
         plan = {"profile": str(summary["profile"]), "commit": str(summary["provenance"]["commit"])}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"--rank {run}: no summary of a finished run ({error}); give a run's output folder") from error
-    stored = read_references(folder / "classes", USUAL).cells
+    stored = read_stored(folder / REFERENCES_FILE, References).cells
     keys = [(key.split("/"), scores["psnr"][0]) for key, scores in stored.items()]
     ours = means([(scene, method, psnr) for (scene, method, _), psnr in keys])
     both = pd.DataFrame({"gate": ours, "run": theirs}).dropna()

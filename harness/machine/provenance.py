@@ -21,6 +21,7 @@ import torch
 
 from harness.machine.device import available_cores, multiplies_bfloat16
 from harness.machine.wait_policy import waits_passively
+from scenes.files.errors import InputError
 
 OUR_PACKAGES = ("harness", "scenes", "baselines")
 """The packages of ours that a cell needs, sent to every node."""
@@ -95,6 +96,8 @@ PARTS: dict[str, tuple[str, ...]] = {
 """The files of `baselines` by part: Listing 1; Listing 2 and Eq. 4; Table 1 and Listing 3; Listing 4."""
 
 BASELINES = Path(__file__).parents[2] / "baselines"
+RENEWED = "gates"
+"""The folder of what gates are held to."""
 SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 
 
@@ -145,6 +148,26 @@ def code_here() -> dict[str, Any]:
         "sources": versions()[PROGRAM],
         "packages": {name: installed(name) for name in PACKAGES},
     }
+
+
+def committed(folder: Path = BASELINES) -> str:
+    """Return the commit of the checkout that holds `folder`.
+
+    Raises `InputError` if a file was changed since, apart from what a renewal writes, or if git does not know it.
+    """
+
+    def git(*words: str) -> str:
+        return subprocess.check_output(["git", *words], cwd=folder, stderr=subprocess.DEVNULL, text=True)
+
+    try:
+        changed = git("status", "--porcelain", "--", ":/", f":(top,exclude){RENEWED}").splitlines()
+        name = git("rev-parse", "--short=12", "HEAD").strip()
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise InputError("--renew: references are of committed code only, and git knows no commit here") from error
+    if changed:
+        files = ", ".join(line[3:] for line in changed[:3]) + (", …" if len(changed) > 3 else "")
+        raise InputError(f"--renew: references are of committed code only; commit or remove {files}")
+    return name
 
 
 @cache

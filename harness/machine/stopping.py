@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from operator import call
 from typing import TypeVar
 
@@ -43,6 +44,12 @@ def in_workers(calls: Sequence[Callable[[], Result]], workers: int) -> Iterator[
                 worker.kill()
                 worker.join()
             raise
+
+
+def in_child(function: Callable[..., Result], *given: object) -> Result:
+    """Return `function(*given)`, called in a fresh process of one thread."""
+    (result,) = in_workers([partial(function, *given)], 1)
+    return result
 
 
 def _begin_worker() -> None:

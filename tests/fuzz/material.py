@@ -141,11 +141,10 @@ def gates(folder: Path) -> None:
     """Limits, references and a reference image, as the repository holds them."""
     root = Path(__file__).parents[2] / "gates"
     (folder / "images").mkdir(parents=True)
-    (folder / "limits.json").write_bytes((root / "limits.json").read_bytes())
+    for name in ("limits.json", "references.json"):
+        (folder / name).write_bytes((root / name).read_bytes())
     reference = next((root / "images").glob("*.exr"))
     (folder / "images" / reference.name).write_bytes(reference.read_bytes())
-    (folder / "classes").mkdir()
-    (folder / "classes" / "avx2.json").write_bytes((root / "classes" / "avx2.json").read_bytes())
 
 
 def started(folder: Path) -> None:

@@ -22,7 +22,7 @@ from baselines.numerics.attention.regions import Regions
 from harness.gate.gates import KINDS, gates
 from harness.gate.images import biases, read_reference
 from harness.gate.limits import LimitsFile, changes, read_stored, unfit
-from harness.gate.references import references_for
+from harness.gate.references import References
 from harness.plan import plugins
 from harness.plan.needed import for_scene
 from harness.plan.profiles import PROFILES
@@ -104,10 +104,10 @@ def limits(folder: Path) -> None:
     changes(stored, stored)
 
 
-def classes(folder: Path) -> None:
-    class_references = references_for(folder / "classes", "avx2")
+def references(folder: Path) -> None:
+    stored = read_stored(folder / "references.json", References)
     for kind in KINDS:
-        unfit(kind, class_references.kinds)
+        unfit(kind, stored.kinds)
 
 
 def reference(folder: Path) -> None:

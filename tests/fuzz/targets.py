@@ -124,7 +124,7 @@ TARGETS: dict[str, Target] = {
     "checkpoint": Target(material.trained, "run/checkpoints/ball.nerf.0.safetensors", readers.finished,
                          mutate=mutations.of_safetensors),
     "limits": Target(material.gates, "limits.json", readers.limits),
-    "class": Target(material.gates, "classes/avx2.json", readers.classes),
+    "references": Target(material.gates, "references.json", readers.references),
     "reference": Target(material.gates, "images/*.exr", readers.reference, mutate=mutations.of_bytes),
     "view_cache": Target(material.view_cache, "cache/*", readers.cache, mutate=mutations.of_bytes,
                          renewed=True, accepts_all=True),

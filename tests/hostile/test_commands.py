@@ -219,7 +219,6 @@ OPTIONS: dict[str, tuple[str, str]] = {
     "no such method": ("harness conformance nope", "unknown 'nope'; known: nerf"),
     "no such gate": ("harness gate --only nope --out {}/g", "no gate's name begins with 'nope'"),
     "no limits": ("harness gate --limits {}/none --out {}/g", "there is no such file; get it back"),
-    "no such processor": ("harness gate --class nope --out {}/g", "--class nope: this processor can be measured as"),
     "a rank of nothing": ("harness gate --rank {}/none --out {}/g", "no summary of a finished run"),
     "no such folder": ("reports {}/none", "no such folder; give the output folder of a run"),
     "a file": ("reports {}/t.csv", "no such folder; give the output folder of a run"),

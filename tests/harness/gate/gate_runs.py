@@ -10,10 +10,10 @@ import pytest
 from harness.__main__ import main
 from harness.execution.progress import Quiet
 from harness.gate import early, fairness, gate_families, gate_speed, images, worse
-from harness.gate.gate_context import GateContext, complete
-from harness.gate.gates import KINDS, WIDER, Gate, Kind, gates, settings_of
+from harness.gate.gate_context import REFERENCED, GateContext, complete
+from harness.gate.gates import KINDS, Gate, Kind, gates, settings_of
 from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judge, read_stored, write_stored
-from harness.gate.references import Course, References
+from harness.gate.references import REFERENCES_FILE, Course, Courses, Quotients, References
 from harness.machine.processor_class import class_here
 from harness.records.study import Check
 
@@ -34,15 +34,16 @@ def facts(kind: Kind) -> KindFacts:
     return KindFacts(settings_of(kind), {}, 1.0)
 
 
-def references(name: str) -> References:
+COURSES: Courses = {"double": {"nerf": Course([0.5], {"1": [0.25]})}}
+
+
+def references() -> References:
     return References(
-        name,
-        kinds={kind: facts(kind) for kind in WIDER},
-        courses={"double": {"nerf": Course([0.5], {"1": [0.25]})}},
-        reordered={"double": {"two threads": 1e-14}},
+        kinds={kind: facts(kind) for kind in REFERENCED},
+        courses=COURSES,
         cells={"lego/nerf/1000": {"psnr": [20.0, 20.1, 20.2]}},
         statistics={"qnerf_nerf": [0.5, 0.25, 0.75]},
-        speed={"speed.score": [2.0, 2.1]},
+        speed={class_here(): Quotients(facts("speed"), {"speed.score": [2.0, 2.1]})},
     )
 
 
@@ -53,7 +54,7 @@ def limits(tmp_path: Path) -> Path:
     for kind in LIMITED:
         stored = stored.renewed(kind, measured_values(kind), facts(kind))
     write_stored(file, stored)
-    write_stored(tmp_path / "gates" / "classes" / f"{class_here()}.json", references(class_here()))
+    write_stored(tmp_path / "gates" / REFERENCES_FILE, references())
     return file
 
 
@@ -89,8 +90,8 @@ def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[list[float | N
 
 
 def context_of(chosen: tuple[Gate, ...], limits: Path) -> GateContext:
-    stored, name, here = read_stored(limits, LimitsFile), class_here(), limits.parent
-    return GateContext(chosen, stored, references(name), name, limits, here, here, here, 1, Quiet())
+    stored, here = read_stored(limits, LimitsFile), limits.parent
+    return GateContext(chosen, stored, references(), limits, here, here, here, 1, Quiet(), lambda: COURSES)
 
 
 def gate_line(limits: Path, out: Path, *others: str) -> int:

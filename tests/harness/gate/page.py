@@ -2,61 +2,81 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harness.gate import early, gate_speed, worse
-from harness.gate.gates import SLOWER_FOUND
-from harness.gate.references import References, rank_line, read_references
+from harness.gate import gate_speed
+from harness.gate.gates import FALSE_ALARMS, LOSS_OF_ONE, LOSS_OVER_ALL, SLOWER_FOUND, Scatter
+from harness.gate.limits import KindFacts, LimitsFile, read_stored
+from harness.gate.losses import FIGURES, SINGLE, Judge
+from harness.gate.references import REFERENCES_FILE, References, rank_line
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "gate-your-ci.md"
-CLASSES = ("avx2", "avx512")
+COLUMNS: dict[Scatter, str] = {"rounding": "same random numbers", "seeds": "other random numbers"}
 
 
 def tables() -> dict[str, str]:
     """Name of a marker → what stands between it and its end."""
     mutations = json.loads((ROOT / "gates" / "mutations.json").read_text(encoding="utf-8"))
     rank = json.loads((ROOT / "gates" / "rank.json").read_text(encoding="utf-8"))
-    stored = [read_references(ROOT / "gates" / "classes", name) for name in CLASSES]
-    return {"spread": spread_table(stored), "mutations": mutation_table(mutations["rows"]), "rank": rank_line(rank)}
+    stored = read_stored(ROOT / "gates" / REFERENCES_FILE, References)
+    limits = read_stored(ROOT / "gates" / "limits.json", LimitsFile)
+    return {
+        "spread": spread_table(stored),
+        "renewal": renewal(stored, limits),
+        "mutations": mutation_table(mutations["rows"]),
+        "rank": rank_line(rank),
+    }
 
 
-def spread_table(stored: list[References]) -> str:
-    """What rounding makes, what is allowed, and what is found."""
-    rows: list[tuple[str, list[str]]] = []
-    for precision in early.PRECISIONS:
-        moved = [f"{max(references.reordered[precision].values()):.0e}" for references in stored]
-        rows.append((f"first steps in {precision} precision: sums in another order move them by", moved))
-        rows.append(
-            ("… a gate fails beyond", [f"{early.tolerance(precision, references):.0e}" for references in stored])
-        )
-    limits = [worse.loss_limit("all", "psnr", references) for references in stored]
-    what = f"mean PSNR over {limits[0].measured} cells: standard error by rounding alone, dB"
-    rows.append((what, [f"{limit.spread:.4f}" for limit in limits]))
-    what = "… a loss that is found in nine of ten draws of the rounding, dB"
-    rows.append((what, [f"{limit.detects:.2f}" for limit in limits]))
-    apart = f"{between_classes(*stored):.3f}"
-    rows.append(("… cells of the two classes differ by, dB RMS", [apart] * len(stored)))
-    slow = [
-        max(gate_speed.limit_of(ratios).detects or 0.0 for ratios in references.speed.values()) for references in stored
-    ]
-    what = f"slower by a factor that is found in nine of ten runs (at most {SLOWER_FOUND})"
-    rows.append((what, [f"{factor:.2f}" for factor in slow]))
-    head = ["| | " + " | ".join(CLASSES) + " |", "|---|" + "---|" * len(CLASSES)]
-    return "\n".join([*head, *(f"| {what} | {' | '.join(values)} |" for what, values in rows)])
+def spread_table(stored: References) -> str:
+    """What rounding and other seeds make, what is allowed, and what is found."""
+    cells = {key: {score: draws[0] for score, draws in scores.items()} for key, scores in stored.cells.items()}
+    usual = Judge.of(stored, cells, has_changed=False)  # type: ignore[arg-type]
+    judges = [replace(usual, scatter=scatter) for scatter in COLUMNS]
+    rows: dict[str, list[str]] = {}
+    for judge in judges:
+        over_all, alarms = judge.error(FIGURES["worse.all.psnr"]), judge.alarms
+        ones = [judge.error(gate) for gate in SINGLE]
+        chances, sizes = [e.power(LOSS_OF_ONE, alarms) for e in ones], [e.detects(alarms) for e in ones]
+        limit = judge.limit(FIGURES["worse.all.psnr"])
+        column = {
+            f"mean PSNR over {limit.measured} cells: standard error, dB": f"{over_all.size:.4f}",
+            "… `worse.all.psnr` fails below, dB": f"{limit.low:.3f}",
+            "… a loss that is found in 80 %, dB": f"{over_all.detects(alarms):.3f}",
+            f"… a loss of {LOSS_OVER_ALL} dB is found in": f"{over_all.power(LOSS_OVER_ALL, alarms):.0%}",
+            "one method on one scene: a loss that is found in 80 %, dB": f"{min(sizes):.2f} to {max(sizes):.2f}",
+            f"… a loss of {LOSS_OF_ONE} dB is found in, mean and least": f"{np.mean(chances):.0%}, {min(chances):.0%}",
+            f"one of {len(FIGURES)} gates fails, of harmless changes, in at most": f"{FALSE_ALARMS[judge.scatter]:.0%}",
+        }
+        for what, value in column.items():
+            rows.setdefault(what, []).append(value)
+    head = ["| | " + " | ".join(COLUMNS.values()) + " |", "|---|" + "---|" * len(COLUMNS)]
+    return "\n".join(
+        [*head, *(f"| {what} | {' | '.join(values)} |" for what, values in rows.items()), "", slower(stored)]
+    )
 
 
-def between_classes(first: References, second: References) -> float:
-    """By how much the same cells differ, by the order of sums alone."""
-    differences = [
-        np.mean(first.cells[key]["psnr"]) - np.mean(second.cells[key]["psnr"])
-        for key in first.cells
-        if key in second.cells
-    ]
-    return float(np.sqrt(np.mean(np.square(differences))))
+def renewal(stored: References, limits: LimitsFile) -> str:
+    """What each renewal took, and of which commit it is."""
+    facts: dict[str, KindFacts] = dict(stored.kinds.items())
+    facts |= {f"speed of {name}": speed.facts for name, speed in stored.speed.items()}
+    facts |= dict(limits.kinds.items())
+    rows = [f"| {kind} | {some.seconds / 60:.0f} min | {some.provenance['commit']} |" for kind, some in facts.items()]
+    return "\n".join(["| | took | commit |", "|---|---|---|", *rows])
+
+
+def slower(stored: References) -> str:
+    found = {
+        name: max(gate_speed.limit_of(ratios).detects or 0.0 for ratios in speed.gates.values())
+        for name, speed in stored.speed.items()
+    }
+    words = ", ".join(f"{factor:.2f} times as long on {name}" for name, factor in found.items())
+    return f"Speed: found in nine of ten runs is what takes {words} (at most {SLOWER_FOUND})."
 
 
 def mutation_table(rows: list[dict[str, Any]]) -> str:

@@ -12,8 +12,9 @@ from harness.__main__ import main
 from harness.command import gate_command
 from harness.gate import gate_run, images
 from harness.gate.gate_context import GateContext, complete
-from harness.gate.gates import KINDS, gates
+from harness.gate.gates import KINDS, TRAINED_SCENES, gates
 from harness.gate.limits import LimitsFile, read_stored, write_stored
+from harness.gate.references import REFERENCES_FILE
 from harness.machine.processor_class import class_here
 from harness.records.study import Check, read_studies
 from harness.run_folder.folder_lock import lock_folder
@@ -35,7 +36,7 @@ def test_all_pass(limits: Path, tmp_path: Path, measuring: Measuring, capsys: py
     assert capsys.readouterr().out.count(": pass: ") == FAMILY
     record = read_studies(out / "gate.json")
     assert [study.info.id for study in record.studies] == list(KINDS)
-    assert record.settings["class"] == record.settings["references"] == class_here()
+    assert record.settings["class"] == class_here()
     assert [(name, check.status) for name, check in checks_of(out).items()] == [(gate.name, "pass") for gate in gates()]
     top = ElementTree.parse(out / "junit.xml").getroot()
     assert (top.get("tests"), top.get("failures")) == (str(FAMILY), "0")
@@ -118,12 +119,12 @@ def test_a_gate_without_a_limit_fails_with_a_remedy(
     data = json.loads(limits.read_text())
     data["kinds"]["images"]["settings"]["spp"] = 64
     limits.write_text(json.dumps(data))
-    stored = structs.replace(references(class_here()), kinds={"worse": facts("worse")})
-    write_stored(limits.parent / "classes" / f"{class_here()}.json", stored)
-    names = ("speed.score", "images.lego.bias", "worse.all.psnr", "fairness.batches")
+    stored = structs.replace(references(), kinds={"worse": facts("worse")})
+    write_stored(limits.parent / REFERENCES_FILE, stored)
+    names = ("changed.settings", "images.lego.bias", "worse.all.psnr", "fairness.batches")
     assert gate_line(limits, tmp_path / "out", "--only", *names) == 4
     printed = capsys.readouterr().out
-    assert "nothing is stored for it; renew with `python -m harness gate --renew --only speed`" in printed
+    assert "nothing is stored for it; renew with `python -m harness gate --renew --only changed`" in printed
     assert (
         "measured with other settings of the gate; renew with `python -m harness gate --renew --only images`" in printed
     )
@@ -192,7 +193,8 @@ def test_names_are_chosen_by_their_beginning() -> None:
         return [gate.name for gate in gate_command.chosen(list(given))]
 
     assert names("speed.render") == ["speed.render.nerf", "speed.render.qnerf"]
-    assert names("worse.nerf") == [f"worse.nerf.{score}" for score in ("psnr", "ssim", "depth_rmse")]
+    of_scenes = [f"{scene}.psnr" for scene in TRAINED_SCENES]
+    assert names("worse.nerf") == [f"worse.nerf.{score}" for score in ("psnr", "ssim", "depth_rmse", *of_scenes)]
     assert gate_command.chosen(None) == gates()
 
 
@@ -210,6 +212,7 @@ def test_a_renewal_of_images_says_what_changed(
     brighter = {name: [1.2 * value for value in values] for name, values in measured_values("images").items()}
     monkeypatch.setitem(gate_run.RENEWED_LIMITS, "images", lambda context: brighter)
     monkeypatch.setattr(gate_run, "file_digest", lambda file: "")
+    monkeypatch.setattr(gate_run, "committed", lambda: "0123456789ab")
     assert gate_line(limits, tmp_path / "out", "--renew", "--only", "images.lego") == 0
     old, new = (file.limits["images.lego.largest"].high for file in (before, read_stored(limits, LimitsFile)))
     assert old is not None

@@ -2,20 +2,25 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from harness.gate import gate_speed
+from harness.gate.gate_context import GateContext
 from harness.gate.gates import SLOWER_FOUND, SPEED_REPEATS, gates
-from harness.gate.limits import judge
-from harness.gate.references import read_references
+from harness.gate.limits import KindFacts, judge, read_stored
+from harness.gate.references import REFERENCES_FILE, References
+from harness.machine.processor_class import class_here
+from harness.records.study import Check
 from scenes.view_sets.view_set import ViewSet
+from tests.harness.gate.gate_runs import context_of
 
-GATES = [gate for gate in gates() if gate.kind == "speed"]
-CLASSES = Path(__file__).parents[3] / "gates" / "classes"
+GATES = {gate.name: gate for gate in gates() if gate.kind == "speed"}
+STORED = read_stored(Path(__file__).parents[3] / "gates" / REFERENCES_FILE, References).speed
 
 
 class Machine:
@@ -58,11 +63,12 @@ def test_a_few_disturbed_repetitions_do_not_count(machine: Machine) -> None:
     assert calls > SPEED_REPEATS
 
 
-@pytest.mark.parametrize("gate", GATES, ids=lambda gate: gate.name)
-@pytest.mark.parametrize("name", ["avx2", "avx512"])
-def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(name: str, gate: Any) -> None:
+@pytest.mark.parametrize(
+    ("of_class", "name"), [(kind, name) for kind, stored in STORED.items() for name in stored.gates]
+)
+def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(of_class: str, name: str) -> None:
     """In nine of ten runs at least, and what did not change passes in as many."""
-    ratios = read_references(CLASSES, name).speed[gate.name]
+    gate, ratios = GATES[name], STORED[of_class].gates[name]
     limit = gate_speed.limit_of(ratios)
     assert limit.detects is not None
     assert limit.detects <= SLOWER_FOUND
@@ -75,10 +81,30 @@ def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(name: str, gate
     assert failed[SLOWER_FOUND] > 450
 
 
-def test_faster_is_welcome_and_a_foreign_class_has_more_room() -> None:
-    ratios = [2.4, 2.5, 2.6]
-    assert gate_speed.limit_of(ratios).low is None
-    assert gate_speed.limit_of(ratios, 1.5).high == pytest.approx(1.5 * 1.5**0.5)
+def test_faster_is_welcome() -> None:
+    assert gate_speed.limit_of([2.4, 2.5, 2.6]).low is None
+
+
+def test_a_class_without_a_quotient_is_not_available_and_says_how_to_make_one(
+    limits: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gate_speed, "in_child", lambda function, names: dict.fromkeys(names, 2.1))
+    context = context_of(tuple(GATES.values()), limits)
+
+    def statuses(context: GateContext) -> dict[str, str]:
+        return {check.id: check.status for check in gate_speed.measure(context) if isinstance(check, Check)}
+
+    assert statuses(context) == dict.fromkeys(GATES, "not_available") | {"speed.score": "pass"}
+    elsewhere = replace(context, references=structs.replace(context.references, speed={}))
+    assert statuses(elsewhere) == dict.fromkeys(GATES, "not_available")
+    (check,) = gate_speed.measure(replace(elsewhere, gates=(GATES["speed.score"],)))
+    assert isinstance(check, Check)
+    assert f"no reference of processors of class {class_here()}" in check.why
+    assert not check.is_broken
+    other_settings = KindFacts({"repeats": 3}, {}, 1.0)
+    speed = {name: structs.replace(stored, facts=other_settings) for name, stored in context.references.speed.items()}
+    renewed = replace(context, references=structs.replace(context.references, speed=speed))
+    assert statuses(renewed) == dict.fromkeys(GATES, "fail")
 
 
 def test_each_gate_has_something_to_measure(ball: ViewSet, monkeypatch: pytest.MonkeyPatch) -> None:

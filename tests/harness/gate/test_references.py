@@ -1,6 +1,8 @@
-"""References of a class of processor: read, renewed, missing, and whether their order predicts that of a run."""
+"""References: read, renewed from committed code, and whether their order predicts that of a run."""
 
 import json
+import re
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,34 +12,17 @@ from msgspec import structs
 
 from harness.__main__ import main
 from harness.command import gate_command
-from harness.gate import gate_run
-from harness.gate.gate_context import GateContext
-from harness.gate.gates import WIDER
-from harness.gate.limits import unfit, write_stored
-from harness.gate.references import RANK_FILE, References, publish, ranks, read_references
+from harness.gate import gate_run, gate_speed
+from harness.gate.gate_context import REFERENCED
+from harness.gate.limits import read_stored, unfit, write_stored
+from harness.gate.references import RANK_FILE, REFERENCES_FILE, References, publish, ranks
 from harness.machine.processor_class import class_here
-from harness.records.study import read_studies
+from harness.machine.provenance import committed
+from scenes.files.errors import InputError
 from tests.harness.gate.gate_runs import gate_line, references
 from tests.harness.shell import refused
 
 ROOT = Path(__file__).parents[3]
-
-
-def test_a_class_without_references_is_held_to_the_usual_one_and_told_so(
-    limits: Path, tmp_path: Path, measuring: dict[str, object], capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = limits.parent / "classes"
-    (folder / f"{class_here()}.json").unlink()
-    assert "avx2.json" in refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
-    write_stored(folder / "avx2.json", references("avx2"))
-    if class_here() != "avx2":
-        assert gate_line(limits, tmp_path / "others") == 0
-        assert "of which nothing is stored: held to avx2 with wider limits" in capsys.readouterr().out
-        settings = read_studies(tmp_path / "others" / "gate.json").settings
-        assert (settings["class"], settings["references"]) == (class_here(), "avx2")
-    assert "can be measured as" in refused(
-        capsys, "--limits", limits, "--class", "avx1024", "--out", tmp_path / "no", "--quiet", command="gate"
-    )
 
 
 @pytest.mark.parametrize(
@@ -48,45 +33,91 @@ def test_a_class_without_references_is_held_to_the_usual_one_and_told_so(
         (lambda text: text.replace('"psnr": [20.0', '"psnr": ["a"'), "cells"),
         (lambda text: text.replace('"profiles"', '"known": false, "profiles"'), "known"),
         (lambda text: text.replace("[0.25]", "[NaN]"), "JSON is malformed"),
-        (lambda text: text.replace(f'"name": "{class_here()}"', '"name": "other"'), "'other'"),
     ],
 )
 def test_references_that_cannot_be_read_are_bad_input(
     spoil: Callable[[str], str], words: str, limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = limits.parent / "classes" / f"{class_here()}.json"
-    stored = references(class_here())
-    assert read_references(file.parent, class_here()) == stored
+    file = limits.parent / REFERENCES_FILE
+    assert read_stored(file, References) == references()
     file.write_text(spoil(file.read_text()))
     message = refused(capsys, "--limits", limits, "--out", tmp_path / "out", "--quiet", command="gate")
     assert words in message
     assert str(file) in message
 
 
-def test_a_renewal_writes_what_it_measured_class_by_class(
+def test_a_renewal_writes_what_it_measured_and_of_which_commit(
     limits: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked: list[str] = []
+    monkeypatch.setattr(gate_run, "committed", lambda: "0123456789ab")
+    monkeypatch.setattr(gate_speed, "renew", lambda context: {"speed.score": [3.0, 3.1]})
+    cells = {"lego/nerf/1000": {"psnr": [30.0]}}
+    monkeypatch.setattr(
+        gate_run, "RENEWALS", {"worse": lambda context: structs.replace(context.references, cells=cells)}
+    )
+    before = structs.replace(references(), speed={"avx1024": references().speed[class_here()]})
+    write_stored(limits.parent / REFERENCES_FILE, before)
+    assert gate_line(limits, tmp_path / "out", "--renew", "--only", "speed.train.nerf", "worse", "fairness") == 0
+    after = read_stored(limits.parent / REFERENCES_FILE, References)
+    assert after.speed[class_here()].gates == {"speed.score": [3.0, 3.1]}
+    assert after.speed["avx1024"] == before.speed["avx1024"], "another class keeps its own"
+    assert (after.cells, after.courses) == (cells, before.courses)
+    for facts in (after.kinds["worse"], after.speed[class_here()].facts):
+        assert facts.provenance["commit"] == "0123456789ab"
+        assert facts.provenance["processor"]
+    assert "speed: renewed in" in capsys.readouterr().out
 
-    def renew(context: GateContext) -> References:
-        asked.append(context.references.name)
-        return structs.replace(context.references, speed={"speed.score": [3.0, 3.1]})
 
-    monkeypatch.setattr(gate_run, "RENEWALS", {"speed": renew})
-    monkeypatch.setattr(gate_run, "RENEWED_CLASSES", (class_here(),))
-    assert gate_line(limits, tmp_path / "out", "--renew", "--only", "speed.train.nerf") == 0
-    after = read_references(limits.parent / "classes", class_here())
-    assert asked == [class_here()]
-    assert after.speed == {"speed.score": [3.0, 3.1]}
-    assert after.cells == references(class_here()).cells
-    assert after.kinds["speed"].provenance["processor"]
-    assert f"speed: references of class {class_here()} renewed" in capsys.readouterr().out
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A checkout with one commit."""
+    for name in ("GIT_AUTHOR", "GIT_COMMITTER"):
+        monkeypatch.setenv(f"{name}_NAME", "name")
+        monkeypatch.setenv(f"{name}_EMAIL", "name@example.org")
+    folder = tmp_path / "checkout"
+    for file in ("code.py", "gates/limits.json"):
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_text("1")
+    for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "first"]):
+        subprocess.run(["git", *words], cwd=folder, check=True)
+    return folder
 
 
-@pytest.mark.parametrize("name", ["avx2", "avx512"])
-def test_the_committed_references_are_of_these_gates(name: str) -> None:
-    stored = read_references(ROOT / gate_command.LIMITS.parent / "classes", name)
-    assert [unfit(kind, stored.kinds) for kind in WIDER] == [""] * 3
+def test_references_are_of_committed_code_only(checkout: Path, tmp_path: Path) -> None:
+    name = committed(checkout)
+    assert len(name) == 12
+    (checkout / "gates" / "limits.json").write_text("2")
+    assert committed(checkout / "gates") == name, "what a renewal of another kind has written"
+    for file in ("code.py", "more.py"):
+        before = (checkout / file).read_text() if (checkout / file).exists() else None
+        (checkout / file).write_text("3")
+        with pytest.raises(InputError, match=f"of committed code only; commit or remove {file}$"):
+            committed(checkout)
+        (checkout / file).unlink() if before is None else (checkout / file).write_text(before)
+    with pytest.raises(InputError, match="git knows no commit here"):
+        committed(tmp_path)
+
+
+def test_a_renewal_of_changed_code_is_refused_before_anything_is_written(
+    limits: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse() -> str:
+        raise InputError("--renew: references are of committed code only; commit or remove a.py")
+
+    monkeypatch.setattr(gate_run, "committed", refuse)
+    out = tmp_path / "out"
+    message = refused(capsys, "--limits", limits, "--out", out, "--renew", "--quiet", command="gate")
+    assert "commit or remove a.py" in message
+    assert not out.exists()
+
+
+def test_the_committed_references_are_of_these_gates() -> None:
+    stored = read_stored(ROOT / gate_command.LIMITS.parent / REFERENCES_FILE, References)
+    assert [unfit(kind, stored.kinds) for kind in REFERENCED] == ["", ""]
+    assert [unfit("speed", {"speed": speed.facts}) for speed in stored.speed.values()] == [""] * len(stored.speed)
+    of_speed = [speed.facts for speed in stored.speed.values()]
+    commits = [facts.provenance["commit"] for facts in (*stored.kinds.values(), *of_speed)]
+    assert [commit for commit in commits if not re.fullmatch("[0-9a-f]{12}", commit)] == []
 
 
 OURS = {("lego", "nerf"): 20.0, ("lego", "qnerf"): 18.0, ("hotdog", "nerf"): 25.0, ("hotdog", "qnerf"): 26.0}
@@ -124,7 +155,7 @@ def summary(folder: Path, scale: float = 1.0) -> Path:
 
 def test_a_run_is_compared_and_published(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cells = {f"{scene}/{method}/1000": {"psnr": [value]} for (scene, method), value in OURS.items()}
-    write_stored(tmp_path / "classes" / "avx2.json", References("avx2", cells=cells))
+    write_stored(tmp_path / REFERENCES_FILE, References(cells=cells))
     run = summary(tmp_path / "run", scale=1.5)
     words = publish(run, tmp_path)
     assert "Spearman 1.00, Kendall 1.00 over 4 pairs" in words

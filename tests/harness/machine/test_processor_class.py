@@ -1,30 +1,25 @@
-"""Processes of a class of processor: what is forced is forced in them, and undone."""
+"""The class of the processor, by which speed is kept apart."""
 
-import os
+import platform
 
 import pytest
+import torch
 
-from harness.machine.processor_class import OWN, class_here, classes_here, environment_of, forced, in_child
-from scenes.files.errors import InputError
-
-
-def test_a_child_is_of_the_class_that_is_forced() -> None:
-    oldest = classes_here()[0]
-    with forced(oldest):
-        assert in_child(class_here) == oldest
-        with forced(class_here()):
-            assert {key: os.environ.get(key) for key in OWN} == OWN
-        assert dict(environment_of(oldest)).items() <= dict(os.environ).items() or oldest == class_here()
-    assert {key: os.environ.get(key) for key in OWN} == OWN
+from harness.machine.processor_class import class_here
 
 
-def test_a_child_answers_and_says_what_failed(capfd: pytest.CaptureFixture[str]) -> None:
-    assert in_child(divmod, 7, 2) == (3, 1)
-    with pytest.raises(ZeroDivisionError):
-        in_child(divmod, 1, 0)
-    assert capfd.readouterr() == ("", "")
-
-
-def test_a_class_that_this_processor_cannot_be_is_bad_input() -> None:
-    with pytest.raises(InputError, match="--class sse9: this processor can be measured as"):
-        environment_of("sse9")
+@pytest.mark.parametrize(
+    ("capability", "machine", "named"),
+    [
+        ("AVX2", "x86_64", "avx2"),
+        ("AVX512", "AMD64", "avx512"),
+        ("NO AVX", "x86_64", "default"),
+        ("DEFAULT", "aarch64", "aarch64_default"),
+    ],
+)
+def test_a_class_is_named_by_its_instructions(
+    capability: str, machine: str, named: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: capability)
+    monkeypatch.setattr(platform, "machine", lambda: machine)
+    assert class_here() == named

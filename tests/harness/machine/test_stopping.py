@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.machine.stopping import in_child
 from harness.plan.profiles import planned
 from harness.studies.choices import arms
 
@@ -43,3 +44,10 @@ def test_a_pool_in_the_middle_of_a_cell_ends_with_the_one_who_asked(
     with pytest.raises(KeyboardInterrupt):
         list(arms.trained_cells([task, task], 1))
     assert multiprocessing.active_children() == []
+
+
+def test_a_child_answers_and_says_what_failed(capfd: pytest.CaptureFixture[str]) -> None:
+    assert in_child(divmod, 7, 2) == (3, 1)
+    with pytest.raises(ZeroDivisionError):
+        in_child(divmod, 1, 0)
+    assert capfd.readouterr() == ("", "")

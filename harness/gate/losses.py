@@ -1,0 +1,192 @@
+"""By how much the cells of short trainings are better than the stored ones, and the limit that it is held to.
+
+Equal seeds draw equal numbers, so that a change of the program that draws no others is seen through rounding alone,
+whose scatter is measured: stored cells were trained several times from weights that differ in their last bit. What
+another processor does to a score is one more draw of it. Where the first steps have changed, too, figures are judged
+with what they scatter by then (`harness.gate.scatter`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from harness.gate import scatter
+from harness.gate.gates import (
+    DRAWS,
+    FALSE_ALARMS,
+    GATE_SEEDS,
+    HEADLINES,
+    LOSS_OF_ONE,
+    LOSS_OVER_ALL,
+    OTHER_SEEDS,
+    SCORES,
+    TRAINED_METHODS,
+    TRAINED_SCENES,
+    Gate,
+    Scatter,
+    gates,
+)
+from harness.gate.limits import Limit, judge
+from harness.gate.references import References
+from harness.records.metric_table import METRICS
+from harness.records.study import Check
+from harness.verdicts.statistics import POWER
+
+Scores = dict[str, dict[str, float | None]]
+"""scene/method/seed → score → value."""
+DIGITS = 7
+"""The digits of a stored score."""
+STATISTICS = "worse.headline.statistics"
+FIGURES = {gate.name: gate for gate in gates() if gate.kind == "worse" and gate.name != STATISTICS}
+SINGLE = tuple(gate for name, gate in FIGURES.items() if name.count(".") == 3)
+"""The gates of one method on one scene."""
+BOTH_WAYS = tuple(gate for name, gate in FIGURES.items() if name.startswith("worse.headline."))
+BECAUSE: dict[Scatter, str] = {
+    "rounding": "The first steps are the stored ones",
+    "change": "The first steps are others, with the same random numbers",
+    "seeds": "The program draws other random numbers",
+}
+JUDGED: dict[Scatter, str] = {
+    "rounding": "judged with the scatter of rounding",
+    "change": "judged with the scatter of the differences",
+    "seeds": "judged with the seeds' spread",
+}
+
+
+def score_and_weights(gate: Gate) -> tuple[str, np.ndarray]:
+    """Return the score of a gate's figure and the weights of its cells [scenes, methods]."""
+    _, of, *scenes, score = gate.name.split(".")
+    weights = np.zeros((len(TRAINED_SCENES), len(TRAINED_METHODS)))
+    rows = [TRAINED_SCENES.index(scene) for scene in scenes] or list(range(len(TRAINED_SCENES)))
+    if of == "headline":
+        method, against = next(pair for pair in HEADLINES if "_".join(pair) == score)
+        score, parts = "psnr", {method: 1.0, against: -1.0}
+    else:
+        methods = TRAINED_METHODS if of == "all" else (of,)
+        parts = {method: 1.0 / len(methods) for method in methods}
+    for method, part in parts.items():
+        weights[rows, TRAINED_METHODS.index(method)] = part / len(rows)
+    return score, weights
+
+
+def table(scores: Scores, score: str, seeds: Sequence[int]) -> np.ndarray:
+    """Return a score, better if it is larger [scenes, methods, seeds]; NaN where there is none."""
+    sign = 1.0 if METRICS[score].higher_is_better else -1.0
+    keys = [[[f"{scene}/{method}/{seed}" for seed in seeds] for method in TRAINED_METHODS] for scene in TRAINED_SCENES]
+    values = [[[scores.get(key, {}).get(score) for key in row] for row in rows] for rows in keys]
+    return sign * np.array(values, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class StoredScore:
+    """The stored cells of one score, better if it is larger."""
+
+    draws: np.ndarray
+    """[scenes, methods, seeds of the gate, draws of the rounding]."""
+    others: np.ndarray
+    """[scenes, methods, other seeds]."""
+
+    @staticmethod
+    def of(stored: References, score: str) -> "StoredScore":
+        several = [
+            {key: {score: values[score][draw]} for key, values in stored.cells.items() if draw < len(values[score])}
+            for draw in range(DRAWS)
+        ]
+        draws = np.stack([table(some, score, GATE_SEEDS) for some in several], axis=-1)
+        return StoredScore(draws, table(several[0], score, OTHER_SEEDS))
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        return np.asarray(self.draws.mean(axis=-1))
+
+    @cached_property
+    def every_seed(self) -> np.ndarray:
+        return np.concatenate([self.mean, self.others], axis=-1)
+
+    def has_draw(self, better_by: np.ndarray, chosen: np.ndarray) -> bool:
+        """Tell whether the chosen cells [scenes, methods] are one of the draws, to all digits that are stored."""
+        new = (better_by + self.mean)[..., None]
+        same = np.isclose(new, self.draws, rtol=10.0 ** (1 - DIGITS), atol=0.0)
+        return bool(same[chosen].all(axis=(0, 1)).any())
+
+
+@dataclass(frozen=True)
+class Judge:
+    """What is stored, by how much new cells are better, and the scatter that figures are judged with."""
+
+    stored: dict[str, StoredScore]
+    better_by: dict[str, np.ndarray]
+    """Score → new less stored [scenes, methods, seeds], NaN where nothing was trained."""
+    scatter: Scatter
+
+    @staticmethod
+    def of(references: References, new: Scores, has_changed: bool) -> "Judge":
+        stored = {score: StoredScore.of(references, score) for score in SCORES}
+        better_by = {score: table(new, score, GATE_SEEDS) - stored[score].mean for score in SCORES}
+        alike = scatter.alike(better_by["psnr"], stored["psnr"].every_seed) < scatter.ALIKE if has_changed else True
+        return Judge(stored, better_by, ("change" if alike else "seeds") if has_changed else "rounding")
+
+    def error(self, gate: Gate) -> scatter.Error:
+        """Return the standard error of a gate's figure, if nothing is worse."""
+        score, weights = score_and_weights(gate)
+        stored = self.stored[score]
+        match self.scatter:
+            case "rounding":
+                return scatter.rounding_error(weights, stored.draws)
+            case "change":
+                return scatter.change_error(weights, stored.draws, self.better_by[score])
+            case "seeds":
+                return scatter.seeds_error(weights, stored.every_seed, len(GATE_SEEDS))
+
+    @property
+    def alarms(self) -> float:
+        """Return the share of figures of harmless changes beyond the limit of one gate, or one end of its limits."""
+        return FALSE_ALARMS[self.scatter] / (len(FIGURES) + len(BOTH_WAYS))
+
+    def limit(self, gate: Gate) -> Limit:
+        error, weights = self.error(gate), score_and_weights(gate)[1]
+        wide = error.limit(self.alarms)
+        high = wide if gate in BOTH_WAYS else None
+        cells = int(np.count_nonzero(weights)) * len(GATE_SEEDS)
+        return Limit(-wide, high, 0.0, error.size, cells, error.detects(self.alarms))
+
+    def check(self, gate: Gate) -> Check:
+        """Check by how much the cells are better than the stored ones; below 0 they are worse."""
+        score, weights = score_and_weights(gate)
+        limit, chosen = self.limit(gate), weights != 0.0
+        missing = [
+            f"{TRAINED_SCENES[scene]}/{TRAINED_METHODS[method]}/{GATE_SEEDS[seed]}"
+            for scene, method, seed in np.argwhere(~np.isfinite(self.better_by[score]) & chosen[..., None])
+        ]
+        if missing:
+            return judge(gate, [], limit, f"no {score} of {', '.join(missing)}")
+        if self.stored[score].has_draw(self.better_by[score], chosen):
+            return judge(gate, [0.0], limit, "unchanged")
+        figure = scatter.figure(weights, np.nan_to_num(self.better_by[score]))
+        unit = gate.unit and f" {gate.unit}"
+        is_worse = judge(gate, [figure], limit).is_broken
+        words = (
+            f"changed, {figure:+.3f} ± {2 * (limit.spread or 0.0):.3f}{unit}: {'worse' if is_worse else 'not worse'}"
+        )
+        return judge(gate, [figure], limit, f"{words}, {JUDGED[self.scatter]}")
+
+    def sentence(self) -> str:
+        """Return which losses of PSNR would be found."""
+        each, alarms = [self.error(gate) for gate in SINGLE], self.alarms
+        sizes, chances = ([of(error) for error in each] for of in (self._found, self._chance))
+        over_all = self.error(FIGURES["worse.all.psnr"])
+        return (
+            f"{BECAUSE[self.scatter]}; {JUDGED[self.scatter]}: a loss of {self._found(over_all):.2f} dB over all cells "
+            f"would be found in {POWER:.0%}, of {min(sizes):.2f} to {max(sizes):.2f} dB by one method on one scene; "
+            f"{LOSS_OVER_ALL} dB over all in {over_all.power(LOSS_OVER_ALL, alarms):.0%}, {LOSS_OF_ONE} dB by one in "
+            f"{np.mean(chances):.0%} (the least {min(chances):.0%}). One of {len(FIGURES)} gates fails in at most "
+            f"{FALSE_ALARMS[self.scatter]:.0%} of harmless changes"
+        )
+
+    def _found(self, error: scatter.Error) -> float:
+        return error.detects(self.alarms)
+
+    def _chance(self, error: scatter.Error) -> float:
+        return error.power(LOSS_OF_ONE, self.alarms)

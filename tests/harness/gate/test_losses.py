@@ -1,0 +1,191 @@
+"""Losses of short trainings: which are found and how often gates fail for nothing, simulated from what is stored."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.gate import losses
+from harness.gate.gates import (
+    DRAWS,
+    FALSE_ALARMS,
+    GATE_SEEDS,
+    LOSS_OF_ONE,
+    LOSS_OVER_ALL,
+    OTHER_SEEDS,
+    SCORES,
+    TRAINED_METHODS,
+    TRAINED_SCENES,
+    Scatter,
+    gates,
+)
+from harness.gate.limits import read_stored
+from harness.gate.losses import FIGURES, SINGLE, Judge, Scores, StoredScore
+from harness.gate.references import REFERENCES_FILE, References
+from harness.records.metric_table import METRICS
+
+ROOT = Path(__file__).parents[3]
+SEEDS = (*GATE_SEEDS, *OTHER_SEEDS)
+REPEATS = 400
+Cells = dict[str, np.ndarray]
+"""Score → [scenes, methods, seeds], or with draws."""
+
+
+@pytest.fixture(scope="module")
+def stored() -> References:
+    return read_stored(ROOT / "gates" / REFERENCES_FILE, References)
+
+
+class Simulated:
+    """Trainings whose rounding and seeds scatter as the stored ones do, normally; all scores of a cell together."""
+
+    def __init__(self, stored: References, generator: np.random.Generator) -> None:
+        self.generator = generator
+        self.scores = {score: StoredScore.of(stored, score) for score in SCORES}
+        self.rounding, self.seeds = {}, {}
+        for score, cells in self.scores.items():
+            off = cells.draws - cells.mean[..., None]
+            flat = off.reshape(*off.shape[:2], -1) / np.sqrt(len(GATE_SEEDS) * (DRAWS - 1))
+            self.rounding[score] = flat
+            every = cells.every_seed
+            self.seeds[score] = (every - every.mean(axis=-1, keepdims=True)) / np.sqrt(every.shape[-1] - 1)
+
+    def rounded(self, cells: Cells) -> Cells:
+        """Each cell is rounded on its own."""
+        some = next(iter(cells.values()))
+        many = next(iter(self.rounding.values())).shape[-1]
+        noise = self.generator.standard_normal((*some.shape, many))
+        return {
+            score: value + np.einsum("sm...k,smk->sm...", noise, self.rounding[score]) for score, value in cells.items()
+        }
+
+    def trainings(self, many: int) -> Cells:
+        """Trainings with other seeds; all methods of a scene and seed together."""
+        of = next(iter(self.seeds.values()))
+        noise = self.generator.standard_normal((of.shape[0], many, of.shape[-1]))
+        centre = {score: cells.every_seed.mean(axis=-1, keepdims=True) for score, cells in self.scores.items()}
+        return {score: centre[score] + np.einsum("sjk,smk->smj", noise, self.seeds[score]) for score in self.seeds}
+
+    def renewed(self) -> tuple[References, Cells]:
+        """References, and the truth without rounding of the gate's seeds."""
+        truth = self.trainings(len(SEEDS))
+        draws = self.rounded({score: np.repeat(value[..., None], DRAWS, axis=-1) for score, value in truth.items()})
+        cells = {
+            key: {
+                score: (sign_of(score) * draws[score][place][: DRAWS if place[2] < len(GATE_SEEDS) else 1]).tolist()
+                for score in SCORES
+            }
+            for key, place in places(SEEDS).items()
+        }
+        return References(cells=cells), {score: value[..., : len(GATE_SEEDS)] for score, value in truth.items()}
+
+
+def sign_of(score: str) -> float:
+    return 1.0 if METRICS[score].higher_is_better else -1.0
+
+
+def places(seeds: tuple[int, ...]) -> dict[str, tuple[int, int, int]]:
+    return {
+        f"{scene}/{method}/{seed}": (s, m, j)
+        for s, scene in enumerate(TRAINED_SCENES)
+        for m, method in enumerate(TRAINED_METHODS)
+        for j, seed in enumerate(seeds)
+    }
+
+
+def scores_of(cells: Cells) -> Scores:
+    return {
+        key: {score: float(sign_of(score) * value[place]) for score, value in cells.items()}
+        for key, place in places(GATE_SEEDS).items()
+    }
+
+
+def failed(judged: Judge, names: tuple[str, ...] = tuple(FIGURES)) -> set[str]:
+    return {name for name in names if judged.check(FIGURES[name]).is_broken}
+
+
+def less(cells: Cells, loss: float, scene: int | None = None, method: int | None = None) -> Cells:
+    psnr = cells["psnr"].copy()
+    psnr[slice(None) if scene is None else scene, slice(None) if method is None else method] -= loss
+    return {**cells, "psnr": psnr}
+
+
+@pytest.mark.slow
+def test_rounding_passes_and_the_stated_losses_are_found(stored: References) -> None:
+    """0.05 dB over all in 95 %, 0.15 dB by one method on one scene in 80 %, whichever it is."""
+    simulated = Simulated(stored, np.random.default_rng(1))
+    alarms, over_all, ones = 0, 0, 0
+    for repeat in range(REPEATS):
+        references, truth = simulated.renewed()
+        new = simulated.rounded(truth)
+        alarms += bool(failed(Judge.of(references, scores_of(new), has_changed=False)))
+        lost = Judge.of(references, scores_of(less(new, LOSS_OVER_ALL)), has_changed=False)
+        over_all += bool(failed(lost, ("worse.all.psnr",)))
+        place = divmod(repeat % (len(TRAINED_SCENES) * len(TRAINED_METHODS)), len(TRAINED_METHODS))
+        lost = Judge.of(references, scores_of(less(new, LOSS_OF_ONE, *place)), has_changed=False)
+        name = f"worse.{TRAINED_METHODS[place[1]]}.{TRAINED_SCENES[place[0]]}.psnr"
+        ones += bool(failed(lost, (name,)))
+    assert alarms / REPEATS <= FALSE_ALARMS["rounding"] + 3 * np.sqrt(FALSE_ALARMS["rounding"] / REPEATS)
+    assert over_all / REPEATS >= 0.95
+    assert ones / REPEATS >= 0.80
+
+
+@pytest.mark.slow
+def test_a_harmless_change_that_draws_other_numbers_passes_and_a_loss_does_not(stored: References) -> None:
+    simulated = Simulated(stored, np.random.default_rng(2))
+    alarms, found = 0, 0
+    for _ in range(REPEATS):
+        references, _ = simulated.renewed()
+        new = simulated.trainings(len(GATE_SEEDS))
+        judged = Judge.of(references, scores_of(new), has_changed=True)
+        assert judged.scatter == "seeds"
+        alarms += bool(failed(judged))
+        loss = judged.limit(FIGURES["worse.all.psnr"]).detects
+        lost = Judge.of(references, scores_of(less(new, loss)), has_changed=True)  # type: ignore[arg-type]
+        found += bool(failed(lost, ("worse.all.psnr",)))
+    assert alarms / REPEATS <= FALSE_ALARMS["seeds"]
+    assert found / REPEATS == pytest.approx(0.8, abs=0.1)
+
+
+@pytest.mark.slow
+def test_a_change_with_the_same_numbers_is_judged_by_what_it_scatters(stored: References) -> None:
+    simulated = Simulated(stored, np.random.default_rng(3))
+    alarms, found = 0, 0
+    for _ in range(REPEATS // 2):
+        references, truth = simulated.renewed()
+        new = {score: truth[score] + 2.0 * (value - truth[score]) for score, value in simulated.rounded(truth).items()}
+        judged = Judge.of(references, scores_of(new), has_changed=True)
+        assert judged.scatter == "change"
+        alarms += bool(failed(judged))
+        lost = Judge.of(references, scores_of(less(new, 2 * LOSS_OVER_ALL)), has_changed=True)
+        found += bool(failed(lost, ("worse.all.psnr",)))
+    assert alarms <= 1.5 * FALSE_ALARMS["change"] * (REPEATS // 2)
+    assert found >= 0.95 * (REPEATS // 2)
+
+
+@pytest.mark.parametrize("mode", ["rounding", "seeds"])
+def test_the_sentence_says_what_is_found(mode: Scatter, stored: References) -> None:
+    cells = {key: {score: draws[0] for score, draws in scores.items()} for key, scores in stored.cells.items()}
+    judged = Judge.of(stored, cells, has_changed=False)  # type: ignore[arg-type]
+    judged = Judge(judged.stored, judged.better_by, mode)
+    over_all, alarms = judged.error(FIGURES["worse.all.psnr"]), judged.alarms
+    chances = [judged.error(gate).power(LOSS_OF_ONE, alarms) for gate in SINGLE]
+    sentence = judged.sentence()
+    assert losses.JUDGED[mode] in sentence
+    assert f"a loss of {over_all.detects(alarms):.2f} dB over all cells would be found in 80%" in sentence
+    assert f"{LOSS_OF_ONE} dB by one in {np.mean(chances):.0%}" in sentence
+    if mode == "rounding":
+        assert over_all.power(LOSS_OVER_ALL, alarms) >= 0.95
+        assert np.mean(chances) >= 0.80
+
+
+def test_weights() -> None:
+    def weights(name: str) -> np.ndarray:
+        return losses.score_and_weights(FIGURES[name])[1]
+
+    assert weights("worse.all.ssim") == pytest.approx(np.full((3, 4), 1 / 12))
+    assert weights("worse.qnerf.psnr")[:, 2] == pytest.approx(1 / 3)
+    assert np.argwhere(weights("worse.nerf.drums.psnr")).tolist() == [[1, 0]]
+    assert weights("worse.headline.qnerf_nerf").sum(axis=0) == pytest.approx([-1, 0, 1, 0])
+    assert {losses.score_and_weights(gate)[0] for gate in FIGURES.values()} == set(SCORES)
+    assert len(FIGURES) == sum(gate.kind == "worse" for gate in gates()) - 1
