@@ -27,6 +27,7 @@ from harness.training.checkpoints import checkpoint_path, restore_training, save
 from harness.training.learner import Learner, take_step
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
+from harness.training.scoring.densities import density_properties
 from harness.training.scoring.lpips import lpips_of
 from harness.training.shared_state import left_as_it_was
 from harness.training.trainer import Diverged
@@ -323,6 +324,7 @@ class CellTraining:
         weights = checkpoint_path(self.task.out, self.task.scene, trainer.method, self.task.seed)
         save_checkpoint(trainer, weights)
         properties = evaluate.measured_properties(trainer, self.test)
+        properties |= density_properties(trainer, self.views, self.test)
         properties["normal_error"] = normal_error
         properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
         costs = {
