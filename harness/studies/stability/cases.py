@@ -63,8 +63,9 @@ CASES: dict[str, Study] = catalogue(
     _case("A3", "One NaN among 4096 rays", "fields.amplifier_cases:one_nan", 5, "one sample NaN",
           "every ray of the call is NaN", "the other rays",
           "refused, with the number of the ray; that ray is lost and no other"),
-    _case("A4", "A solid slab", "fields.amplifier_cases:slab", 5, "geometry one pixel thick at 100, 400 and 800 px: the "
-          "classic camera, a box of ±1.5; each reading in the unit of density of the catalogue",
+    _case("A4", "A solid slab", "fields.amplifier_cases:slab", 5,
+          "geometry one pixel thick at 100, 400 and 800 px: the classic camera, a box of ±1.5; each reading in the unit "
+          "of density of the catalogue",
           "a bounded density never makes it opaque", "1 − e^−τ",
           "reachable opacity ≥ 0.99 at each resolution, else the PSNR that this allows"),
     _case("A5", "Extreme inputs of an amplifier", "fields.amplifier_cases:extremes", 10, "raw ±1e4, all equal; α −1, "

@@ -46,8 +46,8 @@ def quantiles_by_weight(
 
 @torch.no_grad()
 def rendered_samples(learner: Learner, cameras: Cameras) -> tuple[Tensor, Tensor] | None:
-    """Return density (1 / scene unit) and weight of all samples of pictures that have weight, [samples] each; None if the
-    pictures are empty, and of a method that does not render by points of rays.
+    """Return density (1 / scene unit) and weight of the samples of pictures that have weight, [samples] each; None if
+    the pictures are empty, and for a method that does not render by points of rays.
 
     They are the renderer's own: `VIEWS` evenly spread views, `RAYS` random pixels of each in one chunk.
     """

@@ -147,8 +147,8 @@ OPAQUE = 0.99
 FOCAL, DISTANCE = 1111.11 / 800.0, 4.0311
 """The classic camera: its focal length per pixel of width, and its distance from the origin in scene units."""
 HALF_EXTENT = 1.5
-"""Half of the longest side of the box. Those of the classic scenes lie between 1.2 and 1.5; in the largest box a pixel is
-the smallest share of it, and a unit of density per half box the least opaque.
+"""Half of the longest side of the box. Those of the classic scenes lie between 1.2 and 1.5; in the largest box a pixel
+is the smallest share of it, and a unit of density per half box the least opaque.
 """
 
 

@@ -1,0 +1,159 @@
+"""A6: does a fresh field of each reading train at all, without what a run helps it with?
+
+No silhouettes (no hull, no rays drawn through covered pixels) and no occupancy grid: batches of pixels drawn evenly from
+white views of a small ball in a box of ±1.5, and Adam at 5e-4, as the paper has them. The network is that of the paper,
+the rays and bins are few.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from baselines.contract import NO_ACCELERATION, Box, NetworkSize, Rays
+from baselines.methods.chosen import DensityConstants
+from harness.plan.schedule import Budget
+from harness.plan.seeds import generator_for
+from harness.plan.settings import GridSettings, TrainSettings
+from harness.records.study import Owner, Series, Table, check
+from harness.studies.drawn_views import DISTANCE, FOV_X_RADIANS, poses
+from harness.studies.framework import Found
+from harness.studies.stability.fields.small_training import CPU
+from harness.studies.stability.stability_context import Rows, StabilityContext
+from harness.training.batches import Batch, Cameras
+from harness.training.learner import steps
+from harness.training.trainer import Trainer
+
+STREAM = "stability/A6"
+RADIUS = 0.4
+"""Of the ball, in scene units: it covers 6 % of a view, and the white around it drives density down everywhere."""
+BALL = (0.5, 0.25, 0.15)
+VIEWS, PIXELS = 24, 32
+HALF_EXTENT = 1.5
+TRAINING = TrainSettings(
+    rays=48, bins=16, first_bins=16, fine_bins=0, last_learning_rate=5e-4, grid=GridSettings(cells=0),
+    accelerations=replace(NO_ACCELERATION, fused=True, recurrence=True, clipping=True, directions=True),
+)  # fmt: skip
+STEPS, QUICK_STEPS = 100, 4
+EVERY = 5
+PROBES = 1024
+LEARNT = 0.5
+"""The share of the loss of the background alone below which something is learnt."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A method with an open constant set by hand."""
+
+    method: str
+    unit: float
+    """The unit of density, and below the density of a fresh field, per half of the box."""
+    start: float | None
+    owner: Owner
+
+
+ARMS: dict[str, Arm] = {
+    "nerf": Arm("nerf", 25.0, 0.3, "ours"),
+    "nerf, no shift": Arm("nerf", 25.0, None, "usual"),
+    **{f"Listing 2, unit {unit:g}": Arm("qnerf", unit, None, "paper") for unit in (25.0, 100.0, 1000.0)},
+    **{f"Listing 2 shifted, unit {unit:g}": Arm("qnerf_shifted", unit, 0.3, "ours") for unit in (25.0, 100.0)},
+    "Eq. 4 about a running mean": Arm("qnerf_running_mean", 25.0, 0.3, "ours"),
+    "Listing 2 about a running mean": Arm("qnerf_running_mean_listing2", 25.0, 0.3, "ours"),
+}
+
+
+@dataclass
+class Course:
+    """What was recorded of a training, an entry for each of its `steps`."""
+
+    steps: list[int] = field(default_factory=list)
+    loss: list[float] = field(default_factory=list)
+    """Of a held-out view, in units of the loss of a picture that is background alone."""
+    clamped: list[float] = field(default_factory=list)
+    """The share of points in the middle of the box whose density is exactly 0."""
+    largest: list[float] = field(default_factory=list)
+    """The largest density of these points, per half of the box."""
+    gradient: list[float] = field(default_factory=list)
+    """The norm of the gradient of the density head."""
+
+
+def cameras(pixels: int) -> Cameras:
+    focal = 0.5 * pixels / math.tan(0.5 * FOV_X_RADIANS)
+    return Cameras.of(poses(VIEWS, 0.0), pixels, pixels, focal, DISTANCE - 2.0, DISTANCE + 2.0)
+
+
+def ball(rays: Rays) -> Float[Tensor, "rays 3"]:
+    """Return the colour of rays that see the ball before white."""
+    along = (rays.origins * rays.directions).sum(-1, keepdim=True)
+    hit = along.square() - rays.origins.square().sum(-1, keepdim=True) + RADIUS**2 > 0.0
+    return torch.where(hit, torch.tensor(BALL), torch.ones(3))
+
+
+def batches(count: int) -> Callable[[int], Batch]:
+    """Return step → `count` rays through pixels drawn evenly from all views."""
+    seen = cameras(PIXELS)
+
+    def batch_at(step: int) -> Batch:
+        drawn = torch.randint(VIEWS * PIXELS**2, (count,), generator=generator_for(STREAM, step))
+        rays = seen.rays(drawn // PIXELS**2, drawn % PIXELS, drawn // PIXELS % PIXELS)
+        return rays, ball(rays)
+
+    return batch_at
+
+
+def course_of(arm: Arm, settings: TrainSettings, count: int) -> Course:
+    """Train a fresh field for `count` steps. Raises `Diverged`."""
+    side = torch.full((3,), HALF_EXTENT)
+    settings = replace(settings, density={arm.method: DensityConstants(arm.unit, arm.start)})
+    trainer = Trainer(arm.method, Box(-side, side), settings, Budget(count, None), STREAM, CPU, view_dependent=False)
+    held_out = cameras(PIXELS // 2).all_rays(VIEWS // 2)
+    truth, course = ball(held_out), Course()
+    background = float((1.0 - truth).square().mean())
+    points = HALF_EXTENT * (torch.rand(PROBES, 3, generator=generator_for(STREAM, "probes")) - 0.5)
+    norms: list[float] = []
+    trainer.coarse.density_head.weight.register_hook(lambda gradient: norms.append(float(gradient.norm())))
+    for _ in steps(trainer, batches(settings.rays)):
+        if trainer.step > 1 and trainer.step % EVERY and trainer.step < count:
+            continue
+        with torch.no_grad():
+            density = trainer.field.density(points) * HALF_EXTENT
+        loss = float((trainer.render(held_out, len(held_out)).colour - truth).square().mean())
+        course.steps.append(trainer.step)
+        course.loss.append(loss / background)
+        course.clamped.append(float((density == 0.0).float().mean()))
+        course.largest.append(float(density.max()))
+        course.gradient.append(norms[-1])
+    return course
+
+
+def fresh(context: StabilityContext) -> Iterator[Found]:
+    """A6: whether each reading learns anything, and what its densities and gradients do meanwhile."""
+    settings, count = TRAINING, STEPS
+    if context.quick:
+        settings, count = replace(settings, network=NetworkSize(6, 16, 2, 16, 6, 2), rays=16, bins=8), QUICK_STEPS
+    rows: Rows = []
+    for name, arm in ARMS.items():
+        course = course_of(arm, settings, count)
+        best, end = min(course.loss), course.largest[-1]
+        rows.append([name, course.loss[-1], best, end, course.clamped[-1], course.gradient[0], course.gradient[-1]])
+        what = f"error of a held-out view after {count} steps, in units of that of background alone"
+        why = (
+            f"largest density in the middle of the box {end:.2g} per half box, exactly 0 at "
+            f"{100 * course.clamped[-1]:.0f} % of its points, gradient of the density head {course.gradient[-1]:.1e}"
+        )
+        yield check(what, course.loss[-1], high=LEARNT, why=why, subject=name, owner=arm.owner)
+        x = [float(step) for step in course.steps]
+        for panel, y_label, y, log in (
+            ("A fresh field without help: error of a held-out view", "error / background", course.loss, True),
+            ("A fresh field without help: largest density", "per half box", course.largest, True),
+            ("A fresh field without help: gradient of the density head", "norm", course.gradient, True),
+            ("A fresh field without help: density clamped to 0", "share of points", course.clamped, False),
+        ):
+            yield Series(panel, 6, name, "step", y_label, x, list(y), log_x=False, log_y=log)
+    columns = ["reading", "error / background", "its smallest", "largest density per half box",
+               "share of points at exactly 0", "first gradient of the density head", "last"]  # fmt: skip
+    title = "A fresh field without silhouettes and without an occupancy grid, under Adam at 5e-4"
+    yield Table("fresh-fields", 6, title, columns, rows)
