@@ -7,7 +7,7 @@ from statistics import fmean
 
 from harness.records.cells import CellRecord
 from reports.data.load import Records
-from reports.data.wording import NARROW, counted, number, significant
+from reports.data.wording import NARROW, bare, counted, number
 
 OPAQUE = 0.99
 """The opacity of geometry one pixel thick below which a method's constant limits it."""
@@ -27,7 +27,7 @@ def _ceiling(method: str, cells: Iterable[CellRecord]) -> str:
     )
     if not limits or not opacities:
         return ""
-    limit = f"{_between(limits, significant)} per half box"
+    limit = f"{_between(limits, lambda value: bare(float(f'{value:.3g}')))} per half box"
     weight = f"; {number(100 * fmean(shares), 1)}{NARROW}% of the weight of its pictures is at this ceiling"
     line = (
         f"{method}: at its largest density, {limit}, geometry one pixel thick has an opacity of "
@@ -39,8 +39,8 @@ def _ceiling(method: str, cells: Iterable[CellRecord]) -> str:
 
 
 def _opacity(value: float) -> str:
-    """Format so that what is below `OPAQUE` does not read as 1."""
-    return number(value, 2 if value < OPAQUE else 4)
+    """Format with the digits that tell a value near `OPAQUE` from it."""
+    return number(value, 2 if value < OPAQUE - 0.01 else 4)
 
 
 def _between(values: list[float], text: Callable[[float], str]) -> str:

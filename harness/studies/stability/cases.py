@@ -64,14 +64,17 @@ CASES: dict[str, Study] = catalogue(
           "every ray of the call is NaN", "the other rays",
           "refused, with the number of the ray; that ray is lost and no other"),
     _case("A4", "A solid slab", "fields.amplifier_cases:slab", 5,
-          "geometry one pixel thick at 100, 400 and 800 px: the classic camera, a box of ±1.5; each reading in the unit "
-          "of density of the catalogue",
+          "geometry one pixel thick at 100, 400 and 800 px: the classic camera, a box of ±1.5, units of the catalogue",
           "a bounded density never makes it opaque", "1 − e^−τ",
           "reachable opacity ≥ 0.99 at each resolution, else the PSNR that this allows"),
     _case("A5", "Extreme inputs of an amplifier", "fields.amplifier_cases:extremes", 10, "raw ±1e4, all equal; α −1, "
           "0, 10, 1e3, ∞ (the paper's raw parameter: nothing keeps it above 0); σ′ = 0.5 ± ulp",
           "dead gradients, inversion, 0 · ∞, a jump of β", "–",
           "outputs and gradients finite; dead share after training ≤ 0.01; sign recorded"),
+    _case("A6", "A fresh field without help", "fields.fresh_fields:fresh", 45,
+          "a ball before white, 9 % of a view, in a box of ±1.5; no silhouettes, no occupancy grid, Adam at 5e-4, the "
+          "paper's network", "a start that is opaque everywhere becomes background alone, without a gradient for good",
+          "a picture of background alone", "error of a held-out view ≤ 0.5 of that of the reference"),
     _case("O1", "Half precision", "fields.optimiser_cases:half_precision", 25,
           "float16 and bfloat16 products; gradients 0 and 1e-5", "NaN, −∞, frozen weights; an encoding error of 1",
           "float32", "weights, encoding, amplifier and quadrature stay float32; the loss within 5 % of float32's "
