@@ -129,6 +129,16 @@ class Box:
 
 
 @dataclass(frozen=True)
+class Samples:
+    """The points of a batch of rays at which a field was evaluated; what was left out has density and weight 0."""
+
+    density: Float[Tensor, "rays points"]
+    """In 1 / scene unit, as it was rendered."""
+    weight: Float[Tensor, "rays points"]
+    """The share of a ray's picture that the colour of the point makes, w."""
+
+
+@dataclass(frozen=True)
 class Rendering:
     """The rendering of a batch of rays."""
 
@@ -140,6 +150,8 @@ class Rendering:
     network_evaluations: int
     coarse_colour: Float[Tensor, "rays 3"] | None = None
     """The colour of the coarse pass, if there are two passes."""
+    samples: Samples | None = None
+    """The samples of the last pass; None of a method that is not rendered by points of rays, and of several chunks."""
 
 
 @dataclass(frozen=True)

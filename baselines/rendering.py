@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from baselines.contract import Box, RadianceField, Rays, Rendering
+from baselines.contract import Box, RadianceField, Rays, Rendering, Samples
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.checks import BadDensity, require_density, require_interval
 from baselines.numerics.compositing import composite, expected_depth
@@ -59,6 +59,7 @@ def render_rays(
     generator: torch.Generator | None,
 ) -> Rendering:
     """Return the colours of `rays`. Points are random inside their bins with a generator (training), else midpoints.
+    Its samples are those of the rays that meet the box.
 
     The result does not depend on which rays share the chunk, unless a field's density does (Listing 2, Eq. 4).
     Raises `BadInterval` unless near <= far, both finite, and `BadDensity` naming ray and sample where the field returns
@@ -96,6 +97,7 @@ def render_rays(
         depth=seen.depth.new_full((len(rays),), rays.far).index_put((inside,), seen.depth),
         network_evaluations=seen.network_evaluations,
         coarse_colour=None if seen.coarse_colour is None else over_background(seen.coarse_colour),
+        samples=seen.samples,
     )
 
 
@@ -156,5 +158,6 @@ def _march(
         opacity=w.sum(dim=-1),
         depth=expected_depth(w, t, rays.far),
         network_evaluations=len(ray),
+        samples=Samples(sigma.detach(), w.detach()),
     )
     return rendering, t_edges, rule.bin_weights(w, sigma, lengths)

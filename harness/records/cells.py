@@ -195,7 +195,15 @@ class CellRecord(Record, frozen=True):
     """Measured properties: chunk_max_difference, chunk_rms_difference (same view in small and in whole chunks),
     largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that length of it),
     occupied_share, clipped_share (of the steps, of which the gradient was clipped), and of a method with an amplifier
-    alpha_phi and psnr_without_amplifier (`harness.training.scoring.amplifier_effect`), …"""
+    alpha_phi and psnr_without_amplifier (`harness.training.scoring.amplifier_effect`), …
+
+    Of the ceiling of density, per half of the longest side of the box (`harness.training.scoring.densities`):
+    density_limit (the largest that the method can have; None if there is no limit), opacity_of_a_pixel (of geometry one
+    pixel thick at that density; a pixel has its width in the middle of the box, the mean distance of the training
+    cameras from it divided by their focal length in pixels; 1 if there is no limit), weight_at_ceiling (the share of
+    the weight Σ w of test views that comes from densities of 0.99 of the limit or more), density_by_weight_50, _90 and
+    _99 (the densities up to which that many percent of the weight lie). The last four are None for empty pictures and
+    for methods that are not rendered by points of rays; older records have none of them."""
     warnings: list[str]
     """States that a reader must know: empty collapse, billboard (train far above test), below the floor."""
     settings: dict[str, Any]

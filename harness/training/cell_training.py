@@ -28,6 +28,7 @@ from harness.training.learner import Learner, take_step, warm_up
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
 from harness.training.scoring.amplifier_effect import amplifier_effect
+from harness.training.scoring.densities import density_properties
 from harness.training.scoring.lpips import lpips_of
 from harness.training.shared_state import left_as_it_was
 from harness.training.trainer import Diverged
@@ -324,6 +325,7 @@ class CellTraining:
         weights = checkpoint_path(self.task.out, self.task.scene, trainer.method, self.task.seed)
         save_checkpoint(trainer, weights)
         properties = evaluate.measured_properties(trainer, self.test)
+        properties |= density_properties(trainer, self.views, self.test)
         properties["normal_error"] = normal_error
         scored = [row.psnr for row in rows]
         properties |= amplifier_effect(trainer, self.test, self.views.test, scored, score.chunk)

@@ -115,18 +115,20 @@ class BudgetedTrainer(ABC):
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         """Render all of `rays`, `chunk` at a time, at the midpoints of the bins; with `bins` of them per ray if that is
-        given, and as many more in a second pass. Raises `ValueError` for less than one bin, and `Diverged` on a pixel
-        not finite.
+        given, and as many more in a second pass. The samples are kept of a single chunk alone. Raises `ValueError` for
+        less than one bin, and `Diverged` on a pixel not finite.
         """
         if bins is not None and bins < 1:
             raise ValueError(f"{bins} bins a ray: must be at least 1")
         starts = range(0, max(len(rays), 1), chunk)
-        parts = [self._rendered(rays.part(start, start + chunk), None, start, bins) for start in starts]
+        chunks = (self._rendered(rays.part(start, start + chunk), None, start, bins) for start in starts)
+        parts = [part if len(starts) == 1 else replace(part, samples=None) for part in chunks]
         whole = Rendering(
             colour=torch.cat([part.colour for part in parts]),
             opacity=torch.cat([part.opacity for part in parts]),
             depth=torch.cat([part.depth for part in parts]),
             network_evaluations=sum(part.network_evaluations for part in parts),
+            samples=parts[0].samples,
         )
         for name in ("colour", "opacity", "depth"):
             if (ray := first_not_finite(getattr(whole, name))) is not None:

@@ -80,6 +80,12 @@ PROPERTY_NAMES = {
     "chunk_rms_difference": "RMS change of a view when rendered in small chunks",
     "largest_density": "largest density found, per half of the box’s longest side",
     "opacity_unit_slab": "opacity of that length of it",
+    "density_limit": "largest density that the method can have, per half of the box’s longest side",
+    "opacity_of_a_pixel": "opacity of geometry one pixel thick at that density",
+    "weight_at_ceiling": "share of the pictures’ weight from densities of 0.99 of it or more",
+    "density_by_weight_50": "density up to which half of the pictures’ weight lies",
+    "density_by_weight_90": "density up to which 90 % of it lies",
+    "density_by_weight_99": "density up to which 99 % of it lies",
     "normal_error": "mean angle between learned and true normals, in degrees, where both are opaque",
     "occupied_share": "share of the scene's box that holds matter",
 }

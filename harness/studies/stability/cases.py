@@ -63,13 +63,18 @@ CASES: dict[str, Study] = catalogue(
     _case("A3", "One NaN among 4096 rays", "fields.amplifier_cases:one_nan", 5, "one sample NaN",
           "every ray of the call is NaN", "the other rays",
           "refused, with the number of the ray; that ray is lost and no other"),
-    _case("A4", "A solid slab", "fields.amplifier_cases:slab", 5, "one unit of matter at scene scale 0.1, 1 and 10",
-          "opacity ends at 0.63, and depends on the unit", "1 − e^−τ",
-          "reachable opacity ≥ 0.999, else it says that it cannot be opaque, with the PSNR that this allows"),
+    _case("A4", "A solid slab", "fields.amplifier_cases:slab", 5,
+          "geometry one pixel thick at 100, 400 and 800 px: the classic camera, a box of ±1.5, units of the catalogue",
+          "a bounded density never makes it opaque", "1 − e^−τ",
+          "reachable opacity ≥ 0.99 at each resolution, else the PSNR that this allows"),
     _case("A5", "Extreme inputs of an amplifier", "fields.amplifier_cases:extremes", 10, "raw ±1e4, all equal; α −1, "
           "0, 10, 1e3, ∞ (the paper's raw parameter: nothing keeps it above 0); σ′ = 0.5 ± ulp",
           "dead gradients, inversion, 0 · ∞, a jump of β", "–",
           "outputs and gradients finite; dead share after training ≤ 0.01; sign recorded"),
+    _case("A6", "A fresh field without help", "fields.fresh_fields:fresh", 45,
+          "a ball before white, 9 % of a view, in a box of ±1.5; no silhouettes, no occupancy grid, Adam at 5e-4, the "
+          "paper's network", "a start that is opaque everywhere becomes background alone, without a gradient for good",
+          "a picture of background alone", "error of a held-out view ≤ 0.5 of that of the reference"),
     _case("O1", "Half precision", "fields.optimiser_cases:half_precision", 25,
           "float16 and bfloat16 products; gradients 0 and 1e-5", "NaN, −∞, frozen weights; an encoding error of 1",
           "float32", "weights, encoding, amplifier and quadrature stay float32; the loss within 5 % of float32's "

@@ -11,9 +11,10 @@ from jaxtyping import Bool, Int
 from torch import Tensor, nn
 
 from baselines.amplifiers import AMPLIFIERS, Amplifier
-from baselines.composition import DENSITY_SCALE
-from baselines.contract import DTYPES, Rays
+from baselines.catalog import CATALOG
+from baselines.contract import DTYPES, Box, Rays
 from baselines.field import NetworkField
+from baselines.methods.repaired import CANDIDATES
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.encoding import PHI, encode
 from harness.plan.seeds import generator_for
@@ -138,29 +139,48 @@ def rays_in_the_chunk(trainer: Trainer, rays: Rays) -> Int[Tensor, " hits"]:
     return torch.nonzero(ray_box(rays.origins, rays.directions, box.lower, box.upper, rays.near, rays.far)[2])[:, 0]
 
 
-JUDGED = (0.1, 1.0, 10.0)
-"""The scene scales at which a slab must be opaque."""
-OPAQUE = 0.999
+SOLID = ("nerf", "qnerf", "qnerf_printed", "qnerf_shifted", "qnerf_theorem", *CANDIDATES)
+"""The methods whose amplifier and unit of density are asked for: every reading with the unit of the catalogue."""
+RESOLUTIONS = (100, 400, 800)
+"""The widths of a view in pixels at which a slab of one pixel must be opaque."""
+OPAQUE = 0.99
+FOCAL, DISTANCE = 1111.11 / 800.0, 4.0311
+"""The classic camera: its focal length per pixel of width, and its distance from the origin in scene units."""
+HALF_EXTENT = 1.5
+"""Half of the longest side of the box. Those of the classic scenes lie between 1.2 and 1.5; in the largest box a pixel
+is the smallest share of it, and a unit of density per half box the least opaque.
+"""
+
+
+def pixel_opacity(method: str, resolution: float) -> float:
+    """Return the opacity of geometry as thick as a pixel is wide at the origin, at the largest density of a method."""
+    parts = CATALOG[method].parts
+    assert parts is not None
+    box = Box(torch.full((3,), -HALF_EXTENT), torch.full((3,), HALF_EXTENT))
+    sigma = largest_density(parts.amplifier) * parts.density_unit(box)
+    return -math.expm1(-sigma * DISTANCE / (FOCAL * resolution))
 
 
 def slab(context: StabilityContext) -> Iterator[Found]:
-    """A4: the largest opacity of a solid slab as thick as half of the box that a reading can reach with any weights, if
-    the scene is written in a unit of length that makes it `scale` times as large.
+    """A4: the largest opacity of a slab one pixel thick that a reading can reach with any weights, in the unit of
+    density that it has in the catalogue. What bounds it is the clamp of Listing 2, whoever holds the mean.
     """
-    half = "half of the box"
-    solids = [(reading, owner, DENSITY_SCALE * largest_density(reading), half) for reading, owner in WHOSE.items()]
-    solids.append(("listing2, 1 per scene unit", "paper", largest_density("listing2"), "scene unit"))
-    for reading, owner, sigma, unit in solids:
-        drawn = [10.0 ** (k / 8) for k in range(-16, 17)]
-        opacity = {scale: -math.expm1(-sigma * (1.0 if unit == half else scale)) for scale in [*drawn, *JUDGED]}
-        worst, why = min(opacity[scale] for scale in JUDGED), f"densities end at {sigma:.3g} per {unit}"
+    panel, drawn = "Opacity within reach of a slab one pixel thick", [50.0 * 2 ** (k / 4) for k in range(21)]
+    for method in SOLID:
+        parts = CATALOG[method].parts
+        assert parts is not None
+        bounded = AMPLIFIERS[parts.amplifier](None).bounded
+        opacity = {resolution: pixel_opacity(method, resolution) for resolution in RESOLUTIONS}
+        worst, owner = min(opacity.values()), "paper" if bounded else whose(method)
+        per = "half box" if parts.density_per == "box" else "scene unit"
+        why = f"density ends at {parts.density_scale:.3g} per {per}; " if bounded else "density has no end; "
+        why += ", ".join(f"{reached:.3g} at {resolution} px" for resolution, reached in opacity.items())
         if worst < OPAQUE:
-            ends = (f"{psnr_from_mse((1.0 - opacity[scale]) ** 2):.1f} dB at scale {scale:g}" for scale in JUDGED)
-            why += f"; cannot be opaque: a black silhouette on white ends at {', '.join(ends)}"
-        what = "largest opacity of a solid as thick as half of the box, the worst of scene scales 0.1, 1 and 10"
-        yield check(what, worst, low=OPAQUE, why=why, subject=reading, owner=owner)
-        panel, y = "Opacity within reach of a slab as thick as half of the box", [opacity[scale] for scale in drawn]
-        yield Series(panel, 5, reading, "scene scale", "largest opacity", drawn, y, log_y=False)
+            why += f"; a black slab on white ends at {psnr_from_mse((1.0 - worst) ** 2):.1f} dB there"
+        what = "largest opacity of a slab one pixel thick, the worst of 100, 400 and 800 px"
+        yield check(what, worst, low=OPAQUE, why=why, subject=method, owner=owner)
+        y = [pixel_opacity(method, resolution) for resolution in drawn]
+        yield Series(panel, 5, method, "pixels across a view", "largest opacity", drawn, y, log_y=False)
 
 
 @torch.no_grad()

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from baselines.amplifiers import AMPLIFIERS
+from baselines.catalog import CATALOG
 from baselines.numerics.checks import BadDensity
 from baselines.numerics.encoding import PHI
 from baselines.numerics.optimisers import OPTIMISERS
@@ -25,7 +26,9 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> StabilityContext:
     return context_in(tmp_path_factory.mktemp("stability"), *METHODS)
 
 
-@pytest.mark.parametrize("case", ["E1", "E2", "A1", "A3", "A4", "A5", "O1", "O2", "O3", "O4", "O5", "G1", "G2", *SLOW])
+@pytest.mark.parametrize(
+    "case", ["E1", "E2", "A1", "A3", "A4", "A5", "A6", "O1", "O2", "O3", "O4", "O5", "G1", "G2", *SLOW]
+)
 def test_every_case_says_something_of_every_subject(case: str, context: StabilityContext) -> None:
     small_training.trained.cache_clear()  # a case must not need another one before it
     made = findings(case, context)
@@ -131,16 +134,22 @@ def test_an_error_of_a_position_that_is_none_is_no_number() -> None:
 # amplifier
 
 
-def test_listing_2_is_opaque_in_the_unit_of_the_box_and_63_percent_per_scene_unit(context: StabilityContext) -> None:
+def test_a_slab_of_a_pixel_is_as_opaque_as_its_unit_of_density_allows(context: StabilityContext) -> None:
+    """A pixel of the classic camera is 4.0311 / 1111.11 scene units wide at 800 px, and half of the box 1.5."""
     assert amplifier_cases.largest_density("listing2") == 1.0
     assert amplifier_cases.largest_density("none") > 1e3
     assert amplifier_cases.largest_density("equation4") > 1e3
     by_name = {check.subject: check for check in checks("A4", context)}
-    printed = by_name["listing2, 1 per scene unit"]
-    assert printed.value == pytest.approx(1.0 - math.exp(-0.1))
-    assert "8.7 dB at scale 1" in printed.why
-    assert printed.status == "fail"
-    assert {by_name[name].status for name in ("none", "listing2", "equation4")} == {"pass"}
+    unit = CATALOG["qnerf"].parts.density_scale  # type: ignore[union-attr]
+    for resolution in amplifier_cases.RESOLUTIONS:
+        pixel = 4.0311 / 1111.11 * 800 / resolution
+        assert amplifier_cases.pixel_opacity("qnerf", resolution) == pytest.approx(1 - math.exp(-unit * pixel / 1.5))
+    assert by_name["qnerf"].value == amplifier_cases.pixel_opacity("qnerf", 800)
+    assert by_name["qnerf_printed"].value == pytest.approx(1.0 - math.exp(-4.0311 / 1111.11))
+    assert "1 per scene unit; 0.0286 at 100 px, 0.00723 at 400 px, 0.00362 at 800 px" in by_name["qnerf_printed"].why
+    assert {by_name[name].status for name in ("nerf", "qnerf_theorem", "qnerf_running_mean")} == {"pass"}
+    assert {by_name[name].owner for name in ("nerf", "qnerf_running_mean")} == {"ours"}
+    assert {by_name[name].owner for name in ("qnerf", "qnerf_shifted", "qnerf_running_mean_listing2")} == {"paper"}
 
 
 def test_the_threshold_of_listing_2_is_a_step_and_an_infinite_or_negative_alpha_is_seen() -> None:

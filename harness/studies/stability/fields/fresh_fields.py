@@ -1,0 +1,168 @@
+"""A6: does a fresh field of each reading train at all, without what a run helps it with?
+
+No silhouettes (no hull, no rays drawn through covered pixels) and no occupancy grid: batches of pixels drawn evenly
+from views of a small ball before white, in a box of ±1.5, and Adam at 5e-4. The network is that of the paper, as what a
+step of Adam changes in its output grows with its width; rays and bins are few.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from baselines.contract import NO_ACCELERATION, Box, NetworkSize, Rays
+from baselines.methods.chosen import DensityConstants
+from harness.plan.schedule import Budget
+from harness.plan.seeds import generator_for
+from harness.plan.settings import GridSettings, TrainSettings
+from harness.records.study import Owner, Series, Table, check
+from harness.studies.drawn_views import DISTANCE, FOV_X_RADIANS, poses
+from harness.studies.framework import Found
+from harness.studies.stability.fields.small_training import CPU
+from harness.studies.stability.stability_context import Rows, StabilityContext
+from harness.training.batches import Batch, Cameras
+from harness.training.learner import steps
+from harness.training.trainer import TRACE_EVERY, Trainer
+
+STREAM = "stability/A6"
+RADIUS = 0.5
+"""Of the ball, in scene units: it covers 9 % of a view. Of a ball of 0.6 more readings learn: the white around it has
+less weight.
+"""
+BALL = (0.5, 0.25, 0.15)
+VIEWS, PIXELS = 24, 32
+HALF_EXTENT = 1.5
+TRAINING = TrainSettings(
+    rays=32, bins=16, first_bins=16, fine_bins=0, last_learning_rate=5e-4, grid=GridSettings(cells=0),
+    accelerations=replace(NO_ACCELERATION, fused=True, recurrence=True, clipping=True, directions=True),
+)  # fmt: skip
+STEPS = 120
+PROBES = 1024
+LEARNT = 0.5
+"""The share of the loss of the background alone below which something is learnt."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A method with an open constant set by hand."""
+
+    method: str
+    unit: float
+    """The unit of density, and below the density of a fresh field, per half of the box."""
+    start: float | None
+    owner: Owner
+
+
+ARMS: dict[str, Arm] = {
+    "nerf": Arm("nerf", 25.0, 0.3, "ours"),
+    "nerf, no shift": Arm("nerf", 25.0, None, "usual"),
+    **{f"Listing 2, unit {unit:g}": Arm("qnerf", unit, None, "paper") for unit in (25.0, 100.0, 1000.0)},
+    **{f"Listing 2 shifted, unit {unit:g}": Arm("qnerf_shifted", unit, 0.3, "ours") for unit in (25.0, 100.0)},
+    "Eq. 4 about a running mean": Arm("qnerf_running_mean", 25.0, 0.3, "ours"),
+    "Listing 2 about a running mean": Arm("qnerf_running_mean_listing2", 25.0, 0.3, "ours"),
+}
+
+
+@dataclass
+class Course:
+    """What was recorded of a training, an entry for each of its `steps`."""
+
+    steps: list[float] = field(default_factory=list)
+    error: list[float] = field(default_factory=list)
+    """The squared error of a held-out view, in units of that of a picture that is background alone."""
+    largest: list[float] = field(default_factory=list)
+    """The largest density at points in the middle of the box, per half of the box."""
+    gradient: list[float] = field(default_factory=list)
+    """The norm of the gradient of all weights."""
+    clamped: list[float] = field(default_factory=list)
+    """The share of these points whose density is exactly 0: no gradient passes the clamp, or a sigmoid in float32."""
+    white: list[float] = field(default_factory=list)
+    """The share of these points whose colour is exactly 1: no gradient passes its sigmoid in float32."""
+
+
+def cameras(pixels: int) -> Cameras:
+    focal = 0.5 * pixels / math.tan(0.5 * FOV_X_RADIANS)
+    return Cameras.of(poses(VIEWS, 0.0), pixels, pixels, focal, DISTANCE - 2.0, DISTANCE + 2.0)
+
+
+def ball(rays: Rays) -> Float[Tensor, "rays 3"]:
+    """Return the colour of rays that see the ball before white."""
+    along = (rays.origins * rays.directions).sum(-1, keepdim=True)
+    hit = along.square() - rays.origins.square().sum(-1, keepdim=True) + RADIUS**2 > 0.0
+    return torch.where(hit, torch.tensor(BALL), torch.ones(3))
+
+
+def batches(count: int) -> Callable[[int], Batch]:
+    """Return step → `count` rays through pixels drawn evenly from all views."""
+    seen = cameras(PIXELS)
+
+    def batch_at(step: int) -> Batch:
+        drawn = torch.randint(VIEWS * PIXELS**2, (count,), generator=generator_for(STREAM, step))
+        rays = seen.rays(drawn // PIXELS**2, drawn % PIXELS, drawn // PIXELS % PIXELS)
+        return rays, ball(rays)
+
+    return batch_at
+
+
+def course_of(arm: Arm, settings: TrainSettings, count: int) -> Course:
+    """Train a fresh field for `count` steps. Raises `Diverged`."""
+    side = torch.full((3,), HALF_EXTENT)
+    settings = replace(settings, density={arm.method: DensityConstants(arm.unit, arm.start)})
+    trainer = Trainer(arm.method, Box(-side, side), settings, Budget(count, None), STREAM, CPU, view_dependent=False)
+    held_out = cameras(PIXELS // 2).all_rays(VIEWS // 2)
+    truth, course = ball(held_out), Course()
+    background = float((1.0 - truth).square().mean())
+    points = HALF_EXTENT * (torch.rand(PROBES, 3, generator=generator_for(STREAM, "probes")) - 0.5)
+    for _ in steps(trainer, batches(settings.rays)):
+        if trainer.trace["step"][-1] != trainer.step:
+            continue
+        with torch.no_grad():
+            view = trainer.field.encode_directions(torch.zeros(1, 3))
+            ray = torch.zeros(PROBES, dtype=torch.long)
+            density, (_, colour) = trainer.field.density(points), trainer.field.density_and_colour(points, view, ray)
+            error = (trainer.render(held_out, len(held_out)).colour - truth).square().mean()
+        course.steps.append(float(trainer.step))
+        course.error.append(float(error) / background)
+        course.largest.append(float(density.max()) * HALF_EXTENT)
+        course.clamped.append(float((density == 0.0).float().mean()))
+        course.white.append(float((colour == 1.0).all(dim=-1).float().mean()))
+        course.gradient.append(trainer.trace["gradient_norm"][-1] or 0.0)
+    return course
+
+
+PANELS = {
+    "error": ("error of a held-out view", "error / background"),
+    "largest": ("largest density", "per half box"),
+    "gradient": ("norm of the gradient", "norm"),
+    "clamped": ("density of exactly 0", "share of points"),
+    "white": ("colour of exactly 1", "share of points"),
+}
+"""A record of a `Course` → the end of the title of its chart, and the name of its axis."""
+
+
+def fresh(context: StabilityContext) -> Iterator[Found]:
+    """A6: whether each reading learns anything, and what its densities and gradients do meanwhile."""
+    settings, count = TRAINING, STEPS
+    if context.quick:
+        settings, count = replace(settings, network=NetworkSize(6, 16, 2, 16, 6, 2), rays=16, bins=8), TRACE_EVERY
+    rows: Rows = []
+    for name, arm in ARMS.items():
+        course = course_of(arm, settings, count)
+        ends = {record: getattr(course, record)[-1] for record in PANELS}
+        rows.append([name, *ends.values()])
+        why = (
+            f"in the middle of the box density ends at {ends['largest']:.2g} per half box, is exactly 0 at "
+            f"{100 * ends['clamped']:.0f} % of the points and colour exactly 1 at {100 * ends['white']:.0f} %; norm of "
+            f"the gradient {ends['gradient']:.1e}"
+        )
+        what = f"error of a held-out view after {count} steps, that of background alone being 1"
+        yield check(what, ends["error"], high=LEARNT, why=why, subject=name, owner=arm.owner)
+        for record, (title, axis) in PANELS.items():
+            panel, y, log_y = f"A fresh field without help: {title}", getattr(course, record), "share" not in axis
+            yield Series(panel, 6, name, "step", axis, course.steps, y, log_x=False, log_y=log_y)
+    columns = ["reading", *(f"{title}, {axis}" for title, axis in PANELS.values())]
+    title = f"A fresh field without silhouettes and without an occupancy grid, after {count} steps of Adam at 5e-4"
+    yield Table("fresh-fields", 6, title, columns, rows)

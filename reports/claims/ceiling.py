@@ -1,0 +1,48 @@
+"""The ceiling of density: how opaque geometry one pixel thick can be in each bounded method of a run, and how much of
+its pictures comes from densities there.
+"""
+
+from collections.abc import Callable, Iterable
+from statistics import fmean
+
+from harness.records.cells import CellRecord
+from reports.data.load import Records
+from reports.data.wording import NARROW, bare, counted, number
+
+OPAQUE = 0.99
+"""The opacity of geometry one pixel thick below which a method's constant limits it."""
+
+
+def ceilings(records: Records) -> list[str]:
+    """Return one line for each bounded method; none for records that lack the properties."""
+    lines = (_ceiling(method, records.cells) for method in records.methods)
+    return [line for line in lines if line]
+
+
+def _ceiling(method: str, cells: Iterable[CellRecord]) -> str:
+    own = [cell for cell in cells if cell.method == method]
+    opacities, limits, shares = (
+        [float(cell.properties[name] or 0.0) for cell in own if cell.properties.get(name) is not None]
+        for name in ("opacity_of_a_pixel", "density_limit", "weight_at_ceiling")
+    )
+    if not limits or not opacities:
+        return ""
+    limit = f"{_between(limits, lambda value: bare(float(f'{value:.3g}')))} per half box"
+    weight = f"; {number(100 * fmean(shares), 1)}{NARROW}% of the weight of its pictures is at this ceiling"
+    line = (
+        f"{method}: at its largest density, {limit}, geometry one pixel thick has an opacity of "
+        f"{_between(opacities, _opacity)}{weight if shares else ''} ({counted(len(limits), 'cell')})."
+    )
+    if min(opacities) < OPAQUE:
+        line += f" The constant, a unit of density of {limit}, limits {method} at this resolution."
+    return line
+
+
+def _opacity(value: float) -> str:
+    """Format with the digits that tell a value near `OPAQUE` from it."""
+    return number(value, 2 if value < OPAQUE - 0.01 else 4)
+
+
+def _between(values: list[float], text: Callable[[float], str]) -> str:
+    low, high = text(min(values)), text(max(values))
+    return low if low == high else f"{low} to {high}"

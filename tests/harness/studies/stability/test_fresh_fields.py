@@ -1,0 +1,53 @@
+"""A6: what is recorded of a fresh field, and a death that must be seen."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from baselines.contract import NetworkSize
+from harness.studies.stability.fields import fresh_fields
+from harness.training.trainer import TRACE_EVERY
+
+TINY = replace(fresh_fields.TRAINING, network=NetworkSize(6, 32, 2, 32, 6, 2), rays=32, bins=12, first_bins=12)
+
+
+def test_nothing_helps() -> None:
+    settings = fresh_fields.TRAINING
+    assert settings.grid.cells == 0
+    assert settings.covered_share == 0.0
+    on = settings.accelerations
+    assert (on.grid, on.hull, on.hidden) == (False, False, False)
+    assert (settings.optimiser.name, settings.learning_rate, settings.last_learning_rate) == ("adam", 5e-4, 5e-4)
+    assert (settings.network.depth, settings.network.width) == (8, 256)
+
+
+def test_a_ball_covers_as_many_pixels_as_its_cone() -> None:
+    """A cone about the axis of a square view: π (f tan θ)² pixels, where sin θ = radius / distance."""
+    seen = fresh_fields.cameras(256)
+    colours = fresh_fields.ball(seen.all_rays(0))
+    covered = float((colours < 1.0).any(-1).float().mean())
+    sine = fresh_fields.RADIUS / fresh_fields.DISTANCE
+    radius = seen.focal / 256 * sine / (1.0 - sine**2) ** 0.5
+    assert covered == pytest.approx(torch.pi * radius**2, rel=0.01)
+    torch.testing.assert_close(colours.unique(dim=0), torch.tensor([fresh_fields.BALL, (1.0, 1.0, 1.0)]))
+
+
+def test_batches_are_the_same_for_every_reading_and_other_ones_at_each_step() -> None:
+    first, again = (fresh_fields.batches(16)(3)[0] for _ in range(2))
+    assert torch.equal(first.directions, again.directions)
+    assert not torch.equal(first.directions, fresh_fields.batches(16)(4)[0].directions)
+
+
+def test_listing_2_dies_where_its_shifted_form_lives() -> None:
+    """At a rate that moves a small network as far a step as 5e-4 moves that of the paper."""
+    settings = replace(TINY, learning_rate=1e-2, last_learning_rate=1e-2)
+    dead, alive = (
+        fresh_fields.course_of(fresh_fields.ARMS[name], settings, 5 * TRACE_EVERY)
+        for name in ("Listing 2, unit 25", "Listing 2 shifted, unit 25")
+    )
+    assert dead.steps == alive.steps == [1.0, 20.0, 40.0, 60.0, 80.0, 100.0]
+    assert dead.error[-1] == pytest.approx(1.0, abs=0.01), "background alone"
+    assert dead.gradient[0] > 1e-2 > 1e-6 > dead.gradient[-1]
+    assert alive.error[-1] < fresh_fields.LEARNT
+    assert alive.gradient[-1] > 1e-4
