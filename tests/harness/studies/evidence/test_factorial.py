@@ -107,13 +107,13 @@ def test_sentences_say_which_part_does_what(found: list[Found]) -> None:
     listing, _, equation = first.partition("with the amplifier of Eq. 4 ")
     assert "φ encoding +0.6" in listing
     assert "amplifier −4.0" in listing
-    assert "dB (worse)" in listing
+    assert "dB (below 0, matters)" in listing
     assert "φ encoding +1.1" in equation
     assert "need not be φ's doing" in equation
     for parts in (
         ("At equal steps over all scenes (Eq. 4): φ encoding +1.1",),
-        ("otherwise together than alone (Listing 2): φ encoding × amplifier −0.5",),
-        ("No interaction is told from 0 over all scenes (Eq. 4)",),
+        ("differently together than alone (Listing 2): φ encoding × amplifier −0.5",),
+        ("No interaction is distinguished from 0 over all scenes (Eq. 4)",),
         ("density of 1 per half of the box", "63.2 %"),
     ):
         assert any(all(part in sentence for part in parts) for sentence in others), parts
