@@ -5,9 +5,10 @@ python -m reports.studies.constants RECORD.json PICTURE.png
 
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, Literal
 
 from reports.data.wording import listed, number
 from reports.drawing.palette import MARKERS, OTHERS
@@ -51,35 +52,29 @@ def surface(search: Search) -> list[Panel]:
     finalists after all steps.
     """
     brief, full = budgets(search)
-    starts = list(dict.fromkeys(row["constants"]["start"] for row in search["rows"]))
-    pens = {start: (OTHERS[place].light, MARKERS[place][0]) for place, start in enumerate(starts)}
-    scores = [
-        value
-        for method in methods(search)
-        for steps in (brief, full)
-        for value in means(search, method, steps).values()
+    every = [
+        mean for method in methods(search) for steps in (brief, full) for mean in means(search, method, steps).values()
     ]
-    low, high = min(scores) - 0.5, max(scores) + 0.5
+    limits = (min(every) - 0.5, max(every) + 0.5)
     panels = []
     for method in methods(search):
-        traces = []
-        for start, (colour, marker) in pens.items():
-            for steps, kind in ((brief, "line"), (full, "mark")):
-                line = sorted(
-                    (pair[0], mean) for pair, mean in means(search, method, steps).items() if pair[1] == start
-                )
-                if line:
-                    x, y = zip(*line, strict=True)
-                    label = f"start {start_in_words(start)}" + (f", {full} steps" if steps == full else "")
-                    traces.append(Trace(label, colour, kind, x, y, marker=marker))
-        panels.append(
-            Panel(
-                method, "unit of density, per half of the box", "validation PSNR, dB", tuple(traces),
-                f"{method}: validation PSNR against the unit of density, a line for each start.", "log", "linear",
-                y_limits=(low, high), size=(3.2, 2.7),
-            )
-        )  # fmt: skip
+        traces = (*_traces(search, method, brief, "line"), *_traces(search, method, full, "mark"))
+        alt = f"{method}: validation PSNR against the unit of density, a line for each start."
+        x_label, y_label = "unit of density, per half of the box", "validation PSNR, dB"
+        panels.append(Panel(method, x_label, y_label, traces, alt, "log", "linear", y_limits=limits, size=(3.2, 2.7)))
     return panels
+
+
+def _traces(search: Search, method: str, steps: int, kind: Literal["line", "mark"]) -> Iterator[Trace]:
+    """Yield the scores of each start after `steps`, at the units that were trained."""
+    starts = list(dict.fromkeys(row["constants"]["start"] for row in search["rows"]))
+    scores = means(search, method, steps)
+    for place, start in enumerate(starts):
+        units = sorted(unit for unit, of in scores if of == start)
+        if units:
+            label = f"start {start_in_words(start)}{f', {steps} steps' if kind == 'mark' else ''}"
+            y = tuple(scores[unit, start] for unit in units)
+            yield Trace(label, OTHERS[place].light, kind, tuple(units), y, marker=MARKERS[place][0])
 
 
 def drawings(search: Search) -> list[Drawing]:
@@ -89,9 +84,13 @@ def drawings(search: Search) -> list[Drawing]:
 
 
 def choice(search: Search) -> str:
-    """Tabulate what was chosen for each method, with its score and that of the worst pair."""
+    """Tabulate what was chosen for each method, with its score and the range of all pairs; empty for a search that was
+    stopped.
+    """
     brief, full = budgets(search)
     rows = []
+    if not search["chosen"]:
+        return ""
     for method, pair in search["chosen"].items():
         finals, all_pairs = means(search, method, full), means(search, method, brief)
         best = finals[pair["unit"], pair["start"]]

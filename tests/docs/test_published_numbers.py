@@ -97,7 +97,7 @@ BOTH = [Verdict("above 0", "open"), Verdict("below 0", "matters"), Verdict("open
 def test_the_words_follow_the_verdict(tmp_path: Path, verdict: Verdict) -> None:
     def judged(data: dict[str, Any]) -> None:
         for row in data["comparisons"]:
-            row["verdict"] = plain(verdict)
+            row["verdict"] = row["on_these_scenes"]["verdict"] = plain(verdict)
 
     assert f": {verdict.phrase} |" in block("further methods", changed(tmp_path, judged))
 

@@ -102,7 +102,7 @@ def batches(count: int) -> Callable[[int], Batch]:
     def batch_at(step: int) -> Batch:
         drawn = torch.randint(VIEWS * PIXELS**2, (count,), generator=generator_for(STREAM, step))
         rays = seen.rays(drawn // PIXELS**2, drawn % PIXELS, drawn // PIXELS % PIXELS)
-        return rays, ball(rays)
+        return Batch(rays, ball(rays))
 
     return batch_at
 

@@ -170,7 +170,7 @@ def with_mean_held(trainer: Trainer) -> Trainer:
     for field in copy.fields.children():
         source = field.amplifier
         assert isinstance(source, CallMeanAmplifier), "an amplifier without a mean of the chunk has none to hold"
-        field.amplifier = MeanHeld(source, source.mean.value.clone())  # type: ignore
+        field.amplifier = MeanHeld(source, source.mean.value.clone())
     return copy
 
 

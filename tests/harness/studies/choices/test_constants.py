@@ -100,9 +100,10 @@ def test_the_constants_are_those_of_the_published_search() -> None:
     for file in PUBLISHED:
         record, plan = json.loads(file.read_text(encoding="utf-8")), PROFILES["reduced"]
         rows = [ConstantsRow(**{**row, "constants": DensityConstants(**row["constants"])}) for row in record["rows"]]
-        assert constants.chosen(rows, plan.budget.steps or 0) == chosen("reduced")
+        if record["chosen"]:
+            assert constants.chosen(rows, plan.budget.steps or 0) == chosen("reduced")
+            assert {row.scene for row in rows} == set(plan.scenes)
         assert record["seed"] not in {seed for plan in PROFILES.values() for seed in plan.seeds}
-        assert {row.scene for row in rows} == set(plan.scenes)
 
 
 @pytest.mark.parametrize("profile", ["smoke", "reduced"])

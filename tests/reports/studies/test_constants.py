@@ -1,0 +1,61 @@
+"""The surface of the search for constants, as a picture and as a table."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reports.studies.constants import choice, drawings, main, means, surface
+from tests.harness.shell import ROOT
+
+PAIRS = [(1.0, None), (25.0, None), (25.0, 0.3)]
+
+
+def row(pair: tuple[float, float | None], scene: str, steps: int, psnr: float | None) -> dict[str, Any]:
+    constants = {"unit": pair[0], "start": pair[1]}
+    return {"method": "nerf", "constants": constants, "scene": scene, "steps": steps, "psnr_val": psnr}
+
+
+def search(**changes: Any) -> dict[str, Any]:
+    rows = [
+        row(pair, scene, 10, 20.0 + place + 2 * (scene == "b")) for place, pair in enumerate(PAIRS) for scene in "ab"
+    ]
+    rows += [row(PAIRS[1], "a", 40, 30.0), row(PAIRS[1], "b", 40, 34.0)]
+    rows += [row((100.0, None), "a", 10, 99.0), row((100.0, None), "b", 10, None)]
+    chosen = {"nerf": {"unit": 25.0, "start": None}}
+    return {"rows": rows, "chosen": chosen, "seed": 1000, "rule": "The best is chosen.", **changes}
+
+
+def test_means_leave_out_what_diverged_on_a_scene() -> None:
+    assert means(search(), "nerf", 10) == dict(zip(PAIRS, (21.0, 22.0, 23.0), strict=True))
+
+
+def test_a_line_for_each_start_and_marks_for_the_finalists() -> None:
+    (panel,) = surface(search())
+    assert [(trace.label, trace.kind, trace.x, trace.y) for trace in panel.traces] == [
+        ("start as printed", "line", (1.0, 25.0), (21.0, 22.0)),
+        ("start 0.3", "line", (25.0,), (23.0,)),
+        ("start as printed, 40 steps", "mark", (25.0,), (32.0,)),
+    ]
+    ((_, key),) = drawings(search())
+    assert set(key) == {trace.label for trace in panel.traces}
+
+
+def test_the_table_has_the_choice_its_score_and_the_range_of_all_pairs() -> None:
+    assert "| `nerf` | 25 | as printed | 32.00 | 21.00 to 23.00 |" in choice(search())
+    assert choice(search()).endswith("Means over a and b; seed 1000. The best is chosen.")
+    assert choice(search(chosen={})) == ""
+
+
+def test_the_command_draws_the_record(tmp_path: Path) -> None:
+    import json
+
+    record, picture = tmp_path / "constants.json", tmp_path / "surface.png"
+    record.write_text(json.dumps(search()), encoding="utf-8")
+    assert main(str(record), str(picture)) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("file", list((ROOT / "docs").glob("constants.json")))
+def test_the_published_picture_is_there(file: Path) -> None:
+    assert file.with_suffix(".png").is_file()
