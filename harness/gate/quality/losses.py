@@ -3,7 +3,7 @@
 Equal seeds draw equal numbers, so that a change of the program that draws no others is seen through rounding alone,
 whose scatter is measured: stored cells were trained several times from weights that differ in their last bit. What
 another processor does to a score is one more draw of it. Where the first steps have changed, too, figures are judged
-with what they scatter by then (`harness.gate.scatter`).
+with what they scatter by then (`harness.gate.quality.scatter`).
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 
-from harness.gate import scatter
 from harness.gate.gates import (
     DRAWS,
     FALSE_ALARMS,
@@ -29,6 +28,7 @@ from harness.gate.gates import (
     gates,
 )
 from harness.gate.limits import Limit, judge
+from harness.gate.quality import scatter
 from harness.gate.references import References
 from harness.records.metric_table import METRICS
 from harness.records.study import Check
