@@ -65,10 +65,9 @@ def context_for(
     references_file = limits_file.parent / REFERENCES_FILE
     if renewing:
         committed()
-    limits, references = (
-        kind() if renewing and not file.exists() else read_stored(file, kind)
-        for file, kind in ((limits_file, LimitsFile), (references_file, References))
-    )
+    limits = LimitsFile() if renewing and not limits_file.exists() else read_stored(limits_file, LimitsFile)
+    fresh = renewing and not references_file.exists()
+    references = References() if fresh else read_stored(references_file, References)
     context = GateContext(
         chosen, limits, references, limits_file, view_sets, out, out, available_cores(), show, cache(early.first_steps)
     )
