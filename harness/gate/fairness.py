@@ -20,7 +20,7 @@ from baselines.contract import Rays
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import TRAINED_METHODS
 from harness.gate.limits import NONE_DIFFERS, judge
-from harness.gate.short_trainings import TRAIN
+from harness.gate.quality.short_trainings import TRAIN
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings

@@ -11,7 +11,7 @@ from msgspec import structs
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import FAMILIES, FAMILY_RENEWAL, FAMILY_SCENE, FAMILY_SEEDS
 from harness.gate.limits import judge
-from harness.gate.short_trainings import ended, trained
+from harness.gate.quality.short_trainings import ended, trained
 from harness.records.study import Check
 
 

@@ -11,10 +11,11 @@ import torch
 from msgspec import structs
 
 from harness.execution.progress import Progress
-from harness.gate import early, gate_families, gate_speed, images, worse
+from harness.gate import early, gate_families, gate_speed, images
 from harness.gate.gate_context import GateContext
 from harness.gate.gates import IMAGE_SCENES, KINDS, Gate, Kind, gates, settings_of
 from harness.gate.limits import KindFacts, LimitsFile, changes, read_stored, write_stored
+from harness.gate.quality import worse
 from harness.gate.references import REFERENCES_FILE, Quotients, References
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
 from harness.machine.processor_class import class_here
@@ -32,7 +33,7 @@ CPU = torch.device("cpu")
 
 TITLES: dict[Kind, tuple[str, str, float]] = {
     "changed": ("The first steps of training, against the stored ones", "early", 30),
-    "worse": ("Short trainings, against the stored ones of the same seeds", "worse", 90),
+    "worse": ("Short trainings, against the stored ones of the same seeds", "quality.worse", 90),
     "families": ("Short trainings of the other families, against other seeds", "gate_families", 40),
     "images": ("Renders, against the stored mean and variance", "images", 30),
     "fairness": ("Copies of a method, and what methods share", "fairness", 15),
@@ -64,10 +65,9 @@ def context_for(
     references_file = limits_file.parent / REFERENCES_FILE
     if renewing:
         committed()
-    limits, references = (
-        kind() if renewing and not file.exists() else read_stored(file, kind)
-        for file, kind in ((limits_file, LimitsFile), (references_file, References))
-    )
+    limits = LimitsFile() if renewing and not limits_file.exists() else read_stored(limits_file, LimitsFile)
+    fresh = renewing and not references_file.exists()
+    references = References() if fresh else read_stored(references_file, References)
     context = GateContext(
         chosen, limits, references, limits_file, view_sets, out, out, available_cores(), show, cache(early.first_steps)
     )

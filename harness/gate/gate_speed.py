@@ -22,7 +22,7 @@ from baselines.plain import PlainField, plain_render, plain_step
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import RENEWAL_PROCESSES, SLOWER_FOUND, SPEED_REPEATS, STEPS, gates
 from harness.gate.limits import Limit, judge, unfit
-from harness.gate.short_trainings import TRAIN
+from harness.gate.quality.short_trainings import TRAIN
 from harness.machine.processor_class import class_here
 from harness.machine.stopping import in_child
 from harness.plan.schedule import Budget

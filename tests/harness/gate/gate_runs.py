@@ -9,10 +9,11 @@ import pytest
 
 from harness.__main__ import main
 from harness.execution.progress import Quiet
-from harness.gate import early, fairness, gate_families, gate_speed, images, worse
+from harness.gate import early, fairness, gate_families, gate_speed, images
 from harness.gate.gate_context import REFERENCED, GateContext, complete
 from harness.gate.gates import KINDS, Gate, Kind, gates, settings_of
 from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judge, read_stored, write_stored
+from harness.gate.quality import worse
 from harness.gate.references import REFERENCES_FILE, Course, Courses, Quotients, References
 from harness.machine.processor_class import class_here
 from harness.records.study import Check

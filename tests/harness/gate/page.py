@@ -11,7 +11,7 @@ import numpy as np
 from harness.gate import gate_speed
 from harness.gate.gates import FALSE_ALARMS, LOSS_OF_ONE, LOSS_OVER_ALL, SLOWER_FOUND, Scatter
 from harness.gate.limits import KindFacts, LimitsFile, read_stored
-from harness.gate.losses import FIGURES, SINGLE, Judge
+from harness.gate.quality.losses import FIGURES, SINGLE, Judge
 from harness.gate.references import REFERENCES_FILE, References, rank_line
 
 ROOT = Path(__file__).parents[3]

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.gate import losses
 from harness.gate.gates import (
     DRAWS,
     FALSE_ALARMS,
@@ -20,7 +19,8 @@ from harness.gate.gates import (
     gates,
 )
 from harness.gate.limits import read_stored
-from harness.gate.losses import FIGURES, SINGLE, Judge, Scores, StoredScore
+from harness.gate.quality import losses
+from harness.gate.quality.losses import FIGURES, SINGLE, Judge, Scores, StoredScore
 from harness.gate.references import REFERENCES_FILE, References
 from harness.records.metric_table import METRICS
 

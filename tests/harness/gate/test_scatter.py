@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from harness.gate import scatter
+from harness.gate.quality import scatter
 
 SCENES, METHODS, SEEDS, DRAWS, OTHERS = 3, 4, 4, 4, 4
 ALARMS = 0.01

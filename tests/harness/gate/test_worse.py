@@ -9,7 +9,7 @@ import pytest
 import torch
 from msgspec.structs import force_setattr, replace
 
-from harness.gate import early, short_trainings, worse
+from harness.gate import early
 from harness.gate.gates import (
     DRAWS,
     GATE_SEEDS,
@@ -21,7 +21,8 @@ from harness.gate.gates import (
     settings_of,
 )
 from harness.gate.limits import KindFacts, read_stored
-from harness.gate.losses import FIGURES, Judge, Scores
+from harness.gate.quality import short_trainings, worse
+from harness.gate.quality.losses import FIGURES, Judge, Scores
 from harness.gate.references import REFERENCES_FILE, References
 from harness.plan.schedule import Budget
 from harness.records.study import Answer, Check

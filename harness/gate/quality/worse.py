@@ -10,9 +10,9 @@ from harness.gate import early
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import DRAWS, GATE_SEEDS, HEADLINES, OTHER_SEEDS, SCORES, TRAINED_METHODS, Gate
 from harness.gate.limits import NONE_DIFFERS, judge
-from harness.gate.losses import DIGITS, STATISTICS, Judge, Scores, score_and_weights
+from harness.gate.quality.losses import DIGITS, STATISTICS, Judge, Scores, score_and_weights
+from harness.gate.quality.short_trainings import ended, trained
 from harness.gate.references import References
-from harness.gate.short_trainings import ended, trained
 from harness.records.cells import CellRecord, Checkpoint, unscored
 from harness.records.study import Answer, Check
 from harness.verdicts.comparisons import compare

@@ -3,16 +3,15 @@
 Equal seeds draw equal numbers, so that a change of the program that draws no others is seen through rounding alone,
 whose scatter is measured: stored cells were trained several times from weights that differ in their last bit. What
 another processor does to a score is one more draw of it. Where the first steps have changed, too, figures are judged
-with what they scatter by then (`harness.gate.scatter`).
+with what they scatter by then (`harness.gate.quality.scatter`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from harness.gate import scatter
 from harness.gate.gates import (
     DRAWS,
     FALSE_ALARMS,
@@ -29,6 +28,8 @@ from harness.gate.gates import (
     gates,
 )
 from harness.gate.limits import Limit, judge
+from harness.gate.quality import scatter
+from harness.gate.quality.scatter import Error
 from harness.gate.references import References
 from harness.records.metric_table import METRICS
 from harness.records.study import Check
@@ -71,7 +72,7 @@ def score_and_weights(gate: Gate) -> tuple[str, np.ndarray]:
     return score, weights
 
 
-def table(scores: Scores, score: str, seeds: Sequence[int]) -> np.ndarray:
+def table(scores: Mapping[str, Mapping[str, float | None]], score: str, seeds: Sequence[int]) -> np.ndarray:
     """Return a score, better if it is larger [scenes, methods, seeds]; NaN where there is none."""
     sign = 1.0 if METRICS[score].higher_is_better else -1.0
     keys = [[[f"{scene}/{method}/{seed}" for seed in seeds] for method in TRAINED_METHODS] for scene in TRAINED_SCENES]
@@ -128,7 +129,7 @@ class Judge:
         alike = scatter.alike(better_by["psnr"], stored["psnr"].every_seed) < scatter.ALIKE if has_changed else True
         return Judge(stored, better_by, ("change" if alike else "seeds") if has_changed else "rounding")
 
-    def error(self, gate: Gate) -> scatter.Error:
+    def error(self, gate: Gate) -> Error:
         """Return the standard error of a gate's figure, if nothing is worse."""
         score, weights = score_and_weights(gate)
         stored = self.stored[score]
@@ -185,8 +186,8 @@ class Judge:
             f"{FALSE_ALARMS[self.scatter]:.0%} of harmless changes"
         )
 
-    def _found(self, error: scatter.Error) -> float:
+    def _found(self, error: Error) -> float:
         return error.detects(self.alarms)
 
-    def _chance(self, error: scatter.Error) -> float:
+    def _chance(self, error: Error) -> float:
         return error.power(LOSS_OF_ONE, self.alarms)
