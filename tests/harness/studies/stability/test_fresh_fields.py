@@ -51,5 +51,5 @@ def test_listing_2_dies_before_white_and_lives_before_grey_and_with_a_shift() ->
     assert dead.white[-1] > 0.9
     for alive in (grey, shifted):
         assert alive.gradient[-1] > 1e-4
-        assert alive.white[-1] == 0.0
+        assert alive.white[-1] < 0.1
         assert min(alive.error) < fresh_fields.LEARNT
