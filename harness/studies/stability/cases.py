@@ -71,9 +71,10 @@ CASES: dict[str, Study] = catalogue(
           "0, 10, 1e3, ∞ (the paper's raw parameter: nothing keeps it above 0); σ′ = 0.5 ± ulp",
           "dead gradients, inversion, 0 · ∞, a jump of β", "–",
           "outputs and gradients finite; dead share after training ≤ 0.01; sign recorded"),
-    _case("A6", "A fresh field without help", "fields.fresh_fields:fresh", 45,
+    _case("A6", "A fresh field without help", "fields.fresh_fields:fresh_fields", 60,
           "a ball before white, 9 % of a view, in a box of ±1.5; no silhouettes, no occupancy grid, Adam at 5e-4, the "
-          "paper's network", "a start that is opaque everywhere becomes background alone, without a gradient for good",
+          "paper's network; a small one before white and before grey",
+          "what is opaque at first is painted white all over, and has no gradient for good",
           "a picture of background alone", "error of a held-out view ≤ 0.5 of that of the reference"),
     _case("O1", "Half precision", "fields.optimiser_cases:half_precision", 25,
           "float16 and bfloat16 products; gradients 0 and 1e-5", "NaN, −∞, frozen weights; an encoding error of 1",

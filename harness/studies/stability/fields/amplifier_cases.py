@@ -4,6 +4,7 @@ layer."""
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import torch
@@ -183,6 +184,7 @@ def slab(context: StabilityContext) -> Iterator[Found]:
         yield Series(panel, 5, method, "pixels across a view", "largest opacity", drawn, y, log_y=False)
 
 
+@cache
 @torch.no_grad()
 def largest_density(reading: str) -> float:
     """Return the largest density over raw outputs up to ±1e4, shares of geometry in the chunk, α and β."""
