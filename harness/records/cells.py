@@ -45,6 +45,30 @@ class Estimate(Record, frozen=True):
     """The smallest true difference whose sign is found in 80 % of runs with just this spread."""
     effect: float | None
     """The difference in standard deviations of the paired differences within a scene, or of the scenes' means."""
+    p: float | None = None
+    """The two-sided p-value of a difference of 0, by the t of `interval`; None without an interval, of a single scene
+    with too few seeds for a verdict, and in older records."""
+    p_adjusted: float | None = None
+    """`p` for the whole `family`: the sign is known where it is at most 5 %. By Holm's step-down procedure in the
+    family of the headline, `family` times `p` in others."""
+
+
+class Robust(Record, frozen=True):
+    """The estimate of a difference that one bad cell does not move (`harness.verdicts.estimates.robust`)."""
+
+    difference: float
+    interval: tuple[float, float] | None
+    """The exact 95 % interval of Wilcoxon's signed ranks; None with fewer than six scenes, or seeds of one scene."""
+
+
+class Flagged(Record, frozen=True):
+    """A pair of cells whose difference lies off all others (`harness.verdicts.estimates.robust.outliers`)."""
+
+    scene: str
+    seed: int
+    difference: float
+    usual: float
+    """The median of all paired differences of the comparison."""
 
 
 class Comparison(Record, frozen=True):
@@ -74,6 +98,16 @@ class Comparison(Record, frozen=True):
     """The estimate with the error of seeds alone; None without any pair."""
     scenes_like_these: Estimate | None
     """The estimate for which scenes are drawn too: Student's t over their means. None for a single scene."""
+    robust: Robust | None = None
+    """None without any pair, and in older records."""
+    flagged: list[Flagged] = field(default_factory=list)
+    """The cells that lie off, in a row over all scenes."""
+
+    @property
+    def p(self) -> float | None:
+        """Return the p-value of the estimate that speaks for the row."""
+        chosen = self.scenes_like_these or self.on_these_scenes
+        return chosen.p if chosen else None
 
 
 class Comparisons(Record, frozen=True):

@@ -41,6 +41,14 @@ def common(verdicts: Iterable[Verdict]) -> Verdict:
     return Verdict(signs.pop() if len(signs) == 1 else "open", sizes.pop() if len(sizes) == 1 else "open")
 
 
+def phrase_with(verdict: Verdict, interval: tuple[float, float] | None) -> str:
+    """Return the phrase of a verdict next to its interval: one that lies on one side of 0 and is given no sign is of
+    too few seeds, and nothing is said of it.
+    """
+    one_sided = interval is not None and (interval[0] > 0 or interval[1] < 0)
+    return "too few seeds for a verdict" if verdict == OPEN and one_sided else verdict.phrase
+
+
 def verdict_of(interval: tuple[float, float] | None, margin: float) -> Verdict:
     """Return the verdict that an interval allows, with `margin` ≥ 0 in its unit; both answers are open without one.
 

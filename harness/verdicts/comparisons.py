@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from harness.records.cells import Budget, CellRecord, Comparison, Estimate
+from harness.records.cells import Budget, CellRecord, Comparison, Estimate, Flagged, Robust
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.records.verdict import OPEN
+from harness.verdicts.estimates.robust import outliers, robust_over_scenes
 from harness.verdicts.failures import judgeable
+from harness.verdicts.headline_family import by_holm, headline_budgets, is_headline
 from harness.verdicts.paper import TABLE4
 from harness.verdicts.statistics import estimate, on_one_scene, on_these_scenes, scenes_like_these
 
-FEWEST_SEEDS = 3
-"""The fewest seeds that give a verdict on a single scene."""
+FEWEST_SEEDS = 5
+"""The fewest pairs of seeds that give a verdict on a single scene: the interval of fewer is printed all the same."""
 
 SPENT: dict[Budget, str] = {"steps": "steps", "seconds": "train_seconds", "core_seconds": "train_core_seconds"}
 """Map budget → the field of a cell that holds how much of it was spent."""
@@ -33,10 +35,11 @@ OPTIONAL = tuple(name for name, metric in METRICS.items() if metric.optional)
 def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS) - len(OPTIONAL)) -> int:
     """Return how many comparisons of two methods at one budget are looked at together with this one.
 
-    Declared before any data: PSNR over all scenes is the question itself, and stands alone. PSNR by scene is asked once
-    per scene, the other metrics over all scenes once per metric, and by scene as often as both. Methods and budgets are
-    questions of their own. `metrics` is the number of metrics, PSNR included, that every run has; optional ones are
-    looked at beside all of them.
+    Declared before any data: PSNR over all scenes is the question itself, which stands alone between two methods, and
+    is judged with all others of a run in `harness.verdicts.headline_family`. PSNR by scene is asked once per scene, the
+    other metrics over all scenes once per metric, and by scene as often as both. Methods and budgets are questions of
+    their own. `metrics` is the number of metrics, PSNR included, that every run has; optional ones are looked at beside
+    all of them.
     """
     by_metric = 1 if metric == PRIMARY else max(1, metrics - (metrics > 1))
     by_metric += len(OPTIONAL) if metric in OPTIONAL else 0
@@ -78,9 +81,11 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
     cells on all.
     """
     by_key, _, seeds = keyed(cells)
-    along, rows = budgets_of(cells), []
+    along, rows, pairs = budgets_of(cells), [], duels(methods)
     throughout = {name for name in METRICS if scored_along(cells, name)}
-    for method, against in duels(methods):
+    asked = [pair for pair in pairs if "all" in scenes_of(cells, *pair)]
+    in_headline = len(asked) * len(headline_budgets(along))
+    for method, against in pairs:
         where = scenes_of(cells, method, against)
         shared = [scene for scene in where if scene != "all"]
         for name, metric in METRICS.items():
@@ -90,6 +95,8 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
                     table = {scene: values for scene, values in table.items() if np.isfinite(values).any()}
                 for scene in (scene for scene in where if scene in table or (scene == "all" and table)):
                     family = family_of(name, scene, len(table))
+                    if is_headline(scene, name, budget, along):
+                        family = in_headline
                     judgement = judged(table, name, family, scene)
                     rows.append(
                         Comparison(
@@ -100,10 +107,31 @@ def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
                             budget=budget,
                             family=family,
                             scenes_like_these=judgement.scenes_like_these,
+                            robust=robust_of(table, scene),
+                            flagged=flagged(table, seeds, metric.smallest_of_interest) if scene == "all" else [],
                             **judgement.fields,
                         )
                     )
-    return rows
+    return by_holm(rows, along)
+
+
+def robust_of(table: dict[str, np.ndarray], scene: str = "all") -> Robust | None:
+    """Return the robust estimate over the scenes of `table`, or over the seeds of one of them; None without a pair."""
+    rows = [row for row in table.values() if np.isfinite(row).any()] if scene == "all" else [table[scene]]
+    values = np.stack(rows) if rows else np.empty((0, 0))
+    if len(rows) == 1:
+        values = values[0][np.isfinite(values[0])][:, None]
+    if not values.size:
+        return None
+    middle, low, high = map(float, robust_over_scenes(values))
+    return Robust(middle, (low, high) if math.isfinite(low) else None)
+
+
+def flagged(table: dict[str, np.ndarray], seeds: list[int], least: float) -> list[Flagged]:
+    """Return the pairs of cells whose difference lies off all others of `table`."""
+    places = outliers(table, least)
+    usual = float(np.median(np.concatenate([row[np.isfinite(row)] for row in table.values()]))) if places else 0.0
+    return [Flagged(scene, seeds[place], float(table[scene][place]), usual) for scene, place in places]
 
 
 def budgets_of(cells: Iterable[CellRecord]) -> tuple[Budget, ...]:
@@ -178,8 +206,8 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
         return Judgement(None, None, None, 0, unpaired)
     if scene != "all" or len(table) == 1:
         (only,) = chosen
-        here = on_one_scene(table, only, family)
-        settled = table[only].size >= FEWEST_SEEDS
+        here = on_one_scene(table[only], family)
+        settled = pairs >= FEWEST_SEEDS
         return Judgement(here.mean, estimate(here, about.smallest_of_interest, settled), None, pairs, unpaired)
     here, elsewhere = on_these_scenes(table, family), scenes_like_these(table, family)
     margin = about.smallest_of_interest

@@ -16,11 +16,11 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import gammainc, stdtrit  # scipy.stats takes a second longer to import
+from scipy.special import gammainc, stdtr, stdtrit  # scipy.stats takes a second longer to import
 
 from harness.records.cells import Estimate
 from harness.records.verdict import OPEN, Verdict, verdict_of
-from harness.verdicts import nested
+from harness.verdicts.estimates import nested
 
 CONFIDENCE = 0.95
 LEAST_FREEDOM = 1.0
@@ -55,6 +55,8 @@ class PairedDifference:
     """The standardised effect: the mean in standard deviations of one of the differences that `error` was made from, of
     pairs within a scene or of scenes. None if they do not differ.
     """
+    p: float | None = None
+    """The two-sided p-value of a difference of 0, by the t of `interval`: below 5 % where that lies on one side."""
 
 
 def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDifference:
@@ -65,7 +67,7 @@ def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDiffere
     values = np.asarray(differences, dtype=np.float64)
     if values.size == 0 or not np.isfinite(values).all():
         raise ValueError(f"differences must be finite and not empty, got {values}")
-    return _difference(nested.scenes_like_these(values[:, None]), values.size, family)
+    return difference_of(nested.scenes_like_these(values[:, None]), values.size, family)
 
 
 def on_these_scenes(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
@@ -75,19 +77,16 @@ def on_these_scenes(table: dict[str, np.ndarray], family: int = 1) -> PairedDiff
     no difference at all.
     """
     values = _rows(table)
-    return _difference(nested.on_these_scenes(values), len(values), family)
+    return difference_of(nested.on_these_scenes(values), len(values), family)
 
 
-def on_one_scene(table: dict[str, np.ndarray], scene: str, family: int = 1) -> PairedDifference:
-    """Compare on one scene of `table`, its variance moderated by those of the others (`harness.verdicts.nested`).
+def on_one_scene(differences: np.ndarray, family: int = 1) -> PairedDifference:
+    """Compare by the differences [seeds] of one scene, NaN where a seed has none: Student's t on them.
 
-    Raises `ValueError` if it has no difference.
+    That is what Satterthwaite's freedom comes to for the pairs of one scene, whose variance no other scene lends.
+    Raises `ValueError` if there is no difference.
     """
-    there = {name: values for name, values in table.items() if name == scene or np.isfinite(values).any()}
-    count = int(np.isfinite(table[scene]).sum())
-    if not count:
-        raise ValueError(f"{scene} has no difference")
-    return _difference(nested.on_each_scene(_rows(there)), count, family, list(there).index(scene))
+    return paired_difference(differences[np.isfinite(differences)], family)
 
 
 def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
@@ -96,7 +95,7 @@ def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDi
     A single scene gives no interval.
     """
     values = _rows(table)
-    return _difference(nested.scenes_like_these(values), len(values), family)
+    return difference_of(nested.scenes_like_these(values), len(values), family)
 
 
 def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
@@ -110,30 +109,46 @@ def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
     return rows
 
 
-def _difference(estimates: nested.Estimated, units: int, family: int, place: int | None = None) -> PairedDifference:
-    """Return the difference of one table: `place` is the scene where each has an estimate of its own."""
+def difference_of(estimates: nested.Estimated, units: int, family: int = 1) -> PairedDifference:
+    """Return the difference of one table of `units` that were estimated from."""
     parts = (estimates.mean, estimates.error, estimates.freedom, estimates.spread)
-    mean, error, freedom, spread = (float(part if place is None else part[place]) for part in parts)
+    mean, error, freedom, spread = map(float, parts)
     if np.isnan(error) or freedom < LEAST_FREEDOM:
         return PairedDifference(mean, None, None, units, family=family)
-    freedom = rounded_down(freedom)
+    freedom = float(rounded_down(freedom))
     alone, together = (critical(freedom, many) * error for many in (1, family))
     detected = shift_found(critical(freedom, family), freedom) * error
     interval, simultaneous = ((mean - half, mean + half) for half in (alone, together))
     effect = mean / spread if spread > 0 else None
-    return PairedDifference(mean, interval, detected, units, simultaneous, error, freedom, family, effect)
+    p = float(p_value(mean, error, freedom))
+    return PairedDifference(mean, interval, detected, units, simultaneous, error, freedom, family, effect, p)
 
 
-def rounded_down(freedom: float) -> float:
+def rounded_down(freedom: np.ndarray | float) -> np.ndarray:
     """Round down to a tenth, so that computations are shared; all are equal above a limit, at which t is normal."""
-    return max(float(np.floor(10 * min(freedom, MOST_FREEDOM) + 1e-6)) / 10, min(freedom, LEAST_FREEDOM))
+    tenths = np.floor(10 * np.minimum(freedom, MOST_FREEDOM) + 1e-6) / 10
+    return np.asarray(np.maximum(tenths, np.minimum(freedom, LEAST_FREEDOM)))
 
 
-def half_widths(estimates: nested.Estimated) -> np.ndarray:
-    """Return half the widths of the 95 % intervals of many estimates, as they are printed for one."""
-    values, places = np.unique(estimates.freedom, return_inverse=True)
-    factors = np.array([critical(rounded_down(float(value))) if value > 0 else np.nan for value in values])
+def half_widths(estimates: nested.Estimated, family: int = 1) -> np.ndarray:
+    """Return half the widths of the intervals of many estimates, as they are printed for one; NaN for no interval."""
+    values, places = np.unique(rounded_down(estimates.freedom), return_inverse=True)
+    factors = np.array([critical(float(value), family) if value >= LEAST_FREEDOM else np.nan for value in values])
     return np.asarray(factors[places.reshape(estimates.freedom.shape)] * estimates.error)
+
+
+def p_values(estimates: nested.Estimated) -> np.ndarray:
+    """Return the two-sided p-values of many estimates, as they are printed for one; NaN where there is no interval."""
+    known = np.where(estimates.freedom >= LEAST_FREEDOM, rounded_down(estimates.freedom), np.nan)
+    return p_value(estimates.mean, estimates.error, known)
+
+
+def p_value(mean: np.ndarray | float, error: np.ndarray | float, freedom: np.ndarray | float) -> np.ndarray:
+    """Return the chance of an estimate as far from 0 as `mean` or farther, on both sides, if 0 is the truth."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        score = np.where(np.asarray(mean) == 0.0, 0.0, np.abs(mean) / np.asarray(error))
+    # of an infinite score stdtr is NaN
+    return np.asarray(np.where(np.isinf(score), 0.0, 2.0 * stdtr(freedom, -score)))
 
 
 def critical(freedom: float, family: int = 1) -> float:
@@ -189,7 +204,8 @@ def verdict(result: PairedDifference, smallest_of_interest: float) -> Verdict:
 
 
 def estimate(result: PairedDifference, smallest_of_interest: float, settled: bool = True) -> Estimate:
-    """Return the record of an estimate, both answers open unless `settled`."""
-    called = verdict(result, smallest_of_interest) if settled else OPEN
+    """Return the record of an estimate, both answers open and without a p-value unless `settled`."""
+    called, p = (verdict(result, smallest_of_interest), result.p) if settled else (OPEN, None)
+    together = None if p is None else min(1.0, p * result.family)
     least = result.smallest_detectable
-    return Estimate(result.interval, result.simultaneous, result.family, called, least, result.effect)
+    return Estimate(result.interval, result.simultaneous, result.family, called, least, result.effect, p, together)

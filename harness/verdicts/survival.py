@@ -207,9 +207,8 @@ def compared(
             apart = scenes_like_these(paired.apart)
         else:
             (only,) = paired.horizons
-            beside = _paired(runs, shared, method, against, axis, target)
-            here = _estimate(paired, on_one_scene(beside.ratios, only, family), len(paired.seeds) >= FEWEST_SEEDS)
-            apart = on_one_scene(beside.apart, only)
+            here = _estimate(paired, on_one_scene(paired.ratios[only], family), len(paired.pairs) >= FEWEST_SEEDS)
+            apart = on_one_scene(paired.apart[only])
     estimated = elsewhere or here or NO_ESTIMATE
     never, earlier = paired.count("never"), paired.count("earlier")
     low, high = estimated.interval or (None, None)

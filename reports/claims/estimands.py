@@ -1,15 +1,21 @@
 """Two questions about one difference, side by side, and how often runs fail: the context of every verdict."""
 
 from harness.records.cells import Comparison, Estimate
+from harness.records.verdict import phrase_with
 from harness.verdicts.comparisons import duels
 from harness.verdicts.failures import Failures, failures
 from reports.claims.psnr_table import lines
 from reports.data.load import Records
+from reports.data.outcome import doubts, robust_differs
 from reports.data.selection import behind_difference
-from reports.data.wording import BUDGETS, NARROW, counted, number, signed, tone_of_sign
-from reports.page.grid import EMPTY, Column, Entry, Grid
+from reports.data.wording import BUDGETS, NARROW, counted, interval, number, signed, tone_of_sign
+from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 SENSES = {"on_these_scenes": "on these scenes", "scenes_like_these": "on scenes like these"}
+FAMILY = (
+    "Equal steps and equal core seconds of all pairs are one family: p is adjusted by Holm’s procedure and decides the "
+    "sign, the intervals are wide enough for all of them together (Bonferroni), and end at 0 where Holm alone decides."
+)
 EXPLAINED = (
     "On these scenes asks what another run with other seeds would say of these scenes; its error "
     "comes from the seeds alone. On scenes like these asks what to expect of a scene that was not tried; its error "
@@ -41,23 +47,40 @@ def senses_grid(records: Records) -> Grid:
             Entry(f"at {BUDGETS[row.budget]}"),
             Entry(f"{signed(row.difference)} dB", value=row.difference, runs=behind_difference(row)),
             *(_estimate(getattr(row, name)) for name in SENSES),
+            Entry("" if row.robust is None else f"{signed(row.robust.difference)} dB", _within(row), value=_robust(row))
+            if robust_differs(row)
+            else EMPTY,
         ]
         for row in records.comparisons
         if (row.scene, row.metric) == ("all", "psnr") and row.on_these_scenes
     ]
     columns = [Column("method", numeric=False), Column("budget", numeric=False), Column("difference")]
     columns += [Column(words, small="95 % interval") for words in SENSES.values()]
-    note = f"{EXPLAINED} d is the difference in standard deviations of the pairs within a scene, or of the scenes."
-    return Grid("One difference, two questions", columns, rows, note=note)
+    columns.append(Column("robust", small="where it disagrees"))
+    flagged = [words for row in records.comparisons if row.flagged and row.metric == "psnr" for words in doubts(row)]
+    effect = "d is the difference in standard deviations of the pairs within a scene, or of the scenes."
+    note = f"{EXPLAINED} {FAMILY} {effect}"
+    grid = Grid("One difference, two questions", columns, rows, note=" ".join([note, *flagged]))
+    return without_empty_columns(grid, always=5)
 
 
 def _estimate(about: Estimate | None) -> Entry:
-    if about is None or about.interval is None:
+    pair = about and (about.simultaneous or about.interval)
+    if about is None or pair is None:
         return EMPTY
     effect = f"d = {signed(about.effect, 1)}" if about.effect is not None else ""
-    low, high = about.interval
-    tone, words = tone_of_sign(about.verdict.sign), lines(about.verdict.phrase, effect)
-    return Entry(between(about.interval), words, tone, low, {"low": low, "high": high})
+    chance = f"p = {number(about.p_adjusted, 3)}" if about.p_adjusted is not None else ""
+    low, high = pair
+    tone, words = tone_of_sign(about.verdict.sign), lines(phrase_with(about.verdict, pair), chance, effect)
+    return Entry(between(pair), words, tone, low, {"low": low, "high": high})
+
+
+def _within(row: Comparison) -> str:
+    return interval(row.robust.interval) if row.robust else ""
+
+
+def _robust(row: Comparison) -> float | None:
+    return row.robust.difference if row.robust else None
 
 
 def found_failures(records: Records) -> Failures:

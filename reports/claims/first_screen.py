@@ -111,8 +111,8 @@ def how_sure(records: Records, evidence: Studies | None) -> list[str]:
         like, here = row.scenes_like_these, row.on_these_scenes
         sense = SENSES["scenes_like_these" if like else "on_these_scenes"]
         sentences.append(f"{difference_in_words(row, records.scenes, records.run.seeds)}. The verdict is {sense}.")
-        if like and here is not None and here.interval is not None:
-            known = f"{between(here.interval)} dB ({here.verdict.phrase})"
+        if like and here is not None and here.simultaneous is not None:
+            known = f"{between(here.simultaneous)} dB ({here.verdict.phrase})"
             sentences.append(f"On these scenes alone, the interval is {known}.")
     if row is not None and row.smallest_detectable is not None:
         least = number(row.smallest_detectable)

@@ -7,11 +7,14 @@ The verdicts are those of the run's comparisons; this module only finds the word
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from harness.records.cells import Comparison
+from harness.records.cells import Budget, Comparison
+from harness.records.verdict import phrase_with
+from harness.verdicts.changes import Situation, change
 from harness.verdicts.comparisons import baseline_of
+from harness.verdicts.headline_family import headline_budgets
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
-from reports.data.outcome import Outcome, clause, size_words
+from reports.data.outcome import Outcome, change_in_words, clause, doubts, size_words
 from reports.data.table import average_of, cells_frame, shared_scenes
 from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
 
@@ -19,8 +22,6 @@ BASELINE = "nerf"
 CONTROL = "nerf_matched"
 FAVOURITE = "qnerf"
 LOST = ("diverged", "error")
-TABULATED = tuple((budget, BUDGETS[budget]) for budget in ("steps", "seconds"))
-"""The budgets that differences stand at in tables, beside each other; those of the others are rows of their own."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ class Duel:
     method: str
     against: str
     steps: Comparison | None
-    seconds: Comparison | None
+    time: Comparison | None
+    """At equal core seconds, or training seconds where no others were counted."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +61,17 @@ def roles(records: Records) -> Roles:
     return Roles(baseline, control, others or [method for method in (control,) if method])
 
 
+def tabulated(records: Records) -> list[tuple[Budget, str]]:
+    """Return the budgets of the headline with their words: equal steps, and equal core seconds if they were counted."""
+    known: list[Budget] = [row.budget for row in records.comparisons]
+    return [(budget, BUDGETS[budget]) for budget in headline_budgets(known)]
+
+
 def duels(records: Records, scene: str = "all") -> list[Duel]:
     """Return every contender against the baseline and against the control."""
-    cast = roles(records)
+    cast, budgets = roles(records), [budget for budget, _ in tabulated(records)]
     return [
-        Duel(method, rival, *(records.comparison(scene, method, rival, budget=budget) for budget, _ in TABULATED))
+        Duel(method, rival, *(records.comparison(scene, method, rival, budget=budget) for budget in budgets))
         for method in cast.contenders
         for rival in (cast.baseline, cast.control)
         if rival is not None and method != rival
@@ -76,7 +84,8 @@ def headline(records: Records) -> Headline:
         return Headline(f"Only {cast.baseline} was run: there is nothing to compare it with", [], [])
     method = cast.contenders[0]
     title = _title(records, cast, method, [duel for duel in fought if duel.method == method])
-    sentences = [_means(records), _bandwidth(records, cast), *disagreements(records, method)]
+    sentences = [_means(records), _bandwidth(records, cast), *from_steps_to_time(records, method)]
+    sentences += [words for duel in fought for row in (duel.steps, duel.time) for words in doubts(row)]
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
 
 
@@ -121,8 +130,7 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
         return f"{' and '.join(losses)}: {method} and {cast.baseline} cannot be compared"
     title = title_of(found.get(cast.baseline), found.get(cast.control or ""), cast.control)
     title = title or f"No comparison of {method} with {cast.baseline} could be made"
-    differs = any(duel.seconds and duel.steps and duel.seconds.verdict != duel.steps.verdict for duel in fought)
-    how = ["at equal steps"] if differs else []
+    how = ["at equal steps"] if any(duel.time for duel in fought) else []
     if found:  # the question that they answer (`reports.claims.estimands`)
         like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
         how.append("on scenes like these" if like else "on these scenes")
@@ -174,25 +182,17 @@ def _bandwidth(records: Records, cast: Roles) -> str:
     row = records.comparison("all", cast.control, cast.baseline)
     if row is None or row.difference is None:
         return f"{why}."
-    return f"{why}: here {signed(row.difference)} dB {interval(row.interval)}".rstrip() + f" ({row.verdict.phrase})."
+    known = f"{signed(row.difference)} dB {interval(row.simultaneous)}".rstrip()
+    return f"{why}: here {known} ({phrase_with(row.verdict, row.simultaneous)})."
 
 
-def disagreements(records: Records, method: str) -> list[str]:
-    """State where the verdict at equal time differs from the one at equal steps, and where that is unknown."""
-    cases, compared, skipped = [], 0, 0
-    for scene in ["all", *records.scenes]:
-        for duel in duels(records, scene):
-            sides = [row for row in (duel.steps, duel.seconds) if row is not None]
-            if duel.method != method or not sides:
-                continue
-            complete = sum(row.difference is not None for row in sides) == 2
-            compared, skipped = compared + complete, skipped + (not complete)
-            if len(sides) == 2 and sides[0].verdict != sides[1].verdict:
-                where = "over all scenes" if scene == "all" else f"on {scene}"
-                cases.append(f"{where} against {duel.against} ({sides[0].verdict.phrase} → {sides[1].verdict.phrase})")
-    if not cases:
-        where = f"wherever both could be compared ({skipped} could not)" if skipped else "everywhere"
-        return [f"Equal steps and equal time lead to the same verdict on {method} {where}."] if compared else []
-    if len(cases) > 5:
-        cases = [*cases[:5], counted(len(cases) - 5, "more case")]
-    return [f"Equal steps and equal time differ on {method} {listed(cases)}."]
+def from_steps_to_time(records: Records, method: str) -> list[str]:
+    """State by how much each difference of `method` changes from equal steps to equal time, judged as a change."""
+    (steps, _), (time, words) = tabulated(records)
+    pairs = [(duel.method, duel.against) for duel in duels(records) if duel.method == method]
+    told = []
+    for pair in pairs:
+        found = change(*pair, Situation(records.cells, steps), Situation(records.cells, time), family=len(pairs))
+        if found is not None:
+            told.append(change_in_words(found))
+    return [f"From equal steps to {words}: {'; '.join(told)}."] if told else []

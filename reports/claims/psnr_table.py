@@ -5,9 +5,12 @@ from statistics import fmean
 
 from harness.records.cells import CellRecord, Comparison
 from harness.records.metric_table import metric_of
+from harness.records.verdict import phrase_with
+from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.last_doubling import LastDoubling, last_doublings
-from reports.claims.headline import TABULATED, roles
+from reports.claims.headline import roles, tabulated
 from reports.data.load import Records
+from reports.data.outcome import robust_in_words
 from reports.data.selection import Selection, behind_difference
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
 from reports.data.wording import NOTHING, counted, interval, number, signed, tone_of_sign
@@ -16,6 +19,10 @@ from reports.page.grid import EMPTY, Column, Entry, Grid
 TOGETHER = (
     "Where several are looked at together, the verdict is taken from wider intervals (Bonferroni): all of these hold "
     "the truth in 95 %."
+)
+DISCOVERIES = (
+    "q: the false discovery rate at which a row would just count among those of the table that differ (Benjamini and "
+    "Hochberg)."
 )
 SPENT = (
     "Gain of the last doubling: PSNR at the end less that at half of the steps, while the learning rate still falls; "
@@ -134,7 +141,7 @@ def differences_grids(records: Records) -> list[Grid]:
     for method in cast.contenders:
         pairs = [
             (rival, name, words)
-            for name, words in TABULATED
+            for name, words in tabulated(records)
             for rival in rivals
             if any(records.comparison(scene, method, rival, budget=name) for scene in [*records.scenes, "all"])
         ]
@@ -149,22 +156,32 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]
     columns = [Column("scene", numeric=False)]
     columns += [Column(f"− {rival}", rival, f"at {words}") for rival, _, words in pairs]
     columns += [Column("Δ", small="paper")] if printed else []
+    compared = {
+        (scene, rival, name): records.comparison(scene, method, rival, budget=name)
+        for scene in records.scenes
+        for rival, name, _ in pairs
+    }
+    q = dict(zip(compared, benjamini_hochberg([row.p if row else None for row in compared.values()]), strict=True))
     known = [gain for gain in gains if gain is not None]
     mean = sum(known) / len(known) if known and len(known) == len(gains) else None
     rows = []
     for scene, gain in zip([*records.scenes, "all"], [*gains, mean], strict=True):
         row = [Entry("all scenes" if scene == "all" else scene)]
-        row += [difference_entry(records.comparison(scene, method, rival, budget=name)) for rival, name, _ in pairs]
+        row += [
+            difference_entry(records.comparison(scene, method, rival, budget=name), q.get((scene, rival, name)))
+            for rival, name, _ in pairs
+        ]
         rows.append(row + [Entry(signed(gain, 1), tone="muted")] * bool(printed))
     note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and its sign and size. "
     note += "A scene's interval is over seeds, that of all scenes on scenes like these."
+    note += f" {DISCOVERIES}" if any(each is not None for each in q.values()) else ""
     note += f" {TOGETHER}" if any(row.family > 1 and row.simultaneous for row in records.comparisons) else ""
     note += f" The column − {control} removes the effect of bandwidth." if control and method != control else ""
     return Grid(f"{method}: difference in PSNR", columns, rows[:-1], rows[-1:], note)
 
 
-def difference_entry(row: Comparison | None) -> Entry:
-    """Return `+0.82`, below it interval and verdict, and how many cells could not be paired."""
+def difference_entry(row: Comparison | None, q: float | None = None) -> Entry:
+    """Return `+0.82`, below it interval, verdict and q-value, and how many cells could not be paired."""
     if row is None:
         return EMPTY
     lost = f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
@@ -174,7 +191,8 @@ def difference_entry(row: Comparison | None) -> Entry:
     metric = metric_of(row.metric)
     digits, tone = metric.digits_of_difference, tone_of_sign(row.verdict.sign, metric.higher_is_better)
     pair = row.simultaneous or row.interval
-    small = lines(interval(pair, digits), row.verdict.phrase, lost)
+    adjusted = "" if q is None else f"q = {number(q, 3)}"
+    small = lines(interval(pair, digits), phrase_with(row.verdict, pair), adjusted, robust_in_words(row), lost)
     low, high = pair or (None, None)
     return Entry(signed(row.difference, digits), small, tone, row.difference, {"low": low, "high": high}, behind)
 

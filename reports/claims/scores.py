@@ -152,7 +152,7 @@ def _level_of(
     table = _scores(bench, method, metric)
     if scene not in table:
         return None
-    level = on_one_scene(table, scene, family)
+    level = on_one_scene(table[scene], family)
     pair = level.simultaneous if level.units >= LEAST_PAIRS else None
     return Part(name, judge_level(printed, MARGINS[metric], pair), level.mean)
 

@@ -40,6 +40,16 @@ WORDS = (
         "Whether the whole interval lies beyond, or within, the smallest difference of interest (0.2 dB of PSNR). Sign "
         "and size are two questions: a difference may be above 0 and smaller than matters.",
     ),
+    (
+        "p, q",
+        "p: how often chance alone would bring so large a difference, adjusted for all that the headline compares. q: "
+        "the share of false ones to expect among all rows of a table that differ as clearly as this one, or more so.",
+    ),
+    (
+        "robust",
+        "A mean that one bad cell does not move: medians over seeds, then the median over pairs of scenes. It is shown "
+        "where it disagrees with the mean.",
+    ),
     ("smallest detectable", "The sign of a true difference of this size would be found in 80 of 100 repetitions."),
     (
         "bandwidth",

@@ -1,11 +1,13 @@
-"""A difference of two methods as a clause: how large, of which sign, and whether it matters; for the headline alone."""
+"""A difference of two methods as a clause, its change between two situations, and what makes its mean doubtful."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from harness.records.metric_table import METRICS, PRIMARY
+from harness.records.cells import Comparison
+from harness.records.metric_table import METRICS, PRIMARY, metric_of
 from harness.records.verdict import Verdict, common
-from reports.data.wording import listed, number, signed
+from harness.verdicts.changes import Change
+from reports.data.wording import interval, listed, number, signed
 
 FEW_SCENES = 3
 """The number of scenes up to which an open sign is explained by how few they are."""
@@ -88,3 +90,51 @@ def _few(found: Outcome) -> str:
         each = listed([signed(value) for value in found.by_scene])
         measured = f"{found.method} − {found.against} is {each} dB on {where}"
     return f"{measured}; {NUMBERS[many]} scenes are too few to predict others"
+
+
+def change_in_words(found: Change) -> str:
+    """Format `qnerf − nerf changes by −0.35 dB [−0.61, −0.09], on 8 of 8 scenes in that direction: below 0, size open`.
+
+    The interval is that of the verdict: on scenes like these if several were tried.
+    """
+    size, chosen = found.judgement.difference or 0.0, found.judgement.chosen
+    many = len(found.by_scene)
+    same = sum(moved * size > 0 for moved in found.by_scene.values())
+    where = f", on {same} of {many} scenes in that direction" if many > 1 else ""
+    known = f"{signed(size)} dB {interval(chosen.simultaneous)}".rstrip()
+    return f"{found.method} − {found.against} changes by {known}{where}: {chosen.verdict.phrase}"
+
+
+def robust_differs(row: Comparison) -> bool:
+    """Return whether mean and robust estimate disagree in sign, or by more than the smallest effect of interest."""
+    if row.robust is None or row.difference is None:
+        return False
+    apart = abs(row.robust.difference - row.difference) > metric_of(row.metric).smallest_of_interest
+    return apart or row.robust.difference * row.difference < 0
+
+
+def robust_in_words(row: Comparison) -> str:
+    """Format `robust: +0.12 [−0.07, +0.31]` where that disagrees with the mean; else nothing."""
+    if row.robust is None or not robust_differs(row):
+        return ""
+    digits = metric_of(row.metric).digits_of_difference
+    return f"robust: {signed(row.robust.difference, digits)} {interval(row.robust.interval, digits)}".rstrip()
+
+
+def doubts(row: Comparison | None) -> Iterator[str]:
+    """Yield a sentence where the robust estimate disagrees with the mean, and one where cells lie off all others."""
+    if row is None:
+        return
+    about = metric_of(row.metric)
+    pair, budget = f"{row.method} − {row.against}", row.budget.replace("_", " ")
+    if words := robust_in_words(row):
+        unit = f" {about.unit}" if about.unit else ""
+        mean = f"{signed(row.difference, about.digits_of_difference)}{unit}"
+        yield f"The mean of {pair} at equal {budget}, {mean}, is not that of most cells: {words}."
+    if row.flagged:
+        cells = [
+            f"{cell.scene}, seed {cell.seed} ({signed(cell.difference, about.digits_of_difference)})"
+            for cell in row.flagged
+        ]
+        usual = signed(row.flagged[0].usual, about.digits_of_difference)
+        yield f"Off all others of {pair} at equal {budget}, whose median is {usual}: {'; '.join(cells)}."

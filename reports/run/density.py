@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.records.cells import CellRecord, Checkpoint
+from harness.records.verdict import phrase_with
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.wording import NARROW, count, counted, interval, number, signed
@@ -206,7 +207,9 @@ def further_grid(records: Records) -> Grid:
         if comparison is not None and comparison.difference is not None:
             pair = interval(comparison.simultaneous or comparison.interval)
             against = Entry(signed(comparison.difference), pair, value=comparison.difference)
-        verdict = Entry(comparison.verdict.phrase if comparison is not None else "not compared")
+        verdict = Entry(
+            phrase_with(comparison.verdict, comparison.simultaneous) if comparison is not None else "not compared"
+        )
         rows.append([Entry(method, title), _score(psnr) if psnr else EMPTY, against, verdict])
     columns = [
         Column("method", numeric=False),

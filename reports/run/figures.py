@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from reports.claims.headline import TABULATED, roles
+from harness.records.verdict import phrase_with
+from reports.claims.headline import roles, tabulated
 from reports.data.load import Records
 from reports.data.selection import behind_difference
 from reports.data.wording import interval, signed
@@ -24,7 +25,7 @@ def difference_panels(records: Records) -> list[Panel]:
     drawn = [
         _differences_panel(records, method, rival, budget, words)
         for method in cast.contenders[:1]
-        for budget, words in TABULATED
+        for budget, words in tabulated(records)
         for rival in rivals
     ]
     return with_common_limits([panel for panel in drawn if panel is not None], "x")
@@ -60,7 +61,8 @@ def _differences_panel(records: Records, method: str, rival: str, budget: str, w
     if printed:
         traces.append(Trace("printed in the paper", MUTED.light, "mark", tuple(printed.values()), tuple(printed)))
     stated = "; ".join(
-        f"{row.scene} {signed(row.difference)} {interval(row.simultaneous or row.interval)} {row.verdict.phrase}"
+        f"{row.scene} {signed(row.difference)} {interval(row.simultaneous or row.interval)} "
+        f"{phrase_with(row.verdict, row.simultaneous or row.interval)}"
         for row in every
     )
     title = f"{method} − {rival} at {words}"

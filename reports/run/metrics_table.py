@@ -8,9 +8,10 @@ from statistics import fmean
 from harness.records.cells import CellRecord, LeftOut
 from harness.records.metric_table import METRICS, Metric, metric_of
 from harness.verdicts.comparisons import baseline_of
+from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.training_cost import CostRatio, cost_ratios
 from reports.claims.arithmetic import COMPONENT_TITLES
-from reports.claims.psnr_table import FAILURES, TOGETHER, difference_entry, losses, spent_entry, tone_of
+from reports.claims.psnr_table import DISCOVERIES, FAILURES, TOGETHER, difference_entry, losses, spent_entry, tone_of
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import average_of, cells_frame, shared_scenes, spread_of
@@ -55,9 +56,11 @@ def comparisons_grid(records: Records) -> Grid:
     """Tabulate every comparison of the run, with the smallest true difference whose sign it would have found."""
     names = ("scene", "method − against", "metric", "at equal")
     columns = [Column(name, numeric=False) for name in names]
-    columns += [Column("difference"), Column("smallest detectable"), Column("pairs")]
+    columns += [Column("difference"), Column("q", small="false discovery rate")]
+    columns += [Column("smallest detectable"), Column("pairs")]
     rows = []
-    for comparison in records.comparisons:
+    adjusted = benjamini_hochberg([comparison.p for comparison in records.comparisons])
+    for comparison, q in zip(records.comparisons, adjusted, strict=True):
         metric, least = metric_of(comparison.metric), comparison.smallest_detectable
         words = [
             "all scenes" if comparison.scene == "all" else comparison.scene,
@@ -66,13 +69,17 @@ def comparisons_grid(records: Records) -> Grid:
             BUDGETS[comparison.budget].removeprefix("equal "),
         ]
         detected = Entry(number(least, metric.digits_of_difference), value=least)
-        rows.append([*map(Entry, words), difference_entry(comparison), detected, Entry(str(comparison.pairs))])
+        rows.append([*map(Entry, words), difference_entry(comparison), _q(q), detected, Entry(str(comparison.pairs))])
     note = (
         "Smallest detectable: the true difference whose sign a comparison with just this spread finds in "
         "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
-        f"scene by scene; PSNR over all scenes stands alone. {TOGETHER}"
+        f"scene by scene; PSNR over all scenes is the family of the headline. {DISCOVERIES} {TOGETHER}"
     )
-    return Grid("Every comparison", columns, rows, note=note)
+    return without_empty_columns(Grid("Every comparison", columns, rows, note=note), always=5)
+
+
+def _q(value: float | None) -> Entry:
+    return EMPTY if value is None else Entry(number(value, 3), value=value)
 
 
 PROPERTY_NAMES = {

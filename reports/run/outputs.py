@@ -10,7 +10,6 @@ from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS, PRIMARY, Metric
 from harness.verdicts.comparisons import Budget, Judgement, differences, family_of, judged, scored_along
 from reports.claims.claim_list import claims
-from reports.claims.headline import TABULATED
 from reports.claims.psnr_table import lines, losses, spent_entry, tone_of
 from reports.data.load import Records
 from reports.data.table import cells_frame, curves_frame, spread_of
@@ -25,6 +24,8 @@ from scenes.files.atomic import write_atomically
 
 EVERYWHERE = "all"
 PSNR = METRICS[PRIMARY]
+ALIKE: tuple[Budget, ...] = ("steps", "seconds")
+"""The budgets at which outputs are compared."""
 FIRST, OTHER = "first", "other"
 SAME_CLOCK = ("processor", "cores", "threads", "waiting", "device")
 """The facts that two runs must share before their seconds are compared. Records without `waiting` are of clocks that do
@@ -118,7 +119,7 @@ def other_truth(cell: CellRecord, other: CellRecord) -> str:
 
 def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[tuple[str, str, str, str], Judgement]:
     rows: dict[tuple[str, str, str, str], Judgement] = {}
-    budgets: tuple[Budget, ...] = ("steps", "seconds") if same_clock else ("steps",)
+    budgets = ALIKE if same_clock else ALIKE[:1]
     for method in dict.fromkeys(cell.method for cell, _ in pairs):
         own = [pair for pair in pairs if pair[0].method == method]
         keyed = {(cell.scene, FIRST, cell.seed): cell for cell, _ in own}
@@ -204,9 +205,9 @@ def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Gr
     """Tabulate mean test PSNR of a method by scene in each output, and each difference to the first."""
     frames = [cells_frame(output.records) for output in outputs]
     shown = [
-        (versus, budget, words)
+        (versus, budget, BUDGETS[budget])
         for versus in others
-        for budget, words in TABULATED
+        for budget in ALIKE
         if versus.same_clock or budget == "steps"
     ]
     columns = [Column("scene", numeric=False), *(Column(output.letter, small=output.name) for output in outputs)]

@@ -6,10 +6,11 @@ from pathlib import Path
 from markupsafe import Markup
 
 from harness.records.study import SHELVES
+from harness.records.verdict import phrase_with
 from reports.claims.claim_list import claims
 from reports.claims.estimands import rates_grid, senses_grid
 from reports.claims.first_screen import first_screen
-from reports.claims.headline import headline
+from reports.claims.headline import headline, tabulated
 from reports.claims.ledger import Claim, in_short, not_tested
 from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters, folds
@@ -83,6 +84,7 @@ def page(records: Records, beside: Beside = ALONE) -> str:
 def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
     layout = Layout(colours_of([*records.methods, *records.run.guests]))
     filters = {"signed": wording.signed, "interval": wording.interval, "tone_of_sign": wording.tone_of_sign}
+    filters["phrase_with"] = phrase_with
     layout.environment.filters.update(filters | {"as_data": as_data, "behind": behind_difference})
     run, ledger = records.run, claims(records, beside)
     studies = [record for record in (beside.evidence, beside.stability, beside.serving) if record is not None]
@@ -101,6 +103,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         records=records,
         run=run,
         headline=answer,
+        equal_time=tabulated(records)[1][1],
         ruler_like=any(duel.steps and duel.steps.scenes_like_these for duel in answer.duels),
         first=first_screen(records, ledger, beside),
         facts=facts(records),

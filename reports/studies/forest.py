@@ -7,6 +7,7 @@ from textwrap import fill
 
 from harness.records.metric_table import metric_of
 from harness.records.study import Effect
+from harness.records.verdict import phrase_with
 from reports.data.wording import BUDGETS, after, counted, interval, mark_of, number, signed, tone_of_sign
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
@@ -94,7 +95,8 @@ def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: flo
     ]
     names = tuple(fill(row_name(effect), LONGEST_NAME) for effect in rows)
     words = "; ".join(
-        f"{row_name(effect)} {figure} {effect.verdict.phrase}" for effect, figure in zip(rows, figures, strict=True)
+        f"{row_name(effect)} {figure} {phrase_with(effect.verdict, effect.simultaneous)}"
+        for effect, figure in zip(rows, figures, strict=True)
     )
     return Panel(
         title,
@@ -162,7 +164,10 @@ def effects_grid(effects: list[Effect]) -> Grid:
                 Entry(number(effect.smallest_detectable, metric.digits)),
                 Entry(str(effect.pairs), tone="muted"),
                 Entry(str(effect.unpaired), tone="fails" if effect.unpaired else "muted"),
-                Entry(effect.verdict.phrase, tone=tone_of_sign(effect.verdict.sign, metric.higher_is_better)),
+                Entry(
+                    phrase_with(effect.verdict, effect.simultaneous),
+                    tone=tone_of_sign(effect.verdict.sign, metric.higher_is_better),
+                ),
             ]
         )
     note = (

@@ -10,6 +10,7 @@ from markupsafe import Markup
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Ranking, changed_pairs
 from harness.records.verdict import Verdict
+from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.judging.judgement import headline, missing_line, number, shown_groups, suspect_line, without_line
 from reports.data.wording import duration, mark_of, tone_of_sign
 from reports.drawing.figure import padded, plots
@@ -54,13 +55,14 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         Column("groups", numeric=False),
         Column(f"less {rival}", small="on scenes like these"),
         Column("sign, size", numeric=False),
+        Column("q", small="false discovery rate"),
         Column("detectable gap"),
         Column(f"less {rival}", small="on these scenes"),
         Column("training"),
         Column("core seconds"),
         Column("steps"),
     ]
-    rows = []
+    rows, q = [], _q_values(ranking)
     for place in ranking.places:
         pair = shown.get(place.method)
         estimate = pair.scenes_like_these if pair else None
@@ -73,6 +75,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(shown_groups(place.groups)) if everything else EMPTY,
                 difference(record, pair, estimate),
                 Entry(estimate.verdict.phrase, tone=tone(record, estimate.verdict)) if estimate else EMPTY,
+                Entry(f"{q[pair]:.3f}") if pair in q else EMPTY,
                 Entry(number(record, least)) if least is not None else EMPTY,
                 difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
                 *(
@@ -84,10 +87,18 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         )
     note = (
         f"Intervals are at 95 % for all {ranking.family} comparisons together. The detectable gap is the "
-        "smallest true difference whose sign such a table finds in 80 % of cases."
+        "smallest true difference whose sign such a table finds in 80 % of cases. q is the false discovery rate at "
+        "which a pair would just count among all that differ (Benjamini and Hochberg, over all pairs)."
     )
     groups = " Groups are the longest runs of neighbours of which no two are distinguished."
     return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=3)
+
+
+def _q_values(ranking: Ranking) -> dict[Pair | None, float]:
+    """Map each pair with a p-value → its q-value among all pairs."""
+    p = [pair.scenes_like_these.p if pair.scenes_like_these else None for pair in ranking.pairs]
+    adjusted = zip(ranking.pairs, benjamini_hochberg(p), strict=True)
+    return {pair: q for pair, q in adjusted if q is not None}
 
 
 def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | None, worded: bool = False) -> Entry:

@@ -18,6 +18,7 @@ from jaxtyping import Float
 from harness.records import metric_table
 from harness.records.cells import Budget, CellRecord
 from harness.records.study import Effect, Series
+from harness.records.verdict import phrase_with
 from harness.verdicts.comparisons import family_of, judged, keyed, score_on_curve
 from harness.verdicts.failures import judgeable
 
@@ -244,7 +245,7 @@ def in_words(effect: Effect) -> str:
         return f"{size} (no interval{lost})"
     low, high = (number(end, effect.metric) for end in effect.simultaneous)
     kind = "95 % interval" if effect.family == 1 else f"95 % interval, {effect.family} together,"
-    return f"{size} ({kind} {low} to {high}: {effect.verdict.phrase}{lost})"
+    return f"{size} ({kind} {low} to {high}: {phrase_with(effect.verdict, effect.simultaneous)}{lost})"
 
 
 def in_brief(effect: Effect) -> str:

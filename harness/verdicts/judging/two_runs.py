@@ -1,4 +1,4 @@
-"""Two outputs of the same plan, cell by cell: how far another processor, or another try, moves scores and verdicts."""
+"""Two outputs of the same plan, cell by cell: how far another processor, or another try, moves scores and gaps."""
 
 import math
 from collections.abc import Iterable
@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from harness.records.cells import CellRecord, Comparison, RunRecord, read_cells, read_run
+from harness.records.cells import Budget, CellRecord, Estimate, RunRecord, read_cells, read_run
 from harness.records.json_record import plain
 from harness.records.verdict import Verdict
-from harness.verdicts.comparisons import Key, compare
+from harness.verdicts.changes import Situation, changes
+from harness.verdicts.comparisons import Key, budgets_of, compare
 from scenes.files.errors import InputError
 
 OF_THE_MACHINE = ("precision", "device", "threads")
@@ -36,15 +37,16 @@ class Apart:
 
 
 @dataclass(frozen=True)
-class Changed:
-    """The verdicts of one of the two senses that are not the same in both outputs."""
+class Moved:
+    """The change of the difference of two methods from the first output to the second, PSNR at an equal budget."""
 
-    sense: str
-    compared: int
-    verdicts: int
-    signs: int
-    """The number of these of which the sign goes from above to below 0 or the other way round."""
-    rows: list[str]
+    method: str
+    against: str
+    budget: Budget
+    difference: float
+    """The mean change over scenes, dB."""
+    on_these_scenes: Estimate | None
+    scenes_like_these: Estimate | None
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,8 @@ class TwoRuns:
     by_method: list[Apart]
     by_scene: list[Apart]
     all: Apart | None
-    changed: list[Changed]
-    headline: list[str]
     over_all: list[OverAll]
+    moved: list[Moved]
 
 
 def two_runs(first: Path, second: Path) -> TwoRuns:
@@ -87,22 +88,13 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
     timed = {a.method for a, b in pairs if a.status == b.status == "done" and a.steps != b.steps}
     pairs = [pair for pair in pairs if pair[0].method not in timed]
     scored = [pair for pair in pairs if all(cell.scores.get("psnr") is not None for cell in pair)]
-    before, after = (_keyed(compare(list(side.values()), list(runs[0].methods))) for side in cells)
-    # an older run has not counted core seconds
-    rows = [(row, after[key]) for key, row in before.items() if key in after and timed.isdisjoint(key)]
+    methods = [name for name in runs[0].main_methods if any(name == pair[0].method for pair in pairs)]
+    sides = [[pair[side] for pair in pairs if pair[0].method in methods] for side in (0, 1)]
     origins = {}
     for name in PLACE:
         ours, theirs = ({str(cell.provenance.get(name, "not recorded")) for cell in side.values()} for side in cells)
         if ours != theirs:
             origins[name] = (sorted(ours), sorted(theirs))
-
-    over_all = [
-        OverAll(ours.method, ours.against, (ours.difference, theirs.difference), (ours.verdict, theirs.verdict))
-        for ours, theirs in rows
-        if (ours.scene, ours.metric, ours.budget) == ("all", "psnr", "steps")
-        and ours.difference is not None
-        and theirs.difference is not None
-    ]
 
     def apart_by(kind: str) -> list[Apart]:
         names = dict.fromkeys(getattr(cell, kind) for cell, _ in scored)
@@ -116,20 +108,30 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
         by_method=apart_by("method"),
         by_scene=apart_by("scene"),
         all=_apart("all", scored) if scored else None,
-        changed=[_changed(rows, sense) for sense in ("on_these_scenes", "scenes_like_these")],
-        headline=[_headline(found) for found in over_all],
-        over_all=over_all,
+        over_all=_over_all(methods, *sides),
+        moved=_moved(methods, *sides),
     )
 
 
-def _headline(found: OverAll) -> str:
-    pairs = zip(found.differences, found.verdicts, strict=True)
-    told = (f"{difference:+.2f} dB ({verdict.phrase})" for difference, verdict in pairs)
-    return f"{found.method} − {found.against}: {' → '.join(told)}"
-
-
-def _keyed(rows: list[Comparison]) -> dict[tuple[str, ...], Comparison]:
-    return {(row.scene, row.method, row.against, row.metric, row.budget): row for row in rows}
+def _over_all(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[OverAll]:
+    found = [
+        {
+            (row.method, row.against): row
+            for row in compare(side, methods)
+            if (row.scene, row.metric, row.budget) == ("all", "psnr", "steps") and row.difference is not None
+        }
+        for side in (first, second)
+    ]
+    both = [(found[0][pair], found[1][pair]) for pair in found[0] if pair in found[1]]
+    return [
+        OverAll(
+            ours.method,
+            ours.against,
+            (ours.difference or 0.0, theirs.difference or 0.0),
+            (ours.verdict, theirs.verdict),
+        )
+        for ours, theirs in both
+    ]
 
 
 def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]], outs: tuple[Path, Path]) -> None:
@@ -174,18 +176,22 @@ def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
     )
 
 
-def _changed(rows: list[tuple[Comparison, Comparison]], sense: str) -> Changed:
-    """Compare the verdicts of rows in one of the two senses, if both have it."""
-    compared, signs, lines = 0, 0, []
-    for row, again in rows:
-        before, after = getattr(row, sense), getattr(again, sense)
-        if before is not None and after is not None:
-            compared += 1
-            if before.verdict != after.verdict:
-                signs += {before.verdict.sign, after.verdict.sign} == {"above 0", "below 0"}
-                where = f"{row.method} − {row.against}, {row.metric} at equal {row.budget}, {row.scene}"
-                lines.append(f"{where}: {before.verdict.phrase} → {after.verdict.phrase}")
-    return Changed(sense, compared, len(lines), signs, lines)
+def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[Moved]:
+    """Return the changes between methods that were trained on every scene, at each budget that both have counted."""
+    sides = (first, second)
+    budgets = [budget for budget in budgets_of(first) if budget in budgets_of(second)]
+    return [
+        Moved(
+            found.method,
+            found.against,
+            budget,
+            found.judgement.difference or 0.0,
+            found.judgement.on_these_scenes,
+            found.judgement.scenes_like_these,
+        )
+        for budget in budgets
+        for found in changes(methods, *(Situation(side, budget) for side in sides))
+    ]
 
 
 def as_json(runs: TwoRuns) -> dict[str, Any]:
@@ -205,8 +211,23 @@ def lines_of(runs: TwoRuns) -> list[str]:
     for apart in rows:
         figures = f"{apart.rms:>9.3f}{apart.mean:>+9.3f}{apart.largest:>+9.3f}"
         lines.append(f"{apart.where:<{width}}{apart.cells:>7}{figures}  {apart.largest_of}")
-    for change in runs.changed:
-        words = change.sense.replace("_", " ")
-        lines += ["", f"verdicts {'on ' if words[0] == 's' else ''}{words}: {change.verdicts} of {change.compared} "
-                  f"changed, {change.signs} in sign", *(f"  {row}" for row in change.rows)]  # fmt: skip
-    return [*lines, "", "over all scenes, PSNR at equal steps:", *(f"  {row}" for row in runs.headline)]
+    return [*lines, *_lines_of_changes(runs)]
+
+
+def _lines_of_changes(runs: TwoRuns) -> Iterable[str]:
+    """Yield what each pair of methods differs by in both outputs, and by how much that changed."""
+    before = {(found.method, found.against): found for found in runs.over_all}
+    yield "\nhow much differences of test PSNR changed, second less first (95 %, of all pairs together):"
+    for found in runs.moved:
+        both = before.get((found.method, found.against)) if found.budget == "steps" else None
+        values = f" ({both.differences[0]:+.2f} → {both.differences[1]:+.2f} dB)" if both else ""
+        yield f"  {found.method} − {found.against} at equal {found.budget.replace('_', ' ')}{values}"
+        for words, known in (
+            ("on these scenes", found.on_these_scenes),
+            ("scenes like these", found.scenes_like_these),
+        ):
+            if known is not None and known.simultaneous is not None:
+                low, high = known.simultaneous
+                yield f"    {words:<17} {found.difference:+.3f} dB [{low:+.3f}, {high:+.3f}] {known.verdict.phrase}"
+            elif known is not None:
+                yield f"    {words:<17} {found.difference:+.3f} dB, without an interval"

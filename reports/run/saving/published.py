@@ -11,11 +11,13 @@ import json
 import re
 import sys
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 
 from harness.records.former.four_words import in_two_words
 from harness.records.study import Studies, read_studies
 from reports.run.saving import run_blocks, study_blocks
+from reports.run.saving.published_cells import judged_again
 from reports.run.saving.run_blocks import Run
 from reports.studies import constants
 
@@ -25,7 +27,7 @@ REPLICATES = "reduced/processors.json?"
 BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "scale": (RUN, run_blocks.scale),
     "result": ((*RUN, REPLICATES), run_blocks.result),
-    "equal time": (RUN, lambda run: run_blocks.differences(run, "seconds")),
+    "equal time": (RUN, run_blocks.equal_time),
     "scores": (RUN, run_blocks.scores),
     "constants": (("constants.json",), constants.choice),
     "further methods": (RUN, run_blocks.further),
@@ -33,7 +35,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "last doubling": (RUN, run_blocks.doubling),
     "ceiling": ((*RUN, "converged/summary.json"), run_blocks.ceiling),
     "late verdict": ((*RUN, "converged/summary.json", REPLICATES), run_blocks.beside),
-    "late equal time": (("converged/summary.json",), lambda run: run_blocks.differences(run, "seconds")),
+    "late equal time": (("converged/summary.json",), run_blocks.equal_time),
     "twice the steps": (
         ("reduced/halved.json", *RUN, "converged/summary.json", "converged/doubled.json"),
         run_blocks.twice_the_steps,
@@ -72,8 +74,17 @@ def block(name: str, docs: Path) -> str:
 def _published(path: Path) -> Run | Studies:
     if not path.is_file():
         return {}
-    data: Run = json.loads(path.read_text(encoding="utf-8"))
-    return read_studies(path) if "studies" in data else in_two_words(data)
+    text = path.read_text(encoding="utf-8")
+    data: Run = json.loads(text)
+    if "studies" in data:
+        return read_studies(path)
+    return _judged(text) if "comparisons" in data and "cells" in data else in_two_words(data)
+
+
+@lru_cache(maxsize=16)
+def _judged(text: str) -> Run:
+    """Return a summary with what the present functions say of its cells, once for all blocks."""
+    return judged_again(in_two_words(json.loads(text)))
 
 
 def pages(root: Path) -> list[Path]:

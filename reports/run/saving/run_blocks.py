@@ -6,12 +6,17 @@ from statistics import fmean, stdev
 
 import numpy as np
 
+from harness.records.cells import Comparison
+from harness.records.json_record import as_promised
 from harness.records.study import Check, Studies
+from harness.records.verdict import phrase_with
+from harness.verdicts.changes import Situation, changes
 from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between
 from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
-from reports.data.outcome import shared
+from reports.data.outcome import doubts, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
+from reports.run.saving.published_cells import situation
 from reports.run.saving.replicates import Replicated, Run, answer, replicated, row, verdict_in
 
 DUELS = ((FAVOURITE, BASELINE), (FAVOURITE, CONTROL), (CONTROL, BASELINE))
@@ -38,7 +43,7 @@ def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str
         return "–"
     if runs and sense == "scenes_like_these" and not runs.repeated:
         return f"{between(pair)}; {shared(runs.differences, runs.verdicts)}"
-    return f"{between(pair)}: {verdict_in(known).phrase}"
+    return f"{between(pair)}: {phrase_with(verdict_in(known), pair)}"
 
 
 def scale(run: Run) -> str:
@@ -73,7 +78,40 @@ def differences(run: Run, budget: str = "steps", replicates: Run | None = None) 
         for pair in DUELS
         if (duel := row(run, "all", *pair, budget))
     ]
-    return table((f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values())), rows)
+    head = (f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values()))
+    notes = [words for pair in DUELS if (duel := row(run, "all", *pair, budget)) for words in doubts(_record(duel))]
+    return "\n\n".join([table(head, rows), *notes])
+
+
+def _record(comparison: Run) -> Comparison:
+    return as_promised(comparison, Comparison)
+
+
+def equal_time(run: Run) -> str:
+    """Tabulate the differences at equal core seconds, and by how much they changed from those at equal steps."""
+    steps, time = (situation(run, main_methods(run), equal_time) for equal_time in (False, True))
+    words = f"from {BUDGETS[steps.budget]} to {BUDGETS[time.budget]}"
+    return f"{differences(run, time.budget)}\n\n{changed(run, steps, time, words)}"
+
+
+def changed(run: Run, before: Situation, after: Situation, words: str) -> str:
+    """Tabulate by how much the difference of each pair changed between two situations, in both senses."""
+    found = {(each.method, each.against): each for each in changes(main_methods(run), before, after)}
+    rows = []
+    for pair in DUELS:
+        if (change := found.get(pair)) is None:
+            continue
+        size, scenes = change.judgement.difference or 0.0, change.by_scene.values()
+        told = (
+            f"{between(known.simultaneous)}: {phrase_with(known.verdict, known.simultaneous)}"
+            if known and known.simultaneous
+            else "–"
+            for known in (change.judgement.on_these_scenes, change.judgement.scenes_like_these)
+        )
+        same = f"{sum(moved * size > 0 for moved in scenes)} of {counted(len(scenes), 'scene')}"
+        rows.append((f"`{pair[0]}` − `{pair[1]}`", f"{signed(size)} dB", *told, same))
+    head = (f"change of the difference {words}", "", *(f"{sense}, 95 %" for sense in SENSES.values()), "that way on")
+    return table(head, rows) if rows else ""
 
 
 def training(run: Run) -> str:
@@ -118,7 +156,9 @@ def beside(run: Run, other: Run, replicates: Run) -> str:
     ]
     words = "on scenes like these" if whole else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
-    return f"{table(head, rows)}\n\n{scale(other)}"
+    methods = main_methods(run)
+    change = changed(run, *(situation(each, methods) for each in runs), "from the first column to the second")
+    return "\n\n".join(filter(None, [table(head, rows), change, scale(other)]))
 
 
 def _score(run: Run, scenes: list[str], method: str) -> str:
@@ -323,11 +363,18 @@ def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> s
 
 
 def _moved(run: Run) -> str:
-    changed = next(change for change in run["changed"] if change["sense"] == "scenes_like_these")
+    """State how far scores moved, and by how much the differences at equal steps did, where it was recorded."""
+    told = [
+        f"`{found['method']}` − `{found['against']}` by {signed(found['difference'])} dB"
+        f" ({between(known['simultaneous'])}: {verdict_in(known).phrase})"
+        for found in run.get("moved", ())
+        if found["budget"] == "steps"
+        and (known := found["scenes_like_these"] or found["on_these_scenes"])
+        and known["simultaneous"]
+    ]
     return (
         f"move a training's score by {number(run['all']['rms'])} dB (RMS of {run['all']['cells']}; at most "
-        f"{number(abs(run['all']['largest']))}), and change {changed['verdicts']} of {changed['compared']} verdicts on "
-        f"scenes like these, {changed['signs']} in sign"
+        f"{number(abs(run['all']['largest']))}){f', and {listed(told)}' if told else ''}"
     )
 
 

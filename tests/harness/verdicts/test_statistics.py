@@ -5,16 +5,19 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.stats import nct
+from scipy.stats import nct, ttest_ind
+from scipy.stats import t as student
 
 from harness.records.verdict import OPEN, Size, Verdict
-from harness.verdicts.nested import moderated
+from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import (
     POWER,
     PairedDifference,
     critical,
+    half_widths,
     on_one_scene,
     on_these_scenes,
+    p_values,
     paired_difference,
     rounded_down,
     scenes_like_these,
@@ -149,60 +152,19 @@ def test_scenes_like_these_are_students_t_over_their_means() -> None:
     few, many = ({"a": np.full(seeds, 1.0), "b": np.full(seeds, 4.0)} for seeds in (1, 50))
     assert scenes_like_these(many) == scenes_like_these(few), "more seeds do not count as more scenes"
     # one seed each knows nothing of seeds
-    assert (on_these_scenes(few).interval, on_one_scene(few, "a").interval) == (None, None)
+    assert (on_these_scenes(few).interval, on_one_scene(few["a"]).interval) == (None, None)
 
 
 def test_one_scene_alone_is_students_t() -> None:
     values = np.array([1.0, 3.0, 2.0])
     expected = paired_difference(values, 4)
-    for result in (on_one_scene({"a": values}, "a", 4), on_these_scenes({"a": np.append(values, math.nan)}, 4)):
+    for result in (
+        on_one_scene(np.append(math.nan, values), 4),
+        on_these_scenes({"a": np.append(values, math.nan)}, 4),
+    ):
         assert result.interval == pytest.approx(expected.interval)
         assert result.simultaneous == pytest.approx(expected.simultaneous)
         assert (result.freedom, result.effect) == (2.0, pytest.approx(2.0))
-
-
-def test_equal_scenes_lend_each_other_all_that_they_know() -> None:
-    (table,) = drawn(8, 3, 2.0)
-    scaled = {scene: values.mean() + (values - values.mean()) / values.std(ddof=1) for scene, values in table.items()}
-    result = on_one_scene(scaled, "3")
-    assert (result.freedom, result.error) == (16.0, pytest.approx(1 / 3**0.5))
-    # critical values of 2.12 and not of 4.30, and where eight are looked at together of 3.17 and not of 12.6
-    assert critical(16.0, 8) / critical(2.0, 8) == pytest.approx(0.25, abs=0.01)
-
-
-def test_scenes_that_differ_keep_their_own_variance() -> None:
-    """Many seeds and spreads of 1 and 100: nothing is borrowed."""
-    draw = np.random.default_rng(3).normal
-    table = {str(place): draw(0, 10.0 ** (2 * (place % 2)), 50) for place in range(8)}
-    for scene, values in table.items():
-        result = on_one_scene(table, scene)
-        assert result.error == pytest.approx(values.std(ddof=1) / 50**0.5, rel=0.05)
-        assert result.freedom == pytest.approx(50.0, abs=2.0)
-
-
-def test_the_moderated_variance_is_that_of_smyth() -> None:
-    """Drawn from the prior, its parameters are found again: 6 degrees of freedom about a variance of 2."""
-    generator = np.random.default_rng(4)
-    true = 6 * 2.0 / generator.chisquare(6, 40_000)
-    variances = true * generator.chisquare(2, 40_000) / 2
-    posterior, freedom = moderated(variances, np.full(40_000, 2.0))
-    assert freedom[0] == pytest.approx(8.0, rel=0.05)
-    np.testing.assert_allclose(posterior, (6 * 2.0 + 2 * variances) / 8, rtol=0.05)
-
-
-def test_a_scene_with_one_difference_borrows_and_one_without_any_is_no_part() -> None:
-    (table,) = drawn(8, 3, 0.0)
-    table["2"][1:] = math.nan
-    lone = on_one_scene(table, "2")
-    assert (lone.units, lone.freedom) == (1, 14.0)
-    assert lone.interval is not None
-    table["5"][:] = math.nan
-    result = on_these_scenes(table)
-    assert result.units == 7
-    assert result.mean == pytest.approx(np.mean([np.nanmean(row) for scene, row in table.items() if scene != "5"]))
-    for wrong in (lambda: on_one_scene(table, "5"), lambda: on_these_scenes({"5": table["5"]})):
-        with pytest.raises(ValueError, match=r"no.* difference"):
-            wrong()
 
 
 @pytest.mark.parametrize("spread_of_scenes", [0.0, 2.0])
@@ -229,18 +191,72 @@ def test_eight_scenes_find_an_effect_of_the_size_that_they_print(estimate: Calla
 
 @pytest.mark.parametrize(("freedom", "family"), [(1.0, 200), (2.5, 9), (1e6, 1), (math.inf, 3)])
 def test_what_can_be_detected_is_found_for_all_degrees_of_freedom(freedom: float, family: int) -> None:
-    kept = rounded_down(freedom)
+    kept = float(rounded_down(freedom))
     threshold = critical(kept, family)
     shift = shift_found(threshold, kept)
     assert share_found(shift, threshold, kept) == pytest.approx(POWER, abs=1e-6)
 
 
-def test_one_difference_a_scene_moderated_by_others_has_an_interval_or_none() -> None:
-    """A scene of a single seed borrows its variance; where next to nothing is known of it there is no interval."""
-    generator = np.random.default_rng(5)
-    for _ in range(300):
-        scales = 10.0 ** generator.uniform(-4, 4, 3)
-        table = {str(place): scale * generator.normal(size=3) for place, scale in enumerate(scales)}
-        table["0"][1:] = np.nan
-        result = on_one_scene(table, "0")
-        assert result.interval is None or result.freedom >= 1.0
+def test_the_freedom_on_these_scenes_is_satterthwaites() -> None:
+    """Variances of 1 and 4 by three and five seeds: (1/3 + 4/5)² / ((1/3)² / 2 + (4/5)² / 4)."""
+    three, five = np.array([-1.0, 0.0, 1.0]), np.array([-2.0, -2.0, 0.0, 2.0, 2.0])
+    result = on_these_scenes({"a": three, "b": five, "c": np.full(5, math.nan)})
+    assert result.error == pytest.approx(math.sqrt(1 / 3 + 4 / 5) / 2)
+    expected = (1 / 3 + 4 / 5) ** 2 / ((1 / 3) ** 2 / 2 + (4 / 5) ** 2 / 4)
+    assert result.freedom == pytest.approx(expected, abs=0.1)
+
+
+def test_one_noisy_scene_alone_decides_the_freedom() -> None:
+    (table,) = drawn(8, 3, 0.0)
+    table["3"] = 1000 * table["3"]
+    assert on_these_scenes(table).freedom == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("repeated", range(1, 8))
+def test_a_scene_without_repeats_leaves_no_interval_on_these_scenes(repeated: int) -> None:
+    """Eight scenes of one seed and one of two once gave ± 0.001 dB."""
+    (table,) = drawn(8, 3, 0.0)
+    for scene in list(table)[repeated:]:
+        table[scene][1:] = math.nan
+    assert on_these_scenes(table).interval is None
+    assert scenes_like_these(table).interval is not None
+
+
+def test_a_scene_without_any_difference_is_no_part() -> None:
+    (table,) = drawn(8, 3, 0.0)
+    table["5"][:] = math.nan
+    result = on_these_scenes(table)
+    assert result.units == 7
+    assert result.mean == pytest.approx(np.mean([row.mean() for scene, row in table.items() if scene != "5"]))
+    for wrong in (lambda: on_one_scene(table["5"]), lambda: on_these_scenes({"5": table["5"]})):
+        with pytest.raises(ValueError, match=r"no.* difference|not empty"):
+            wrong()
+
+
+def test_the_p_value_is_that_of_the_interval() -> None:
+    """It is 5 % for a mean at the interval's end, whatever the freedom, and many at once are what one is."""
+    values = np.random.default_rng(6).normal(0.5, 1.0, (200, 6, 3)) * np.linspace(0.2, 3.0, 6)[:, None]
+    for name in ("on_these_scenes", "scenes_like_these"):
+        many = getattr(nested, name)(values)
+        p, halves = p_values(many), half_widths(many)
+        assert ((p < 0.05) == (np.abs(many.mean) > halves)).all()
+        for place in range(5):
+            table = {str(scene): row for scene, row in enumerate(values[place])}
+            one = {"on_these_scenes": on_these_scenes, "scenes_like_these": scenes_like_these}[name](table)
+            assert one.p == pytest.approx(p[place])
+    assert paired_difference(np.array([1.0, 2.0, 3.0])).p == pytest.approx(2 * student.sf(2 * 3**0.5, 2))
+    assert paired_difference(np.array([1.0, 1.0])).p == 0.0
+    assert paired_difference(np.array([0.0, 0.0])).p == 1.0
+
+
+def test_a_change_of_independent_estimates_is_welchs() -> None:
+    first, second = np.array([[1.0, 2.0, 4.0]]), np.array([[0.0, 5.0, 1.0, 2.0]])
+    many = nested.less(nested.on_these_scenes(first), nested.on_these_scenes(second))
+    welch = ttest_ind(first[0], second[0], equal_var=False)
+    assert many.freedom == pytest.approx(welch.df)
+    assert many.mean / many.error == pytest.approx(welch.statistic)
+
+
+def test_medians_over_seeds_leave_out_what_is_missing() -> None:
+    values = np.array([[3.0, 1.0, 2.0], [4.0, math.nan, 1.0], [math.nan] * 3, [7.0, math.nan, math.nan]])
+    np.testing.assert_array_equal(nested.scene_medians(values), [2.0, 2.5, math.nan, 7.0])

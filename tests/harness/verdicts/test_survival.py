@@ -11,8 +11,8 @@ from scipy.stats import norm
 from harness.records.cells import CellRecord
 from harness.records.targets import Reach, TargetComparison, read_targets, write_targets
 from harness.records.verdict import OPEN, Verdict
-from harness.verdicts import nested
 from harness.verdicts.comparisons import duels
+from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import half_widths
 from harness.verdicts.survival import chosen_target, compared, first_reached, kaplan_meier, reach, targets
 from tests.harness.cells import cell, checkpoint, diverged
@@ -138,14 +138,14 @@ def test_kaplan_meier_agrees_with_a_slow_one_and_keeps_lost_runs_at_risk() -> No
 
 def test_seconds_are_cut_where_the_quicker_method_ended() -> None:
     """nerf is scored after 1, 10 and 100 s, qnerf after 2, 20 and 200 s, with the same scores."""
-    cells = [run("nerf", seed, [20, 22, 24], pace=0.1) for seed in range(3)]
-    cells += [run("qnerf", seed, [20, 22, 24], pace=0.2) for seed in range(3)]
+    cells = [run("nerf", seed, [20, 22, 24], pace=0.1) for seed in range(5)]
+    cells += [run("qnerf", seed, [20, 22, 24], pace=0.2) for seed in range(5)]
     at_21 = of(cells, "seconds", target=21.0)
     assert (at_21.horizon, at_21.never, at_21.verdict.sign) == (100.0, (0, 0), "below 0")
     assert at_21.saving == pytest.approx(-100.0)
     # nerf after 84 s, qnerf after 168 s, of which nobody watched more than 100 with both
     at_limit = of(cells, "seconds", target=22 + 2 * math.log10(8.4))
-    assert (at_limit.never, at_limit.saving) == ((3, 0), pytest.approx(-100 * (100 / 84 - 1)))
+    assert (at_limit.never, at_limit.saving) == ((5, 0), pytest.approx(-100 * (100 / 84 - 1)))
 
 
 SAME, SOONER, LATE, AT_ONCE = [20, 24, 28], [22, 26, 30], [10, 11, 12], [25, 26, 28]
@@ -167,18 +167,19 @@ def cells_of(nerf: list[Scores], qnerf: list[Scores]) -> list[CellRecord]:
     ("nerf", "qnerf", "expected"),
     [
         # 24 dB after 100 steps; a gain of 2 dB at each checkpoint brings it to √1000
-        ([SAME] * 3, [SOONER] * 3, {"saving": 100 * (1 - 10**-0.5), "difference": 10**1.5 - 100, "sign": "above 0"}),
+        ([SAME] * 5, [SOONER] * 5, {"saving": 100 * (1 - 10**-0.5), "difference": 10**1.5 - 100, "sign": "above 0"}),
+        ([SAME] * 4, [SOONER] * 4, {"saving": 100 * (1 - 10**-0.5), "verdict": OPEN}),  # too few for a verdict
         ([SAME] * 3, [SOONER] * 3, {"pairs": 3, "never": (0, 0), "earlier": (0, 0), "horizon": 1000.0}),
-        ([SOONER] * 3, [SAME] * 3, {"saving": 100 * (1 - 10**0.5), "sign": "below 0"}),
+        ([SOONER] * 5, [SAME] * 5, {"saving": 100 * (1 - 10**0.5), "sign": "below 0"}),
         # a run that ends low or diverges counts as long as it was watched: 1000 steps in place of 100
         ([SAME] * 4, [SAME, SAME, SAME, LATE], {"saving": 100 * (1 - 10**0.25), "never": (1, 0), "unpaired": 0}),
         ([SAME] * 4, [SAME, SAME, SAME, "diverged"], {"saving": 100 * (1 - 10**0.25), "never": (1, 0), "unpaired": 0}),
         ([SAME] * 4, [SAME, SAME, SAME, LATE], {"difference": (1000 - 100) / 4, "verdict": OPEN, "pairs": 4}),
-        ([SAME] * 4, [SAME] * 3, {"saving": 0.0, "unpaired": 1, "size": "smaller than matters"}),
+        ([SAME] * 6, [SAME] * 5, {"saving": 0.0, "unpaired": 1, "size": "smaller than matters"}),
         # a full disk refutes nobody: runs lost to one must not read as if they never got there
         ([SAME] * 4, ["error"] * 4, {"saving": None, "pairs": 0, "unpaired": 4, "verdict": OPEN}),
         ([SAME] * 4, ["diverged"] * 4, {"saving": -900.0, "pairs": 4, "never": (4, 0), "unpaired": 0}),
-        ([SAME] * 3, ["error", SOONER, SOONER], {"saving": 100 * (1 - 10**-0.5), "pairs": 2, "sign": "above 0"}),
+        ([SAME] * 6, ["error", *[SOONER] * 5], {"saving": 100 * (1 - 10**-0.5), "pairs": 5, "sign": "above 0"}),
         # who was there at the first checkpoint cannot seem quicker than that: 10 steps or fewer against 100
         ([SAME] * 3, [AT_ONCE] * 3, {"saving": 90.0, "earlier": (3, 0)}),
         # at once against never is at least 99 % of the time watched: no width, and a verdict by counting
@@ -200,9 +201,9 @@ def test_savings_of_runs_that_get_there_end_below_diverge_or_fail(
 
 def test_late_against_never_is_not_called_small() -> None:
     """nerf gets there just before the end, qnerf never: they are nearly level in what was watched, and nobody knows."""
-    cells = [run("nerf", seed, [20, 24, 26.001 + 0.001 * seed]) for seed in range(3)]
-    row = of([*cells, *(run("qnerf", seed, [20, 24, 25.9]) for seed in range(3))], target=26.0)
-    assert row.never == (3, 0)
+    cells = [run("nerf", seed, [20, 24, 26.001 + 0.001 * seed]) for seed in range(5)]
+    row = of([*cells, *(run("qnerf", seed, [20, 24, 25.9]) for seed in range(5))], target=26.0)
+    assert row.never == (5, 0)
     assert row.simultaneous is not None
     assert -5.0 < row.simultaneous[0] < row.simultaneous[1] < 5.0
     assert row.verdict.size != "smaller than matters"

@@ -42,7 +42,7 @@ def first(tmp_path: Path) -> Path:
     return output(tmp_path / "first", cells_of(1.0))
 
 
-def test_scores_and_verdicts_that_moved_are_counted(first: Path, tmp_path: Path) -> None:
+def test_how_far_scores_and_differences_moved(first: Path, tmp_path: Path) -> None:
     result = two_runs(
         first, output(tmp_path / "second", cells_of(-1.2, 0.1, "AVX2"), settings={"budget": {"steps": 10}})
     )
@@ -52,33 +52,36 @@ def test_scores_and_verdicts_that_moved_are_counted(first: Path, tmp_path: Path)
     assert (nerf.rms, nerf.mean) == (pytest.approx(((0.1**2 + 0.2**2) / 2) ** 0.5), pytest.approx(-0.05))
     assert (qnerf.cells, qnerf.largest) == (6, pytest.approx(-2.4))
     assert qnerf.largest_of.startswith("b qnerf")
-    here, elsewhere = result.changed
-    assert (here.compared, here.verdicts, here.signs) == (6, 6, 6), "two scenes and all, at equal steps and time"
-    assert elsewhere.compared == 2
-    assert result.headline == ["qnerf − nerf: +1.10 dB (above 0, matters) → -1.10 dB (below 0, matters)"]
+    assert [(found.method, found.against, found.budget) for found in result.moved] == [
+        ("qnerf", "nerf", "steps"), ("qnerf", "nerf", "seconds"),
+    ]  # fmt: skip
+    steps = result.moved[0]
+    assert steps.difference == pytest.approx(-2.2)
+    assert steps.on_these_scenes is not None
+    assert steps.on_these_scenes.verdict.phrase == "below 0, matters"
 
 
 def test_the_same_output_again_differs_in_nothing(first: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = two_runs(first, first)
     assert (result.identical, result.origins, result.lost) == (12, {}, [])
     assert result.all is not None
-    assert (result.all.rms, [change.verdicts for change in result.changed]) == (0.0, [0, 0])
+    assert (result.all.rms, [found.difference for found in result.moved]) == (0.0, [0.0, 0.0])
     assert main(["compare", str(first), str(first), "--json", str(first / "x.json")]) == 0
     text = capsys.readouterr().out
     assert "12 of 12 cells are the same to the last bit" in text
     assert json.loads((first / "x.json").read_text())["all"]["rms"] == 0
 
 
-def test_verdicts_that_an_older_output_lacks_are_left_out(first: Path, tmp_path: Path) -> None:
+def test_budgets_that_an_older_output_lacks_are_left_out(first: Path, tmp_path: Path) -> None:
     cells = [
         replace(cell, curve=[replace(point, core_seconds=2.0) for point in cell.curve], train_core_seconds=2.0)
         for cell in cells_of(1.0)
     ]
     again = two_runs(first, output(tmp_path / "counted", cells))
     same = two_runs(first, first)
-    assert [change.compared for change in again.changed] == [change.compared for change in same.changed]
+    assert [found.budget for found in again.moved] == [found.budget for found in same.moved] == ["steps", "seconds"]
     counted = two_runs(tmp_path / "counted", tmp_path / "counted")
-    assert counted.changed[0].compared > same.changed[0].compared
+    assert [found.budget for found in counted.moved] == ["steps", "seconds", "core_seconds"]
 
 
 def test_a_cell_lost_in_one_is_named(first: Path, tmp_path: Path) -> None:
@@ -92,7 +95,7 @@ def test_a_method_with_a_budget_of_time_is_named_and_not_compared(first: Path, t
     cells = [replace(cell, steps=cell.steps + (cell.method == "qnerf")) for cell in cells_of(3.0)]
     result = two_runs(first, output(tmp_path / "second", cells))
     assert (result.timed, [apart.where for apart in result.by_method]) == (["qnerf"], ["nerf"])
-    assert ([change.compared for change in result.changed], result.headline) == ([0, 0], [])
+    assert (result.moved, result.over_all) == ([], [])
     assert result.all is not None
     assert result.all.rms == 0.0
 

@@ -123,7 +123,7 @@ def test_the_seeds_that_settle_a_gain_do_so_in_four_of_five_studies(scenes, fami
     def share(many: int) -> float:
         truth = np.full(scenes, 1.5)
         tables = [study(generator, truth, many) for _ in range(STUDIES)]
-        on_one = [on_one_scene(table, "scene 0", family) for table in tables] if scenes == 1 else []
+        on_one = [on_one_scene(table["scene 0"], family) for table in tables] if scenes == 1 else []
         results = on_one or [on_these_scenes(table) for table in tables]
         verdicts = [judge_gain(1.5, 0.2, result.simultaneous, True) for result in results]
         return verdicts.count("reproduced") / STUDIES

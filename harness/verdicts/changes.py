@@ -1,0 +1,101 @@
+"""How much a difference of two methods changes between two situations: a paired difference of differences.
+
+Early and late, under two optimisers, at equal steps and at equal seconds, on two processors, in two runs. That two
+verdicts have the same words does not show that nothing changed, nor do other words show that something did: the change
+is estimated itself, with the intervals of `harness.verdicts.statistics`.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.records.cells import Budget, CellRecord
+from harness.records.metric_table import METRICS, PRIMARY
+from harness.verdicts.comparisons import Judgement, differences, duels, judged, keyed
+from harness.verdicts.estimates import nested
+from harness.verdicts.statistics import difference_of, estimate, paired_difference
+
+Table = dict[str, np.ndarray]
+"""Scene → paired differences of two methods [seeds], NaN where there is none."""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Cells, and what their methods were given equal amounts of."""
+
+    cells: list[CellRecord]
+    budget: Budget = "steps"
+
+
+@dataclass(frozen=True)
+class Change:
+    """The change of `method` − `against` from one situation to another, on the scenes that both have."""
+
+    method: str
+    against: str
+    before: float
+    after: float
+    judgement: Judgement
+    """The difference `after` − `before`, estimated in both senses."""
+    by_scene: dict[str, float]
+    """Scene → the change of the mean over seeds."""
+    seeds_paired: bool
+    """Whether both situations have the same seeds, so that the change is that of each scene and seed."""
+
+
+def change(
+    method: str, against: str, before: Situation, after: Situation, metric: str = PRIMARY, family: int = 1
+) -> Change | None:
+    """Return the change of a difference, one of `family` that are looked at together; None without a shared scene."""
+    tables, seeds = [], []
+    for situation in (before, after):
+        by_key, scenes, numbers = keyed(situation.cells)
+        tables.append(differences(by_key, scenes, numbers, method, against, metric, situation.budget))
+        seeds.append(numbers)
+    return change_of(method, against, *tables, paired=seeds[0] == seeds[1], metric=metric, family=family)
+
+
+def changes(methods: Iterable[str], before: Situation, after: Situation, metric: str = PRIMARY) -> list[Change]:
+    """Return the changes of all pairs of `methods` that are compared; each is one of all."""
+    pairs = duels(list(methods))
+    found = (change(*pair, before, after, metric, len(pairs)) for pair in pairs)
+    return [each for each in found if each is not None]
+
+
+def change_of(
+    method: str, against: str, before: Table, after: Table, *, paired: bool, metric: str = PRIMARY, family: int = 1
+) -> Change | None:
+    """Return the change between two tables of differences; with `paired` their seeds are the same, in the same order.
+
+    Paired, each scene and seed has a change of its own, and it is judged as any paired difference. Otherwise each
+    situation has an error of its own, and their squares add up (Welch); over scenes it is Student's t in both cases.
+    Only scenes with a difference in both situations count.
+    """
+    shared = [scene for scene in before if scene in after]
+    if paired:
+        shared = [scene for scene in shared if np.isfinite(after[scene] - before[scene]).any()]
+    else:
+        shared = [scene for scene in shared if all(np.isfinite(side[scene]).any() for side in (before, after))]
+    if not shared:
+        return None
+    first, second = (np.stack([side[scene] for scene in shared]) for side in (before, after))
+    if paired:
+        there = np.isfinite(second - first)
+        first, second = (np.where(there, side, np.nan) for side in (first, second))
+    means = [np.nanmean(side, axis=1) for side in (first, second)]
+    moved = means[1] - means[0]
+    if paired:
+        judgement = judged(dict(zip(shared, second - first, strict=True)), metric, family)
+    else:
+        judgement = _of_other_seeds(first, second, moved, metric, family)
+    by_scene = dict(zip(shared, map(float, moved), strict=True))
+    return Change(method, against, *(float(side.mean()) for side in means), judgement, by_scene, paired)
+
+
+def _of_other_seeds(before: np.ndarray, after: np.ndarray, moved: np.ndarray, metric: str, family: int) -> Judgement:
+    margin, pairs = METRICS[metric].smallest_of_interest, int(np.isfinite(after).sum())
+    less = nested.less(nested.on_these_scenes(after), nested.on_these_scenes(before))
+    here = estimate(difference_of(less, len(moved), family), margin)
+    elsewhere = estimate(paired_difference(moved, family), margin) if len(moved) > 1 else None
+    return Judgement(float(moved.mean()), here, elsewhere, pairs, after.size - pairs)

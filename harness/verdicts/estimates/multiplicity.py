@@ -1,0 +1,40 @@
+"""p-values of several comparisons that are looked at together: pure functions on lists, None where there is none.
+
+Holm (1979) holds the chance of any wrong rejection of a declared family at the level; Benjamini and Hochberg (1995)
+hold the expected share of wrong ones among the rejected rows of a long table.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+
+def holm(values: Sequence[float | None], family: int | None = None) -> list[float | None]:
+    """Return the adjusted p-values of Holm's step-down procedure.
+
+    `family` is the declared size, where members without a p-value still count; it is no less than the known ones.
+    """
+    known = _known(values)
+    order = np.argsort(known, kind="stable")
+    many = max(family or 0, known.size)
+    stepped = np.maximum.accumulate(known[order] * (many - np.arange(known.size)))
+    return _back(values, order, np.minimum(stepped, 1.0))
+
+
+def benjamini_hochberg(values: Sequence[float | None]) -> list[float | None]:
+    """Return the q-value of each row: the false discovery rate at which it would just be among the discoveries."""
+    known = _known(values)
+    order = np.argsort(known, kind="stable")
+    stepped = known[order] * known.size / (1 + np.arange(known.size))
+    return _back(values, order, np.minimum(np.minimum.accumulate(stepped[::-1])[::-1], 1.0))
+
+
+def _known(values: Sequence[float | None]) -> np.ndarray:
+    return np.array([value for value in values if value is not None], dtype=np.float64)
+
+
+def _back(values: Sequence[float | None], order: np.ndarray, sorted_values: np.ndarray) -> list[float | None]:
+    known = np.empty(order.size)
+    known[order] = sorted_values
+    rest = iter(known.tolist())
+    return [None if value is None else next(rest) for value in values]

@@ -1,0 +1,91 @@
+"""Means of nested tables and their errors, of many tables at once: pure functions on arrays [..., scenes, seeds].
+
+NaN stands where a seed has no value. Each estimate is a mean, its standard error and the degrees of freedom of that;
+an error is NaN where nothing is known of the spread. No scene lends its variance to another: each is estimated from
+its own seeds, and the degrees of freedom say how well that is known (Satterthwaite 1946; Welch 1947).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """Estimates as arrays of one shape."""
+
+    mean: np.ndarray
+    error: np.ndarray
+    freedom: np.ndarray
+    spread: np.ndarray
+    """The standard deviation of what `error` was made from: of seeds within a scene, or of the scenes' means."""
+
+
+def on_these_scenes(values: np.ndarray) -> Estimated:
+    """Estimate the mean over scenes of the means over seeds, [...]; the error comes from seeds alone.
+
+    The variance is the sum of the scenes' own, and its degrees of freedom are Satterthwaite's, (Σ vᵢ)² / Σ (vᵢ² / fᵢ):
+    between those of one scene, where one is much noisier than the rest, and those of all together. For one scene this
+    is Student's t on its seeds. A scene without any value is no part of the mean; where a scene has one value alone,
+    nothing is known of its spread, and there is no error.
+    """
+    means, variances, counts = _by_scene(values)
+    there, freedom = counts > 0, np.maximum(counts - 1.0, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        scenes = there.sum(axis=-1)
+        parts = np.where(there, variances / counts, 0.0) / scenes[..., None] ** 2
+        total, all_freedom = parts.sum(axis=-1), freedom.sum(axis=-1)
+        squares = np.where(freedom > 0, parts**2 / freedom, 0.0).sum(axis=-1)
+        of_error = np.where(squares > 0, total**2 / squares, all_freedom)
+        repeated = there.any(axis=-1) & (there <= (freedom > 0)).all(axis=-1)
+        spread = np.sqrt((variances * freedom).sum(axis=-1) / all_freedom)
+        error = np.where(repeated, np.sqrt(total), np.nan)
+        return _estimated(np.nansum(means, axis=-1) / scenes, error, of_error, spread)
+
+
+def scenes_like_these(values: np.ndarray) -> Estimated:
+    """Estimate as `on_these_scenes`, but for scenes that were not tried: each scene's mean is one value."""
+    means, _, counts = _by_scene(values)
+    many = (counts > 0).sum(axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.nansum(means, axis=-1) / many
+        squares = np.nansum((means - mean[..., None]) ** 2, axis=-1)
+        spread = np.where(many > 1, np.sqrt(squares / (many - 1)), np.nan)
+        return _estimated(mean, spread / np.sqrt(many), many - 1.0, spread)
+
+
+def less(after: Estimated, before: Estimated) -> Estimated:
+    """Estimate the difference of two independent estimates: their variances add up, freedom by Satterthwaite."""
+    parts = [each.error**2 for each in (after, before)]
+    total = parts[0] + parts[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        squares = sum(part**2 / each.freedom for part, each in zip(parts, (after, before), strict=True))
+        freedom = np.where(squares > 0, total**2 / squares, after.freedom + before.freedom)
+    spread = np.sqrt(after.spread**2 + before.spread**2)
+    return _estimated(after.mean - before.mean, np.sqrt(total), freedom, spread)
+
+
+def scene_medians(values: np.ndarray) -> np.ndarray:
+    """Return the medians over seeds [..., scenes], NaN for a scene without a value."""
+    there = np.isfinite(values)
+    counts = there.sum(axis=-1, keepdims=True)
+    ordered = np.sort(np.where(there, values, np.inf), axis=-1)
+    low, high = (np.take_along_axis(ordered, place, axis=-1) for place in (np.maximum(counts - 1, 0) // 2, counts // 2))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(counts > 0, (low + high) / 2, np.nan)[..., 0])
+
+
+def _estimated(*parts: object) -> Estimated:
+    """Return arrays, since sums over all axes are scalars."""
+    return Estimated(*(np.asarray(part) for part in parts))
+
+
+def _by_scene(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return means (NaN of none), variances (0 of a single value) and counts [..., scenes]."""
+    there = np.isfinite(values)
+    counts = there.sum(axis=-1).astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        means = np.where(there, values, 0.0).sum(axis=-1) / counts
+        squares = np.where(there, values - means[..., None], 0.0) ** 2
+        variances = np.where(counts > 1, squares.sum(axis=-1) / (counts - 1.0), 0.0)
+    return means, variances, counts

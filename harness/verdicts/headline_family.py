@@ -1,0 +1,62 @@
+"""The declared family of a run's headline: PSNR over all scenes, every pair at equal steps and at equal core seconds.
+
+It is judged by Holm's step-down procedure: in at most 5 % of runs any of its signs is wrong. Its printed intervals are
+Bonferroni's for the size of the family: in at most 5 % of runs any of them misses the truth. Where Holm decides a sign
+that Bonferroni's interval leaves open, the interval ends at 0: the sign is known, and by how much is not. Sign and
+interval thus never contradict each other. Each sense, on these scenes and on scenes like these, is a family.
+"""
+
+from collections.abc import Sequence
+from typing import Literal, cast
+
+from msgspec.structs import replace
+
+from harness.records.cells import Budget, Comparison, Estimate
+from harness.records.metric_table import METRICS, PRIMARY
+from harness.records.verdict import Sign, Verdict, verdict_of
+from harness.verdicts.estimates.multiplicity import holm
+
+LEVEL = 0.05
+SENSES: tuple[Literal["on_these_scenes", "scenes_like_these"], ...] = ("on_these_scenes", "scenes_like_these")
+
+
+def headline_budgets(along: Sequence[Budget]) -> tuple[Budget, ...]:
+    """Return the budgets of the headline out of all: steps, and core seconds, else seconds where none were counted."""
+    return ("steps", "core_seconds" if "core_seconds" in along else "seconds")
+
+
+def is_headline(scene: str, metric: str, budget: Budget, along: Sequence[Budget]) -> bool:
+    return (scene, metric) == ("all", PRIMARY) and budget in headline_budgets(along)
+
+
+def by_holm(rows: list[Comparison], along: Sequence[Budget]) -> list[Comparison]:
+    """Return all rows of a run, the signs of the headline's ones decided by Holm's procedure in each sense."""
+    places = [place for place, row in enumerate(rows) if is_headline(row.scene, row.metric, row.budget, along)]
+    rows = list(rows)
+    for sense in SENSES:
+        known = [cast("Estimate | None", getattr(rows[place], sense)) for place in places]
+        adjusted = holm([each.p if each else None for each in known], len(places))
+        for place, each, p in zip(places, known, adjusted, strict=True):
+            if each is not None and p is not None:
+                rows[place] = _with(rows[place], sense, _decided(each, p, rows[place].difference or 0.0))
+    return rows
+
+
+def _decided(known: Estimate, adjusted: float, difference: float) -> Estimate:
+    interval = known.simultaneous
+    if interval is None:
+        return known
+    sign: Sign = "open"
+    if adjusted <= LEVEL and difference:
+        sign = "above 0" if difference > 0 else "below 0"
+        interval = (max(interval[0], 0.0), interval[1]) if difference > 0 else (interval[0], min(interval[1], 0.0))
+    size = verdict_of(interval, METRICS[PRIMARY].smallest_of_interest).size
+    return replace(known, p_adjusted=adjusted, simultaneous=interval, verdict=Verdict(sign, size))
+
+
+def _with(row: Comparison, sense: str, known: Estimate) -> Comparison:
+    """Return the row with an estimate, and with what it repeats of that which speaks for it."""
+    changes: dict[str, object] = {sense: known}
+    if sense == "scenes_like_these" or row.scenes_like_these is None:
+        changes |= {"simultaneous": known.simultaneous, "verdict": known.verdict}
+    return replace(row, **changes)

@@ -1,0 +1,44 @@
+"""A published summary is judged by the functions that judge a run, from its own cells."""
+
+import json
+from typing import Any
+
+import pytest
+
+from harness.records.former.four_words import in_two_words
+from harness.verdicts.changes import change
+from reports.run.saving.published_cells import cells_of, judged_again, situation
+from tests.harness.shell import ROOT
+
+METHODS = ["nerf", "nerf_matched", "qnerf"]
+
+
+def published(name: str) -> dict[str, Any]:
+    return in_two_words(json.loads((ROOT / "docs" / name / "summary.json").read_text(encoding="utf-8")))
+
+
+def test_differences_are_those_that_were_published_and_verdicts_those_of_today() -> None:
+    run = published("reduced")
+    again = judged_again(run)
+    names = ("scene", "method", "against", "metric", "budget")
+    before = {tuple(row[name] for name in names): row for row in run["comparisons"]}
+    after = {tuple(row[name] for name in names): row for row in again["comparisons"]}
+    assert before.keys() == after.keys()
+    for key, row in before.items():
+        assert after[key]["difference"] == pytest.approx(row["difference"], abs=1e-9)
+        assert after[key]["interval"] is None or key[0] != "all" or after[key]["pairs"] == row["pairs"]
+    main = after["all", "qnerf", "nerf", "psnr", "steps"]
+    assert main["family"] == 6
+    assert main["scenes_like_these"]["interval"] == pytest.approx(
+        before["all", "qnerf", "nerf", "psnr", "steps"]["interval"]
+    )
+    assert judged_again(again) is again, "a summary of this version stays as it is"
+
+
+def test_early_and_late_are_compared_by_their_change() -> None:
+    early, late = (situation(published(name), METHODS) for name in ("reduced", "converged"))
+    found = change("qnerf", "nerf", early, late)
+    assert found is not None
+    assert found.seeds_paired
+    assert found.judgement.pairs == len(cells_of(published("reduced"), ["qnerf"]))
+    assert found.judgement.difference == pytest.approx(found.after - found.before)
