@@ -90,7 +90,7 @@ def change_of(
     else:
         judgement = _of_other_seeds(first, second, moved, metric, family)
     by_scene = dict(zip(shared, map(float, moved), strict=True))
-    return Change(method, against, *(float(side.mean()) for side in means), judgement, by_scene, paired)
+    return Change(method, against, float(means[0].mean()), float(means[1].mean()), judgement, by_scene, paired)
 
 
 def _of_other_seeds(before: np.ndarray, after: np.ndarray, moved: np.ndarray, metric: str, family: int) -> Judgement:

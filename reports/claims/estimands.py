@@ -65,7 +65,7 @@ def senses_grid(records: Records) -> Grid:
 
 
 def _estimate(about: Estimate | None) -> Entry:
-    pair = about and (about.simultaneous or about.interval)
+    pair = (about.simultaneous or about.interval) if about else None
     if about is None or pair is None:
         return EMPTY
     effect = f"d = {signed(about.effect, 1)}" if about.effect is not None else ""

@@ -3,7 +3,7 @@
 from collections import Counter
 from statistics import fmean
 
-from harness.records.cells import CellRecord, Comparison
+from harness.records.cells import Budget, CellRecord, Comparison
 from harness.records.metric_table import metric_of
 from harness.records.verdict import phrase_with
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
@@ -150,7 +150,7 @@ def differences_grids(records: Records) -> list[Grid]:
     return grids
 
 
-def _differences(records: Records, method: str, pairs: list[tuple[str, str, str]], control: str | None) -> Grid:
+def _differences(records: Records, method: str, pairs: list[tuple[str, Budget, str]], control: str | None) -> Grid:
     printed = _printed(records) if method == "qnerf" else {}
     gains = [values[1] - values[0] if (values := printed.get(scene.lower())) else None for scene in records.scenes]
     columns = [Column("scene", numeric=False)]

@@ -89,9 +89,9 @@ def published_scatter(file: Path = PUBLISHED) -> Scatter:
     run = json.loads(file.read_text(encoding="utf-8"))
     psnr = {(cell["scene"], cell["method"], cell["seed"]): cell[PRIMARY] for cell in run["cells"]}
     names, seeds = [scene["scene"] for scene in run["scenes"]], run["seeds"]
-    pairs = [[(psnr.get((name, METHOD, seed)), psnr.get((name, AGAINST, seed))) for seed in seeds] for name in names]
-    rows = [[ours - theirs for ours, theirs in row if None not in (ours, theirs)] for row in pairs]
-    known = [np.array(row) for row in rows if len(row) > 1]
+    pairs = [[[psnr.get((name, one, seed)) for one in (METHOD, AGAINST)] for seed in seeds] for name in names]
+    rows = [-np.diff(np.array(row, dtype=np.float64), axis=1)[:, 0] for row in pairs]  # NaN for a missing score
+    known = [row[np.isfinite(row)] for row in rows if np.isfinite(row).sum() > 1]
     if len(known) < 2:
         return ASSUMED
     variances = np.array([row.var(ddof=1) for row in known])
@@ -318,10 +318,10 @@ def _sentences(
     )
     claims = "; ".join(f"{name} {100 * share:.1f} %" for name, share in wrong.items())
     yield f"Families without an effect that claim a sign somewhere: {claims}."
-    asked = [point.coverage[ASKED_WRONGLY] for point in judged if point.scene_sd == LARGE_SD]
+    wrongly = [point.coverage[ASKED_WRONGLY] for point in judged if point.scene_sd == LARGE_SD]
     yield (
-        f"The interval on these scenes answers no other question: where effects differ by {LARGE_SD:g} dB from "
-        f"scene to scene, it holds the mean of all such scenes in {100 * min(asked):.0f} to {100 * max(asked):.0f} %."
+        f"The interval on these scenes answers no other question: where effects differ by {LARGE_SD:g} dB from scene "
+        f"to scene, it holds the mean of all such scenes in {100 * min(wrongly):.0f} to {100 * max(wrongly):.0f} %."
     )
 
 

@@ -178,7 +178,6 @@ def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
 
 def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[Moved]:
     """Return the changes between methods that were trained on every scene, at each budget that both have counted."""
-    sides = (first, second)
     budgets = [budget for budget in budgets_of(first) if budget in budgets_of(second)]
     return [
         Moved(
@@ -190,7 +189,7 @@ def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]
             found.judgement.scenes_like_these,
         )
         for budget in budgets
-        for found in changes(methods, *(Situation(side, budget) for side in sides))
+        for found in changes(methods, Situation(first, budget), Situation(second, budget))
     ]
 
 

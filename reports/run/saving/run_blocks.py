@@ -157,7 +157,8 @@ def beside(run: Run, other: Run, replicates: Run) -> str:
     words = "on scenes like these" if whole else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
     methods = main_methods(run)
-    change = changed(run, *(situation(each, methods) for each in runs), "from the first column to the second")
+    first, second = (situation(each, methods) for each in runs)
+    change = changed(run, first, second, "from the first column to the second")
     return "\n\n".join(filter(None, [table(head, rows), change, scale(other)]))
 
 
