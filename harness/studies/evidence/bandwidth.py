@@ -126,7 +126,7 @@ def answer(effects_of_factors: list[Effect]) -> str:
             "as much as matters"
         )
     elif changes[REACH] and changes[BASE]:
-        verdict = f"Both: a shorter reach {changes[REACH]}, and φ for 2 at the same reach {changes[BASE]}"
+        verdict = f"A shorter reach {changes[REACH]}; φ for 2 at the same reach {changes[BASE]}"
     elif changes[REACH]:
         verdict = (
             f"Bandwidth, as far as these runs can say: a shorter reach {changes[REACH]}; at the same reach no "

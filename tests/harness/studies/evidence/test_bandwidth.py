@@ -123,7 +123,7 @@ def test_resolutions_and_scenes_of_a_factor_are_one_family(found: list[Found]) -
     ("truth", "noise", "start"),
     [
         ({(REACH,): 0.9}, 0.005, "It is bandwidth: "),
-        ({(REACH,): 0.9, (BASE,): 0.5}, 0.005, "Both: "),
+        ({(REACH,): 0.9, (BASE,): 0.5}, 0.005, "A shorter reach raises PSNR in "),
         ({(BASE,): 0.5}, 0.005, "The base: "),
         ({(REACH,): 3.0, (BASE,): 0.15}, 0.1, "Bandwidth, as far as these runs can say: "),
         ({(REACH,): 0.05, (BASE,): 0.05}, 0.005, "Neither: "),
