@@ -2,8 +2,8 @@
 
 import pytest
 
-from reports.claims.ceiling import ceilings
 from reports.data.load import Records
+from reports.run.ceiling import ceilings
 from reports.run.run_page import page
 from tests.replacing import replace
 
@@ -34,8 +34,8 @@ def test_a_constant_that_limits_a_method_is_named(whole: Records) -> None:
     cells = sum(cell.method == "qnerf" for cell in whole.cells)
     assert line == (
         "qnerf: at its largest density, 25 per half box, geometry one pixel thick has an opacity of 0.38; "
-        f"25.0\u202f% of the weight of its pictures is at this ceiling ({cells} cells). The constant, a unit of density "
-        "of 25 per half box, limits qnerf at this resolution."
+        f"25.0\u202f% of the weight of its pictures is at this ceiling ({cells} cells). "
+        "The constant, a unit of density of 25 per half box, limits qnerf at this resolution."
     )
 
 
