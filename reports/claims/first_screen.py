@@ -8,7 +8,6 @@ from statistics import fmean
 from typing import Any
 
 from harness.records.study import Studies
-from reports.claims.ceiling import ceilings
 from reports.claims.estimands import SENSES, between, difference_in_words
 from reports.claims.headline import roles
 from reports.claims.ledger import Claim, by_cause
@@ -66,7 +65,6 @@ def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[
         "lines": lines,
         "sure": how_sure(records, beside.evidence),
         "guests": guests(records),
-        "ceilings": ceilings(records),
         "untested": [sentence for sentence, _ in by_cause(list(shown.values()))],
         "tally": in_a_sentence(claims),
     }

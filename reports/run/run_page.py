@@ -25,6 +25,7 @@ from reports.drawing.palette import colours_of
 from reports.page import shell
 from reports.page.shell import Layout, Section, flat, section
 from reports.run import metrics_table, pictures
+from reports.run.ceiling import ceilings
 from reports.run.curves import Diagram, chooser_rules, diagrams
 from reports.run.density import amplified_methods, further_grid, printed_form, separation_grid
 from reports.run.figures import FIGURES
@@ -110,6 +111,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         scale=in_a_line(records),
         at_paper_scale=is_paper_scale(records),
         as_printed=printed_form(records),
+        ceilings=ceilings(records),
         expected=len(run.scenes) * len(run.methods) * len(run.seeds),
         not_tested=missing,
         not_tested_in_short=in_short(missing),

@@ -2,8 +2,8 @@
 
 import pytest
 
-from reports.claims.ceiling import ceilings
 from reports.data.load import Records
+from reports.run.ceiling import ceilings
 from reports.run.run_page import page
 from tests.replacing import replace
 
