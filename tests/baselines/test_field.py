@@ -26,7 +26,9 @@ from tests.baselines.small_fields import (
 
 def plain_field(field: NetworkField, parts: Parts, x: Tensor, d: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
     """Listing 3 and the heads with every concatenation built, reading the parameters of `field`."""
-    position = encode(field.box.normalised(x), field.base, field.position_bands)
+    released = parts.coordinates == "scene"
+    per_pi = math.pi if released else 1.0
+    position = encode((x if released else field.box.normalised(x)) / per_pi, field.base, field.position_bands)
     h = position
     for index, layer in enumerate(field.density_net):
         h = torch.relu(layer(h))
@@ -34,7 +36,7 @@ def plain_field(field: NetworkField, parts: Parts, x: Tensor, d: Tensor, ray: Te
             h = torch.cat([h, position], dim=-1)
     sigma = field.density_unit * field.amplifier.rendered(field.density_head(h).squeeze(-1))
     if field.view_dependent:
-        h = torch.cat([h, encode(d, field.base, field.direction_bands)[ray]], dim=-1)
+        h = torch.cat([h, encode(d / per_pi, field.base, field.direction_bands)[ray]], dim=-1)
     for layer in list(field.colour_net)[:-1]:
         h = torch.relu(layer(h))
     return sigma, torch.sigmoid(field.colour_net[-1](h))

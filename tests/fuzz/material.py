@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
-from harness.studies.choices.repair_search import PUBLISHED
 from PIL import Image
 
 from harness.plan.group_task import GroupTask
@@ -151,8 +150,6 @@ def started(folder: Path) -> None:
     """A run, a film and a search of which nothing is done yet."""
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=False)
     claimed_film(folder)
-
-    (folder / "search.json").write_bytes(PUBLISHED.read_bytes())
 
 
 def claimed_film(folder: Path) -> None:

@@ -8,8 +8,6 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from harness.studies.choices.repair_search import read_search
-
 from baselines.numerics.attention.priorities import BadAttention
 from harness.plan.profiles import Machine, planned
 from harness.records.json_record import DamagedRecord
@@ -117,7 +115,6 @@ TARGETS: dict[str, Target] = {
                    seal=seals.record_sealed),
     "film": Target(material.started, "film/film.json", material.claimed_film, "film",
                    seal=seals.record_sealed, renewed=True),
-    "repair_search": Target(material.started, "search.json", lambda folder: read_search(folder / "search.json")),
     "finished_run": Target(material.trained, "run/records/run.json", readers.finished, "run", seal=seals.record_sealed),
     "finished_cell": Target(material.trained, "run/records/cells/ball.nerf.0.json", readers.finished, "ball.nerf.0",
                             seal=seals.record_sealed),

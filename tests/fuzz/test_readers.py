@@ -17,7 +17,7 @@ from tests.fuzz.watch import Guard, Outcome, bad_refusal
 CORPUS = Path(__file__).parent / "corpus"
 SLOW = {
     "harness_options", "reports_options", "scenes_options", "finished_run", "finished_cell", "checkpoint",
-    "stability", "plan", "film", "repair_search", "evidence", "targets", "records_folder", "own_folder",
+    "stability", "plan", "film", "evidence", "targets", "records_folder", "own_folder",
     "own_view_set", "own_exr", "run", "comparisons", "speed", "cell_in_training",
 }  # fmt: skip
 """Which start so much that they are tried with the slow tests."""

@@ -141,7 +141,7 @@ def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, shelf, content
         ("evidence", "studies.0.findings.-1.rows", [["a"]], "has 3 columns but a row of 1"),
         ("evidence", "settings.smallest_of_interest", {"psnr": None}, "smallest_of_interest: Expected `float`"),
         ("evidence", "studies.0.findings.3.value", "high", "at `$.studies[0].findings[3].value`"),
-        ("evidence", "studies.1.findings.1.verdict", "great", "'great' - at `$.studies[1].findings[1].verdict`"),
+        ("evidence", "studies.1.findings.1.verdict", "great", "`str` - at `$.studies[1].findings[1].verdict`"),
         ("stability", "studies.8.findings.5.value", "high", "at `$.studies[8].findings[5].value`"),
         ("stability", "studies.8.findings.5.status", "lost", "Invalid enum value 'lost'"),
         ("speed", "studies.0.findings.1.value", "fast", "Expected `float | null`, got `str`"),

@@ -9,7 +9,7 @@ from harness.plan.profiles import PROFILES, Plan, planned
 def test_the_control_is_named_only_where_it_takes_part() -> None:
     plan = PROFILES["reduced"]
     with_it = replace(plan, methods=("nerf", "nerf_matched", "qnerf"))
-    assert any("nerf_matched stands beside" in one for one in not_tested(with_it))
+    assert any("nerf_matched is shown for comparison" in one for one in not_tested(with_it))
     without = not_tested(replace(plan, methods=("nerf", "qnerf")))
     assert any("reward low bandwidth." in one for one in without)
     assert not any("nerf_matched" in one for one in without)

@@ -156,7 +156,7 @@ def test_a_run_where_everything_failed_is_still_a_page(tmp_path):
 
     out = write_fake_run(tmp_path / "run", pictures=False, change_cell=failed)
     text = page(read_records(out))
-    assert "qnerf did not finish a single cell" in text
+    assert "qnerf did not finish a single run" in text
     assert "3 of 3 failed" in text
     assert "and 12 more" in text
 
@@ -164,7 +164,7 @@ def test_a_run_where_everything_failed_is_still_a_page(tmp_path):
 def test_an_unfinished_run_says_so(tmp_path):
     out = write_fake_run(tmp_path / "run", pictures=False, change=lambda run: replace(run, finished=False))
     (out / "records" / "cells" / "drums.nerf.2.json").unlink()
-    assert "It holds 17 of 18 cells" in page(read_records(out))
+    assert "17 of 18 runs had finished" in page(read_records(out))
 
 
 def test_one_scene_one_seed_is_a_page_too(tmp_path):

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from reports.studies.constants import choice, drawings, main, means, surface
+from reports.run.saving.constants import choice, drawings, main, means, surface
 from tests.harness.shell import ROOT
 
 PAIRS = [(1.0, None), (25.0, None), (25.0, 0.3)]

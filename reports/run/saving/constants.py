@@ -1,6 +1,6 @@
 """The search for the constants that the paper leaves open: its surface as a picture, its choice as a table.
 
-python -m reports.studies.constants RECORD.json PICTURE.png
+python -m reports.run.saving.constants RECORD.json PICTURE.png
 """
 
 import json
