@@ -12,7 +12,7 @@ from harness.studies.evidence.contrasts import (
     Design,
     along_training,
     amount,
-    by_scene,
+    chosen,
     common_steps,
     contrast_effects,
     contrast_tables,
@@ -28,7 +28,6 @@ from harness.studies.evidence.contrasts import (
 from harness.studies.evidence.evidence_context import LADDERS, EvidenceContext
 from harness.studies.framework import Found
 from harness.studies.trained_context import StudyRun
-from harness.verdicts.comparisons import keyed
 
 TRAININGS = ("bandwidth_100", "bandwidth_200", "bandwidth_300")
 REACH, BASE = FACTORS = ("shorter reach", "φ as base")
@@ -50,7 +49,9 @@ OTHERS = tuple(method for method in LADDERS if method != "nerf")
 
 
 def bandwidth(context: EvidenceContext) -> Iterator[Found]:
-    """Yield reach and base as two factors, at each resolution and along training, beside the decisive pairs."""
+    """Yield reach and base as two factors, at each resolution and along training, and the decisive pairs; all of them
+    are judged over scenes.
+    """
     runs = [context.trained(name) for name in TRAININGS]
     trained = {run.scenes[0].width: run for run in runs}
     cells = {px: run.cells for px, run in trained.items()}
@@ -68,14 +69,14 @@ def bandwidth(context: EvidenceContext) -> Iterator[Found]:
     changes = list(_changes(cells))
     yield answer(parts)
     for px in cells:
-        reach, base = (_on_scenes(parts, f"{factor} at {px} px") for factor in FACTORS)
+        reach, base = (_over_scenes(parts, f"{factor} at {px} px") for factor in FACTORS)
         yield f"At {px} px a shorter reach changes PSNR by {reach}; φ for 2 at the same reach by {base}."
         others = [
-            f"against {against} {_on_scenes(duels, f'{method} at {px} px', against)}" for method, against in DECISIVE
+            f"against {against} {_over_scenes(duels, f'{method} at {px} px', against)}" for method, against in DECISIVE
         ]
         yield f"φ with ten bands at {px} px, {listed(others)}."
     for name in dict.fromkeys(effect.name for effect in changes):
-        yield f"{name}: the effect moves by {_on_scenes(changes, name)}."
+        yield f"{name}: the effect moves by {_over_scenes(changes, name)}."
     shares = []
     for px, run in trained.items():
         rays = max(cell.steps for cell in run.cells) * run.plan.train.rays
@@ -90,8 +91,8 @@ def bandwidth(context: EvidenceContext) -> Iterator[Found]:
 
 
 def _changes(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
-    """Yield how the effects of reach and base on PSNR change, paired by seed: from the lowest resolution to the
-    highest, then at each from the checkpoint before the last to the end.
+    """Yield how the effects of reach and base on PSNR change, paired by scene and seed: from the lowest resolution to
+    the highest, then at each from the checkpoint before the last to the end.
     """
 
     low, high = min(cells), max(cells)
@@ -109,11 +110,12 @@ def _changes(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
 
 
 def answer(effects_of_factors: list[Effect]) -> str:
-    """Return which of the two it is, and which way, from the verdicts on PSNR at equal steps, scene by scene.
+    """Return which of the two it is, and which way, from the verdicts on PSNR at equal steps over all scenes, at
+    each resolution.
 
     One verdict is enough to say that there is an effect: all those of a factor must be one family.
     """
-    here = by_scene(effects_of_factors)
+    here = chosen(effects_of_factors, scene="all", note="")
     cases = {factor: [effect for effect in here if effect.name.startswith(f"{factor} at")] for factor in FACTORS}
     changes = {factor: _direction(some) for factor, some in cases.items()}
     small = "smaller than matters"
@@ -130,14 +132,17 @@ def answer(effects_of_factors: list[Effect]) -> str:
     elif changes[REACH]:
         verdict = (
             f"Bandwidth, as far as these runs can say: a shorter reach {changes[REACH]}; at the same reach no "
-            "difference between φ and 2 is distinguished from 0, nor is it everywhere smaller than matters"
+            "difference between φ and 2 is distinguished from 0, nor is it smaller than matters at every resolution"
         )
     elif changes[BASE]:
         verdict = f"The base: φ for 2 at the same reach {changes[BASE]}; the sign of what the reach changes is open"
     else:
-        verdict = "Open: neither reach nor base has an effect distinguished from 0 on any scene at any resolution"
-    family = max(effect.family for effect in here)
-    return f"{verdict}. A case is a scene at a resolution; the {family} cases of a factor are looked at together."
+        verdict = "Open: neither reach nor base has an effect distinguished from 0 at any resolution"
+    scenes = len({effect.scene for effect in effects_of_factors} - {"all"})
+    return (
+        f"{verdict}. A case is a resolution, judged over {scenes} scenes; the {here[0].family} cases of a factor are "
+        "looked at together."
+    )
 
 
 def _direction(cases: list[Effect]) -> str:
@@ -151,9 +156,10 @@ def _direction(cases: list[Effect]) -> str:
     return " and ".join(ways)
 
 
-def _on_scenes(some: list[Effect], name: str, against: str = "") -> str:
-    """Return the effects of that name on PSNR at equal steps, scene by scene."""
-    return listed(f"{in_words(effect)} on {effect.scene}" for effect in by_scene(some, name=name, against=against))
+def _over_scenes(some: list[Effect], name: str, against: str = "") -> str:
+    """Return the effect of that name on PSNR at equal steps, over all scenes."""
+    (effect,) = chosen(some, scene="all", name=name, against=against)
+    return in_words(effect)
 
 
 def _table(run: StudyRun, px: int) -> Table:
@@ -166,23 +172,18 @@ def _table(run: StudyRun, px: int) -> Table:
         base = BASES[parts.encoding].base
         bands = encoding_bands(parts.encoding, run.plan.train.network.position_bands)
         rows.append([method, f"{base:.4g}", str(bands), f"{base ** (bands - 1):.4g}", *scores[method]])
-    title = f"Frequency ladders at {px} px, equal steps: mean ± sd over seeds"
+    title = f"Frequency ladders at {px} px, equal steps: scores by scene"
     return Table(f"ladders_{px}", 0, title, ["method", "base", "bands", "highest", *columns], rows)
 
 
 def _lines(cells: dict[int, list[CellRecord]]) -> Iterator[Series]:
-    """Yield differences from NeRF, and reach and base, over resolution and over training steps; one panel per scene.
-
-    With two scenes, an interval over both tells the eye nothing; it is listed among the effects.
-    """
+    """Yield differences from NeRF, and reach and base, over resolution and over training steps, over all scenes."""
     ladders = {method: (duel(method, "nerf"), (method,)) for method in OTHERS}
     factors = {factor: (LADDER_DESIGN, (factor,)) for factor in FACTORS}
     for what, lines in (("Difference from NeRF", ladders), ("Reach and base", factors)):
-        for scene in keyed(cells[min(cells)])[1]:
-            here = {px: [cell for cell in some if cell.scene == scene] for px, some in cells.items()}
+        for name, (design, term) in lines.items():
+            tables = {float(px): contrast_tables(design, term, some, "psnr", "steps") for px, some in cells.items()}
+            yield line(tables, f"{what} over resolution", name, "pixels along a side")
+        for px, some in cells.items():
             for name, (design, term) in lines.items():
-                tables = {float(px): contrast_tables(design, term, some, "psnr", "steps") for px, some in here.items()}
-                yield line(tables, f"{what} over resolution, {scene}", name, "pixels along a side")
-            for px, some in here.items():
-                for name, (design, term) in lines.items():
-                    yield along_training(design, term, some, f"{what} along training, {scene} at {px} px", name)
+                yield along_training(design, term, some, f"{what} along training, at {px} px", name)

@@ -33,8 +33,9 @@ STUDIES: dict[str, Study] = catalogue(
     _study("bandwidth", "The golden ratio, or bandwidth?",
            "Is what the φ encoding changes owed to φ, or to how far its frequencies reach?",
            "φ with NeRF's reach, another base with φ's reach, and 2^k with φ's reach, beside both, at three "
-           "resolutions and along training.",
-           "bandwidth:bandwidth", 1100, "bandwidth_100", "bandwidth_200", "bandwidth_300"),
+           "resolutions and along training, on all eight scenes with one seed, as intervals over scenes need no "
+           "repeats.",
+           "bandwidth:bandwidth", 2000, "bandwidth_100", "bandwidth_200", "bandwidth_300"),
     _study("repaired", "Can the paper's idea be repaired?",
            "Does the best reading that keeps the idea and can be opaque beat NeRF?",
            "Candidates were compared on validation views with a seed that no verdict uses, each with its best unit of "
