@@ -14,7 +14,7 @@ from harness.verdicts.comparisons import baseline_of
 from harness.verdicts.headline_family import headline_budgets
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
-from reports.data.outcome import Outcome, change_in_words, clause, doubts, size_words
+from reports.data.outcome import Outcome, change_in_words, clause, doubts, on_few_scenes, size_words
 from reports.data.table import average_of, cells_frame, shared_scenes
 from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
 
@@ -98,7 +98,7 @@ def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: s
     told = clause(vs_baseline)
     if control == vs_baseline.method and vs_baseline.verdict.sign == "above 0":
         return f"{told}: bandwidth alone makes this difference"
-    if vs_control is None:
+    if vs_control is None or (vs_baseline.verdict.sign == "open" and on_few_scenes(vs_baseline)):
         return told
     same = f"{vs_control.against}, which has the same bandwidth,"
     if vs_control.verdict.sign == "open":

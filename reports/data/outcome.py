@@ -54,7 +54,7 @@ def shared(differences: Sequence[float], verdicts: Sequence[Verdict]) -> str:
 def clause(found: Outcome) -> str:
     """Return `qnerf gains 0.14 dB over nerf, less than the 0.2 dB that matter`."""
     if found.verdict.sign == "open":
-        return _few(found) or _open(found)
+        return on_few_scenes(found) or _open(found)
     verb = "gains {} over" if found.verdict.sign == "above 0" else "loses {} to"
     return f"{found.method} {verb.format(found.size)} {found.against}{size_words(found.verdict)}"
 
@@ -76,7 +76,7 @@ def _open(found: Outcome) -> str:
     return f"{start}, and so is whether it reaches the {MARGIN} that matter"
 
 
-def _few(found: Outcome) -> str:
+def on_few_scenes(found: Outcome) -> str:
     """State what was measured on scenes that are too few for a sign; empty if they are not few."""
     many = len(found.by_scene)
     if not 1 < many <= FEW_SCENES or len(found.differences) > 1:
@@ -88,7 +88,7 @@ def _few(found: Outcome) -> str:
         measured = f"{found.method} is {number(abs(difference))} dB {way} {found.against} on {where}"
     else:
         each = listed([signed(value) for value in found.by_scene])
-        measured = f"{found.method} − {found.against} is {each} dB on {where}"
+        measured = f"{found.method} − {found.against} is {each} dB on the {NUMBERS[many]} scenes"
     return f"{measured}; {NUMBERS[many]} scenes are too few to predict others"
 
 

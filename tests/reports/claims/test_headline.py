@@ -52,7 +52,7 @@ def outcome(verdict: Verdict, *differences: float, against: str = "nerf", by_sce
         ),
         (
             outcome(OPEN, 0.1, by_scene=(1.0, -1.0, 0.3)),
-            "qnerf − nerf is +1.00, −1.00 and +0.30 dB on all three scenes; three scenes are too few to predict others",
+            "qnerf − nerf is +1.00, −1.00 and +0.30 dB on the three scenes; three scenes are too few to predict others",
         ),
     ],
 )
