@@ -34,7 +34,7 @@ def scored(cell):
     scores = cell.scores if cell.status != "done" else {**cell.scores, "mae": 0.125}
     return replace(cell, scores=scores, curve=[replace(point, mae=0.125) for point in cell.curve])
 
-out = write_fake_run(Path(sys.argv[1]), ("chair",), pictures=False, with_diverged=False, change_cell=scored)
+out = write_fake_run(Path(sys.argv[1]), ("chair",), seeds=5, pictures=False, with_diverged=False, change_cell=scored)
 records = read_records(out)
 rows = [row for row in compare(records.cells, records.methods) if row.metric == "mae"]
 assert {row.budget for row in rows} == {"steps", "seconds", "core_seconds"}

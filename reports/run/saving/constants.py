@@ -5,6 +5,7 @@ python -m reports.run.saving.constants RECORD.json PICTURE.png
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import fmean
@@ -58,7 +59,8 @@ def surface(search: Search) -> list[Panel]:
     limits = (min(every) - 0.5, max(every) + 0.5)
     panels = []
     for method in methods(search):
-        traces = (*_traces(search, method, brief, "line"), *_traces(search, method, full, "mark"))
+        finals = _traces(search, method, full, "mark") if full > brief else ()
+        traces = (*_traces(search, method, brief, "line"), *finals)
         alt = f"{method}: validation PSNR against the unit of density, a line for each start."
         x_label, y_label = "unit of density, per half of the box", "validation PSNR, dB"
         panels.append(Panel(method, x_label, y_label, traces, alt, "log", "linear", y_limits=limits, size=(3.2, 2.7)))
@@ -84,33 +86,48 @@ def drawings(search: Search) -> list[Drawing]:
 
 
 def choice(search: Search) -> str:
-    """Tabulate what was chosen for each method, with its score and the range of all pairs; empty for a search that was
-    stopped.
+    """Tabulate what was chosen for each method, with its score and the range of all pairs. A search that was stopped
+    has chosen nothing: the best pairs so far, on the scenes where all were trained.
     """
     brief, full = budgets(search)
+    found = search["chosen"] or {method: best(search, method, brief) for method in methods(search)}
+    steps = full if search["chosen"] else brief
     rows = []
-    if not search["chosen"]:
-        return ""
-    for method, pair in search["chosen"].items():
-        finals, all_pairs = means(search, method, full), means(search, method, brief)
-        best = finals[pair["unit"], pair["start"]]
-        rows.append(
-            (
-                f"`{method}`",
-                f"{pair['unit']:g}",
-                start_in_words(pair["start"]),
-                number(best),
-                f"{number(min(all_pairs.values()))} to {number(max(all_pairs.values()))}",
-            )
-        )
+    for method, pair in found.items():
+        every = means(search, method, brief).values()
+        score = means(search, method, steps)[pair["unit"], pair["start"]]
+        shown = (f"{pair['unit']:g}", start_in_words(pair["start"]), number(score))
+        rows.append((f"`{method}`", *shown, f"{number(min(every))} to {number(max(every))}"))
     scenes = list(dict.fromkeys(row["scene"] for row in search["rows"]))
-    columns = ("method", "unit", "start", f"validation PSNR, dB, {full} steps", f"all pairs, {brief} steps")
-    return f"{table(columns, rows)}\n\nMeans over {listed(scenes)}; seed {search['seed']}. {search['rule']}"
+    columns = ("method", "unit", "start", f"validation PSNR, dB, {steps} steps", f"all pairs, {brief} steps")
+    state = (
+        ""
+        if search["chosen"]
+        else "**Not finished**: these are the best pairs so far, and no method is made with them. "
+    )
+    return (
+        f"{table(columns, rows)}\n\n{state}Means over {listed(scenes)}; seed {search['seed']}, "
+        f"commit {search['provenance']['commit']}. {search['rule']}"
+    )
+
+
+def best(search: Search, method: str, steps: int) -> dict[str, float | None]:
+    """Return the pair with the best mean after `steps`."""
+    scores = means(search, method, steps)
+    unit, start = max(scores, key=lambda pair: scores[pair])
+    return {"unit": unit, "start": start}
+
+
+def on_complete_scenes(search: Search) -> Search:
+    """Return the search without scenes on which some pair is still to be trained."""
+    counts = Counter(row["scene"] for row in search["rows"])
+    most = max(counts.values())
+    return {**search, "rows": [row for row in search["rows"] if counts[row["scene"]] == most]}
 
 
 def main(record: str, picture: str) -> int:
     """Draw the surface; returns 0."""
-    search = json.loads(Path(record).read_text(encoding="utf-8"))
+    search = on_complete_scenes(json.loads(Path(record).read_text(encoding="utf-8")))
     save_sheet(Path(picture), drawings(search), 4)
     return 0
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from reports.run.saving.constants import choice, drawings, main, means, surface
+from reports.run.saving.constants import choice, drawings, main, means, on_complete_scenes, surface
 from tests.harness.shell import ROOT
 
 PAIRS = [(1.0, None), (25.0, None), (25.0, 0.3)]
@@ -23,7 +23,14 @@ def search(**changes: Any) -> dict[str, Any]:
     rows += [row(PAIRS[1], "a", 40, 30.0), row(PAIRS[1], "b", 40, 34.0)]
     rows += [row((100.0, None), "a", 10, 99.0), row((100.0, None), "b", 10, None)]
     chosen = {"nerf": {"unit": 25.0, "start": None}}
-    return {"rows": rows, "chosen": chosen, "seed": 1000, "rule": "The best is chosen.", **changes}
+    return {
+        "rows": rows,
+        "chosen": chosen,
+        "seed": 1000,
+        "provenance": {"commit": "abc"},
+        "rule": "The best is chosen.",
+        **changes,
+    }
 
 
 def test_means_leave_out_what_diverged_on_a_scene() -> None:
@@ -43,8 +50,17 @@ def test_a_line_for_each_start_and_marks_for_the_finalists() -> None:
 
 def test_the_table_has_the_choice_its_score_and_the_range_of_all_pairs() -> None:
     assert "| `nerf` | 25 | as printed | 32.00 | 21.00 to 23.00 |" in choice(search())
-    assert choice(search()).endswith("Means over a and b; seed 1000. The best is chosen.")
-    assert choice(search(chosen={})) == ""
+    assert choice(search()).endswith("Means over a and b; seed 1000, commit abc. The best is chosen.")
+
+
+def test_a_search_that_was_stopped_shows_the_best_so_far_on_complete_scenes() -> None:
+    part = search(chosen={})
+    part["rows"] = [line for line in part["rows"] if line["steps"] == 10 and line["constants"]["unit"] < 100]
+    part["rows"].remove(next(line for line in part["rows"] if line["scene"] == "b"))
+    told = choice(on_complete_scenes(part))
+    assert "| `nerf` | 25 | 0.3 | 22.00 | 20.00 to 22.00 |" in told
+    assert "**Not finished**" in told
+    assert "Means over a; seed" in told
 
 
 def test_the_command_draws_the_record(tmp_path: Path) -> None:
