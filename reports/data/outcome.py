@@ -63,7 +63,7 @@ def size_words(verdict: Verdict) -> str:
     return {
         "matters": f", more than the {MARGIN} that matter",
         "smaller than matters": f", less than the {MARGIN} that matter",
-        "open": f", which may be more or less than the {MARGIN} that matter",
+        "open": " (size open)",
     }[verdict.size]
 
 
