@@ -20,6 +20,8 @@ from baselines.numerics.amplifier import softplus_shift
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 
+SHIFT = softplus_shift(START / DENSITY_SCALE)
+"""The shift before softplus with which a fresh field has its start."""
 THIN = 0.05
 """The optical depth below which 1 − exp(−τ) is taken from its series, as Dr.Jit has no expm1: the terms left out are
 below 3e-9 of it, while the difference would lose a digit for each power of ten.
@@ -244,7 +246,7 @@ class VoxelField:
 
     def _density(self, at: Any) -> Any:
         raw = interpolated(self.values["density"], at, self.types.Float)
-        return self.density_unit * softplus(raw + softplus_shift(START / DENSITY_SCALE))
+        return self.density_unit * softplus(raw + SHIFT)
 
     def _roughness(self, voxel: Any) -> Any:
         """Return the mean squared difference of the chosen voxels from the next along each axis."""

@@ -27,6 +27,9 @@ from baselines.contract import (
 from baselines.numerics.amplifier import softplus_shift
 from baselines.numerics.encoding import encode, feature_count
 
+SHIFT = softplus_shift(START / DENSITY_SCALE)
+"""The shift before softplus with which a fresh field has its start."""
+
 WIDTH = 64
 """The width of the network's two hidden layers."""
 DIRECTION_BANDS = 4
@@ -104,7 +107,7 @@ class FeatureField(nn.Module):
         return self.encoder(self.box.normalised(x))
 
     def _sigma(self, raw: Float[Tensor, " points"]) -> Densities:
-        return softplus(raw + softplus_shift(START / DENSITY_SCALE)) * self.density_unit
+        return softplus(raw + SHIFT) * self.density_unit
 
 
 def compiles_for(x: Float[Tensor, "points 3"]) -> bool:

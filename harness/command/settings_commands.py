@@ -119,12 +119,13 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
     folders = _folders(options, plan, show)
     finished = read_rows(options.out, plan) if options.resume else []
     rows: list[ConstantsRow] = []
-    result = as_json(finished, plan, provenance(device))
+    origin = provenance(device)
+    result = as_json(finished, plan, origin)
     for found in search(plan, folders, options.out.parent, _workers(device), device.type, finished):
         rows += found
         for row in found:
             show.line(line(row))
-        result = as_json(rows + [row for row in finished if row not in rows], plan, provenance(device))
+        result = as_json(list(dict.fromkeys([*rows, *finished])), plan, origin)
         write_json(options.out, result)
     if options.adopt:
         from baselines.methods.chosen import adopt
