@@ -109,7 +109,7 @@ def search(
     for some in trained(max(1, plan.budget.steps // SHARE), {method: pairs_of(method) for method in plan.methods}):
         rows += some
         yield some
-    yield from trained(plan.budget.steps, {method: list(means(rows, method))[:FINALISTS] for method in plan.methods})
+    yield from trained(plan.budget.steps, {method: finalists(rows, method) for method in plan.methods})
 
 
 def _arms(pairs: list[DensityConstants], start: float | None) -> dict[str, Arm]:
@@ -127,15 +127,28 @@ def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float
     return dict(sorted(ended.items(), key=lambda item: -item[1]))
 
 
+def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:
+    """Return the pairs of a method that `RULE` takes into the second round, out of the rows of the first."""
+    return list(means(rows, method))[:FINALISTS]
+
+
 def chosen(rows: list[ConstantsRow], steps: int) -> dict[str, DensityConstants]:
-    """Map method → the pair that `RULE` chooses of those trained for all `steps`; methods without one are left out."""
-    finals = [row for row in rows if row.steps == steps]
-    best = {method: list(means(finals, method))[:1] for method in dict.fromkeys(row.method for row in finals)}
-    return {method: first[0] for method, first in best.items() if first}
+    """Map method → the pair that `RULE` chooses of those trained for all `steps`. Methods of which every pair diverged
+    are left out; of a search that is not finished, all are.
+    """
+    first, second = ([row for row in rows if (row.steps == steps) is last] for last in (False, True))
+    choice = {}
+    for method in dict.fromkeys(row.method for row in rows):
+        pairs = finalists(first, method)
+        trained = {(row.constants, row.scene) for row in second if row.method == method}
+        if trained != set(product(pairs, {row.scene for row in rows})):
+            return {}
+        choice[method] = list(means(second, method))[:1]
+    return {method: best[0] for method, best in choice.items() if best}
 
 
 def as_json(rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any]) -> dict[str, Any]:
-    """Return the record of a search; one that was stopped has no choice for some or all methods."""
+    """Return the record of a search; one that was stopped has no choice."""
     return {
         "what": "unit of density and start of the field of each method, on validation views",
         "rule": RULE,

@@ -41,17 +41,26 @@ def rows_of(method: str, scores: dict[DensityConstants, tuple[float | None, ...]
 FIRST, SECOND, LOST = DensityConstants(1.0, None), DensityConstants(25.0, 0.3), DensityConstants(100.0, 3.0)
 
 
+BRIEF = rows_of("nerf", {FIRST: (30.0, 20.0), SECOND: (24.0, 24.0), LOST: (20.0, 20.0)}, 10)
+
+
 def test_the_best_mean_after_all_steps_is_chosen_whatever_came_first() -> None:
-    brief = rows_of("nerf", {FIRST: (30.0, 20.0), SECOND: (24.0, 24.0)}, 10)
-    full = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0)}, 40)
-    assert list(means(brief, "nerf")) == [FIRST, SECOND]
-    assert constants.chosen(brief + full, 40) == {"nerf": SECOND}
+    full = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0), LOST: (10.0, 10.0)}, 40)
+    assert list(means(BRIEF, "nerf")) == [FIRST, SECOND, LOST]
+    assert constants.chosen(BRIEF + full, 40) == {"nerf": SECOND}
 
 
 def test_a_pair_that_diverges_on_a_scene_is_out() -> None:
-    rows = rows_of("nerf", {LOST: (99.0, None), FIRST: (20.0, 20.0)}, 40)
-    assert constants.chosen(rows, 40) == {"nerf": FIRST}
-    assert constants.chosen(rows_of("nerf", {LOST: (None, None)}, 40), 40) == {}
+    full = rows_of("nerf", {LOST: (99.0, None), FIRST: (20.0, 20.0), SECOND: (10.0, 10.0)}, 40)
+    assert constants.chosen(BRIEF + full, 40) == {"nerf": FIRST}
+    assert constants.chosen(BRIEF + [replace(row, psnr_val=None) for row in full], 40) == {}
+
+
+def test_a_search_that_was_stopped_has_no_choice() -> None:
+    full = rows_of("nerf", dict.fromkeys((FIRST, SECOND, LOST), (20.0, 20.0)), 40)
+    assert constants.chosen(BRIEF + full, 40)
+    assert constants.chosen(BRIEF + full[:-1], 40) == {}
+    assert constants.chosen([*BRIEF, *full, *rows_of("qnerf", {FIRST: (30.0, 30.0)}, 10)], 40) == {}
 
 
 def test_every_pair_that_a_method_can_have_is_tried() -> None:
