@@ -21,6 +21,7 @@ from reports.data.wording import BUDGETS, counted, interval, listed, number, sig
 BASELINE = "nerf"
 CONTROL = "nerf_matched"
 FAVOURITE = "qnerf"
+REPAIRED = "qnerf_repaired"
 LOST = ("diverged", "error")
 
 
@@ -84,7 +85,8 @@ def headline(records: Records) -> Headline:
         return Headline(f"Only {cast.baseline} was run: there is nothing to compare it with", [], [])
     method = cast.contenders[0]
     title = _title(records, cast, method, [duel for duel in fought if duel.method == method])
-    sentences = [_means(records), _bandwidth(records, cast), *from_steps_to_time(records, method)]
+    sentences = [_means(records), _others(records, method, fought), _bandwidth(records, cast)]
+    sentences += from_steps_to_time(records, method)
     sentences += [words for duel in fought for row in (duel.steps, duel.time) for words in doubts(row)]
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
 
@@ -168,6 +170,13 @@ def _means(records: Records) -> str:
     losses = [words for method in records.methods if (words := _lost(records, method))]
     survivors = f" This is of the runs that finished: {listed(losses)}." if losses else ""
     return f"Mean test PSNR {where}: {listed(scored)}.{survivors}"
+
+
+def _others(records: Records, method: str, fought: list[Duel]) -> str:
+    """State the differences of all contenders but `method`, at equal steps."""
+    found = [outcome_of(records, duel.steps) for duel in fought if duel.method != method]
+    told = [clause(outcome) for outcome in found if outcome]
+    return f"At equal steps, {'; '.join(told)}." if told else ""
 
 
 def _bandwidth(records: Records, cast: Roles) -> str:

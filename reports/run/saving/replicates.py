@@ -8,8 +8,8 @@ from typing import Any
 from harness.records.former.four_words import NO_INTERVAL
 from harness.records.json_record import as_promised
 from harness.records.verdict import Verdict, common
-from reports.claims.headline import BASELINE, CONTROL, FAVOURITE, rising, title_of
-from reports.data.outcome import Outcome
+from reports.claims.headline import BASELINE, CONTROL, FAVOURITE, REPAIRED, rising, title_of
+from reports.data.outcome import Outcome, clause
 
 Run = dict[str, Any]
 """The content of a published JSON file that is no record of studies."""
@@ -79,6 +79,8 @@ def answer(run: Run, replicates: Run) -> str:
     title = title_of(found(FAVOURITE, BASELINE), found(FAVOURITE, CONTROL), CONTROL)
     if not title:
         return str(run["headline"])
+    repaired = (found(REPAIRED, rival) for rival in (BASELINE, CONTROL))
+    title = "; ".join([title, *(clause(outcome) for outcome in repaired if outcome)])
     gains = {gained["method"]: gained["gain"] for gained in run.get("last_doubling", [])}
     more = rising(gains.get(method) for method in (FAVOURITE, BASELINE))
     return "; ".join(filter(None, [f"{title[0].upper()}{title[1:]} (at equal steps, on scenes like these)", more]))

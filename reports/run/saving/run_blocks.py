@@ -13,13 +13,17 @@ from harness.records.verdict import phrase_with
 from harness.verdicts.changes import Situation, changes
 from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between
-from reports.claims.headline import BASELINE, CONTROL, FAVOURITE
+from reports.claims.headline import BASELINE, CONTROL, FAVOURITE, REPAIRED
 from reports.data.outcome import doubts, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
 from reports.run.saving.published_cells import situation
 from reports.run.saving.replicates import Replicated, Run, answer, replicated, row, verdict_in
 
-DUELS = ((FAVOURITE, BASELINE), (FAVOURITE, CONTROL), (CONTROL, BASELINE))
+DUELS = (
+    *((FAVOURITE, BASELINE), (FAVOURITE, CONTROL)),
+    *((REPAIRED, BASELINE), (REPAIRED, CONTROL)),
+    (CONTROL, BASELINE),
+)
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
