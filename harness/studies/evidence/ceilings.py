@@ -19,7 +19,7 @@ from scenes.files.errors import InputError
 Rows = dict[str, list[dict[str, Any]]]
 """Folder or scene → the rows printed about it."""
 TOLERANCE_DB = 0.1
-TRAINING = "repaired"
+TRAINING = "objections"
 """The training whose view sets are examined, along with those of the other classics with the same settings."""
 REPEATS = 2
 """The renders beside the stored one."""

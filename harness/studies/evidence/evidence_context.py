@@ -42,10 +42,10 @@ DENSITIES = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_repaired")
 THIN = ("ficus", "mic")
 """Scenes of thin things, which most rays miss."""
 TEN = tuple(range(10))
-REPAIRED = ("nerf", "nerf_matched", "qnerf_repaired", "nerf_phi_encoding_phi_skip")
 OBJECTED = (
     *("nerf", "nerf_no_shift", "nerf_released", "nerf_listing4"),
     *("qnerf", "qnerf_shifted", "qnerf_theorem", "qnerf_listing4"),
+    *("qnerf_repaired", "nerf_phi_encoding_phi_skip"),
 )
 """Methods that differ from NeRF or Q-NeRF in what a reader may object to."""
 WITHOUT_SILHOUETTES = ("nerf", "nerf_matched", "qnerf", "qnerf_repaired")
@@ -81,7 +81,6 @@ TRAININGS: dict[str, Training] = {
     "bandwidth_100": Training(LADDERS, tuple(CLASSICS), 400, seeds=(0,), train_views=60, test_views=3),
     "bandwidth_200": Training(LADDERS, tuple(CLASSICS), 400, seeds=(0,), resolution=200, train_views=60, test_views=3),
     "bandwidth_300": Training(LADDERS, tuple(CLASSICS), 400, seeds=(0,), resolution=300, train_views=60, test_views=3),
-    "repaired": Training(REPAIRED, tuple(CLASSICS), 400, seeds=(0, 1), checkpoints=4),
     "objections": Training(OBJECTED, tuple(CLASSICS), 1000, seeds=(0, 1)),
     "no_silhouettes": Training(
         WITHOUT_SILHOUETTES, tuple(CLASSICS), 1000, seeds=(0, 1), need=("outside_hull", "background_rays")

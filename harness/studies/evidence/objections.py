@@ -31,6 +31,7 @@ OBJECTIONS = (
     Objection("The released encoding against the normalised one", "nerf_released", "nerf"),
     Objection("Both are rendered by Listing 4", "qnerf_listing4", "nerf_listing4"),
     Objection("Eq. 4 acts on density itself", "qnerf_theorem", "nerf"),
+    Objection("Trained without its amplifier", "qnerf_repaired", "nerf_phi_encoding_phi_skip"),
     Objection("Without silhouettes", "qnerf", "nerf", "no_silhouettes"),
     Objection("Without silhouettes", "qnerf", "nerf_matched", "no_silhouettes"),
     Objection("Without silhouettes", "qnerf_repaired", "nerf", "no_silhouettes"),

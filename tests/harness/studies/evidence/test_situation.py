@@ -234,7 +234,7 @@ def test_cells_of_another_commit_are_counted(
     scale = situation.scale(TRAINING)
     if other == HERE:
         assert "commit" not in scale
-        assert "commit" not in situation.scale("repaired"), "not trained yet"
+        assert "commit" not in situation.scale("objections"), "not trained yet"
         return
     cells = len(situation.plan(TRAINING).cells())
     for words in (f"{cells - 1} cells at commit {HERE}", f"1 cells at commit {other}", f"at commit {HERE}, at which"):
