@@ -201,7 +201,7 @@ class Machine:
 EXPLAINED = "lego"
 """The scene of the paper's ablation, Table 4."""
 EXPLAINING = ("qnerf_printed", "nerf_phi_encoding", "nerf_phi_encoding_amplifier")
-"""The methods that explain the result: the form as printed, and the rows of Table 4 that are neither NeRF nor Q-NeRF."""
+"""The methods that explain the result: the form as printed, and the rows of Table 4 between NeRF and Q-NeRF."""
 
 COMPARED = ("nerf", "nerf_matched", "qnerf")
 """The methods of every default run: the two methods of the paper, and the bandwidth control."""
