@@ -4,14 +4,14 @@ Methods of a user's own package are `Method`s as well (`harness.plan.plugins` fi
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from baselines.amplifiers import Amplifier
 from baselines.composition import Ladder, Parts
 from baselines.contract import FieldSpec
-from baselines.grids import growth
 from baselines.methods.ablations import BANDWIDTH, NO_SHIFT, PARTIAL, RELEASED, WEAKENED
+from baselines.methods.explicit import GAUSSIANS, PLANES, TABLES, VoxelSettings
 from baselines.methods.nerf import NERF, NERF_MATCHED
 from baselines.methods.qnerf import (
     NERF_LISTING4,
@@ -23,48 +23,78 @@ from baselines.methods.qnerf import (
 )
 from baselines.methods.repaired import CANDIDATES, MEANING, REPAIRED
 
+NETWORK = "harness.training.trainer:Trainer"
+
 
 @dataclass(frozen=True)
 class Method:
-    """A method that can be trained."""
+    """A method that can be trained: all that is its own."""
 
-    parts: Parts | None
-    """The parts of a network; None for a method of another kind."""
+    settings: Any
+    """A frozen dataclass of everything that changes its results beside the settings that all methods share; None for a
+    method without any. `baselines.composition.Parts` for a composition of our parts.
+    """
     title: str
     """A one-line description for the report."""
-    kind: Literal["network", "splats", "ellipsoids", "voxels_drjit"] = "network"
-    """The kind of model, which determines its trainer (`harness.training.learner`)."""
+    trainer: str | Callable[[Any], Any] = NETWORK
+    """`harness.training.learner.Job` → its `Learner`; as "module:name" it is imported when the method is trained."""
+    make_field: Callable[[FieldSpec], Any] | None = None
+    """A factory of a field that is not composed of our parts: a `torch.nn.Module` that implements
+    `baselines.contract.TrainableField`. None for a composition, and for a method with a trainer of its own.
+    """
+    deviations: tuple[str, ...] = ()
+    """What a report states of its training; `{name}` stands for a setting of its own."""
     ladders: Mapping[str, Ladder] = field(default_factory=dict)
-    """Additional encodings that `parts` names; `amplifiers` and `skips` likewise. They have the form of the tables
+    """Additional encodings that `settings` names; `amplifiers` and `skips` likewise. They have the form of the tables
     `LADDERS`, `AMPLIFIERS` and `SKIPS`, to which they are added.
     """
     amplifiers: Mapping[str, Callable[[float | None], Amplifier]] = field(default_factory=dict)
     skips: Mapping[str, Callable[[int], int]] = field(default_factory=dict)
-    make_field: Callable[[FieldSpec], Any] | None = None
-    """A factory of a field that is not composed of our parts (`parts` is then None): a `torch.nn.Module` that
-    implements `baselines.contract.TrainableField`.
-    """
+
+    @property
+    def parts(self) -> Parts | None:
+        """Return the parts of a composition; None for any other method."""
+        return self.settings if isinstance(self.settings, Parts) else None
+
+    @property
+    def is_field(self) -> bool:
+        """Return whether it is a field of torch that our trainer steps."""
+        return self.trainer == NETWORK
+
+    def deviations_of(self, own: Any) -> list[str]:
+        """Return what a report states, with the settings of a run."""
+        return [text.format_map(asdict(own)) for text in self.deviations] if self.deviations else []
 
 
-def _planes(name: str) -> Callable[[FieldSpec], Any]:
-    """Return the factory; the compiler that a field of it needs is imported for it alone, here and below."""
+def _planes(spec: FieldSpec) -> Any:
+    """Return the field; its compiler is imported here and below for the methods that need it."""
+    from baselines.grids.planes import planes
 
-    def made(spec: FieldSpec) -> Any:
-        from baselines.grids.planes import planes
-
-        return planes(spec, growth.PLANES[name][1])
-
-    return made
+    return planes(spec)
 
 
-def _hash_grid(name: str) -> Callable[[FieldSpec], Any]:
-    def made(spec: FieldSpec) -> Any:
-        from baselines.grids.hash_grid import hash_grid
+def _hash_grid(spec: FieldSpec) -> Any:
+    from baselines.grids.hash_grid import hash_grid
 
-        tables = growth.TABLES[name]
-        return hash_grid(spec, tables.cells, tables.entries)
+    return hash_grid(spec)
 
-    return made
+
+FEATURES = (
+    "Its features are trained by Adam whatever the optimiser of the networks, and {rate:g} times as fast. Sizes and "
+    "rates were chosen in single runs on validation views of lego; the networks had a sweep.",
+)
+DRAWN = (
+    "Its Gaussians have Adam and rates of their own, which fall to {last_rate:.0%}, whatever the networks have. Rates, "
+    "their number and how often they move were chosen in about 30 single runs on validation views of lego and ficus; "
+    "the networks had a sweep.",
+)
+WHOLE_VIEWS = "It trains on one whole view a step, the others on rays of all views."
+VOXELS = (
+    "It has no network: a quarter, half, then all of {finest} voxels along the box, {bins} points on every ray that "
+    "meets it, none left out, one thread of the processor whatever the others use. Its learning rate is "
+    "{rate_factor:g} times that of the networks; this, and how much neighbours are pulled together, was chosen on "
+    "validation views of chair and ship; the networks had no such choice.",
+)
 
 
 def parts_named(combination: str) -> str:
@@ -91,11 +121,14 @@ CATALOG: dict[str, Method] = {
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},
-    **{name: Method(None, title, make_field=_planes(name)) for name, (title, _) in growth.PLANES.items()},
-    **{name: Method(None, tables.title, make_field=_hash_grid(name)) for name, tables in growth.TABLES.items()},
-    "splats": Method(None, "3-D Gaussians with spherical harmonics, drawn front to back", "splats"),
-    "ellipsoids": Method(None, "the same Gaussians, traced and differentiated by Mitsuba", "ellipsoids"),
+    **{name: Method(own, title, make_field=_planes, deviations=FEATURES) for name, (own, title) in PLANES.items()},
+    **{name: Method(own, title, make_field=_hash_grid, deviations=FEATURES) for name, (own, title) in TABLES.items()},
+    "splats": Method(*GAUSSIANS["splats"], "harness.training.make_learner:splats", deviations=(*DRAWN, WHOLE_VIEWS)),
+    "ellipsoids": Method(*GAUSSIANS["ellipsoids"], "harness.training.make_learner:ellipsoids", deviations=DRAWN),
     "voxels_drjit": Method(
-        None, "no network: voxels with density and spherical harmonics, differentiated by Dr.Jit", "voxels_drjit"
+        VoxelSettings(),
+        "no network: voxels with density and spherical harmonics, differentiated by Dr.Jit",
+        "harness.training.make_learner:voxels",
+        deviations=VOXELS,
     ),
 }

@@ -4,7 +4,7 @@ import hashlib
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from typing import Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -183,6 +183,8 @@ class FieldSpec:
     """The seed that alone determines the first weights (`uniform_weights`)."""
     view_dependent: bool
     """Whether colour may depend on direction; False where the scene looks the same from all sides."""
+    own: Any = None
+    """The method's own settings (`baselines.catalog.Method.settings`)."""
 
 
 Points = Float[Tensor, "points 3"]

@@ -178,18 +178,16 @@ class NetworkField(nn.Module):
 
 
 def field_of(method: Method, spec: FieldSpec, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
-    """Return a fresh field of a method: a `NetworkField` of our parts, or the torch module that the method makes
-    itself, of which only the interface `baselines.contract.TrainableField` may be used.
+    """Return a fresh field of a method: a `NetworkField` of the parts in `spec`, or the torch module that the method
+    makes itself, of which only the interface `baselines.contract.TrainableField` may be used.
 
     Raises `ValueError` for a method that has neither.
     """
     if method.make_field is not None:
         return method.make_field(spec)
-    if method.parts is None:
+    if not isinstance(spec.own, Parts):
         raise ValueError(f"{method.title}: it is not made of parts; it has a trainer of its own")
-    return NetworkField(
-        method.parts, spec.size, spec.box, spec.precision, spec.seed, spec.view_dependent, accelerations
-    )
+    return NetworkField(spec.own, spec.size, spec.box, spec.precision, spec.seed, spec.view_dependent, accelerations)
 
 
 @contextmanager

@@ -12,7 +12,6 @@ from torch import Tensor, nn
 from torch.nn.functional import relu, softplus
 
 from baselines import fused_network
-from baselines.composition import DENSITY_SCALE, START
 from baselines.contract import (
     DTYPES,
     Densities,
@@ -24,15 +23,9 @@ from baselines.contract import (
     counts_by_component,
     glorot,
 )
+from baselines.methods.explicit import FeatureSettings
 from baselines.numerics.amplifier import softplus_shift
 from baselines.numerics.encoding import encode, feature_count
-
-SHIFT = softplus_shift(START / DENSITY_SCALE)
-"""The shift before softplus with which a fresh field has its start."""
-
-WIDTH = 64
-"""The width of the network's two hidden layers."""
-DIRECTION_BANDS = 4
 
 
 class Decoder(nn.Module):
@@ -79,18 +72,19 @@ class FeatureField(nn.Module):
     def __init__(self, spec: FieldSpec, encoder: nn.Module, features: int) -> None:
         """Take an encoder of points −1 … 1 as `features` numbers each; what it holds is learnt."""
         super().__init__()
-        self.box, self.view_dependent = spec.box, spec.view_dependent
-        self.density_unit = DENSITY_SCALE / spec.box.half_extent
+        self.box, self.view_dependent, self.own = spec.box, spec.view_dependent, cast("FeatureSettings", spec.own)
+        self.density_unit = self.own.density_scale / spec.box.half_extent
+        self.shift = softplus_shift(self.own.start / self.own.density_scale)
         self.encoder = encoder
-        directions = feature_count(3, DIRECTION_BANDS) if self.view_dependent else 0
-        self.decoder = Decoder(features, directions, WIDTH, spec.precision, spec.seed)
+        directions = feature_count(3, self.own.direction_bands) if self.view_dependent else 0
+        self.decoder = Decoder(features, directions, self.own.width, spec.precision, spec.seed)
 
     def parameter_counts(self) -> dict[str, int]:
         """Count the learnt numbers: `encoder`, `decoder` and `total`."""
         return counts_by_component(self)
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views:
-        return encode(d, 2.0, DIRECTION_BANDS) if self.view_dependent else d[:, :0]
+        return encode(d, 2.0, self.own.direction_bands) if self.view_dependent else d[:, :0]
 
     def density(self, x: Points) -> Densities:
         return self._sigma(self.decoder(self._features(x))[0])
@@ -107,7 +101,7 @@ class FeatureField(nn.Module):
         return self.encoder(self.box.normalised(x))
 
     def _sigma(self, raw: Float[Tensor, " points"]) -> Densities:
-        return softplus(raw + SHIFT) * self.density_unit
+        return softplus(raw + self.shift) * self.density_unit
 
 
 def compiles_for(x: Float[Tensor, "points 3"]) -> bool:

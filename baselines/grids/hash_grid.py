@@ -7,23 +7,19 @@ from torch import Tensor, nn
 from baselines.contract import FieldSpec, uniform_weights
 from baselines.grids.feature_field import FeatureField, compiles_for
 from baselines.grids.interpolation import PRIMES, TABLE_CHANNELS, Encoded
-
-RATE = 3.0
-"""How many times as fast as the network's weights the features are learnt: a feature is RATE times what is stored."""
-SPREAD = 0.1
-"""The half-width of the first features. The paper's 1e-4 costs a short training the steps that it takes to leave 0."""
+from baselines.methods.explicit import TableSettings
 
 
 class HashGrid(nn.Module):
     """Points −1 … 1 to the features of each level, interpolated between eight nodes."""
 
-    def __init__(self, cells: tuple[int, ...], entries: int, seed: int | str) -> None:
+    def __init__(self, own: TableSettings, seed: int | str) -> None:
         super().__init__()
-        self.cells = cells
+        self.rate, self.cells = own.rate, own.cells
+        shapes = [(min((size + 1) ** 3, own.entries), TABLE_CHANNELS) for size in own.cells]
         self.tables = nn.ParameterList(
-            uniform_weights((min((size + 1) ** 3, entries), TABLE_CHANNELS), SPREAD, seed, f"table.{level}.{size}")
-            / RATE
-            for level, size in enumerate(cells)
+            uniform_weights(shape, own.spread, seed, f"table.{level}.{size}") / own.rate
+            for level, (size, shape) in enumerate(zip(own.cells, shapes, strict=True))
         )
 
     @property
@@ -33,11 +29,11 @@ class HashGrid(nn.Module):
 
     def forward(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:
         encode = Encoded.apply if compiles_for(x) else encoded
-        return RATE * encode(x, self.cells, *self.tables)
+        return self.rate * encode(x, self.cells, *self.tables)
 
 
-def hash_grid(spec: FieldSpec, cells: tuple[int, ...], entries: int) -> FeatureField:
-    return FeatureField(spec, HashGrid(cells, entries, spec.seed), TABLE_CHANNELS * len(cells))
+def hash_grid(spec: FieldSpec) -> FeatureField:
+    return FeatureField(spec, HashGrid(spec.own, spec.seed), TABLE_CHANNELS * len(spec.own.cells))
 
 
 def encoded(

@@ -11,21 +11,19 @@ from torch.nn.functional import grid_sample
 from baselines.contract import FieldSpec, uniform_weights
 from baselines.grids.feature_field import FeatureField, compiles_for
 from baselines.grids.interpolation import PLANE_CHANNELS, Multiplied
-
-RATE = 3.0
-"""How many times as fast as the network's weights the features are learnt: a feature is RATE times what is stored."""
-FIRST, SPREAD = 0.3, 0.2
-"""The middle and the half-width of the first features: never 0, where a product has no gradient."""
+from baselines.methods.explicit import PlaneSettings
 
 
 class Planes(nn.Module):
     """Points −1 … 1 to the products of what lies at them on three planes, of each resolution."""
 
-    def __init__(self, nodes: tuple[int, ...], seed: int | str) -> None:
+    def __init__(self, own: PlaneSettings, seed: int | str) -> None:
         super().__init__()
+        self.rate = own.rate
         self.scales = nn.ParameterList(
-            (FIRST + uniform_weights((3, size, size, PLANE_CHANNELS), SPREAD, seed, f"planes.{size}")) / RATE
-            for size in nodes
+            (own.first + uniform_weights((3, size, size, PLANE_CHANNELS), own.spread, seed, f"planes.{size}"))
+            / own.rate
+            for size in own.nodes
         )
 
     @property
@@ -35,11 +33,11 @@ class Planes(nn.Module):
 
     def forward(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:
         multiply = Multiplied.apply if compiles_for(x) else multiplied
-        return RATE**3 * multiply(x, *self.scales)
+        return self.rate**3 * multiply(x, *self.scales)
 
 
-def planes(spec: FieldSpec, nodes: tuple[int, ...]) -> FeatureField:
-    return FeatureField(spec, Planes(nodes, spec.seed), PLANE_CHANNELS * len(nodes))
+def planes(spec: FieldSpec) -> FeatureField:
+    return FeatureField(spec, Planes(spec.own, spec.seed), PLANE_CHANNELS * len(spec.own.nodes))
 
 
 def multiplied(

@@ -16,13 +16,14 @@ import torch
 from baselines.catalog import CATALOG
 from baselines.composition import DENSITY_SCALE
 from baselines.contract import Box, Rays
+from baselines.methods.explicit import VoxelSettings
 from harness.machine.device import keep_freed_memory, use_threads
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.records.metric_table import METRICS
 from harness.training.batches import Batches, Cameras
-from harness.training.learner import Learner
+from harness.training.learner import Job, Learner
 from harness.training.make_learner import learner_for
 from harness.training.scoring import metrics
 from harness.training.trainer import Diverged, Trainer
@@ -118,7 +119,8 @@ def _work_of(method: str) -> Any:
 def _learner(plan: Plan, method: str, device: torch.device) -> Learner:
     box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
     # from its second step on, a budget of one is spent: voxels are then at their finest
-    return learner_for(method, box, plan.train, Budget(1, None), "cost", device)
+    train = replace(plan.train, own=plan.own_settings([method]))
+    return learner_for(Job(method, box, train, Budget(1, None), "cost", device))
 
 
 def _cameras(plan: Plan) -> Cameras:
@@ -171,7 +173,8 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
             later = made + _seconds(step, plan.train.rays, learner.device, clock)
         ray = _seconds(render, plan.score.chunk, learner.device, clock) / plan.score.chunk
         # voxels are coarser before a share of the budget
-        least = later if isinstance(learner, Trainer) else later * (1.0 - plan.train.voxels.halves[1])
+        own = plan.own_settings([learner.method]).get(learner.method)
+        least = later * (1.0 - own.halves[1]) if isinstance(own, VoxelSettings) else later
         return Pace(first, (least, later), (ray, ray), 0.0)
     grid = learner.grid
     points = max(1, round(settings.share * settings.cells**3))

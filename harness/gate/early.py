@@ -26,7 +26,7 @@ from harness.plan.settings import TrainSettings
 from harness.records.study import Check
 from harness.studies.drawn_views import disc_views
 from harness.training.batches import Batches
-from harness.training.learner import at_step, steps
+from harness.training.learner import Job, at_step, steps
 from harness.training.lockstep import box_of
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
@@ -141,7 +141,7 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision) -> Course:
     )
     box = box_of(views, cpu)
     box = replace(box, lower=box.lower.to(kind.dtype), upper=box.upper.to(kind.dtype))
-    learner = Trainer(start.method, box, settings, Budget(STEPS, None), STREAM, cpu)
+    learner = Trainer(Job(start.method, box, settings, Budget(STEPS, None), STREAM, cpu))
     for field in (learner.coarse, learner.fine):
         if field is not None:
             field.dtype = kind.dtype

@@ -27,7 +27,7 @@ from harness.plan.settings import GridSettings, ScoreSettings
 from harness.records.cells import CellRecord
 from harness.records.study import Check
 from harness.studies.drawn_views import disc_views
-from harness.training.learner import Learner
+from harness.training.learner import Job, Learner
 from harness.training.lockstep import box_of, train_group
 from harness.training.make_learner import learner_for
 from harness.verdicts.comparisons import compare
@@ -71,7 +71,8 @@ def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
     """Count first weights that differ between methods in tensors of one name and shape; None without any such."""
     train, box, budget = task_of(methods, 0, Path()).train, box_of(views, CPU), Budget(COPY_STEPS, None)
     states = [
-        dict(learner_for(method, box, train, budget, "drawn/0", CPU, True).fields.state_dict()) for method in methods
+        dict(learner_for(Job(method, box, train, budget, "drawn/0", CPU, True)).fields.state_dict())
+        for method in methods
     ]
     differing = [
         int((first[name] != second[name]).sum())
@@ -140,14 +141,14 @@ def listed(name: str, method: str) -> Iterator[None]:
 def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:
     """Return a maker of learners that puts them into `made`, and the batches they are given into `batches`."""
 
-    def make(method: str, *others: Any) -> Learner:
-        learner = learner_for(method, *others)
+    def make(job: Job) -> Learner:
+        learner = learner_for(job)
         made.append(learner)
         if batches is not None:
             train_on = learner.train_on
 
             def noted(rays: Rays, colours: Tensor) -> None:
-                batches.setdefault(method, []).append((rays.origins, rays.directions, colours))
+                batches.setdefault(job.method, []).append((rays.origins, rays.directions, colours))
                 train_on(rays, colours)
 
             learner.train_on = noted  # type: ignore[method-assign]

@@ -31,7 +31,7 @@ from harness.records.study import Check
 from harness.studies.drawn_views import disc_views
 from harness.studies.speed.speed_context import interleaved, quotients
 from harness.training.batches import Batches
-from harness.training.learner import at_step, take_step, train, warm_up
+from harness.training.learner import Job, at_step, take_step, train, warm_up
 from harness.training.lockstep import box_of
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
@@ -95,7 +95,7 @@ def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[
     """Return what the gate of that name measures and the plain code beside it, as functions."""
     what, _, method = name.removeprefix("speed.").partition(".")
     batch_at = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba).stream(STREAM, TRAIN.rays)
-    learner = Trainer(method or "nerf", box_of(views, CPU), TRAIN, Budget(STEPS, None), STREAM, CPU)
+    learner = Trainer(Job(method or "nerf", box_of(views, CPU), TRAIN, Budget(STEPS, None), STREAM, CPU))
     warm_up(learner, batch_at)
     train(learner, batch_at, at_step(STEPS_BEFORE))  # past the step from which the grid is in use
     cameras = evaluate.cameras_of(views, views.test, CPU)

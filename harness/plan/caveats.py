@@ -4,7 +4,7 @@ from pathlib import Path
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG as METHODS
-from baselines.grids.growth import PLANES, TABLES
+from baselines.composition import Parts
 from baselines.numerics.optimisers import OPTIMISER_TITLES
 from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget, Decay
@@ -51,10 +51,12 @@ def deviations(plan: Plan) -> list[str]:
     """Return where this plan departs from the paper's printed text, and why; one sentence each."""
     train, paper = plan.train, TrainSettings()
     rows = list(ALWAYS)
-    if constants := plan.density_constants(plan.methods):
+    own = plan.own_settings(plan.methods)
+    parts = {method: settings for method, settings in own.items() if isinstance(settings, Parts)}
+    if parts:
         each = (
-            f"{method} {pair.unit:g} and {'as printed' if pair.start is None else f'{pair.start:g}'}"
-            for method, pair in constants.items()
+            f"{method} {of.density_scale:g} and {'as printed' if of.start is None else f'{of.start:g}'}"
+            for method, of in parts.items()
         )
         rows.append(f"Unit of density and density of a fresh field, per half of the box: {'; '.join(each)}.")
     if (train.learning_rate, train.rays) != (paper.learning_rate, paper.rays):
@@ -94,8 +96,7 @@ def deviations(plan: Plan) -> list[str]:
             f"cell is left out where a ray loses less than {train.grid.opacity_threshold:.0%} of what it loses in the "
             "densest one; for Listing 2 this also changes the points that its mean runs over."
         )
-        trained = {name: METHODS[name].parts for name in plan.methods if name in METHODS}
-        bound = [name for name, own in trained.items() if own and not AMPLIFIERS[own.amplifier](None).pointwise]
+        bound = [method for method, of in parts.items() if not AMPLIFIERS[of.amplifier](None).pointwise]
         if train.accelerations.hidden and bound:
             rows.append(
                 "Points behind matter that the grid measured to be opaque are left out of training where a point's "
@@ -109,28 +110,11 @@ def deviations(plan: Plan) -> list[str]:
             "is, so that the object weighs more in it than in the scores. The paper does not say how its rays are "
             "chosen."
         )
-    if "voxels_drjit" in plan.methods:
-        grid = train.voxels
-        rows.append(
-            f"voxels_drjit has no network: {grid.finest // 4}, {grid.finest // 2}, then {grid.finest} voxels along the "
-            f"box, {grid.bins} points on every ray that meets it, none left out, one thread of the processor whatever "
-            f"the others use. Its learning rate is {grid.rate_factor:g} times that of the networks; this, and how much "
-            "neighbours are pulled together, was chosen on validation views of chair and ship; the networks had no "
-            "such choice."
-        )
-    if learnt := [name for name in (*PLANES, *TABLES) if name in plan.methods]:
-        rows.append(
-            f"The features of {' and '.join(learnt)} are trained by Adam whatever the optimiser of the networks, "
-            "and three times as fast as these. Sizes and rates were chosen in "
-            "single runs on validation views of lego; the networks had a sweep."
-        )
-    if drawn := [name for name in ("splats", "ellipsoids") if name in plan.methods]:
-        rows.append(
-            f"The Gaussians of {' and '.join(drawn)} have Adam and rates of their own, which fall to 2 %, whatever the "
-            "networks have. Rates, their number and how often they move were chosen in about 30 single runs on "
-            "validation views of lego and ficus; the networks had a sweep. splats trains on one whole view a step, the "
-            "others on rays of all views."
-        )
+    told: dict[str, list[str]] = {}
+    for method, settings in own.items():
+        for text in METHODS[method].deviations_of(settings):
+            told.setdefault(text, []).append(method)
+    rows += [f"{', '.join(methods)}: {text}" for text, methods in told.items()]
     scenes_of: dict[str, list[str]] = {}
     for scene, folder in zip(plan.scenes, map(Path, plan.view_set or ()), strict=False):
         for note in source_of(folder).notes if folder.exists() else ():
@@ -140,8 +124,8 @@ def deviations(plan: Plan) -> list[str]:
         rows.append("Where the view set has what is seen (bounds, near or far) was given by hand.")
     for names, option, words in ((plan.views.need, "--need", "kept"), (plan.views.no_need, "--no-need", "left out")):
         if names:
-            parts = ", ".join(PARTS[name].what for name in names)
-            rows.append(f"Forced by {option}, whatever the scene needs: {words} are {parts}.")
+            forced = ", ".join(PARTS[name].what for name in names)
+            rows.append(f"Forced by {option}, whatever the scene needs: {words} are {forced}.")
     return rows
 
 

@@ -1,6 +1,6 @@
 """A group of cells, which train in lockstep: the unit of work that an executor hands to a worker."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,8 @@ class GroupTask:
     lpips: Path | None = None
     """The weights of LPIPS, if there are any."""
 
-    def settings(self) -> dict[str, Any]:
-        """Return the settings of each of its cells, as records hold them."""
-        return {"train": asdict(self.train), "score": asdict(self.score), "budget": self.budget.settings()}
+    def settings(self, method: str) -> dict[str, Any]:
+        """Return the settings of one of its cells, as records hold them."""
+        own = {name: settings for name, settings in self.train.own.items() if name == method}
+        train = asdict(replace(self.train, own=own))
+        return {"train": train, "score": asdict(self.score), "budget": self.budget.settings()}

@@ -16,7 +16,7 @@ import pkgutil
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import EntryPoint, distributions, entry_points
@@ -174,16 +174,22 @@ def one_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:300]
 
 
+def _is_frozen(settings: Any) -> bool:
+    return bool(type(settings).__dataclass_params__.frozen)
+
+
 def _wrong_with(method: object) -> str | None:
     """Return why an object cannot be accepted as a method, in words."""
     if not isinstance(method, Method):
         return f"gives a {type(method).__name__}, not a baselines.catalog.Method"
     if not isinstance(method.title, str) or not method.title.strip():
         return "its method has no title"
-    if method.kind != "network":
-        return f"is of kind {method.kind!r}; a package offers 'network' (parts, or a field of its own)"
-    if (method.parts is None) == (method.make_field is None):
-        return "gives parts or make_field, one of them"
+    if method.settings is not None and not (is_dataclass(method.settings) and _is_frozen(method.settings)):
+        return f"its settings are a {type(method.settings).__name__}, not a frozen dataclass"
+    if not (isinstance(method.trainer, str) or callable(method.trainer)):
+        return f"its trainer is a {type(method.trainer).__name__}, not a callable or 'module:name'"
+    if method.is_field and (method.parts is None) == (method.make_field is None):
+        return "gives parts as its settings, make_field, or a trainer: one of them"
     for kind, table, own in (
         ("encoding", LADDERS, method.ladders),
         ("amplifier", AMPLIFIERS, method.amplifiers),

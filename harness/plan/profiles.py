@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 from baselines.catalog import CATALOG as METHODS
 from baselines.contract import Accelerations, NetworkSize, Precision
-from baselines.methods.chosen import DensityConstants, chosen
+from baselines.methods.chosen import chosen
+from baselines.methods.explicit import VoxelSettings
 from baselines.numerics.optimisers import OptimiserName, OptimiserSettings
 from harness.plan.defaults import KEPT_EVERY
 from harness.plan.group_task import GroupTask
@@ -21,7 +22,6 @@ from harness.plan.settings import (
     ScoreSettings,
     TrainSettings,
     ViewSettings,
-    VoxelSettings,
 )
 from scenes.catalog.entries import CATALOG as SCENES
 from scenes.catalog.entries import CLASSICS, RUNGS, STRESS
@@ -121,7 +121,7 @@ class Plan:
                 methods=methods,
                 view_set=view_sets[scene],
                 views=self.views,
-                train=replace(self.train, density=self.density_constants(methods)),
+                train=replace(self.train, own=self.own_settings(methods)),
                 score=self.score,
                 budget=self.budget,
                 out=out,
@@ -151,9 +151,7 @@ class Plan:
         if self.view_set is not None and len(self.view_set) == 1:
             kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
         names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
-        kept["train"]["density"] = {
-            name: asdict(constants) for name, constants in self.density_constants(self.all_methods()).items()
-        }
+        kept["train"]["own"] = {name: asdict(own) for name, own in self.own_settings(self.all_methods()).items()}
         return {**kept, **names}
 
     def guest_cells(self) -> list[tuple[str, str, int]]:
@@ -164,16 +162,16 @@ class Plan:
         """Return the plan of its own methods, without those that explain a result or show its scale."""
         return replace(self, extras=(), guest=None)
 
-    def density_constants(self, methods: Iterable[str]) -> dict[str, DensityConstants]:
-        """Map method → its unit of density and start, for methods of our parts: those of the plan's settings, else
-        those that were chosen for the profile, else those of its parts.
+    def own_settings(self, methods: Iterable[str]) -> dict[str, Any]:
+        """Map method → the settings that are its own, for methods that have any: those of the plan, else those of the
+        catalogue, with the constants of density that were chosen for the profile.
         """
-        given = {**chosen(self.profile), **self.train.density}
-        return {
-            name: given.get(name, DensityConstants(parts.density_scale, parts.start))
-            for name in methods
-            if name in METHODS and (parts := METHODS[name].parts)
-        }
+        own = {name: METHODS[name].settings for name in methods if name in METHODS}
+        for name, pair in chosen(self.profile).items():
+            if name in own:
+                own[name] = replace(own[name], **pair.fields)
+        own |= {name: given for name, given in self.train.own.items() if name in own}
+        return {name: settings for name, settings in own.items() if settings is not None}
 
 
 @dataclass(frozen=True)
@@ -244,7 +242,7 @@ REDUCED_TRAINING = TrainSettings(
     average=12.0,
     precision="bfloat16",
     grid=GridSettings(cells=48, first_step=100, every=25, per_pixel=0.6),
-    voxels=VoxelSettings(finest=64, bins=96, rate_factor=27.0),
+    own={"voxels_drjit": VoxelSettings(finest=64, bins=96, rate_factor=27.0)},
 )
 
 REDUCED_VIEWS = ViewSettings(

@@ -1,10 +1,10 @@
-"""Settings of training, sampling and scoring: small frozen groups, equal for all methods of a comparison."""
+"""Settings of training, sampling and scoring: small frozen groups, equal for all methods except what is their own."""
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, NetworkSize, Precision
-from baselines.methods.chosen import DensityConstants
 from baselines.numerics.optimisers import OptimiserSettings
 from harness.plan.schedule import Decay
 from scenes.view_sets.source import Region
@@ -31,29 +31,6 @@ class GridSettings:
     """The cells per pixel of the box's longest side as a view shows it, in place of `cells` once a view set is known
     (`harness.plan.needed.at_scale`).
     """
-
-
-@dataclass(frozen=True)
-class VoxelSettings:
-    """The explicit field `voxels_drjit`, which has no network to be sized by `NetworkSize`."""
-
-    finest: int = 128
-    """The number of voxels along the longest side of the box in the end; a quarter of them at first."""
-    halves: tuple[float, float] = (0.1, 0.3)
-    """The shares of the budget after which the grid has half of them, and all."""
-    bins: int = 192
-    """The number of points along a ray: one and a half per voxel, as their colour and density are nearly linear
-    between centres.
-    """
-    rate_factor: float = 20.0
-    """The learning rate relative to that of the networks: few rays of a batch meet a voxel."""
-    smoothed: int = 8192
-    """The number of voxels per step that are pulled towards their neighbours; the next field has the weight of that."""
-    smoothing: float = 1e-4
-
-    def stages(self) -> tuple[tuple[float, int], ...]:
-        """Return (share of the budget from which it holds, voxels along the longest side)."""
-        return (0.0, self.finest // 4), (self.halves[0], self.finest // 2), (self.halves[1], self.finest)
 
 
 @dataclass(frozen=True)
@@ -94,11 +71,10 @@ class TrainSettings:
     `clip_norm` passes may be a hundred times the usual, and Adam remembers its square for a thousand steps.
     """
     precision: Precision = "float32"
-    density: dict[str, DensityConstants] = field(default_factory=dict)
-    """Method → its unit of density and start, in place of those of its parts."""
+    own: dict[str, Any] = field(default_factory=dict)
+    """Method → the settings that are its own (`baselines.catalog.Method.settings`), in place of the catalogue's."""
     grid: GridSettings = field(default_factory=GridSettings)
     accelerations: Accelerations = EVERY_ACCELERATION
-    voxels: VoxelSettings = field(default_factory=VoxelSettings)
 
 
 @dataclass(frozen=True)

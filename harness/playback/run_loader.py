@@ -1,6 +1,6 @@
 """The loader of a finished run: its methods, with the weights that training left, ready to render."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from baselines.catalog import CATALOG
+from baselines.composition import Parts
 from baselines.contract import Box
 from harness.plan.plugins import require_methods
 from harness.plan.profiles import known_names
@@ -28,7 +29,7 @@ from harness.records.cells import (
 from harness.records.json_record import DamagedRecord, shown
 from harness.training.batches import Camera
 from harness.training.checkpoints import checkpoint_path, load_checkpoint
-from harness.training.learner import Learner
+from harness.training.learner import Job, Learner
 from harness.training.lockstep import needs_view_direction_of, stream_of
 from harness.training.make_learner import learner_for
 from scenes.files.errors import InputError
@@ -127,17 +128,19 @@ class FinishedRun:
                 f"{' '.join(CATALOG)}"
             )
         settings = from_plain(TrainSettings, cell.settings.get("train"), path)
+        if (usual := CATALOG[method].settings) is not None and method in settings.own:
+            settings = replace(settings, own={method: from_plain(type(usual), settings.own[method], path)})
         budget = from_plain(Budget, cell.settings.get("budget"), path)
         from_plain(ScoreSettings, cell.settings.get("score"), path)
         if not isinstance(cell.settings.get("view_set"), dict) or "focal" not in cell.settings["view_set"]:
             raise InputError(f"{path}: recorded before the focal length of its views was; run again to look at it")
         checkpoint = checkpoint_path(self.out, scene.name, method, seed)
-        _require_possible(settings, path, checkpoint, CATALOG[method].parts is not None)
+        _require_possible(settings, settings.own.get(method), path, checkpoint)
         if [len(corner) for corner in scene.bounds] != [3, 3] or not scene.bounds[0] < scene.bounds[1]:
             raise DamagedRecord(f"{self.out}: {scene.name}: bounds {shown(scene.bounds)} are no box; run again")
         box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
         directed = needs_view_direction_of([row.what for row in scene.left_out])
-        learner = learner_for(method, box, settings, budget, stream_of(scene.name, seed), device, directed)
+        learner = learner_for(Job(method, box, settings, budget, stream_of(scene.name, seed), device, directed))
         written = cell.files.get(checkpoint_name(scene.name, method, seed))  # none in old records
         load_checkpoint(learner, checkpoint, cell.steps, written)
         trained = TrainedCell(scene, cell, learner)
@@ -214,8 +217,12 @@ class FinishedRun:
         return RADIUS if frames is None else mean_distance(frames.camera_to_world)
 
 
-def _require_possible(settings: TrainSettings, path: Path, checkpoint: Path, ours: bool) -> None:
-    """Raise `InputError` for sizes that no run has, before memory is allocated; `ours` are networks of our parts."""
+OWN_SIZES = {"finest": 512, "nodes": 4096, "cells": 4096, "entries": 1 << 24, "first": 1 << 22, "most": 1 << 22}
+"""A size of a method's own → the most that it may be."""
+
+
+def _require_possible(settings: TrainSettings, own: Any, path: Path, checkpoint: Path) -> None:
+    """Raise `InputError` for sizes that no run has, of all methods or a method's own, before memory is allocated."""
     network = settings.network
     sizes = {
         "depth": (network.depth, 64),
@@ -225,18 +232,17 @@ def _require_possible(settings: TrainSettings, path: Path, checkpoint: Path, our
         "position_bands": (network.position_bands, 64),
         "direction_bands": (network.direction_bands, 64),
         "grid.cells": (settings.grid.cells, 512),
-        "voxels.finest": (settings.voxels.finest, 512),
-        "voxels.bins": (settings.voxels.bins, 1 << 16),
         "bins": (settings.bins, 1 << 16),
         "first_bins": (settings.first_bins, 1 << 16),
         "fine_bins": (settings.fine_bins, 1 << 16),
         "rays": (settings.rays, 1 << 24),
     }
+    sizes |= {name: (max(np.ravel(getattr(own, name, 0)).tolist()), most) for name, most in OWN_SIZES.items()}
     for name, (value, most) in sizes.items():
         if not 0 <= value <= most:
             raise InputError(f"{path}: {name} {value} of its settings: must lie between 0 and {most}; run again")
     least = 4 * max(0, network.depth - 2) * network.width**2
-    if ours and checkpoint.is_file() and least > checkpoint.stat().st_size:
+    if isinstance(own, Parts) and checkpoint.is_file() and least > checkpoint.stat().st_size:
         raise InputError(
             f"{checkpoint}: has fewer bytes than the weights of {network.depth} layers of {network.width}, which its "
             "record names; run again"

@@ -252,7 +252,7 @@ class CellTraining:
             **{name: packages.get(name) for name in CHECKED},
             **{key: self.provenance.get(key) for key in place},
             "package": origins([self.trainer.method]),
-            "settings": self.task.settings(),
+            "settings": self.task.settings(self.trainer.method),
             "view set": {key: value for key, value in view_set_facts(self.views).items() if key != "name"},
         }
         return dict(json.loads(json.dumps(facts)))
@@ -374,7 +374,7 @@ class CellTraining:
             warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
             pictures=self.kept.write(task.out, task.scene, trainer.method, task.seed),
             costs=costs or {},
-            settings={**task.settings(), "view_set": view_set_facts(self.views)},
+            settings={**task.settings(trainer.method), "view_set": view_set_facts(self.views)},
             # the others of the group change no bit of it: after an interruption they may differ
             provenance={**self.provenance, "in_lockstep": list(task.methods)}
             | ({"resumed_at": self.resumed_at} if self.resumed_at else {})

@@ -12,6 +12,9 @@ from torch import Tensor
 from baselines.contract import Box, LearnedField, Rays, Rendering
 from baselines.occupancy import OccupancyGrid
 from harness.machine.stopwatch import Stopwatch
+from harness.plan.plugins import method_named
+from harness.plan.schedule import Budget
+from harness.plan.settings import TrainSettings
 from harness.training.batches import Batch
 
 NORMS_REMEMBERED = 20
@@ -111,6 +114,26 @@ class Learner(Stepped, Protocol):
 
     def averaged(self) -> AbstractContextManager[None]:
         """Enclose what looks at the method in training, so that it sees what would be kept if training ended here."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a trainer is made from (`baselines.catalog.Method.trainer`)."""
+
+    method: str
+    box: Box
+    settings: TrainSettings
+    budget: Budget
+    seed: int | str
+    device: torch.device
+    view_dependent: bool = True
+    """Whether colour may depend on direction; False where the scene looks the same from all sides."""
+
+    @property
+    def own(self) -> Any:
+        """Return the method's own settings: those of `settings`, else the catalogue's."""
+        own = self.settings.own.get(self.method)
+        return method_named(self.method).settings if own is None else own
 
 
 L = TypeVar("L", bound=Stepped)

@@ -14,7 +14,7 @@ from harness.records.cells import CellRecord, unscored
 from harness.training.batches import Batches
 from harness.training.cell_training import CellTraining, IncompatibleSnapshot
 from harness.training.checkpoints import Keeping
-from harness.training.learner import Learner, train, warm_up
+from harness.training.learner import Job, Learner, train, warm_up
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.saved_renders import keep_truth
 from harness.training.scoring import evaluate
@@ -41,13 +41,14 @@ def train_group(
     """
     device, stream = torch.device(task.device), stream_of(task.scene, task.seed)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.covered_share)
-    shared = box_of(views, device), task.train, task.budget, stream, device, needs_view_direction(views)
+    box, directed = box_of(views, device), needs_view_direction(views)
     floor = evaluate.floor_psnr(views)
     keep_truth(task.out, task.scene, views, task.score.stored_views)
     runners = []
 
     def fresh(method: str) -> CellTraining:
-        learner = (made_by or learner_for)(method, *shared)
+        job = Job(method, box, task.train, task.budget, stream, device, directed)
+        learner = (made_by or learner_for)(job)
         batch_at = batches.for_learner(learner.whole_views, stream, task.train.rays)
         return CellTraining(learner, batch_at, views, task, provenance, floor)
 
@@ -144,7 +145,7 @@ def trained_alone(
     cameras = evaluate.cameras_of(views, views.train, device)
     batches = Batches(cameras, views.train.rgba, settings.covered_share)
     box, directed = box_of(views, device), needs_view_direction(views)
-    learner = learner_for(method, box, settings, budget, stream, device, directed)
+    learner = learner_for(Job(method, box, settings, budget, stream, device, directed))
     batch_at = batches.for_learner(learner.whole_views, stream, settings.rays)
     warm_up(learner, batch_at)
     return train(learner, batch_at)

@@ -2,16 +2,13 @@
 
 import importlib.util
 import os
+from pkgutil import resolve_name
 from typing import Literal
 
 import torch
 
-from baselines.contract import Box
 from harness.plan.plugins import method_named
-from harness.plan.schedule import Budget
-from harness.plan.settings import TrainSettings
-from harness.training.learner import Learner
-from harness.training.trainer import Trainer
+from harness.training.learner import Job, Learner
 from scenes.files.errors import InputError
 from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
@@ -23,38 +20,36 @@ class NotAvailable(InputError):
     """
 
 
-def learner_for(
-    method: str,
-    box: Box,
-    settings: TrainSettings,
-    budget: Budget,
-    seed: int | str,
-    device: torch.device,
-    view_dependent: bool = True,
-) -> Learner:
+def learner_for(job: Job) -> Learner:
     """Return the method ready to be trained. Raises `NotAvailable` if this machine lacks what it needs, and
     `InputError` if a user's own package that offers it cannot be loaded.
     """
-    given = method, box, settings, budget, seed, device, view_dependent
-    kind = method_named(method).kind
-    if kind == "network":
-        return Trainer(*given)
-    if kind == "splats":
-        if device.type != "cpu":
-            raise NotAvailable("is drawn by the processor alone; --device cpu trains it")
-        from harness.training.kinds.splat_trainer import SplatTrainer
+    trainer = method_named(job.method).trainer
+    made: Learner = (resolve_name(trainer) if isinstance(trainer, str) else trainer)(job)
+    return made
 
-        return SplatTrainer(*given)
-    backend = drjit_backend(device)
-    if kind == "ellipsoids":
-        if backend != "llvm" or importlib.util.find_spec("mitsuba") is None:
-            raise NotAvailable("is traced by Mitsuba on the processor; --device cpu trains it")
-        from harness.training.kinds.ellipsoid_trainer import EllipsoidTrainer
 
-        return EllipsoidTrainer(*given)
+def splats(job: Job) -> Learner:
+    if job.device.type != "cpu":
+        raise NotAvailable("is drawn by the processor alone; --device cpu trains it")
+    from harness.training.kinds.splat_trainer import SplatTrainer
+
+    return SplatTrainer(job)
+
+
+def ellipsoids(job: Job) -> Learner:
+    if drjit_backend(job.device) != "llvm" or importlib.util.find_spec("mitsuba") is None:
+        raise NotAvailable("is traced by Mitsuba on the processor; --device cpu trains it")
+    from harness.training.kinds.ellipsoid_trainer import EllipsoidTrainer
+
+    return EllipsoidTrainer(job)
+
+
+def voxels(job: Job) -> Learner:
+    backend = drjit_backend(job.device)
     from harness.training.kinds.voxel_trainer import VoxelTrainer
 
-    return VoxelTrainer(*given, backend)
+    return VoxelTrainer(job, backend)
 
 
 def drjit_backend(device: torch.device) -> Literal["llvm", "cuda"]:

@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -12,7 +12,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from baselines.contract import Box, FieldSpec, Precision, Rays, Rendering, first_not_finite
+from baselines.composition import Parts
+from baselines.contract import FieldSpec, Precision, Rays, Rendering, first_not_finite
 from baselines.field import field_of, training_step
 from baselines.numerics.checks import BadDensity
 from baselines.numerics.optimisers import Optimiser, optimiser_of
@@ -21,11 +22,10 @@ from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.plugins import method_named, origins
-from harness.plan.schedule import Budget, learning_rate
+from harness.plan.schedule import learning_rate
 from harness.plan.seeds import generator_for
-from harness.plan.settings import TrainSettings
 from harness.training.checkpoints import OCCUPIED
-from harness.training.learner import Clipping
+from harness.training.learner import Clipping, Job
 
 LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
 """The factor of the loss in the backward pass alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
@@ -48,23 +48,16 @@ class Diverged(ArithmeticError):
         self.tensor = tensor
 
 
-@dataclass(eq=False)
 class BudgetedTrainer(ABC):
     """One method of whatever kind on one scene with one seed: its budget, clock, counters and trace."""
 
     whole_views: ClassVar[bool] = False
-    method: str
-    box: Box
-    settings: TrainSettings
-    budget: Budget
-    seed: int | str
-    device: torch.device
-    view_dependent: bool = True
-    """Whether colour may depend on direction; False where the scene looks the same from all sides."""
 
-    def __post_init__(self) -> None:
+    def __init__(self, job: Job) -> None:
+        self.method, self.box, self.settings, self.own = job.method, job.box, job.settings, job.own
+        self.budget, self.seed, self.device = job.budget, job.seed, job.device
         # a direction that no colour depends on is left out, unless that is switched off
-        self.view_dependent = self.view_dependent or not self.settings.accelerations.directions
+        self.view_dependent = job.view_dependent or not self.settings.accelerations.directions
         self.grid: OccupancyGrid | None = None
         self.clock = Stopwatch(self.device)
         self.step = 0
@@ -143,17 +136,15 @@ class BudgetedTrainer(ABC):
 class Trainer(BudgetedTrainer):
     """A trainer of a method that is a field of torch: its optimiser, and an occupancy grid."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self, job: Job) -> None:
+        super().__init__(job)
         method, settings = method_named(self.method), self.settings
-        if method.parts is not None and (constants := settings.density.get(self.method)):
-            method = replace(method, parts=replace(method.parts, **constants.fields))
-        self.parts = method.parts
+        self.parts = self.own if isinstance(self.own, Parts) else None
         self.background = torch.ones(3, device=self.device)
 
         def field(name: str) -> Any:
             seed = f"{self.seed}/{name}"
-            spec = FieldSpec(settings.network, self.box, settings.precision, seed, self.view_dependent)
+            spec = FieldSpec(settings.network, self.box, settings.precision, seed, self.view_dependent, self.own)
             return field_of(method, spec, settings.accelerations).to(self.device)
 
         self.coarse = field("coarse")
@@ -229,7 +220,7 @@ class Trainer(BudgetedTrainer):
     def rendered_by(self) -> dict[str, Any]:
         return {
             "method": self.method,
-            "parts": asdict(self.parts) if self.parts is not None else None,
+            "own": asdict(self.own) if self.own is not None else None,
             **origins([self.method]),
             "sampling": asdict(self._sampling()),
             "network": asdict(self.settings.network),

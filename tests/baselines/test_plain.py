@@ -13,6 +13,7 @@ from baselines.plain import PlainField, plain_loss, plain_render, plain_step, po
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings
+from harness.training.learner import Job
 from harness.training.trainer import Trainer
 
 SIZE = NetworkSize(depth=8, width=48, colour_layers=2, colour_width=24, position_bands=6, direction_bands=3)
@@ -61,7 +62,7 @@ def in_double(rays: Rays) -> Rays:
 
 
 def trainer(settings: TrainSettings = SETTINGS, view_dependent: bool = True) -> Trainer:
-    learner = Trainer("nerf", BOX, settings, Budget(10, None), SEED, torch.device("cpu"), view_dependent)
+    learner = Trainer(Job("nerf", BOX, settings, Budget(10, None), SEED, torch.device("cpu"), view_dependent))
     generator = torch.Generator().manual_seed(9)
     with torch.no_grad():  # as after training: contrast, and biases that are not zero
         learner.field.density_head.weight *= 8.0
@@ -211,7 +212,7 @@ def test_fewer_samples_are_seen() -> None:
 
 
 def test_weights_start_as_those_of_the_field() -> None:
-    learner = Trainer("nerf", BOX, SETTINGS, Budget(10, None), SEED, torch.device("cpu"))
+    learner = Trainer(Job("nerf", BOX, SETTINGS, Budget(10, None), SEED, torch.device("cpu")))
     ours, theirs = PlainField(SIZE, BOX, f"{SEED}/coarse").state_dict(), learner.field.state_dict()
     assert list(ours) == list(theirs)
     assert all(torch.equal(ours[name], theirs[name]) for name in ours)

@@ -13,6 +13,7 @@ from baselines.occupancy import OccupancyGrid
 from baselines.rendering import OPAQUE
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings
+from harness.training.learner import Job
 from harness.training.trainer import Trainer
 from tests.baselines.analytic import AnalyticField, ball, cube, gaussian, homogeneous, rays_at, smooth_ball, soft_shell
 from tests.baselines.small_fields import BOX, SMALL
@@ -103,7 +104,7 @@ def test_a_nerf_with_the_rule_renders_and_learns(rule: str, monkeypatch: pytest.
     monkeypatch.setitem(CATALOG, "tried", Method(replace(NERF, quadrature=rule), "NeRF with another rule"))
     settings = TrainSettings(network=SMALL, bins=12, first_bins=12, fine_bins=4, learning_rate=2e-2)
     settings = replace(settings, grid=GridSettings(cells=0))
-    learner = Trainer("tried", BOX, settings, Budget(40, None), 0, torch.device("cpu"))
+    learner = Trainer(Job("tried", BOX, settings, Budget(40, None), 0, torch.device("cpu")))
     rays = rays_at(0.4, 16, dtype=torch.float32)
     colours = torch.tensor([0.1, 0.2, 0.8]).expand(16, 3)
     before = float((learner.render(rays, 20).colour - colours).square().mean())

@@ -7,7 +7,7 @@ import torch
 from baselines.contract import Box, NetworkSize, Rays
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
-from harness.training.learner import Learner
+from harness.training.learner import Job, Learner
 from harness.training.trainer import Trainer
 
 L = TypeVar("L", bound=Learner)
@@ -46,7 +46,7 @@ def rays_and_colours(count: int = 64, seed: int = 0) -> tuple[Rays, torch.Tensor
 
 
 def trainer(method: str = "nerf", settings: TrainSettings = TRAIN, budget: Budget = BUDGET, seed: int = 0) -> Trainer:
-    return Trainer(method, box(), settings, budget, seed, CPU)
+    return Trainer(Job(method, box(), settings, budget, seed, CPU))
 
 
 def train(learner: L, steps: int) -> L:

@@ -6,12 +6,13 @@ from typing import Any
 import pytest
 import torch
 
+from baselines.methods.explicit import VoxelSettings
 from harness.plan.schedule import Budget
-from harness.plan.settings import VoxelSettings
+from harness.training.learner import Job
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
 from tests.harness.tiny import BUDGET, CPU, TRAIN, box
 
-SETTINGS = replace(TRAIN, voxels=VoxelSettings(finest=16, bins=24, smoothed=256))
+SETTINGS = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)})
 
 
 def drjit_or_skip() -> None:
@@ -25,4 +26,4 @@ def drjit_or_skip() -> None:
 def voxels(seed: int = 0, budget: Budget = BUDGET) -> Any:
     """The method in training; the test is skipped where it is not available."""
     drjit_or_skip()
-    return learner_for("voxels_drjit", box(), SETTINGS, budget, seed, CPU)
+    return learner_for(Job("voxels_drjit", box(), SETTINGS, budget, seed, CPU))

@@ -18,7 +18,7 @@ from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, ScoreSettings, ViewSettings
 from harness.records.cells import CellRecord
-from harness.training.learner import Learner
+from harness.training.learner import Job, Learner
 from harness.training.lockstep import train_group
 from harness.training.make_learner import learner_for
 from scenes.files.errors import InputError
@@ -69,10 +69,10 @@ def train_one(task: GroupTask, draw: int) -> list[CellRecord]:
 def rounded_otherwise(draw: int) -> Callable[..., Learner]:
     """Return a maker of learners whose first weights differ at random in their last bit; draw 0 leaves them."""
 
-    def make(method: str, *others: object) -> Learner:
-        learner = learner_for(method, *others)  # type: ignore[arg-type]
+    def make(job: Job) -> Learner:
+        learner = learner_for(job)
         if draw:
-            generator = generator_for("rounding", draw, method)
+            generator = generator_for("rounding", draw, job.method)
             with torch.no_grad():
                 for weight in learner.fields.parameters():
                     weight.mul_(1.0 + LAST_BIT * torch.randint(-1, 2, weight.shape, generator=generator))

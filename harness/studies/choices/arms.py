@@ -5,18 +5,16 @@ concerns rendering alone is tried on one set of weights, rendered both ways.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
-from unittest.mock import patch
 
 import numpy as np
 import torch
 
 from baselines.contract import Precision
-from baselines.methods.chosen import DensityConstants
 from baselines.numerics.optimisers import OptimiserName
 from harness.execution.ground_truth import read_views
 from harness.machine.provenance import versions
@@ -63,8 +61,8 @@ class Arm:
     """None: as planned."""
     covered_share: float | None = None
     """None: as planned."""
-    density: DensityConstants | None = None
-    """None: as planned."""
+    own: Any = None
+    """The method's own settings; None: as planned."""
     rendered_with: tuple[str, ...] = ()
     """The needs that are put back, one at a time, to render the same weights again."""
 
@@ -85,8 +83,6 @@ class CellTask:
     scored_on: Literal["val", "test"] = "test"
     kept: Path | None = None
     """The folder where the cell is kept when it ends, and looked for before it begins."""
-    constants: Mapping[str, Any] = field(default_factory=dict)
-    """The dotted name of a constant → the value that it has while the cell is trained."""
 
 
 @dataclass(frozen=True)
@@ -149,17 +145,14 @@ def identity(task: CellTask) -> str:
     """Return the digest of all that a cell's results depend on, beside its scene, method and seed."""
     plan = replace(task.plan.alone(), scenes=(), methods=(), seeds=())
     arms = {name: asdict(arm) for name, arm in task.arms.items()}
-    given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on, repr(task.constants)]
+    given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on]
     return digest_of([*given, versions()])[:12]
 
 
 def trained_cell(task: CellTask) -> CellArms:
     """Train every arm, one after the other. A cell that diverges has no score."""
     views = views_of(task.view_set, task.plan, task.scratch, task.scored_on)
-    with ExitStack() as changed:
-        for place, value in task.constants.items():
-            changed.enter_context(patch(place, value))
-        ended = {name: _ended(task, arm, views) for name, arm in task.arms.items()}
+    ended = {name: _ended(task, arm, views) for name, arm in task.arms.items()}
     return CellArms(task.scene, task.method, task.seed, ended)
 
 
@@ -211,9 +204,8 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
                 view = evaluate.render_view(trainer, cameras, index, plan.score.chunk)
             yield view
 
-    settings = settings_of(plan.train, arm)
-    if arm.density is not None:
-        settings = replace(settings, density={task.method: arm.density})
+    own = plan.own_settings([task.method]) if arm.own is None else {task.method: arm.own}
+    settings = replace(settings_of(plan.train, arm), own=own)
     try:
         trainer = trained_alone(task.method, views, stream, settings, plan.budget, device)
         psnr = evaluate.quick_scores(rendered(trainer), split)["psnr"]

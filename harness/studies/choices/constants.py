@@ -92,16 +92,14 @@ def search(
         for scene, (method, some) in product(folders, pairs.items()):
             yield [known[key] for pair in some if (key := (method, pair, scene, steps)) in known]
             missing = [pair for pair in some if (method, pair, scene, steps) not in known]
-            tasks += [
-                CellTask(scene, method, SEED, folders[scene], scratch, budgeted, _arms(missing, start), device, "val")
-                for start in dict.fromkeys(pair.start for pair in missing)
-            ]
-        for task, cell in zip(tasks, trained_cells(tasks, workers), strict=True):
-            ended = [(arm.density, cell.ended[name]) for name, arm in task.arms.items()]
+            for start in dict.fromkeys(pair.start for pair in missing):
+                arms = _arms(method, [pair for pair in missing if pair.start == start])
+                tasks.append(CellTask(scene, method, SEED, folders[scene], scratch, budgeted, arms, device, "val"))
+        for cell in trained_cells(tasks, workers):
             yield [
-                ConstantsRow(cell.method, pair, cell.scene, steps, end.psnr, end.core_seconds)
-                for pair, end in ended
-                if pair is not None
+                ConstantsRow(cell.method, pair, cell.scene, steps, ended.psnr, ended.core_seconds)
+                for pair in pairs[cell.method]
+                if (ended := cell.ended.get(str(pair)))
             ]
 
     assert plan.budget.steps is not None
@@ -112,8 +110,8 @@ def search(
     yield from trained(plan.budget.steps, {method: finalists(rows, method) for method in plan.methods})
 
 
-def _arms(pairs: list[DensityConstants], start: float | None) -> dict[str, Arm]:
-    return {f"{pair.unit:g}": Arm(density=pair) for pair in pairs if pair.start == start}
+def _arms(method: str, pairs: list[DensityConstants]) -> dict[str, Arm]:
+    return {str(pair): Arm(own=replace(CATALOG[method].settings, **pair.fields)) for pair in pairs}
 
 
 def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float]:

@@ -1,8 +1,7 @@
 """The same small search for every family of the frontier: as it is, at half and double its rates, smaller and larger.
 
 Each trial trains for as many core seconds as any other, on views that the frontier trains on, with a seed that no
-verdict uses, and is scored on validation views. What a family has is a constant of its module or a setting of the
-profile, which a trial changes for as long as it trains. So what wins is written into the program by hand.
+verdict uses, and is scored on validation views. What wins is written into the program by hand.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from baselines.grids import growth
+from baselines.catalog import CATALOG
+from baselines.methods.explicit import GaussianSettings, PlaneSettings, TableSettings, geometric
 from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
 from harness.studies.choices.arms import PLANNED, Arm, CellTask, trained_cells
 from harness.studies.choices.sweep import SEED
 from harness.studies.frontier.frontier_context import settings_for
-from harness.training.kinds.splat_trainer import AMOUNTS, RATES
 
 SEARCHED = ("chair", "ship")
 """The scenes that are searched on."""
@@ -33,8 +32,8 @@ class Trial:
     """What a training has in place of the usual."""
 
     what: str = "as the frontier trains it"
-    constants: dict[str, Any] = field(default_factory=dict)
-    """The dotted name of a constant → its value."""
+    own: Any = None
+    """The family's own settings; None: the usual."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Field of the training's settings → value."""
 
@@ -44,10 +43,11 @@ def _rates(factor: float) -> Trial:
     return Trial(" to ".join(f"{rate:g}" for rate in rates.values()), settings=rates)
 
 
-def _gaussian_rates(kind: str) -> Callable[[float], Trial]:
-    faster, position = AMOUNTS[kind].faster, RATES["position"]
+def _gaussian_rates(family: str) -> Callable[[float], Trial]:
+    usual: GaussianSettings = CATALOG[family].settings
     return lambda factor: Trial(
-        f"positions {factor * faster * position:g}, the others alike", _amounts(kind, faster=factor * faster)
+        f"positions {factor * usual.faster * usual.position:g}, the others alike",
+        replace(usual, faster=factor * usual.faster),
     )
 
 
@@ -57,27 +57,20 @@ def _width(width: int) -> Trial:
 
 
 def _planes(*nodes: int) -> Trial:
-    what = ", ".join(f"{count}²" for count in nodes)
-    return Trial(what, {f"{GROWTH}.PLANES": {**growth.PLANES, "planes": ("", nodes)}})
+    return Trial(", ".join(f"{count}²" for count in nodes), PlaneSettings(nodes))
 
 
 def _tables(finest: int, levels: int, entries: int) -> Trial:
-    tables = growth.Tables("", growth.geometric(16, finest, levels), entries)
     what = f"{levels} levels to {finest}, {entries} entries"
-    return Trial(what, {f"{GROWTH}.TABLES": {**growth.TABLES, "hash_grid": tables}})
+    return Trial(what, TableSettings(geometric(16, finest, levels), entries))
 
 
-def _gaussians(kind: str, first: int, most: int) -> Trial:
-    return Trial(f"{first} to {most}", _amounts(kind, first=first, most=most))
-
-
-def _amounts(kind: str, **changes: float) -> dict[str, Any]:
-    place = "harness.training.kinds.splat_trainer.AMOUNTS"
-    return {place: {**AMOUNTS, kind: replace(AMOUNTS[kind], **changes)}}  # type: ignore[arg-type]
+def _gaussians(family: str, first: int, most: int) -> Trial:
+    return Trial(f"{first} to {most}", replace(CATALOG[family].settings, first=first, most=most))
 
 
 def _voxels(finest: int) -> Trial:
-    return Trial(f"{finest}³", settings={"voxels": replace(USUAL.voxels, finest=finest, bins=finest * 3 // 2)})
+    return Trial(f"{finest}³", replace(USUAL.own["voxels_drjit"], finest=finest, bins=finest * 3 // 2))
 
 
 def _trials(rates: Callable[[float], Trial], smaller: Trial, larger: Trial) -> dict[str, Trial]:
@@ -91,7 +84,6 @@ def _trials(rates: Callable[[float], Trial], smaller: Trial, larger: Trial) -> d
     }
 
 
-GROWTH = "baselines.grids.growth"
 NETWORKS = _trials(_rates, _width(48), _width(96))
 TRIALS: dict[str, dict[str, Trial]] = {
     "nerf": NETWORKS,
@@ -147,12 +139,11 @@ def search(
     for family in plan.methods:
         for words, trial in TRIALS[family].items():
             changed = replace(plan, train=replace(plan.train, **trial.settings))
-            for scene, folder in folders.items():
-                arms = {words: Arm()}
-                task = CellTask(
-                    scene, family, SEED, folder, scratch, changed, arms, device, "val", kept, trial.constants
-                )
-                tasks.append(task)
+            arms = {words: Arm(own=trial.own)}
+            tasks += [
+                CellTask(scene, family, SEED, folder, scratch, changed, arms, device, "val", kept)
+                for scene, folder in folders.items()
+            ]
     for cell in trained_cells(tasks, workers):
         for words, ended in cell.ended.items():
             yield FamilyRow(cell.method, words, cell.scene, ended.psnr, ended.core_seconds, ended.steps, ended.why)

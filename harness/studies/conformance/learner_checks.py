@@ -11,14 +11,15 @@ import numpy as np
 import torch
 
 from baselines.contract import NetworkSize
+from baselines.methods.explicit import VoxelSettings
 from harness.plan.schedule import Budget
-from harness.plan.settings import GridSettings, TrainSettings, VoxelSettings
+from harness.plan.settings import GridSettings, TrainSettings
 from harness.records.snapshot import read_unfinished, write_unfinished
 from harness.studies.conformance.subject import Broken, Subject
 from harness.studies.drawn_views import disc_views
 from harness.training.batches import Batches
 from harness.training.checkpoints import load_checkpoint, restore_training, save_checkpoint, tensors_of, training_state
-from harness.training.learner import Learner, at_step, train, warm_up
+from harness.training.learner import Job, Learner, at_step, train, warm_up
 from harness.training.lockstep import box_of
 from harness.training.make_learner import learner_for
 from harness.training.scoring.evaluate import cameras_of
@@ -41,7 +42,7 @@ SETTINGS = TrainSettings(
     last_learning_rate=1e-3,
     warm_up_steps=5,
     grid=GridSettings(cells=12, first_step=20, every=10),
-    voxels=VoxelSettings(finest=16, bins=24, smoothed=256),
+    own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)},
 )
 GRID_IN_USE = SETTINGS.grid.first_step + 2
 STOPPED = SETTINGS.grid.first_step // 2
@@ -57,7 +58,7 @@ def drawn() -> tuple[ViewSet, Batches]:
 
 def fresh(subject: Subject, settings: TrainSettings = SETTINGS) -> Learner:
     views, _ = drawn()
-    return learner_for(subject.name, box_of(views, CPU), settings, Budget(STEPS, None), STREAM, CPU, True)
+    return learner_for(Job(subject.name, box_of(views, CPU), settings, Budget(STEPS, None), STREAM, CPU, True))
 
 
 def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, stops: tuple[int, ...] = ()) -> Learner:

@@ -54,7 +54,7 @@ def meaning(check: str) -> str:
 def conformance(subject: Subject) -> Iterator[CheckOutcome]:
     """Run every check in turn; an exception of the method breaks the check that it was raised in, and no other."""
     for name, check in CHECKS.items():
-        if name in FIELD_CHECKS and subject.method.kind != "network":
+        if name in FIELD_CHECKS and not subject.method.is_field:
             yield CheckOutcome(subject.name, name, "not applicable", "no torch field")
             continue
         try:

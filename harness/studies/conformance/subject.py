@@ -38,7 +38,8 @@ class Subject:
 
     def field(self, depth: int = SMALL.depth, seed: int | str = 0, view_dependent: bool = True, box: Box = BOX) -> Any:
         """Return a fresh field (`baselines.field.field_of`)."""
-        return field_of(self.method, FieldSpec(replace(SMALL, depth=depth), box, "float32", seed, view_dependent))
+        size = replace(SMALL, depth=depth)
+        return field_of(self.method, FieldSpec(size, box, "float32", seed, view_dependent, self.method.settings))
 
     def rendered(self, field: Any, rays: Rays, generator: torch.Generator | None = None) -> Rendering:
         return rendered(field, self.quadrature, rays, generator)

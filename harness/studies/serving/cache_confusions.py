@@ -18,7 +18,7 @@ from harness.studies.serving.cache_latency import ROOM, cells_of, same
 from harness.studies.serving.serving_context import ServingContext, plain, significant, study
 from harness.training.batches import Batches, Camera
 from harness.training.checkpoints import tensors_of
-from harness.training.learner import Learner, at_step, train
+from harness.training.learner import Job, Learner, at_step, train
 from harness.training.make_learner import learner_for
 from harness.training.scoring.evaluate import View, cameras_of
 from harness.training.scoring.metrics import mse
@@ -222,13 +222,15 @@ def _further(context: ServingContext, learner: Trainer, views: ViewSet) -> Train
 def copied(learner: Trainer, settings: Any = None) -> Trainer:
     """Return an independent copy of the method in the same state."""
     made = learner_for(
-        learner.method,
-        learner.box,
-        settings or learner.settings,
-        learner.budget,
-        learner.seed,
-        learner.device,
-        learner.view_dependent,
+        Job(
+            learner.method,
+            learner.box,
+            settings or learner.settings,
+            learner.budget,
+            learner.seed,
+            learner.device,
+            learner.view_dependent,
+        )
     )
     assert isinstance(made, Trainer)
     made.restore({name: value.clone() for name, value in tensors_of(learner).items()}, learner.step)

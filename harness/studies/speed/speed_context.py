@@ -23,7 +23,7 @@ from harness.records.study import Check, check
 from harness.studies.drawn_views import write_disc
 from harness.studies.framework import StudyContext
 from harness.training.batches import Batch, Batches
-from harness.training.learner import at_step, train, warm_up
+from harness.training.learner import Job, at_step, train, warm_up
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
@@ -214,7 +214,7 @@ def new_trainer(
     budget: Budget | None = None,
 ) -> Trainer:
     """Return vanilla NeRF. Without a budget the learning rate stays as it is."""
-    return Trainer("nerf", box, settings, budget or Budget(None, None), STREAM, context.device, view_dependent)
+    return Trainer(Job("nerf", box, settings, budget or Budget(None, None), STREAM, context.device, view_dependent))
 
 
 def trained_reduced(context: SpeedContext, view_dependent: bool | None = None) -> Trainer:

@@ -34,7 +34,7 @@ from harness.studies.speed.speed_context import (
     views_of,
 )
 from harness.training.batches import Batch
-from harness.training.learner import Stepped, train, warm_up
+from harness.training.learner import Job, Stepped, train, warm_up
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.scoring.evaluate import cameras_of, floor_psnr
 from harness.training.trainer import Diverged, Trainer
@@ -227,7 +227,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Series]:
 
     def contest(name: str, seed: str) -> PsnrCurve:
         settings, until = sides[name]
-        trainer = Trainer("nerf", box, settings, until, seed, device, directed)
+        trainer = Trainer(Job("nerf", box, settings, until, seed, device, directed))
         batch_at = batches.stream(seed, settings.rays)
         warm_up(trainer, batch_at)
 

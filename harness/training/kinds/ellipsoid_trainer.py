@@ -4,7 +4,6 @@ Importing this module imports Mitsuba: `harness.training.make_learner` does so w
 """
 
 import math
-from dataclasses import dataclass
 
 import drjit as dr
 import torch
@@ -16,17 +15,15 @@ from baselines.contract import Rays, Rendering
 from baselines.splats.gaussians import parts_of
 from baselines.splats.traced import Traced
 from harness.training.kinds.splat_trainer import GaussianTrainer
+from harness.training.learner import Job
 from harness.training.trainer import Diverged
 
 
-@dataclass(eq=False)
 class EllipsoidTrainer(GaussianTrainer):
     """A trainer of Gaussians that Mitsuba traces."""
 
-    kind = "ellipsoids"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self, job: Job) -> None:
+        super().__init__(job)
         # several threads would add up gradients in an order that changes from run to run
         dr.set_thread_count(1)
         self._scene: Traced | None = None

@@ -1,81 +1,44 @@
-"""`splats` and `ellipsoids` in training: the same Gaussians, drawn one view a step or traced along rays of all views.
-
-The rates are for a few hundred to a few thousand steps: at least 10 times those of 3D Gaussian Splatting (Kerbl et al.
-2023), which trains for 30 000.
-"""
+"""`splats` and `ellipsoids` in training: the same Gaussians, drawn a view at a time or traced along rays."""
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from baselines.contract import Rays, Rendering
+from baselines.methods.explicit import GaussianSettings
 from baselines.splats.gaussians import Gaussians, Pencil, parts_of
 from baselines.splats.population import first_values, relocated, wandering
 from baselines.splats.rasteriser import COLUMNS
 from harness.plan.seeds import generator_for
+from harness.training.learner import Job
 from harness.training.trainer import BudgetedTrainer, Diverged
 
-RATES = {"position": 1e-2, "log_scale": 1e-1, "rotation": 5e-2, "opacity": 5e-1, "colour": 2e-1, "harmonics": 2.5e-2}
-"""The learning rates at the start, by part."""
-
-
-@dataclass(frozen=True)
-class Amounts:
-    """What a kind of trainer has of Gaussians."""
-
-    first: int
-    """The number of Gaussians at the start."""
-    most: int
-    """The number of them in the end."""
-    faster: float
-    """The factor of `RATES`."""
-
-
-AMOUNTS = {"splats": Amounts(4000, 8000, 1.0), "ellipsoids": Amounts(3000, 5000, 2.0)}
-"""A traced step takes so long that there are few (`python -m harness study families`)."""
-LAST_RATE = 0.02
-"""The share of the rates that is left in the end."""
-BETAS, EPSILON = (0.8, 0.95), 1e-15
-MOVED_EVERY = 50
-"""The steps between two relocations."""
-MOVED_UNTIL = 0.9
-"""The share of the budget after which Gaussians stay where they are."""
-WANDER = 2000.0
-"""The random step of a Gaussian that is hardly seen, in units of the position's rate (the paper's 5e5 go with a rate
-per scene unit and the squared scale)."""
 KEPT_RAYS = 2_000_000
 """The rays of training views that are kept in their cells, 40 bytes each."""
-LIGHTER = {"opacity": 1e-3, "log_scale": 1e-3}
-"""The weights of mean opacity and mean scale in the loss, which let go of what is not needed."""
 
 
-@dataclass(eq=False)
 class GaussianTrainer(BudgetedTrainer):
     """A trainer of Gaussians, however they are shown."""
 
-    kind: ClassVar[str]
+    own: GaussianSettings
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self, job: Job) -> None:
+        super().__init__(job)
         # bins are counted per pixel of the box's longest side, where they are (`harness.plan.needed.at_scale`)
         pixel = 2.0 * (self.settings.bins_per_pixel or 1.0) / self.settings.bins
         self.field = Gaussians(self.box, self.view_dependent, torch.zeros(0, 0), pixel)
-        self.amounts = AMOUNTS[self.kind]
         self.field.values = first_values(
-            self.box, self.amounts.first, self.field.columns, generator_for(self.seed, "first")
+            self.box, self.own.first, self.field.columns, generator_for(self.seed, "first")
         )
         self.mean = torch.zeros_like(self.field.values)
         self.square = torch.zeros_like(self.field.values)
         self.seen = torch.zeros(len(self.field.values), 1)
-        rates = [rate for name, size in COLUMNS.items() for rate in [RATES[name]] * size]
-        self.rates = self.amounts.faster * torch.tensor(
-            rates + [RATES["harmonics"]] * (self.field.columns - len(rates))
-        )
+        rates = [rate for name, size in COLUMNS.items() for rate in [getattr(self.own, name)] * size]
+        self.rates = self.own.faster * torch.tensor(rates + [self.own.harmonics] * (self.field.columns - len(rates)))
 
     @property
     def fields(self) -> Gaussians:
@@ -92,10 +55,10 @@ class GaussianTrainer(BudgetedTrainer):
             norm = float(gradient.norm())
             if not math.isfinite(norm):
                 raise Diverged(self.step, "gradient of the Gaussians")
-            rate, before = LAST_RATE ** min(self.progress, 1.0), self.field.values
+            rate, before = self.own.last_rate ** min(self.progress, 1.0), self.field.values
             self._adam(gradient, rate)
             generator = generator_for(self.seed, self.step, "population")
-            if self.progress < MOVED_UNTIL:
+            if self.progress < self.own.moved_until:
                 self._move(rate, generator)
             if not bool(torch.isfinite(self.field.values).all()):
                 self.field.values = before
@@ -109,24 +72,25 @@ class GaussianTrainer(BudgetedTrainer):
     def _lightness(self, values: Tensor) -> Tensor:
         """Return what the loss charges for opacity and size."""
         _, log_scale, _, logit, *_ = parts_of(values)
-        return LIGHTER["opacity"] * torch.sigmoid(logit).mean() + LIGHTER["log_scale"] * log_scale.exp().mean()
+        opacity, scale = torch.sigmoid(logit).mean(), log_scale.exp().mean()
+        return self.own.lighter_opacity * opacity + self.own.lighter_scale * scale
 
     def _adam(self, gradient: Tensor, rate: float) -> None:
         """Take a step of Adam whose count of steps is each Gaussian's own."""
-        first, second = BETAS
+        first, second = self.own.betas
         self.seen += 1.0
         self.mean.lerp_(gradient, 1.0 - first)
         self.square.lerp_(gradient.square(), 1.0 - second)
         mean = self.mean / (1.0 - first**self.seen)
         square = self.square / (1.0 - second**self.seen)
-        self.field.values = self.field.values - rate * self.rates * mean / (square.sqrt() + EPSILON)
+        self.field.values = self.field.values - rate * self.rates * mean / (square.sqrt() + self.own.epsilon)
 
     def _move(self, rate: float, generator: torch.Generator) -> None:
         values = self.field.values
-        values[:, :3] += wandering(values, WANDER * rate * self.amounts.faster * RATES["position"], generator)
-        if (self.step + 1) % MOVED_EVERY:
+        values[:, :3] += wandering(values, self.own.wander * rate * self.own.faster * self.own.position, generator)
+        if (self.step + 1) % self.own.moved_every:
             return
-        more = max(min(self.amounts.most - len(values), len(values) // 20), 0)
+        more = max(min(self.own.most - len(values), len(values) // 20), 0)
         values, changed = relocated(values, more, generator)
         for name in ("mean", "square", "seen"):
             state = getattr(self, name)
@@ -159,15 +123,13 @@ class GaussianTrainer(BudgetedTrainer):
         self.mean, self.square, self.seen = (tensors[name] for name in ("mean", "square", "seen"))
 
 
-@dataclass(eq=False)
 class SplatTrainer(GaussianTrainer):
     """A trainer of Gaussians that are drawn, all pixels of a view at a time."""
 
-    kind = "splats"
     whole_views = True
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self, job: Job) -> None:
+        super().__init__(job)
         self._pencils: dict[bytes, Pencil] = {}
 
     def _pencil(self, rays: Rays) -> Pencil:

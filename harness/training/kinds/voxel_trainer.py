@@ -4,7 +4,6 @@ Importing this module imports Dr.Jit: `harness.training.learner` does so when th
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -13,23 +12,24 @@ from jaxtyping import Float
 from torch import Tensor
 
 from baselines.contract import Rays, Rendering
+from baselines.methods.explicit import VoxelSettings
 from baselines.voxels_drjit import Adam, Backend, VoxelField
 from harness.plan.seeds import generator_for
+from harness.training.learner import Job
 from harness.training.trainer import BudgetedTrainer, Diverged
 
 
-@dataclass(eq=False)
 class VoxelTrainer(BudgetedTrainer):
     """A trainer of the voxel field."""
 
-    backend: Backend = "llvm"
+    own: VoxelSettings
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __init__(self, job: Job, backend: Backend = "llvm") -> None:
+        super().__init__(job)
         # several threads would add up gradients in an order that changes from run to run
         dr.set_thread_count(1)
-        self._stages = list(self.settings.voxels.stages())
-        self.field = VoxelField(self.box, self._stages.pop(0)[1], self.view_dependent, self.backend)
+        self._stages = list(self.own.stages())
+        self.field = VoxelField(self.box, self._stages.pop(0)[1], self.view_dependent, backend)
         self._optimiser = Adam(self.field)
 
     @property
@@ -38,7 +38,7 @@ class VoxelTrainer(BudgetedTrainer):
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Take a step at every fineness on fields that are thrown away: kernels are compiled here, off the clock."""
-        for _, voxels in self.settings.voxels.stages():
+        for _, voxels in self.own.stages():
             field = self.field.refined(voxels)
             _, _, gradients, _ = self._slope(field, rays, colours, generator_for(self.seed, "warm-up"))
             Adam(field).step(field, gradients, 0.0, 1.0)
@@ -51,7 +51,7 @@ class VoxelTrainer(BudgetedTrainer):
             while self._stages and self.progress >= self._stages[0][0]:
                 self.field = self.field.refined(self._stages.pop(0)[1])
                 self._optimiser = Adam(self.field)
-            rate = self.settings.voxels.rate_factor * self._learning_rate()
+            rate = self.own.rate_factor * self._learning_rate()
             jitter = generator_for(self.seed, self.step, "jitter")
             loss, norm, gradients, points = self._slope(self.field, rays, colours, jitter)
             scale = self.clipping.scale(norm)
@@ -61,12 +61,12 @@ class VoxelTrainer(BudgetedTrainer):
 
     def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
         rays.require_finite()
-        return self.field.render(rays, bins or self.settings.voxels.bins)
+        return self.field.render(rays, bins or self.own.bins)
 
     def rendered_by(self) -> dict[str, Any]:
         return {
             "method": self.method,
-            "bins": self.settings.voxels.bins,
+            "bins": self.own.bins,
             "degree": self.field.degree,
             "shape": list(self.field.shape),
             "box": [self.box.lower.tolist(), self.box.upper.tolist()],
@@ -92,7 +92,7 @@ class VoxelTrainer(BudgetedTrainer):
         """Return the mean squared error of display colours, including rays that miss the box; the norm of its gradient;
         the gradient; and the number of evaluated points. Raises `Diverged`, naming what is not finite.
         """
-        voxels = self.settings.voxels
+        voxels = self.own
         samples, inside = field.samples(rays, voxels.bins, generator)
         missed = torch.ones(len(rays), dtype=torch.bool, device=colours.device)
         missed[inside] = False

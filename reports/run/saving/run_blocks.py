@@ -220,12 +220,9 @@ def further(run: Run) -> str:
 def unit_of(run: Run, method: str) -> float:
     """Return the unit of density of a method, per half of the longest side of the scene's box."""
     settings = run["settings"]
-    # runs from before it was a setting of the training
-    return (
-        settings["density_units"][method]["scale"]
-        if "density_units" in settings
-        else (settings["train"]["density"][method]["unit"])
-    )
+    if "density_units" in settings:  # a run from before it was a setting of the training
+        return float(settings["density_units"][method]["scale"])
+    return float(settings["train"]["own"][method]["density_scale"])
 
 
 def ceiling(run: Run, late: Run) -> str:

@@ -7,17 +7,19 @@ import pytest
 
 from baselines.catalog import CATALOG
 from baselines.contract import FieldSpec, NetworkSize
-from baselines.grids.growth import PLANES, TABLES, geometric
+from baselines.field import field_of
+from baselines.methods.explicit import PLANES, TABLES, geometric
 from baselines.numerics.encoding import PHI
 from harness.studies.conformance.subject import BOX
 
-RESOLUTIONS = {name: nodes for name, (_, nodes) in PLANES.items()} | {name: t.cells for name, t in TABLES.items()}
+RESOLUTIONS = {name: own.nodes for name, (own, _) in PLANES.items()} | {
+    name: own.cells for name, (own, _) in TABLES.items()
+}
 
 
 def encoder_size(method: str) -> int:
-    make_field = CATALOG[method].make_field
-    assert make_field is not None
-    return int(make_field(FieldSpec(NetworkSize(), BOX, "float32", 0, True)).parameter_counts()["encoder"])
+    spec = FieldSpec(NetworkSize(), BOX, "float32", 0, True, CATALOG[method].settings)
+    return int(field_of(CATALOG[method], spec).parameter_counts()["encoder"])
 
 
 def factors(name: str) -> list[float]:

@@ -6,6 +6,7 @@ import torch
 from baselines.contract import FieldSpec, NetworkSize
 from baselines.grids.hash_grid import HashGrid, encoded, hash_grid
 from baselines.grids.interpolation import TABLE_CHANNELS, Encoded
+from baselines.methods.explicit import TableSettings
 from harness.studies.conformance.subject import BOX
 from tests.harness.voxels import drjit_or_skip
 
@@ -56,7 +57,7 @@ def test_nodes_that_collide_share_one_entry_and_add_their_gradients() -> None:
 
 
 def test_each_level_has_no_more_entries_than_nodes() -> None:
-    counts = [len(table) for table in HashGrid((2, 30, 31, 64), 1 << 15, seed=0).tables]
+    counts = [len(table) for table in HashGrid(TableSettings((2, 30, 31, 64), 1 << 15), seed=0).tables]
     assert counts == [27, 31**3, 1 << 15, 1 << 15]
 
 
@@ -68,7 +69,7 @@ def test_the_same_input_gives_the_same_bits() -> None:
 
 
 def test_it_begins_with_thin_fog() -> None:
-    field = hash_grid(FieldSpec(NetworkSize(), BOX, "float32", 0, True), (16, 48), 1 << 12)
+    field = hash_grid(FieldSpec(NetworkSize(), BOX, "float32", 0, True, TableSettings((16, 48), 1 << 12)))
     tau = field.density(points()).detach() * 2 * BOX.half_extent
     assert 0.3 < float(tau.mean()) < 3.0
 

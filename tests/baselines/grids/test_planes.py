@@ -6,6 +6,7 @@ import torch
 from baselines.contract import Box, FieldSpec, NetworkSize
 from baselines.grids.interpolation import PLANE_CHANNELS, Multiplied
 from baselines.grids.planes import multiplied, planes
+from baselines.methods.explicit import PlaneSettings
 
 NODES = (2, 5, 16)
 
@@ -60,7 +61,7 @@ def test_the_same_input_gives_the_same_bits() -> None:
 @pytest.mark.parametrize("view_dependent", [True, False])
 def test_it_begins_with_thin_fog_whatever_the_unit_of_length(half: float, view_dependent: bool) -> None:
     box = Box(-half * torch.ones(3), half * torch.ones(3))
-    field = planes(FieldSpec(NetworkSize(), box, "float32", 0, view_dependent), NODES)
+    field = planes(FieldSpec(NetworkSize(), box, "float32", 0, view_dependent, PlaneSettings(NODES)))
     tau = field.density(half * points()).detach() * 2 * half
     assert 0.3 < float(tau.mean()) < 3.0
     view = field.encode_directions(torch.nn.functional.normalize(points(4), dim=-1))
@@ -73,7 +74,7 @@ def test_it_begins_with_thin_fog_whatever_the_unit_of_length(half: float, view_d
 def test_the_compiled_field_learns_what_the_composed_one_learns() -> None:
     """Loss and gradient of every weight, features and network alike."""
     box = Box(-torch.ones(3), torch.ones(3))
-    fields = [planes(FieldSpec(NetworkSize(), box, "float32", 0, True), (4, 8)) for _ in range(2)]
+    fields = [planes(FieldSpec(NetworkSize(), box, "float32", 0, True, PlaneSettings((4, 8)))) for _ in range(2)]
     x, d, ray = points(64), torch.nn.functional.normalize(points(4), dim=-1), torch.arange(64) % 4
     gradients = []
     for field, compiled in zip(fields, (True, False), strict=True):

@@ -1,5 +1,6 @@
 """Fairness gates: null where nothing is unfair, and broken on purpose."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from harness.gate import fairness
 from harness.gate.fairness import copied, copy_of, drawn, first_weights, other_batches, seen_differences
 from harness.gate.gates import TRAINED_METHODS
 from harness.training.batches import Batches
+from harness.training.learner import Job
 from scenes.view_sets.view_set import ViewSet
 
 METHODS = ("nerf", "qnerf")
@@ -29,8 +31,8 @@ def seeded_by_method(monkeypatch: pytest.MonkeyPatch) -> None:
     """First weights, jitter and grid then depend on the method's name."""
     usual = fairness.learner_for
 
-    def unfair(method: str, box: Any, settings: Any, budget: Any, seed: Any, *others: Any) -> Any:
-        return usual(method, box, settings, budget, f"{seed}/{method}", *others)
+    def unfair(job: Job) -> Any:
+        return usual(replace(job, seed=f"{job.seed}/{job.method}"))
 
     monkeypatch.setattr(fairness, "learner_for", unfair)
 
@@ -85,10 +87,10 @@ def test_a_copy_that_does_not_end_is_nothing_to_compare(
 ) -> None:
     usual = fairness.learner_for
 
-    def failing(method: str, *others: Any) -> Any:
-        if method.startswith("another"):
+    def failing(job: Job) -> Any:
+        if job.method.startswith("another"):
             raise RuntimeError("broken")
-        return usual(method, *others)
+        return usual(job)
 
     monkeypatch.setattr(fairness, "learner_for", failing)
     assert copied("nerf", views, tmp_path)[0] is None

@@ -65,7 +65,7 @@ def test_a_profile_can_be_run(name: str) -> None:
 def test_the_default_profile_compares_on_all_eight_scenes_with_three_seeds() -> None:
     plan = planned("reduced")
     assert plan.scenes == tuple(CLASSICS)
-    assert (len(plan.scenes), len(plan.seeds), len(plan.cells())) == (8, 3, 72 + 3 * 5)
+    assert (len(plan.scenes), len(plan.seeds), len(plan.cells())) == (8, 3, 96 + 3 * 3)
 
 
 def test_further_methods_explain_one_scene_and_go_where_methods_are_named() -> None:
@@ -108,7 +108,7 @@ def test_options_change_what_they_name_and_nothing_else(ball_folder: Path) -> No
     ]
     for options, expected in changes:
         after = planned("smoke", **options).settings()
-        after["train"]["density"] = before["train"]["density"]  # of the methods that are planned
+        after["train"]["own"] = before["train"]["own"]  # of the methods that are planned
         assert {key for key in before if before[key] != after.get(key)} - {"extras"} == expected
 
 

@@ -11,10 +11,11 @@ import pytest
 import torch
 
 from baselines.contract import Box
-from harness.plan.settings import VoxelSettings
+from baselines.methods.explicit import VoxelSettings
 from harness.playback import cached, keys
 from harness.playback.cached import CachedMethod
 from harness.playback.store import ViewStore
+from harness.training.learner import Job
 from harness.training.make_learner import learner_for
 from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Diverged, Trainer
@@ -51,8 +52,8 @@ def renders(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def voxels() -> Any:
     """Return a method whose weights are Dr.Jit's and not torch's."""
     drjit_or_skip()
-    settings = replace(TRAIN, voxels=VoxelSettings(finest=16, bins=24, smoothed=256))
-    learner = learner_for("voxels_drjit", box(), settings, BUDGET, 0, CPU)
+    settings = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)})
+    learner = learner_for(Job("voxels_drjit", box(), settings, BUDGET, 0, CPU))
     for step in range(3):
         learner.train_on(*rays_and_colours(seed=step))
     return learner
@@ -132,9 +133,7 @@ def test_a_method_that_diverged_raises_and_leaves_nothing() -> None:
 
 
 FACTS: dict[str, Callable[[Any], None]] = {
-    "bins": lambda learner: setattr(
-        learner, "settings", replace(learner.settings, voxels=replace(learner.settings.voxels, bins=25))
-    ),
+    "bins": lambda learner: setattr(learner, "own", replace(learner.own, bins=25)),
     "box": lambda learner: setattr(learner, "box", Box(learner.box.lower, learner.box.upper + 1e-6)),
     "a training step": lambda learner: learner.train_on(*rays_and_colours(seed=9)),
 }

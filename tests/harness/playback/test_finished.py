@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from baselines.catalog import CATALOG
+from baselines.methods.explicit import VoxelSettings
 from harness.plan.schedule import Budget
-from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, VoxelSettings
+from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings
 from harness.playback.run_loader import FinishedRun, from_plain
 from harness.records.cells import cell_path, checkpoint_name, read_cell, records_folder
 from harness.records.json_record import DamagedRecord, write_record
@@ -30,7 +31,7 @@ from tests.replacing import replace
 METHODS = ["nerf", "qnerf", "qnerf_running_mean"]
 """A density of its own point, one that depends on the call, and one with buffers beside its weights."""
 OTHERS = [name for name in CATALOG if name not in METHODS]
-SMALL = replace(TRAIN, voxels=VoxelSettings(finest=16, bins=24, smoothed=256))
+SMALL = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)})
 Rendered = dict[str, list[View]]
 
 
@@ -92,7 +93,7 @@ def test_what_is_restored_renders_and_scores_as_it_did(method: str, three: tuple
 @pytest.mark.thorough
 @pytest.mark.parametrize("method", OTHERS)
 def test_so_it_is_with_every_other_method(method: str, all_others: tuple[Path, Rendered]) -> None:
-    if CATALOG[method].kind in ("voxels_drjit", "ellipsoids"):
+    if method in ("voxels_drjit", "ellipsoids"):
         drjit_or_skip()
     assert_same(all_others[0], method, all_others[1][method])
 

@@ -48,10 +48,11 @@ def test_the_paper_s_network_by_hand() -> None:
 @pytest.mark.parametrize(("method", "features", "encoder"), [("planes", 24, 24 * 26), ("hash_grid", 24, 24 * 16)])
 def test_learnt_features_by_hand(method: str, features: int, encoder: int) -> None:
     """A weight and a sum for each of 12 corners, and two products; or of 8 corners."""
-    make = CATALOG[method].make_field
-    assert make is not None
+    listed = CATALOG[method]
     network = 2 * (features * 64 + 64 + (64 + 27) * 64 + 64 * 3)
-    assert flops_per_evaluation(make(FieldSpec(SMALL, BOX, "float32", 0, True))) == encoder + network
+    assert listed.make_field is not None
+    field = listed.make_field(FieldSpec(SMALL, BOX, "float32", 0, True, listed.settings))
+    assert flops_per_evaluation(field) == encoder + network
 
 
 def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> None:

@@ -12,17 +12,18 @@ from baselines.numerics.optimisers import OptimiserName
 from harness.plan.profiles import TUNED
 from harness.plan.settings import TrainSettings
 from harness.training.checkpoints import load_checkpoint, save_checkpoint
+from harness.training.learner import Job
 from harness.training.trainer import Trainer
 from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
-NETWORKS = [name for name, method in CATALOG.items() if method.kind == "network"]
+NETWORKS = [name for name, method in CATALOG.items() if method.is_field]
 
 
 def trained(method: str, kind: str, settings: TrainSettings, steps: int) -> Trainer:
     device = torch.device(kind)
     box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
-    learner = Trainer(method, box, settings, BUDGET, 0, device)
+    learner = Trainer(Job(method, box, settings, BUDGET, 0, device))
     for step in range(steps):
         learner.train_on(*batch(step, device))
     return learner

@@ -10,6 +10,7 @@ import torch
 
 from baselines.contract import Box
 from harness.records.pictures import read_renders, read_truth, read_turn, write_truth
+from harness.training.learner import Job
 from harness.training.saved_renders import KeptRenders, frame_of, keep_truth, turned
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
@@ -149,7 +150,7 @@ def test_a_perfect_picture_has_no_error_in_linear_light_but_where_it_is_brighter
 
 def learner_of(box: Box, density: Callable[[torch.Tensor], torch.Tensor], gain: float) -> Trainer:
     """A bounded method whose share of the largest density is known over positions [n, 3], and multiplied by `gain`."""
-    learner = Trainer("qnerf", box, TRAIN, BUDGET, 0, CPU)
+    learner = Trainer(Job("qnerf", box, TRAIN, BUDGET, 0, CPU))
     limit = learner.field.density_limit
     learner.field.density_before_and_after = lambda p: (limit * density(p), gain * limit * density(p))  # type: ignore
     return learner

@@ -10,6 +10,7 @@ from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import cell_path, read_cell, write_cell
 from harness.training import lockstep
+from harness.training.learner import Job
 from harness.training.lockstep import train_group
 from harness.training.make_learner import NotAvailable, learner_for
 from scenes.view_sets.view_set import ViewSet
@@ -19,10 +20,10 @@ from tests.harness.tiny import SCORE, TRAIN
 def test_a_method_that_cannot_run_here_costs_nobody_else_anything(
     ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def missing_one(method: str, *others: Any) -> Any:
-        if method == "nerf_matched":
+    def missing_one(job: Job) -> Any:
+        if job.method == "nerf_matched":
             raise NotAvailable("needs a library that is not here")
-        return learner_for(method, *others)
+        return learner_for(job)
 
     monkeypatch.setattr(lockstep, "learner_for", missing_one)
     score = replace(SCORE, checkpoints=1)

@@ -9,24 +9,29 @@ from typing import Any
 import pytest
 import torch
 
+from baselines.catalog import CATALOG
+from baselines.methods.explicit import GaussianSettings
 from harness.plan.schedule import Budget
 from harness.records.snapshot import read_unfinished, write_unfinished
 from harness.studies.conformance.learner_checks import CPU, SETTINGS, STREAM, drawn
 from harness.training.batches import Batch
 from harness.training.checkpoints import restore_training, tensors_of, training_state
 from harness.training.kinds import splat_trainer
-from harness.training.kinds.splat_trainer import AMOUNTS, MOVED_EVERY, SplatTrainer
-from harness.training.learner import at_step, train
+from harness.training.kinds.splat_trainer import SplatTrainer
+from harness.training.learner import Job, at_step, train
 from harness.training.lockstep import box_of
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.trainer import Diverged
 
+OWN: GaussianSettings = CATALOG["splats"].settings
+MOVED_EVERY = OWN.moved_every
 STEPS = MOVED_EVERY + 6
 
 
-def trainer(steps: int = 2 * STEPS) -> SplatTrainer:
+def trainer(steps: int = 2 * STEPS, own: GaussianSettings = OWN) -> SplatTrainer:
     views, _ = drawn()
-    return SplatTrainer("splats", box_of(views, CPU), SETTINGS, Budget(steps, None), STREAM, CPU, True)
+    settings = replace(SETTINGS, own={"splats": own})
+    return SplatTrainer(Job("splats", box_of(views, CPU), settings, Budget(steps, None), STREAM, CPU, True))
 
 
 def batch_at() -> Callable[[int], Batch]:
@@ -53,17 +58,14 @@ def test_stopped_before_and_after_a_relocation_it_ends_in_the_same_bits() -> Non
         pieces = trainer()
         restore_training(pieces, kept)
     train(pieces, batch_at(), at_step(STEPS))
-    assert len(whole.field.values) > AMOUNTS["splats"].first
+    assert len(whole.field.values) > OWN.first
     assert all(torch.equal(value, tensors_of(pieces)[name]) for name, value in tensors_of(whole).items())
     assert torch.equal(whole.square, pieces.square)
 
 
-def test_moments_of_what_moved_begin_again_and_there_are_never_more_than_may_be(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    usual, first = AMOUNTS["splats"], AMOUNTS["splats"].first
-    monkeypatch.setitem(AMOUNTS, "splats", replace(usual, most=first + 3))
-    learner = train(trainer(), batch_at(), at_step(MOVED_EVERY))
+def test_moments_of_what_moved_begin_again_and_there_are_never_more_than_may_be() -> None:
+    first = OWN.first
+    learner = train(trainer(own=replace(OWN, most=first + 3)), batch_at(), at_step(MOVED_EVERY))
     assert len(learner.field.values) == first + 3
     assert learner.seen[first:].tolist() == [[0.0]] * 3
     assert float(learner.square[first:].abs().max()) == 0.0
@@ -95,4 +97,4 @@ def test_on_a_gpu_it_is_not_available_with_the_remedy() -> None:
     views, _ = drawn()
     gpu = torch.device("cuda")
     with pytest.raises(NotAvailable, match="--device cpu"):
-        learner_for("splats", box_of(views, CPU), SETTINGS, Budget(1, None), STREAM, gpu)
+        learner_for(Job("splats", box_of(views, CPU), SETTINGS, Budget(1, None), STREAM, gpu))

@@ -15,8 +15,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from baselines.catalog import CATALOG
 from baselines.contract import NO_ACCELERATION, Box, NetworkSize, Rays
-from baselines.methods.chosen import DensityConstants
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings
@@ -26,7 +26,7 @@ from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import CPU
 from harness.studies.stability.stability_context import Rows, StabilityContext
 from harness.training.batches import Batch, Cameras
-from harness.training.learner import steps
+from harness.training.learner import Job, steps
 from harness.training.trainer import TRACE_EVERY, Trainer
 
 STREAM = "stability/A6"
@@ -122,8 +122,9 @@ def batches(count: int, background: float = WHITE) -> Callable[[int], Batch]:
 def course_of(fresh: FreshField, count: int) -> FreshCourse:
     """Train a fresh field for `count` steps. Raises `Diverged`."""
     side = torch.full((3,), HALF_EXTENT)
-    settings = replace(fresh.settings, density={fresh.method: DensityConstants(fresh.unit, fresh.start)})
-    trainer = Trainer(fresh.method, Box(-side, side), settings, Budget(count, None), STREAM, CPU, view_dependent=False)
+    own = replace(CATALOG[fresh.method].settings, density_scale=fresh.unit, start=fresh.start)
+    settings = replace(fresh.settings, own={fresh.method: own})
+    trainer = Trainer(Job(fresh.method, Box(-side, side), settings, Budget(count, None), STREAM, CPU, False))
     trainer.background = torch.full((3,), fresh.background)
     held_out = cameras(PIXELS // 2).all_rays(VIEWS // 2)
     truth, course = ball(held_out, fresh.background), FreshCourse()

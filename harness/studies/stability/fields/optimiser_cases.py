@@ -21,7 +21,7 @@ from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import CPU, STREAM, new_trainer, setup, train, trained
 from harness.studies.stability.stability_context import Rows, StabilityContext, error_of, none_of, not_judged
-from harness.training.learner import steps
+from harness.training.learner import Job, steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
 from harness.training.trainer import Diverged
@@ -163,7 +163,7 @@ def losses_of_voxels(context: StabilityContext, at: int, factor: float) -> list[
     try:
         # its trainer takes one thread for the whole process
         budget = Budget(here.steps, None)
-        learner: Any = learner_for("voxels_drjit", box, here.settings, budget, STREAM, CPU, directions)
+        learner: Any = learner_for(Job("voxels_drjit", box, here.settings, budget, STREAM, CPU, directions))
         slope = learner._slope
 
         def spiked(*batch: Any) -> Any:

@@ -18,7 +18,7 @@ from harness.records.study import Check
 from harness.studies.drawn_views import write_disc
 from harness.studies.stability.stability_context import StabilityContext, not_judged, whose
 from harness.training.batches import Batch, Batches, Cameras
-from harness.training.learner import at_step, steps
+from harness.training.learner import Job, at_step, steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.scoring.evaluate import cameras_of, quick_scores, render_split
 from harness.training.trainer import Trainer
@@ -91,7 +91,7 @@ def new_trainer(
 ) -> Trainer:
     here = setup(context)
     box, settings = box or box_of(here.views, CPU), settings or here.settings
-    return Trainer(method, box, settings, Budget(here.steps, None), STREAM, CPU, needs_view_direction(here.views))
+    return Trainer(Job(method, box, settings, Budget(here.steps, None), STREAM, CPU, needs_view_direction(here.views)))
 
 
 def train(

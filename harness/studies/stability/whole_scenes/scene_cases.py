@@ -45,7 +45,7 @@ from harness.studies.stability.whole_scenes.scene_truth import (
 )
 from harness.training.batches import Batches
 from harness.training.cell_training import BILLBOARD_GAP_DB, warnings_of
-from harness.training.learner import train
+from harness.training.learner import Job, train
 from harness.training.lockstep import box_of as box_of_views
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
@@ -290,7 +290,7 @@ def _billboard(context: StabilityContext) -> Check:
     settings = replace(plan.train, accelerations=accelerations, grid=replace(plan.train.grid, cells=0))
     batches = Batches(evaluate.cameras_of(views, views.train, cpu), views.train.rgba)
     budget = Budget(4 if context.quick else STEPS, None)
-    learner = Trainer("nerf", box_of_views(views, cpu), settings, budget, "billboard", cpu)
+    learner = Trainer(Job("nerf", box_of_views(views, cpu), settings, budget, "billboard", cpu))
     with torch.no_grad():
         learner.coarse.density_head.bias.add_(FOG)
     train(learner, batches.stream("billboard", settings.rays))

@@ -119,7 +119,9 @@ def test_the_constants_are_those_of_the_published_search() -> None:
 def test_a_plan_hands_the_constants_of_its_methods_to_its_cells(profile: str, tmp_path: Path) -> None:
     plan = PROFILES[profile]
     task = plan.tasks({scene: tmp_path for scene in plan.scenes}, Machine("cpu", 1, 1), tmp_path)[0]
-    assert task.train.density["qnerf"] == chosen("reduced")["qnerf"]
-    assert plan.settings()["train"]["density"]["qnerf_printed"] == {"unit": 1.0, "start": None}
-    other = replace(plan, train=replace(plan.train, density={"nerf": DensityConstants(7.0, 0.1)}))
+    own, pair = task.train.own["qnerf"], chosen("reduced")["qnerf"]
+    assert (own.density_scale, own.start) == (pair.unit, pair.start)
+    printed = plan.settings()["train"]["own"]["qnerf_printed"]
+    assert (printed["density_scale"], printed["start"]) == (1.0, None)
+    other = replace(plan, train=replace(plan.train, own={"nerf": replace(own, start=0.1)}))
     assert other.settings() != plan.settings()

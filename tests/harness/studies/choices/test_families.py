@@ -5,13 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from baselines.grids import growth
 from harness.execution.progress import Quiet
 from harness.plan.profiles import Machine
 from harness.plan.schedule import Budget
 from harness.studies.choices.families import BUDGET, TRIALS, FamilyRow, as_json, means, search, search_plan
 from harness.studies.frontier.frontier_context import FAMILIES, Amount, FrontierContext
-from harness.training.kinds import splat_trainer
 from tests.harness import tiny
 from tests.harness.ball import ball_with_validation_views
 
@@ -20,21 +18,19 @@ def test_every_family_of_the_frontier_has_the_same_trials_first_as_it_is() -> No
     assert tuple(TRIALS) == FAMILIES
     names = {tuple(trials) for trials in TRIALS.values()}
     assert names == {("as planned", "half the rates", "double the rates", "smaller", "larger")}
-    assert all(not trials["as planned"].constants | trials["as planned"].settings for trials in TRIALS.values())
+    assert all(trials["as planned"].own is None and not trials["as planned"].settings for trials in TRIALS.values())
 
 
 @pytest.mark.slow
-def test_every_trial_is_another_training_and_leaves_the_constants_as_they_were(tmp_path: Path) -> None:
+def test_every_trial_is_another_training(tmp_path: Path) -> None:
     folder = ball_with_validation_views(tmp_path / "ball")
     plan = replace(search_plan(False), methods=("nerf", "hash_grid", "splats"), budget=Budget(4, None))
     plan = replace(plan, views=replace(tiny.VIEWS, val=2), score=tiny.SCORE)
-    usual = growth.PLANES, growth.TABLES, splat_trainer.AMOUNTS
     rows = list(search(plan, {"ball": folder}, tmp_path, 1, "cpu"))
     assert [(row.family, row.trial) for row in rows] == [
         (name, trial) for name in plan.methods for trial in TRIALS[name]
     ]
     assert len({row.psnr_val for row in rows}) == len(rows)
-    assert usual == (growth.PLANES, growth.TABLES, splat_trainer.AMOUNTS)
 
 
 def test_it_trains_as_the_frontier_does(tmp_path: Path) -> None:

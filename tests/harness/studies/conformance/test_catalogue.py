@@ -8,7 +8,7 @@ from harness.studies.conformance.method_checks import FIELD_CHECKS, LEARNER_CHEC
 from harness.studies.conformance.subject import Subject
 from tests.harness.voxels import drjit_or_skip
 
-NETWORKS = [name for name, method in CATALOG.items() if method.kind == "network"]
+NETWORKS = [name for name, method in CATALOG.items() if method.is_field]
 UNLIKE = {
     (method.parts.amplifier, method.parts.quadrature) if method.parts else name: name
     for name, method in CATALOG.items()
@@ -41,9 +41,9 @@ def test_gradients_are_derivatives(method: str) -> None:
 @pytest.mark.parametrize("check", [*LONG, *LEARNER_CHECKS])
 @pytest.mark.parametrize("method", UNLIKE.values())
 def test_learners_conform(method: str, check: str) -> None:
-    if CATALOG[method].kind in ("voxels_drjit", "ellipsoids"):
+    if method in ("voxels_drjit", "ellipsoids"):
         drjit_or_skip()
-    if CATALOG[method].kind != "network" and check in FIELD_CHECKS:
+    if not CATALOG[method].is_field and check in FIELD_CHECKS:
         pytest.skip("no torch field")
     {**FIELD_CHECKS, **LEARNER_CHECKS}[check](Subject(method))
 

@@ -1,0 +1,153 @@
+"""Methods that are not compositions of our parts: features in planes and hash tables, Gaussians, voxels.
+
+A method of each kind is a record of all that is its own. Grids whose resolutions grow by φ have controls of what else
+that changes: a factor near 2 with the same coarsest and finest level has fewer levels and so fewer numbers to learn;
+one with as many numbers takes them elsewhere, planes from finer levels, hash tables from longer ones.
+"""
+
+from dataclasses import dataclass
+
+from baselines.composition import DENSITY_SCALE, START
+from baselines.numerics.encoding import PHI
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeatureSettings:
+    """Learnt features of points, and the small network that reads density and colour from them."""
+
+    rate: float = 3.0
+    """How many times as fast as the weights the features are learnt: a feature is `rate` times what is stored."""
+    width: int = 64
+    """The width of the network's two hidden layers."""
+    direction_bands: int = 4
+    density_scale: float = DENSITY_SCALE
+    """The unit of density, and below the density of a fresh field, per half of the box's longest side."""
+    start: float = START
+
+
+@dataclass(frozen=True)
+class PlaneSettings(FeatureSettings):
+    """Three planes of features at several resolutions."""
+
+    nodes: tuple[int, ...]
+    """The nodes along each side of a plane, coarse to fine."""
+    first: float = 0.3
+    """The middle and the half-width of the first features: never 0, where a product has no gradient."""
+    spread: float = 0.2
+
+
+@dataclass(frozen=True)
+class TableSettings(FeatureSettings):
+    """Hash tables, coarse to fine."""
+
+    cells: tuple[int, ...]
+    """The cells along a side of each level."""
+    entries: int = 1 << 15
+    """The most entries of a table; a level with fewer nodes has one for each."""
+    spread: float = 0.1
+    """The half-width of the first features. With the 1e-4 of the paper a short training would hardly leave 0."""
+
+
+@dataclass(frozen=True)
+class GaussianSettings:
+    """Gaussians, drawn or traced. The rates are for a few hundred to a few thousand steps: at least 10 times those of
+    3D Gaussian Splatting (Kerbl et al. 2023), which trains for 30 000.
+    """
+
+    first: int
+    """The number of Gaussians at the start."""
+    most: int
+    """The number of them in the end."""
+    faster: float = 1.0
+    """The factor of the learning rates, which are those at the start."""
+    position: float = 1e-2
+    log_scale: float = 1e-1
+    rotation: float = 5e-2
+    opacity: float = 5e-1
+    colour: float = 2e-1
+    harmonics: float = 2.5e-2
+    last_rate: float = 0.02
+    """The share of the rates that is left in the end."""
+    betas: tuple[float, float] = (0.8, 0.95)
+    epsilon: float = 1e-15
+    moved_every: int = 50
+    """The steps between two relocations."""
+    moved_until: float = 0.9
+    """The share of the budget after which Gaussians stay where they are."""
+    wander: float = 2000.0
+    """The random step of a Gaussian that is hardly seen, in units of the position's rate (the paper's 5e5 go with a
+    rate per scene unit and the squared scale).
+    """
+    lighter_opacity: float = 1e-3
+    """The weight of the mean opacity, and below of the mean scale, in the loss: they let go of what is not needed."""
+    lighter_scale: float = 1e-3
+
+
+@dataclass(frozen=True)
+class VoxelSettings:
+    """An explicit field of voxels."""
+
+    finest: int = 128
+    """The number of voxels along the longest side of the box in the end; a quarter of them at first."""
+    halves: tuple[float, float] = (0.1, 0.3)
+    """The shares of the budget after which the grid has half of them, and all."""
+    bins: int = 192
+    """The number of points along a ray: one and a half per voxel, as their colour and density are nearly linear
+    between centres.
+    """
+    rate_factor: float = 20.0
+    """The learning rate relative to that of the networks: few rays of a batch meet a voxel."""
+    smoothed: int = 8192
+    """The number of voxels per step that are pulled towards their neighbours; the next field has the weight of that."""
+    smoothing: float = 1e-4
+
+    def stages(self) -> tuple[tuple[float, int], ...]:
+        """Return (share of the budget from which it holds, voxels along the longest side)."""
+        return (0.0, self.finest // 4), (self.halves[0], self.finest // 2), (self.halves[1], self.finest)
+
+
+def geometric(coarsest: int, finest: int, levels: int) -> tuple[int, ...]:
+    """Return the resolution of each level, growing by one factor, as Eq. 2 and 3 of Müller et al. 2022."""
+    growth = (finest / coarsest) ** (1.0 / max(levels - 1, 1))
+    return tuple(round(coarsest * growth**level) for level in range(levels))
+
+
+def by_phi(coarsest: int, levels: int) -> tuple[int, ...]:
+    """Return resolutions that grow by φ."""
+    return tuple(round(coarsest * PHI**level) for level in range(levels))
+
+
+PLANES = {
+    "planes": (PlaneSettings(geometric(32, 128, 3)), "three planes of features at three resolutions, multiplied"),
+    "planes_phi": (PlaneSettings(by_phi(32, 4)), "planes whose resolutions grow by φ"),
+    "planes_same_ends": (
+        PlaneSettings(geometric(32, 136, 3)),
+        "planes from coarsest to finest of planes_phi by a factor near 2: control",
+    ),
+    "planes_same_size": (
+        PlaneSettings((37, 75, 149)),
+        "planes as large as those of planes_phi, growing by 2: control",
+    ),
+}
+"""Map method → its settings and its title; below likewise."""
+TABLES = {
+    "hash_grid": (TableSettings(geometric(16, 192, 12)), "features in hash tables at twelve resolutions"),
+    "hash_grid_phi": (TableSettings(by_phi(16, 6)), "hash tables whose resolutions grow by φ"),
+    "hash_grid_same_ends": (
+        TableSettings(geometric(16, 177, 5)),
+        "hash tables from coarsest to finest of hash_grid_phi by a factor near 2: control",
+    ),
+    "hash_grid_same_size": (
+        TableSettings(geometric(16, 177, 5), 41_252),
+        "the same, with tables so long that there are as many numbers as in hash_grid_phi: control",
+    ),
+}
+"""The finest level has two cells a pixel of 100."""
+GAUSSIANS = {
+    "splats": (GaussianSettings(4000, 8000), "3-D Gaussians with spherical harmonics, drawn front to back"),
+    "ellipsoids": (
+        GaussianSettings(3000, 5000, faster=2.0),
+        "the same Gaussians, traced and differentiated by Mitsuba",
+    ),
+}
+"""A traced step takes so long that there are few (`python -m harness study families`)."""
