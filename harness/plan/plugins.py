@@ -16,7 +16,7 @@ import pkgutil
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import EntryPoint, distributions, entry_points
@@ -174,8 +174,8 @@ def one_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:300]
 
 
-def _is_frozen(settings: Any) -> bool:
-    return bool(type(settings).__dataclass_params__.frozen)
+def _is_frozen_dataclass(settings: Any) -> bool:
+    return getattr(getattr(type(settings), "__dataclass_params__", None), "frozen", False)
 
 
 def _wrong_with(method: object) -> str | None:
@@ -184,7 +184,7 @@ def _wrong_with(method: object) -> str | None:
         return f"gives a {type(method).__name__}, not a baselines.catalog.Method"
     if not isinstance(method.title, str) or not method.title.strip():
         return "its method has no title"
-    if method.settings is not None and not (is_dataclass(method.settings) and _is_frozen(method.settings)):
+    if method.settings is not None and not _is_frozen_dataclass(method.settings):
         return f"its settings are a {type(method.settings).__name__}, not a frozen dataclass"
     if not (isinstance(method.trainer, str) or callable(method.trainer)):
         return f"its trainer is a {type(method.trainer).__name__}, not a callable or 'module:name'"

@@ -16,6 +16,7 @@ from typing import Any
 import torch
 
 from harness.machine.provenance import processor
+from harness.plan.plugins import origins
 from harness.training.batches import Camera
 from harness.training.checkpoints import weights_digest
 from harness.training.learner import Learner
@@ -47,6 +48,7 @@ def method_digest(learner: Learner) -> bytes:
     """Return the digest of everything that a picture depends on, except camera and chunks."""
     facts = {
         "learner": learner.rendered_by(),
+        **origins([learner.method]),
         "weights": weights_digest(learner),
         "code": code_digest(),
         "machine": machine(learner),

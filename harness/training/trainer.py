@@ -21,7 +21,7 @@ from baselines.numerics.weight_average import WeightAverage
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
 from harness.machine.stopwatch import Stopwatch
-from harness.plan.plugins import method_named, origins
+from harness.plan.plugins import method_named
 from harness.plan.schedule import learning_rate
 from harness.plan.seeds import generator_for
 from harness.training.checkpoints import OCCUPIED
@@ -221,7 +221,6 @@ class Trainer(BudgetedTrainer):
         return {
             "method": self.method,
             "own": asdict(self.own) if self.own is not None else None,
-            **origins([self.method]),
             "sampling": asdict(self._sampling()),
             "network": asdict(self.settings.network),
             "precision": self.settings.precision,

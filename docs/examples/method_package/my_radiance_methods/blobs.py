@@ -1,16 +1,23 @@
 """A radiance field of Gaussian blobs: as little as the contract asks for."""
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
 from baselines.contract import FieldSpec, uniform_weights
 
-COUNT = 64
-PEAK = 20.0
-"""Density of a fresh blob's centre is about log 2 of it, per half of the longest side of the scene's box."""
-RADIUS = 0.25
-"""Of a fresh blob, where the longest half-extent of the scene's box is 1."""
+
+@dataclass(frozen=True)
+class BlobSettings:
+    """All that changes its results: each stands in the records, and a run with another one reuses no cell."""
+
+    count: int = 64
+    peak: float = 20.0
+    """The density of a fresh blob's centre is about log 2 of it, per half of the longest side of the scene's box."""
+    radius: float = 0.25
+    """The radius of a fresh blob, where the longest half-extent of the scene's box is 1."""
 
 
 class Blobs(nn.Module):
@@ -21,16 +28,17 @@ class Blobs(nn.Module):
 
     def __init__(self, asked: FieldSpec) -> None:
         super().__init__()
-        self.box = asked.box
+        self.box, self.own = asked.box, asked.own
 
         def first(name: str, *shape: int) -> nn.Parameter:
             # from seed and name alone: the same in every process, whatever else was made before
             return nn.Parameter(uniform_weights(shape, 1.0, asked.seed, name))
 
-        self.centre = first("centre", COUNT, 3)
-        self.log_radius = first("log_radius", COUNT)
-        self.strength = first("strength", COUNT)
-        self.colour = first("colour", COUNT, 3)
+        count = self.own.count
+        self.centre = first("centre", count, 3)
+        self.log_radius = first("log_radius", count)
+        self.strength = first("strength", count)
+        self.colour = first("colour", count, 3)
 
     def encode_directions(self, d: Tensor) -> Tensor:
         return d[:, :0]
@@ -53,9 +61,9 @@ class Blobs(nn.Module):
         return {**counts, "total": sum(counts.values())}
 
     def _shares(self, x: Tensor) -> Tensor:
-        """Density of each blob at each point [points, COUNT]."""
+        """Density of each blob at each point [points, count]."""
         p = self.box.normalised(x)
         squared = (p * p).sum(-1, keepdim=True) - 2.0 * p @ self.centre.T + (self.centre**2).sum(-1)
-        radius = RADIUS * torch.exp(self.log_radius.clamp(-3.0, 3.0))
-        peak = PEAK / self.box.half_extent
+        radius = self.own.radius * torch.exp(self.log_radius.clamp(-3.0, 3.0))
+        peak = self.own.peak / self.box.half_extent
         return peak * softplus(self.strength) * torch.exp(-0.5 * squared.clamp(min=0.0) / radius**2)
