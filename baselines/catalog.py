@@ -61,9 +61,10 @@ class Method:
         """Return whether it is a field of torch that our trainer steps."""
         return self.trainer == NETWORK
 
-    def deviations_of(self, own: Any) -> list[str]:
-        """Return what a report states, with the settings of a run."""
-        return [text.format_map(asdict(own)) for text in self.deviations] if self.deviations else []
+    def deviations_with(self, own: Any) -> list[str]:
+        """Return what a report states of a training with these settings."""
+        values = {} if own is None else asdict(own)
+        return [text.format_map(values) for text in self.deviations]
 
 
 def _planes(spec: FieldSpec) -> Any:

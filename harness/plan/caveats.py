@@ -111,8 +111,8 @@ def deviations(plan: Plan) -> list[str]:
             "chosen."
         )
     told: dict[str, list[str]] = {}
-    for method, settings in own.items():
-        for text in METHODS[method].deviations_of(settings):
+    for method in (name for name in plan.methods if name in METHODS):
+        for text in METHODS[method].deviations_with(own.get(method)):
             told.setdefault(text, []).append(method)
     rows += [f"{', '.join(methods)}: {text}" for text, methods in told.items()]
     scenes_of: dict[str, list[str]] = {}

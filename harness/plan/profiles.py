@@ -121,7 +121,7 @@ class Plan:
                 methods=methods,
                 view_set=view_sets[scene],
                 views=self.views,
-                train=replace(self.train, own=self.own_settings(methods)),
+                train=replace(self.train, own=self.own_settings((*methods, *self.guests))),
                 score=self.score,
                 budget=self.budget,
                 out=out,
@@ -151,12 +151,18 @@ class Plan:
         if self.view_set is not None and len(self.view_set) == 1:
             kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
         names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
-        kept["train"]["own"] = {name: asdict(own) for name, own in self.own_settings(self.all_methods()).items()}
+        kept["train"]["own"] = {
+            name: asdict(own) for name, own in self.own_settings((*self.all_methods(), *self.guests)).items()
+        }
         return {**kept, **names}
+
+    @property
+    def guests(self) -> tuple[str, ...]:
+        return (self.guest,) if self.guest else ()
 
     def guest_cells(self) -> list[tuple[str, str, int]]:
         """Return (scene, method, seed) of the guest's cells."""
-        return [(scene, self.guest, self.seeds[0]) for scene in self.scenes] if self.guest else []
+        return [(scene, guest, self.seeds[0]) for guest in self.guests for scene in self.scenes]
 
     def alone(self) -> "Plan":
         """Return the plan of its own methods, without those that explain a result or show its scale."""
