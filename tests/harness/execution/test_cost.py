@@ -16,7 +16,7 @@ from harness.plan.schedule import Budget
 from tests.harness.tiny import CPU
 
 SUMMARY = json.loads((Path(__file__).parents[3] / "docs/reduced/summary.json").read_text(encoding="utf-8"))
-PLAN = replace(PROFILES["reduced"], extras=(), guest=None)
+PLAN = replace(PROFILES["reduced"].alone(), methods=tuple(SUMMARY["settings"]["methods"]))
 MACHINE = Machine("cpu", 2, 1)
 PACE = Pace(first_step=0.02, step=(0.01, 0.02), ray=(5e-6, 1e-5), point=1e-6)
 PROBE = Probe(dict.fromkeys(PLAN.methods, PACE), {}, start=5.0, compared=0.05, delayed=1.0)

@@ -22,7 +22,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def task(tmp_path: Path, seed: int = 0) -> GroupTask:
     plan = PROFILES["reduced"]
     return GroupTask(
-        scene="lego", seed=seed, methods=plan.methods, view_set=tmp_path, views=plan.views, train=plan.train,
+        scene="lego", seed=seed, methods=plan.methods[:3], view_set=tmp_path, views=plan.views, train=plan.train,
         score=plan.score, budget=plan.budget, device="cpu", threads=1, out=tmp_path,
     )  # fmt: skip
 

@@ -26,6 +26,7 @@ from harness.gate.quality.losses import FIGURES, Judge, Scores
 from harness.gate.references import REFERENCES_FILE, References
 from harness.plan.schedule import Budget
 from harness.records.study import Answer, Check
+from harness.training.learner import Job
 from tests.harness import tiny
 from tests.harness.cells import diverged
 from tests.harness.gate.gate_runs import context_of
@@ -174,7 +175,7 @@ def test_draws_differ_in_the_last_bit_alone(ball: Any) -> None:
 
     def first_weights(draw: int) -> dict[str, torch.Tensor]:
         make = short_trainings.rounded_otherwise(draw)
-        learner = make("nerf", box_of(ball, tiny.CPU), tiny.TRAIN, Budget(1, None), "lego/0", tiny.CPU, True)
+        learner = make(Job("nerf", box_of(ball, tiny.CPU), tiny.TRAIN, Budget(1, None), "lego/0", tiny.CPU))
         return dict(learner.fields.state_dict())
 
     usual, other = first_weights(0), first_weights(1)

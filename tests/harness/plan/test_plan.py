@@ -72,7 +72,7 @@ def test_further_methods_explain_one_scene_and_go_where_methods_are_named() -> N
     plan = planned("reduced")
     assert plan.groups()["lego", 1] == (*plan.methods, *plan.extras[0].methods)
     assert plan.groups()["chair", 0] == plan.methods
-    assert len({parts for name in plan.groups()["lego", 0] if (parts := METHODS[name].parts)}) == 8, "no cell twice"
+    assert len({parts for name in plan.groups()["lego", 0] if (parts := METHODS[name].parts)}) == 7, "no cell twice"
     assert planned("reduced", methods=["nerf", "qnerf"]).extras == ()
     assert planned("reduced", scenes=["chair"]).extras == ()
     assert {one.seeds for one in planned("reduced", seeds=1).extras} == {(0,)}

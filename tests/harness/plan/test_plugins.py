@@ -144,7 +144,7 @@ def test_the_documented_package_conforms(example: Path, method: str) -> None:
         (HEAD + "M = Method(None, 'x')", "parts as its settings, make_field"),
         (HEAD + "M = Method(NERF, 'x', make_field=int)", "parts as its settings, make_field"),
         (HEAD + "M = Method(3, 'x')", "its settings are a int, not a frozen dataclass"),
-        (HEAD + "M = Method(None, 'x', 3)", "its trainer is a int, not a callable"),
+        (HEAD + "M = Method(NERF, 'x')\nobject.__setattr__(M, 'trainer', 3)", "its trainer is a int, not a callable"),
         (HEAD + "M = Method(Method, 'x')", "its settings are a type, not a frozen dataclass"),
         (HEAD + "M = Method(replace(NERF, encoding='base9'), 'x')", "encoding 'base9' is unknown; known: base2"),
         (HEAD + "M = Method(replace(NERF, amplifier='loud'), 'x')", "amplifier 'loud' is unknown"),

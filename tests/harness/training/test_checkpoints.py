@@ -19,7 +19,7 @@ from harness.training.checkpoints import (
     tensors_of,
     weights_digest,
 )
-from harness.training.learner import Learner
+from harness.training.learner import Job, Learner
 from scenes.files.errors import InputError
 from tests.harness.tiny import TRAIN, rays_and_colours, train, trainer
 from tests.harness.voxels import voxels
@@ -42,7 +42,7 @@ CASES: dict[str, Callable[[], Any]] = {
 
 
 def fresh(like: Any) -> Any:
-    return type(like)(like.method, like.box, like.settings, like.budget, "another seed", like.device)
+    return type(like)(Job(like.method, like.box, like.settings, like.budget, "another seed", like.device))
 
 
 @pytest.mark.parametrize("case", CASES)

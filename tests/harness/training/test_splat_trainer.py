@@ -16,7 +16,6 @@ from harness.records.snapshot import read_unfinished, write_unfinished
 from harness.studies.conformance.learner_checks import CPU, SETTINGS, STREAM, drawn
 from harness.training.batches import Batch
 from harness.training.checkpoints import restore_training, tensors_of, training_state
-from harness.training.kinds import splat_trainer
 from harness.training.kinds.splat_trainer import SplatTrainer
 from harness.training.learner import Job, at_step, train
 from harness.training.lockstep import box_of
@@ -86,7 +85,7 @@ def test_a_number_that_is_not_finite_ends_it_with_the_gaussians_of_before(
         colours = colours.clone()
         colours[5] = float("nan")
     else:
-        monkeypatch.setattr(splat_trainer, "EPSILON", float("nan"))
+        learner.own = replace(OWN, epsilon=float("nan"))
     with pytest.raises(Diverged, match="step 3"):
         learner.train_on(rays, colours)
     assert torch.equal(learner.field.values, before)
