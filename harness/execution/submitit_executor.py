@@ -40,7 +40,7 @@ USUAL = {"timeout_min": 240, "name": "radiance-verdict"}
 
 
 @dataclass(frozen=True)
-class Job:
+class SlurmJob:
     """The work of a job; picklable. submitit calls `checkpoint` before Slurm ends it."""
 
     task: GroupTask
@@ -212,7 +212,7 @@ def run_by_submitit(tasks: list[GroupTask], commit: str, at_once: int, given: li
                 journal = folder / f"{task.scene}.{task.seed}.{attempt}.jsonl"
                 journal.write_text("", encoding="utf-8")
                 already = len(task.methods) - len(missing_methods(task))
-                handle = found.submit(Job(task, journal, alive, versions(), commit))
+                handle = found.submit(SlurmJob(task, journal, alive, versions(), commit))
                 running.append(_Running(task, attempt, journal, handle, already))
             sleep(POLL_SECONDS)
             alive.touch()

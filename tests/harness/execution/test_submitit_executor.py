@@ -12,7 +12,7 @@ import pytest
 from harness.__main__ import main
 from harness.execution import submitit_executor
 from harness.execution.local_executor import Event, run_locally
-from harness.execution.submitit_executor import FOLDER, Job, asked, job_parameters, run_by_submitit
+from harness.execution.submitit_executor import FOLDER, SlurmJob, asked, job_parameters, run_by_submitit
 from harness.machine.provenance import versions
 from harness.records.cells import read_cells
 from scenes.files.errors import InputError
@@ -69,7 +69,7 @@ def test_parameters_of_jobs_are_no_option_of_another_executor(capsys: pytest.Cap
 
 def test_a_node_with_other_packages_trains_nothing(ball_folder: Path, tmp_path: Path) -> None:
     (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
-    refusal = Job(task, tmp_path / "journal", tmp_path / "alive", {**versions(), "torch": "0.1"}, "0123456789ab")()
+    refusal = SlurmJob(task, tmp_path / "journal", tmp_path / "alive", {**versions(), "torch": "0.1"}, "0123456789ab")()
     assert refusal is not None
     assert "torch" in refusal
     assert "instead of 0.1" in refusal
@@ -81,13 +81,13 @@ def test_a_job_without_its_driver_ends(ball_folder: Path, tmp_path: Path, monkey
     (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
     alive = tmp_path / "alive"
     with pytest.raises(SystemExit):
-        Job(task, tmp_path / "journal", alive, versions(), "0123456789ab")()
+        SlurmJob(task, tmp_path / "journal", alive, versions(), "0123456789ab")()
     alive.touch()
     os.utime(alive, (0.0, 0.0))
     with pytest.raises(SystemExit):
-        Job(task, tmp_path / "journal", alive, versions(), "0123456789ab")()
+        SlurmJob(task, tmp_path / "journal", alive, versions(), "0123456789ab")()
     alive.touch()
-    assert Job(task, tmp_path / "journal", alive, versions(), "0123456789ab")() is None
+    assert SlurmJob(task, tmp_path / "journal", alive, versions(), "0123456789ab")() is None
     assert len(list(read_cells(tmp_path))) == 2
 
 
