@@ -145,6 +145,15 @@ def chosen(rows: list[ConstantsRow], steps: int) -> dict[str, DensityConstants]:
     return {method: best[0] for method, best in choice.items() if best}
 
 
+def settings_of(plan: Plan) -> dict[str, Any]:
+    """Return the settings of a search, as JSON: those of its plan without the constants that it chooses."""
+    settings: dict[str, Any] = json.loads(json.dumps(plan.settings()))
+    for own in settings["train"]["own"].values():
+        for name in DensityConstants(1.0, None).fields:
+            del own[name]
+    return settings
+
+
 def as_json(rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any]) -> dict[str, Any]:
     """Return the record of a search; one that was stopped has no choice."""
     return {
@@ -152,7 +161,7 @@ def as_json(rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any]) ->
         "rule": RULE,
         "seed": SEED,
         "provenance": provenance,
-        "settings": plan.settings(),
+        "settings": settings_of(plan),
         "rows": [asdict(row) for row in rows],
         "chosen": {method: asdict(pair) for method, pair in chosen(rows, plan.budget.steps or 0).items()},
     }
@@ -171,6 +180,6 @@ def read_rows(file: Path, plan: Plan) -> list[ConstantsRow]:
         settings = record["settings"]
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"{file}: no record of a search ({error}); remove it, or name another --out") from error
-    if settings != json.loads(json.dumps(plan.settings())):
+    if settings != settings_of(plan):
         raise InputError(f"{file}: was made with other settings; use the same options, or name another --out")
     return rows

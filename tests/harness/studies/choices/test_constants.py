@@ -92,6 +92,16 @@ def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
         read_rows(file, plan)
 
 
+def test_a_search_can_be_resumed_after_its_choice_was_adopted() -> None:
+    plan = planned("smoke", methods=["nerf"])
+    own = replace(plan.own_settings(["nerf"])["nerf"], density_scale=7.0, start=None)
+    adopted = replace(plan, train=replace(plan.train, own={"nerf": own}))
+    assert adopted.settings() != plan.settings()
+    assert constants.settings_of(adopted) == constants.settings_of(plan)
+    other = replace(plan, train=replace(plan.train, own={"nerf": replace(own, encoding="phi")}))
+    assert constants.settings_of(other) != constants.settings_of(plan)
+
+
 def _result(row: ConstantsRow) -> str:
     return str(replace(row, core_seconds=0.0))
 
