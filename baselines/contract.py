@@ -183,7 +183,7 @@ class FieldSpec:
     """The seed that alone determines the first weights (`uniform_weights`)."""
     view_dependent: bool
     """Whether colour may depend on direction; False where the scene looks the same from all sides."""
-    own: Any = None
+    own: Any
     """The method's own settings (`baselines.catalog.Method.settings`)."""
 
 

@@ -79,7 +79,7 @@ class GaussianSettings:
     rate per scene unit and the squared scale).
     """
     lighter_opacity: float = 1e-3
-    """The weight of the mean opacity, and below of the mean scale, in the loss: they let go of what is not needed."""
+    """The weight of the mean opacity in the loss, and below of the mean scale: Gaussians that are not needed vanish."""
     lighter_scale: float = 1e-3
 
 
@@ -98,7 +98,7 @@ class VoxelSettings:
     rate_factor: float = 20.0
     """The learning rate relative to that of the networks: few rays of a batch meet a voxel."""
     smoothed: int = 8192
-    """The number of voxels per step that are pulled towards their neighbours; the next field has the weight of that."""
+    """The number of voxels per step that are pulled towards their neighbours; `smoothing` is the weight of that."""
     smoothing: float = 1e-4
 
     def stages(self) -> tuple[tuple[float, int], ...]:
@@ -142,7 +142,7 @@ TABLES = {
         "the same, with tables so long that there are as many numbers as in hash_grid_phi: control",
     ),
 }
-"""The finest level has two cells a pixel of 100."""
+"""In a picture 100 pixels wide, the finest level of `hash_grid` has about two cells per pixel."""
 GAUSSIANS = {
     "splats": (GaussianSettings(4000, 8000), "3-D Gaussians with spherical harmonics, drawn front to back"),
     "ellipsoids": (

@@ -130,6 +130,8 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
     if options.adopt:
         from baselines.methods.chosen import adopt
 
+        if lacking := [method for method in READINGS if method not in result["chosen"]]:
+            raise InputError(f"--adopt: {options.out} has no choice for {lacking[0]}; search all methods to the end")
         adopt(plan.profile, result["chosen"])
     for method, pair in result["chosen"].items():
         show.line(f"chosen for {method}: {pair}")

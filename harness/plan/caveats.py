@@ -110,11 +110,8 @@ def deviations(plan: Plan) -> list[str]:
             "is, so that the object weighs more in it than in the scores. The paper does not say how its rays are "
             "chosen."
         )
-    told: dict[str, list[str]] = {}
     for method in (name for name in plan.methods if name in METHODS):
-        for text in METHODS[method].deviations_with(own.get(method)):
-            told.setdefault(text, []).append(method)
-    rows += [f"{', '.join(methods)}: {text}" for text, methods in told.items()]
+        rows += [f"{method}: {text}" for text in METHODS[method].deviations_with(own.get(method))]
     scenes_of: dict[str, list[str]] = {}
     for scene, folder in zip(plan.scenes, map(Path, plan.view_set or ()), strict=False):
         for note in source_of(folder).notes if folder.exists() else ():

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.plan.defaults import KEPT_EVERY
+from harness.plan.plugins import own_settings
 from harness.plan.schedule import Budget
 from harness.plan.settings import ScoreSettings, TrainSettings, ViewSettings
 
@@ -34,6 +35,6 @@ class GroupTask:
 
     def settings(self, method: str) -> dict[str, Any]:
         """Return the settings of one of its cells, as records hold them."""
-        own = {name: settings for name, settings in self.train.own.items() if name == method}
-        train = asdict(replace(self.train, own=own))
+        own = own_settings(method, self.train.own)
+        train = asdict(replace(self.train, own={} if own is None else {method: own}))
         return {"train": train, "score": asdict(self.score), "budget": self.budget.settings()}

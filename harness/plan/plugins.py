@@ -14,9 +14,9 @@ import json
 import multiprocessing
 import pkgutil
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import EntryPoint, distributions, entry_points
@@ -102,6 +102,14 @@ def method_named(name: str) -> Method:
     return CATALOG[name]
 
 
+def own_settings(name: str, given: Mapping[str, Any]) -> Any:
+    """Return the settings of a method that are its own: those given, else those of the catalogue; None if it has none.
+    Raises `InputError` as `method_named` does.
+    """
+    own = given.get(name)
+    return method_named(name).settings if own is None else own
+
+
 def origin_of(name: str) -> dict[str, str] | None:
     """Return package, version, entry point and digest of a method that came from a package; None for one of ours."""
     origin = _loaded.get(name)
@@ -178,6 +186,21 @@ def _is_frozen_dataclass(settings: Any) -> bool:
     return getattr(getattr(type(settings), "__dataclass_params__", None), "frozen", False)
 
 
+def _wrong_in_records(method: Method) -> str | None:
+    """Return why a record cannot hold what is the method's own, in words."""
+    try:
+        json.dumps(None if method.settings is None else asdict(method.settings), allow_nan=False)
+    except (TypeError, ValueError) as error:
+        return f"its settings are not JSON: {error}"
+    if not all(isinstance(text, str) for text in method.deviations) or isinstance(method.deviations, str):
+        return "its deviations are not a tuple of sentences"
+    try:
+        method.deviations_with(method.settings)
+    except (KeyError, IndexError, ValueError, TypeError) as error:
+        return f"its deviations name what its settings do not have: {one_line(error)}"
+    return None
+
+
 def _wrong_with(method: object) -> str | None:
     """Return why an object cannot be accepted as a method, in words."""
     if not isinstance(method, Method):
@@ -185,11 +208,13 @@ def _wrong_with(method: object) -> str | None:
     if not isinstance(method.title, str) or not method.title.strip():
         return "its method has no title"
     if method.settings is not None and not _is_frozen_dataclass(method.settings):
-        return f"its settings are a {type(method.settings).__name__}, not a frozen dataclass"
+        return f"its settings are of type {type(method.settings).__name__}, not a frozen dataclass"
     if not (isinstance(method.trainer, str) or callable(method.trainer)):
-        return f"its trainer is a {type(method.trainer).__name__}, not a callable or 'module:name'"
-    if method.is_field and (method.parts is None) == (method.make_field is None):
+        return f"its trainer is of type {type(method.trainer).__name__}, not a callable or 'module:name'"
+    if [method.parts is not None, method.make_field is not None, not method.is_field].count(True) != 1:
         return "gives parts as its settings, make_field, or a trainer: one of them"
+    if (wrong := _wrong_in_records(method)) is not None:
+        return wrong
     for kind, table, own in (
         ("encoding", LADDERS, method.ladders),
         ("amplifier", AMPLIFIERS, method.amplifiers),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from baselines.catalog import CATALOG as METHODS
+from baselines.composition import Parts
 from baselines.contract import Accelerations, NetworkSize, Precision
 from baselines.methods.chosen import chosen
 from baselines.methods.explicit import VoxelSettings
@@ -16,6 +17,7 @@ from baselines.numerics.optimisers import OptimiserName, OptimiserSettings
 from harness.plan.defaults import KEPT_EVERY
 from harness.plan.group_task import GroupTask
 from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
+from harness.plan.plugins import OURS
 from harness.plan.schedule import Budget
 from harness.plan.settings import (
     GridSettings,
@@ -121,7 +123,7 @@ class Plan:
                 methods=methods,
                 view_set=view_sets[scene],
                 views=self.views,
-                train=replace(self.train, own=self.own_settings((*methods, *self.guests))),
+                train=replace(self.train, own=self._handed_on((*methods, *self.guests))),
                 score=self.score,
                 budget=self.budget,
                 out=out,
@@ -168,15 +170,24 @@ class Plan:
         """Return the plan of its own methods, without those that explain a result or show its scale."""
         return replace(self, extras=(), guest=None)
 
+    def _handed_on(self, methods: Iterable[str]) -> dict[str, Any]:
+        """Return the own settings that a worker is given. It takes those of a package's method from the package, whose
+        classes it may not have.
+        """
+        own = self.own_settings(methods)
+        return {name: own[name] for name in own if name in OURS or name in self.train.own}
+
     def own_settings(self, methods: Iterable[str]) -> dict[str, Any]:
         """Map method → the settings that are its own, for methods that have any: those of the plan, else those of the
         catalogue, with the constants of density that were chosen for the profile.
         """
         own = {name: METHODS[name].settings for name in methods if name in METHODS}
-        for name, pair in chosen(self.profile).items():
-            if name in own:
-                own[name] = replace(own[name], **pair.fields)
-        own |= {name: given for name, given in self.train.own.items() if name in own}
+        # by what a method is, not by its name: one of the searched methods may stand in the catalogue twice
+        searched = {METHODS[name].parts: pair for name, pair in chosen(self.profile).items()}
+        for name, parts in own.items():
+            if isinstance(parts, Parts) and (pair := searched.get(parts)):
+                own[name] = replace(parts, **pair.fields)
+        own |= {name: self.train.own[name] for name in methods if name in self.train.own}
         return {name: settings for name, settings in own.items() if settings is not None}
 
 
@@ -210,7 +221,7 @@ EXPLAINING = ("qnerf_printed", "nerf_phi_encoding", "nerf_phi_encoding_amplifier
 COMPARED = ("nerf", "nerf_matched", "qnerf")
 """The methods of every default run: the two methods of the paper, and the bandwidth control."""
 JUDGED = (*COMPARED, "qnerf_repaired")
-"""The methods of a verdict: also the best reading that changes a listing."""
+"""The methods that the headline judges: those of `COMPARED`, and the best reading that changes a listing."""
 
 TUNED: dict[OptimiserName, dict[str, Any]] = {
     "adam": {

@@ -11,6 +11,7 @@ import torch
 from baselines.catalog import CATALOG
 from baselines.composition import Parts
 from baselines.contract import Box
+from baselines.methods.explicit import GaussianSettings, PlaneSettings, TableSettings, VoxelSettings
 from harness.plan.plugins import require_methods
 from harness.plan.profiles import known_names
 from harness.plan.schedule import Budget
@@ -128,8 +129,9 @@ class FinishedRun:
                 f"{' '.join(CATALOG)}"
             )
         settings = from_plain(TrainSettings, cell.settings.get("train"), path)
-        if (usual := CATALOG[method].settings) is not None and method in settings.own:
-            settings = replace(settings, own={method: from_plain(type(usual), settings.own[method], path)})
+        if (usual := CATALOG[method].settings) is not None:
+            own = from_plain(type(usual), settings.own.get(method), path)
+            settings = replace(settings, own={method: own})
         budget = from_plain(Budget, cell.settings.get("budget"), path)
         from_plain(ScoreSettings, cell.settings.get("score"), path)
         if not isinstance(cell.settings.get("view_set"), dict) or "focal" not in cell.settings["view_set"]:
@@ -217,8 +219,13 @@ class FinishedRun:
         return RADIUS if frames is None else mean_distance(frames.camera_to_world)
 
 
-OWN_SIZES = {"finest": 512, "nodes": 4096, "cells": 4096, "entries": 1 << 24, "first": 1 << 22, "most": 1 << 22}
-"""A size of a method's own → the most that it may be."""
+OWN_SIZES: dict[type, dict[str, int]] = {
+    VoxelSettings: {"finest": 512, "bins": 1 << 16, "smoothed": 1 << 24},
+    PlaneSettings: {"nodes": 4096, "width": 8192, "direction_bands": 64},
+    TableSettings: {"cells": 4096, "entries": 1 << 24, "width": 8192, "direction_bands": 64},
+    GaussianSettings: {"first": 1 << 22, "most": 1 << 22},
+}
+"""Own settings of a kind of method → the most that each of its sizes may be."""
 
 
 def _require_possible(settings: TrainSettings, own: Any, path: Path, checkpoint: Path) -> None:
@@ -237,8 +244,10 @@ def _require_possible(settings: TrainSettings, own: Any, path: Path, checkpoint:
         "fine_bins": (settings.fine_bins, 1 << 16),
         "rays": (settings.rays, 1 << 24),
     }
-    sizes |= {name: (max(np.ravel(getattr(own, name, 0)).tolist()), most) for name, most in OWN_SIZES.items()}
-    for name, (value, most) in sizes.items():
+    given = [(name, value, most) for name, (value, most) in sizes.items()]
+    for name, most in OWN_SIZES.get(type(own), {}).items():
+        given += [(name, value, most) for value in np.ravel(getattr(own, name)).tolist()]
+    for name, value, most in given:
         if not 0 <= value <= most:
             raise InputError(f"{path}: {name} {value} of its settings: must lie between 0 and {most}; run again")
     least = 4 * max(0, network.depth - 2) * network.width**2

@@ -12,7 +12,7 @@ from torch import Tensor
 from baselines.contract import Box, LearnedField, Rays, Rendering
 from baselines.occupancy import OccupancyGrid
 from harness.machine.stopwatch import Stopwatch
-from harness.plan.plugins import method_named
+from harness.plan.plugins import own_settings
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.training.batches import Batch
@@ -132,8 +132,7 @@ class Job:
     @property
     def own(self) -> Any:
         """Return the method's own settings: those of `settings`, else the catalogue's."""
-        own = self.settings.own.get(self.method)
-        return method_named(self.method).settings if own is None else own
+        return own_settings(self.method, self.settings.own)
 
 
 L = TypeVar("L", bound=Stepped)

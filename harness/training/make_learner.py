@@ -25,7 +25,11 @@ def learner_for(job: Job) -> Learner:
     `InputError` if a user's own package that offers it cannot be loaded.
     """
     trainer = method_named(job.method).trainer
-    made: Learner = (resolve_name(trainer) if isinstance(trainer, str) else trainer)(job)
+    try:
+        make = resolve_name(trainer) if isinstance(trainer, str) else trainer
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(f"{job.method}: its trainer {trainer} cannot be imported: {error}") from error
+    made: Learner = make(job)
     return made
 
 

@@ -23,6 +23,8 @@ CONTROL = "nerf_matched"
 FAVOURITE = "qnerf"
 REPAIRED = "qnerf_repaired"
 LOST = ("diverged", "error")
+FURTHER = 2
+"""The number of further contenders that sentences tell of."""
 
 
 @dataclass(frozen=True)
@@ -173,8 +175,9 @@ def _means(records: Records) -> str:
 
 
 def _others(records: Records, method: str, fought: list[Duel]) -> str:
-    """State the differences of all contenders but `method`, at equal steps."""
-    found = [outcome_of(records, duel.steps) for duel in fought if duel.method != method]
+    """State the differences of the next contenders after `method`, at equal steps; the table has those of all."""
+    further = [name for name in dict.fromkeys(duel.method for duel in fought) if name != method][:FURTHER]
+    found = [outcome_of(records, duel.steps) for duel in fought if duel.method in further]
     told = [clause(outcome) for outcome in found if outcome]
     return f"At equal steps, {'; '.join(told)}." if told else ""
 

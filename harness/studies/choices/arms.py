@@ -145,7 +145,8 @@ def identity(task: CellTask) -> str:
     """Return the digest of all that a cell's results depend on, beside its scene, method and seed."""
     plan = replace(task.plan.alone(), scenes=(), methods=(), seeds=())
     arms = {name: asdict(arm) for name, arm in task.arms.items()}
-    given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on]
+    own = {name: asdict(settings) for name, settings in task.plan.own_settings([task.method]).items()}
+    given = [plan.settings(), own, arms, task.view_set.name, task.device, task.scored_on]
     return digest_of([*given, versions()])[:12]
 
 

@@ -93,7 +93,7 @@ def search(
             yield [known[key] for pair in some if (key := (method, pair, scene, steps)) in known]
             missing = [pair for pair in some if (method, pair, scene, steps) not in known]
             for start in dict.fromkeys(pair.start for pair in missing):
-                arms = _arms(method, [pair for pair in missing if pair.start == start])
+                arms = _arms(plan, method, [pair for pair in missing if pair.start == start])
                 tasks.append(CellTask(scene, method, SEED, folders[scene], scratch, budgeted, arms, device, "val"))
         for cell in trained_cells(tasks, workers):
             yield [
@@ -110,8 +110,9 @@ def search(
     yield from trained(plan.budget.steps, {method: finalists(rows, method) for method in plan.methods})
 
 
-def _arms(method: str, pairs: list[DensityConstants]) -> dict[str, Arm]:
-    return {str(pair): Arm(own=replace(CATALOG[method].settings, **pair.fields)) for pair in pairs}
+def _arms(plan: Plan, method: str, pairs: list[DensityConstants]) -> dict[str, Arm]:
+    own = plan.own_settings([method])[method]
+    return {str(pair): Arm(own=replace(own, **pair.fields)) for pair in pairs}
 
 
 def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from baselines.catalog import CATALOG
-from baselines.methods.explicit import GaussianSettings, PlaneSettings, TableSettings, geometric
+from baselines.methods.explicit import GaussianSettings, geometric
 from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
 from harness.studies.choices.arms import PLANNED, Arm, CellTask, trained_cells
@@ -57,12 +57,13 @@ def _width(width: int) -> Trial:
 
 
 def _planes(*nodes: int) -> Trial:
-    return Trial(", ".join(f"{count}²" for count in nodes), PlaneSettings(nodes))
+    return Trial(", ".join(f"{count}²" for count in nodes), replace(CATALOG["planes"].settings, nodes=nodes))
 
 
 def _tables(finest: int, levels: int, entries: int) -> Trial:
     what = f"{levels} levels to {finest}, {entries} entries"
-    return Trial(what, TableSettings(geometric(16, finest, levels), entries))
+    cells = geometric(16, finest, levels)
+    return Trial(what, replace(CATALOG["hash_grid"].settings, cells=cells, entries=entries))
 
 
 def _gaussians(family: str, first: int, most: int) -> Trial:

@@ -1,6 +1,6 @@
 """`voxels_drjit` in training: the same batches, budget, schedule, clock and trace as a network's trainer has.
 
-Importing this module imports Dr.Jit: `harness.training.learner` does so when the method is trained.
+Importing this module imports Dr.Jit: `harness.training.make_learner` does so when the method is trained.
 """
 
 import math

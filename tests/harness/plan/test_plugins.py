@@ -17,13 +17,17 @@ from baselines.composition import LADDERS, SKIPS
 from harness.__main__ import main
 from harness.plan import plugins
 from harness.plan.plugins import method_named
-from harness.plan.profiles import planned
+from harness.plan.profiles import PROFILES, Machine, planned
+from harness.plan.schedule import Budget
 from harness.playback.run_loader import FinishedRun
 from harness.studies.conformance.method_checks import CHECKS, LEARNER_CHECKS, conformance
-from harness.studies.conformance.subject import Subject
+from harness.studies.conformance.subject import BOX, Subject
+from harness.training.learner import Job
+from harness.training.make_learner import learner_for
 from scenes.files.errors import InputError
 from tests.harness.ball import write_ball
 from tests.harness.shell import ROOT, refused
+from tests.replacing import replace
 
 EXAMPLE = ROOT / "docs" / "examples" / "method_package"
 EXAMPLES = ("nerf_base3", "blobs", "voxel_grid")
@@ -143,9 +147,15 @@ def test_the_documented_package_conforms(example: Path, method: str) -> None:
         (HEAD + "M = Method(NERF, ' ')", "no title"),
         (HEAD + "M = Method(None, 'x')", "parts as its settings, make_field"),
         (HEAD + "M = Method(NERF, 'x', make_field=int)", "parts as its settings, make_field"),
-        (HEAD + "M = Method(3, 'x')", "its settings are a int, not a frozen dataclass"),
-        (HEAD + "M = Method(NERF, 'x')\nobject.__setattr__(M, 'trainer', 3)", "its trainer is a int, not a callable"),
-        (HEAD + "M = Method(Method, 'x')", "its settings are a type, not a frozen dataclass"),
+        (HEAD + "M = Method(3, 'x')", "its settings are of type int, not a frozen dataclass"),
+        (
+            HEAD + "M = Method(NERF, 'x')\nobject.__setattr__(M, 'trainer', 3)",
+            "its trainer is of type int, not a callable",
+        ),
+        (HEAD + "M = Method(Method, 'x')", "its settings are of type type, not a frozen dataclass"),
+        (HEAD + "M = Method(replace(NERF, start=float('inf')), 'x')", "its settings are not JSON"),
+        (HEAD + "M = Method(NERF, 'x', deviations=('It has {voxels}.',))", "KeyError: 'voxels'"),
+        (HEAD + "M = Method(NERF, 'x', 'a:b')", "parts as its settings, make_field, or a trainer"),
         (HEAD + "M = Method(replace(NERF, encoding='base9'), 'x')", "encoding 'base9' is unknown; known: base2"),
         (HEAD + "M = Method(replace(NERF, amplifier='loud'), 'x')", "amplifier 'loud' is unknown"),
         (HEAD + "M = Method(replace(NERF, skip='never'), 'x')", "skip 'never' is unknown"),
@@ -162,6 +172,22 @@ def test_what_is_wrong_with_a_package_is_said_in_one_line(
     assert "package bad-luck 1.2 (entry point mine = bad_luck:M)" in text
     assert said in text
     assert (dict(LADDERS), dict(SKIPS), dict(CATALOG)) == before, "a refused package leaves nothing behind"
+
+
+def test_a_trainer_that_is_not_there_is_named(site: Path) -> None:
+    code = HEAD + "M = Method(None, 'x', 'nowhere_to_be_found:Trainer')"
+    install(site, "bad-luck", {"mine": "bad_luck:M"}, {"__init__.py": code})
+    with pytest.raises(InputError, match="mine: its trainer nowhere_to_be_found:Trainer cannot be imported"):
+        learner_for(Job("mine", BOX, PROFILES["smoke"].train, Budget(1, None), 0, torch.device("cpu")))
+
+
+def test_workers_take_the_settings_of_a_package_from_the_package(example: Path, tmp_path: Path) -> None:
+    """A node of a cluster could not unpickle its classes before it has asked for the package."""
+    plan = replace(planned("smoke", methods=["nerf", "blobs"]), scenes=("lego",))
+    (task, *_) = plan.tasks({"lego": tmp_path}, Machine("cpu", 1, 1), tmp_path)
+    assert set(task.train.own) == {"nerf"}
+    assert plan.settings()["train"]["own"]["blobs"] == task.settings("blobs")["train"]["own"]["blobs"]
+    assert task.settings("blobs")["train"]["own"]["blobs"]["count"] == 64
 
 
 def test_a_name_of_ours_is_given_to_nobody(site: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -191,6 +191,8 @@ SPOILT: dict[str, tuple[Callable[[Path], None], str]] = {
     "no focal length": (edited(lambda cell: cell["settings"]["view_set"].pop("focal")), "recorded before the focal"),
     "a setting less": (edited(lambda cell: cell["settings"]["train"].pop("bins")), "bins"),
     "a setting more": (edited(lambda cell: cell["settings"]["train"].update(colour=1)), "colour"),
+    "no settings of its own": (edited(lambda cell: cell["settings"]["train"]["own"].pop("nerf")), "not those of this"),
+    "own settings less": (edited(lambda cell: cell["settings"]["train"]["own"]["nerf"].pop("start")), "start"),
     "words for numbers": (edited(lambda cell: cell["settings"]["train"].update(bins="16")), r"\.bins"),
     "no precision": (edited(lambda cell: cell["settings"]["train"].update(precision="float7")), "float7"),
     "no switch": (edited(lambda cell: cell["settings"]["train"]["accelerations"].update(grid="off")), r"\.grid"),

@@ -120,6 +120,24 @@ def test_a_change_from_steps_to_time_is_judged_as_one(whole: Records):
     assert headline(replace(records, cells=slower)).sentences[-1] != shown.sentences[-1]
 
 
+def test_a_further_contender_has_a_sentence_of_its_own(whole: Records) -> None:
+    def named(rows: list, name: str) -> list:
+        return [*rows, *(replace(row, method=name) for row in rows if row.method == "qnerf")]
+
+    names = [*whole.methods, *(further := ["first", "second", "third"])]
+    run = replace(whole.run, methods=dict.fromkeys(names, ""), settings={**whole.run.settings, "methods": names})
+    cells, comparisons = whole.cells, whole.comparisons
+    for name in further:
+        cells, comparisons = named(cells, name), named(comparisons, name)
+    means, told, *_ = headline(replace(whole, run=run, cells=cells, comparisons=comparisons)).sentences
+    assert all(name in means for name in names)
+    assert told.startswith("At equal steps, first ")
+    assert told.count("nerf_matched") == 2
+    assert "second" in told
+    assert "third" not in told
+    assert not any(words.startswith("At equal steps") for words in headline(whole).sentences)
+
+
 def test_lost_cells_are_in_the_title(records: Records, whole: Records, tmp_path):
     title = headline(records).title
     assert title.startswith("qnerf gains "), "others are judged"

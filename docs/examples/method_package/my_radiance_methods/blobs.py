@@ -11,7 +11,7 @@ from baselines.contract import FieldSpec, uniform_weights
 
 @dataclass(frozen=True)
 class BlobSettings:
-    """All that changes its results: each stands in the records, and a run with another one reuses no cell."""
+    """All that changes its results. Records hold every value, and a run with other values reuses no cell."""
 
     count: int = 64
     peak: float = 20.0

@@ -18,7 +18,7 @@ from harness.training.trainer import BudgetedTrainer, Diverged
 
 @dataclass(frozen=True)
 class VoxelGridSettings:
-    """All that changes its results: each stands in the records, and a run with another one reuses no cell."""
+    """All that changes its results. Records hold every value, and a run with other values reuses no cell."""
 
     voxels: int = 32
     """The voxels along each side of the scene's box."""

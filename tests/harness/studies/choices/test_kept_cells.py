@@ -5,10 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from baselines.methods.nerf import NERF
 from harness.plan.profiles import PROFILES
 from harness.studies.choices import arms
 from harness.studies.choices.arms import Arm, CellArms, CellTask, Ended, Rerendered, kept_cell
 
+NERF_OF_ANOTHER_START = replace(NERF, start=7.0)
 ENDED = {"as planned": Ended(30.5, 2.0, {"behind_opaque": Rerendered(1.0, 0.5, 1e-5)}, 1.9, 0.7), "less": Ended(None)}
 
 
@@ -54,6 +56,7 @@ def test_a_cell_of_anything_else_is_not_taken(task: CellTask, trained: list[Cell
         replace(task, view_set=task.view_set.with_name("lego-2")),
         replace(task, scored_on="val"),
         replace(task, plan=replace(task.plan, train=replace(task.plan.train, rays=7))),
+        replace(task, plan=replace(task.plan, train=replace(task.plan.train, own={"nerf": NERF_OF_ANOTHER_START}))),
     ]
     for other in others:
         kept_cell(other)
