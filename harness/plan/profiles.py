@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -19,12 +19,7 @@ from harness.plan.group_task import GroupTask
 from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.plan.plugins import OURS
 from harness.plan.schedule import Budget
-from harness.plan.settings import (
-    GridSettings,
-    ScoreSettings,
-    TrainSettings,
-    ViewSettings,
-)
+from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
 from scenes.catalog.entries import CATALOG as SCENES
 from scenes.catalog.entries import CLASSICS, RUNGS, STRESS
 from scenes.catalog.scene_file import check_scene_file, name_of_file
@@ -153,9 +148,8 @@ class Plan:
         if self.view_set is not None and len(self.view_set) == 1:
             kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
         names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
-        kept["train"]["own"] = {
-            name: asdict(own) for name, own in self.own_settings((*self.all_methods(), *self.guests)).items()
-        }
+        own = self.own_settings((*self.all_methods(), *self.guests))
+        kept["train"]["own"] = {name: asdict(settings) for name, settings in own.items()}
         return {**kept, **names}
 
     @property
@@ -170,14 +164,12 @@ class Plan:
         """Return the plan of its own methods, without those that explain a result or show its scale."""
         return replace(self, extras=(), guest=None)
 
-    def _handed_on(self, methods: Iterable[str]) -> dict[str, Any]:
-        """Return the own settings that a worker is given. It takes those of a package's method from the package, whose
-        classes it may not have.
-        """
-        own = self.own_settings(methods)
-        return {name: own[name] for name in own if name in OURS or name in self.train.own}
+    def _handed_on(self, methods: Collection[str]) -> dict[str, Any]:
+        """Return the own settings that a worker is given; a package's are not, as it may lack their classes."""
+        given = OURS | self.train.own.keys()
+        return {name: own for name, own in self.own_settings(methods).items() if name in given}
 
-    def own_settings(self, methods: Iterable[str]) -> dict[str, Any]:
+    def own_settings(self, methods: Collection[str]) -> dict[str, Any]:
         """Map method → the settings that are its own, for methods that have any: those of the plan, else those of the
         catalogue, with the constants of density that were chosen for the profile.
         """
@@ -187,7 +179,7 @@ class Plan:
         for name, parts in own.items():
             if isinstance(parts, Parts) and (pair := searched.get(parts)):
                 own[name] = replace(parts, **pair.fields)
-        own |= {name: self.train.own[name] for name in methods if name in self.train.own}
+        own |= {name: given for name, given in self.train.own.items() if name in methods}
         return {name: settings for name, settings in own.items() if settings is not None}
 
 
