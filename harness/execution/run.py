@@ -155,7 +155,7 @@ def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine:
         if not cell_path(out, scene, guest, seed).exists() and path.exists():
             budgets[scene] = read_cell(path).train_core_seconds
     due = [
-        replace(task, methods=(plan.guest or "",), budget=Budget(None, None, seconds))
+        replace(task, methods=plan.guests, budget=Budget(None, None, seconds))
         for task in tasks
         if task.seed == plan.seeds[0] and (seconds := budgets.get(task.scene))
     ]

@@ -8,8 +8,7 @@ from harness.records.cells import RunRecord
 
 def planned_record(plan: Plan, command: str) -> RunRecord:
     """Return the record of a run of `command` that has not begun; its provenance holds the methods' packages alone."""
-    guests = (plan.guest,) if plan.guest else ()
-    methods = (*plan.all_methods(), *guests)
+    methods = (*plan.all_methods(), *plan.guests)
     return RunRecord(
         profile=plan.profile,
         command=command,
@@ -23,5 +22,5 @@ def planned_record(plan: Plan, command: str) -> RunRecord:
         finished=False,
         not_tested=not_tested(plan),
         deviations=deviations(plan),
-        guests=list(guests),
+        guests=list(plan.guests),
     )

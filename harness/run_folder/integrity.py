@@ -90,9 +90,7 @@ def _move_aside(out: Path, faults: Iterator[tuple[str, str]], say: Say) -> None:
 
 def plan_of_cells(out: Path, plan: Plan) -> list[str]:
     """Return as sentences the settings in which finished cells differ from a plan, where theirs is lost."""
-    wanted = json.loads(json.dumps({name: asdict(getattr(plan, name)) for name in ("train", "score")}))
-    wanted["budget"] = plan.budget.settings()
-    own = json.loads(json.dumps(plan.settings()["train"]["own"]))
+    wanted = json.loads(json.dumps(plan.settings()))
     sentences = []
     for scene, method, seed in plan.cells():
         with suppress(DamagedRecord):
@@ -106,7 +104,7 @@ def plan_of_cells(out: Path, plan: Plan) -> list[str]:
                 usual = asdict(TrainSettings())  # settings from before there was a choice lack it
                 pairs |= {key: (before.get(key, usual[key]), wanted["train"].get(key)) for key in TRAINED_WITH}
                 if "own" in before:
-                    pairs["own"] = before["own"].get(method), own.get(method)
+                    pairs["own"] = before["own"].get(method), wanted["train"]["own"].get(method)
             sentences += [
                 f"{scene}.{method}.{seed}: {name} was {before}, is {now}"
                 for name, (before, now) in pairs.items()

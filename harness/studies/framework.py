@@ -7,8 +7,8 @@ import json
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -69,8 +69,7 @@ class Shelf:
 
     def measure_of(self, name: str) -> Callable[[Any], Iterator[Found]]:
         """Return the generator behind a study; what is heavy is imported here, one study at a time."""
-        module, _, function = self.studies[name].measure.partition(":")
-        measure: Callable[[Any], Iterator[Found]] = getattr(import_module(f"{self.package}.{module}"), function)
+        measure: Callable[[Any], Iterator[Found]] = resolve_name(f"{self.package}.{self.studies[name].measure}")
         return measure
 
 

@@ -139,7 +139,6 @@ class Trainer(BudgetedTrainer):
     def __init__(self, job: Job) -> None:
         super().__init__(job)
         method, settings = method_named(self.method), self.settings
-        self.parts = self.own if isinstance(self.own, Parts) else None
         self.background = torch.ones(3, device=self.device)
 
         def field(name: str) -> Any:
@@ -151,7 +150,7 @@ class Trainer(BudgetedTrainer):
         self.fine = field("fine") if settings.fine_bins else None
         self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
         # Listing 4 takes its background from the last point before `far`: it must see every point of the complete ray
-        self.quadrature = self.parts.quadrature if self.parts is not None else "midpoint"
+        self.quadrature = self.own.quadrature if isinstance(self.own, Parts) else "midpoint"
         self.whole_rays = self.quadrature == "listing4"
         if settings.accelerations.grid and settings.grid.cells > 0 and not self.whole_rays:
             box = self.box if settings.accelerations.hull else replace(self.box, hull=None)

@@ -142,11 +142,10 @@ def kept_cell(task: CellTask) -> CellArms:
 
 
 def identity(task: CellTask) -> str:
-    """Return the digest of all that a cell's results depend on, beside its scene, method and seed."""
-    plan = replace(task.plan.alone(), scenes=(), methods=(), seeds=())
+    """Return the digest of all that a cell's results depend on, beside its scene and seed."""
+    plan = replace(task.plan.alone(), scenes=(), methods=(task.method,), seeds=())
     arms = {name: asdict(arm) for name, arm in task.arms.items()}
-    own = {name: asdict(settings) for name, settings in task.plan.own_settings([task.method]).items()}
-    given = [plan.settings(), own, arms, task.view_set.name, task.device, task.scored_on]
+    given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on]
     return digest_of([*given, versions()])[:12]
 
 

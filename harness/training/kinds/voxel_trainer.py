@@ -92,16 +92,15 @@ class VoxelTrainer(BudgetedTrainer):
         """Return the mean squared error of display colours, including rays that miss the box; the norm of its gradient;
         the gradient; and the number of evaluated points. Raises `Diverged`, naming what is not finite.
         """
-        voxels = self.own
-        samples, inside = field.samples(rays, voxels.bins, generator)
+        samples, inside = field.samples(rays, self.own.bins, generator)
         missed = torch.ones(len(rays), dtype=torch.bool, device=colours.device)
         missed[inside] = False
         background = float(((1.0 - colours[missed]) ** 2).sum())
-        smooth = torch.randint(math.prod(field.shape), (voxels.smoothed,), generator=generator)
+        smooth = torch.randint(math.prod(field.shape), (self.own.smoothed,), generator=generator)
         error, square, gradients = 0.0, 0.0, dict[str, Any]()
         if samples is not None:
             error, square, gradients = field.loss_and_gradients(
-                samples, colours[inside], 1.0 / colours.numel(), smooth.to(colours.device), voxels.smoothing
+                samples, colours[inside], 1.0 / colours.numel(), smooth.to(colours.device), self.own.smoothing
             )
         loss = error + background / colours.numel()
         if not math.isfinite(loss):
@@ -109,7 +108,7 @@ class VoxelTrainer(BudgetedTrainer):
             raise Diverged(self.step, f"weight of {weight}" if weight else "loss")
         if not math.isfinite(square):
             raise Diverged(self.step, f"gradient of {_first_not_finite(gradients) or 'all voxels together'}")
-        return loss, math.sqrt(square), gradients, len(inside) * voxels.bins
+        return loss, math.sqrt(square), gradients, len(inside) * self.own.bins
 
 
 def _first_not_finite(arrays: dict[str, Any]) -> str | None:
