@@ -50,6 +50,15 @@ def test_the_best_mean_after_all_steps_is_chosen_whatever_came_first() -> None:
     assert constants.chosen(BRIEF + full, 40) == {"nerf": SECOND}
 
 
+def test_every_start_is_trained_to_the_end_before_a_second_unit_of_one() -> None:
+    by_rank = [(25.0, 3.0), (100.0, 3.0), (3.0, None), (10.0, None), (25.0, 0.3)]
+    pairs = [DensityConstants(*pair) for pair in by_rank]
+    rows = rows_of("nerf", {pair: (30.0 - place, 30.0) for place, pair in enumerate(pairs)}, 10)
+    assert constants.finalists(rows, "nerf") == [pairs[0], pairs[2], pairs[4]]
+    one_start = [row for row in rows if row.constants.start == 3.0]
+    assert constants.finalists(one_start, "nerf") == pairs[:2]
+
+
 def test_a_pair_that_diverges_on_a_scene_is_out() -> None:
     full = rows_of("nerf", {LOST: (99.0, None), FIRST: (20.0, 20.0), SECOND: (10.0, 10.0)}, 40)
     assert constants.chosen(BRIEF + full, 40) == {"nerf": FIRST}
