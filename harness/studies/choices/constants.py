@@ -40,13 +40,13 @@ READINGS: dict[str, tuple[float | None, ...]] = {
 """Method → the starts that are tried: Listing 2 as printed has none, and with one it is another method."""
 SHARE = 4
 """The share of the plan's steps, 1 / SHARE, that every pair is trained for at first."""
-FINALISTS = 3
-"""The pairs of each method that are then trained for all of the plan's steps."""
+STARTS_KEPT, MORE_KEPT = 3, 1
+"""The starts of each method whose best unit is then trained for all of the plan's steps, and the pairs besides."""
 RULE = (
     f"Every pair is trained for 1 / {SHARE} of the steps, and ranked by the mean over scenes of PSNR on validation "
-    f"views. {FINALISTS} pairs of each method are then trained for all steps, and the best mean of these is chosen: "
-    "the best unit of each start comes first, then the second best of each, as a start can help early and cost late, "
-    "while units that share one hardly differ. A pair that diverges on a scene is out. Pairs whose start a bounded "
+    f"views. The best unit of each of the {STARTS_KEPT} best starts of a method and the {MORE_KEPT} best of its other "
+    "pairs are then trained for all steps, and the best mean of these is chosen: a start can help early and cost late, "
+    "while units that share a start hardly differ. A pair that diverges on a scene is out. Pairs whose start a bounded "
     "method cannot have (start ≥ unit) are not tried."
 )
 
@@ -132,7 +132,8 @@ def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:
     """Return the pairs of a method that `RULE` takes into the second round, out of the rows of the first."""
     pairs = list(means(rows, method))
     rank = {pair: sum(pair.start == better.start for better in pairs[:place]) for place, pair in enumerate(pairs)}
-    return sorted(pairs, key=rank.__getitem__)[:FINALISTS]
+    kept = sorted(pairs, key=rank.__getitem__)[:STARTS_KEPT]
+    return kept + [pair for pair in pairs if pair not in kept][:MORE_KEPT]
 
 
 def chosen(rows: list[ConstantsRow], steps: int) -> dict[str, DensityConstants]:

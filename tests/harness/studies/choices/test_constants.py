@@ -13,10 +13,10 @@ from harness.records.json_record import write_json
 from harness.studies.choices import constants
 from harness.studies.choices.arms import trained_cell
 from harness.studies.choices.constants import (
-    FINALISTS,
     READINGS,
     SHARE,
     ConstantsRow,
+    finalists,
     means,
     pairs_of,
     read_rows,
@@ -50,13 +50,13 @@ def test_the_best_mean_after_all_steps_is_chosen_whatever_came_first() -> None:
     assert constants.chosen(BRIEF + full, 40) == {"nerf": SECOND}
 
 
-def test_every_start_is_trained_to_the_end_before_a_second_unit_of_one() -> None:
+def test_the_best_unit_of_each_start_is_trained_to_the_end() -> None:
     by_rank = [(25.0, 3.0), (100.0, 3.0), (3.0, None), (10.0, None), (25.0, 0.3)]
     pairs = [DensityConstants(*pair) for pair in by_rank]
     rows = rows_of("nerf", {pair: (30.0 - place, 30.0) for place, pair in enumerate(pairs)}, 10)
-    assert constants.finalists(rows, "nerf") == [pairs[0], pairs[2], pairs[4]]
+    assert finalists(rows, "nerf") == [pairs[0], pairs[2], pairs[4], pairs[1]]
     one_start = [row for row in rows if row.constants.start == 3.0]
-    assert constants.finalists(one_start, "nerf") == pairs[:2]
+    assert finalists(one_start, "nerf") == pairs[:2]
 
 
 def test_a_pair_that_diverges_on_a_scene_is_out() -> None:
@@ -88,7 +88,7 @@ def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
     rows = list(chain(*search(plan, {"ball": folder}, tmp_path, 1, "cpu", [])))
     brief, full = ([row.constants for row in rows if row.steps == steps] for steps in (2, 2 * SHARE))
     assert brief == pairs_of("qnerf")
-    assert sorted(map(str, full)) == sorted(map(str, list(means(rows[: len(brief)], "qnerf"))[:FINALISTS]))
+    assert sorted(map(str, full)) == sorted(map(str, finalists(rows[: len(brief)], "qnerf")))
     assert len({row.psnr_val for row in rows}) == len(rows), "each pair is another training"
     file = tmp_path / "record.json"
     write_json(file, constants.as_json(rows[3:], plan, {}))
