@@ -15,7 +15,7 @@ RESOLUTION = 40
 GATE_SEEDS = (1000, 1001, 1002, 1003)
 OTHER_SEEDS = (1004, 1005, 1006, 1007)
 """The seeds that are trained at renewal alone, for the spread of seeds."""
-DRAWS = 4
+DRAWS = 8
 """The trainings of each cell at renewal that differ in the last bit of their first weights: the spread of rounding."""
 
 Scatter = Literal["rounding", "change", "seeds"]

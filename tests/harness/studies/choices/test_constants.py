@@ -8,6 +8,7 @@ import pytest
 
 from baselines.catalog import CATALOG
 from baselines.methods.chosen import FILE, DensityConstants, chosen
+from baselines.methods.repaired import CANDIDATES
 from harness.plan.profiles import PROFILES, Machine, planned
 from harness.records.json_record import write_json
 from harness.studies.choices import constants
@@ -129,7 +130,11 @@ def test_the_constants_are_those_of_the_published_search() -> None:
         record, plan = json.loads(file.read_text(encoding="utf-8")), PROFILES["reduced"]
         rows = [ConstantsRow(**{**row, "constants": DensityConstants(**row["constants"])}) for row in record["rows"]]
         if record["chosen"]:
-            assert constants.chosen(rows, plan.budget.steps or 0) == chosen("reduced")
+            choice = constants.chosen(rows, plan.budget.steps or 0)
+            assert choice == chosen("reduced")
+            full = [row for row in rows if row.steps == plan.budget.steps]
+            best = max(("qnerf_shifted", *CANDIDATES), key=lambda method: means(full, method)[choice[method]])
+            assert CATALOG["qnerf_repaired"].parts == CATALOG[best].parts
             assert {row.scene for row in rows} == set(plan.scenes)
         assert record["seed"] not in {seed for plan in PROFILES.values() for seed in plan.seeds}
 
