@@ -11,7 +11,12 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, Literal
 
-from reports.data.wording import listed, number
+import numpy as np
+
+from harness.records.verdict import phrase_with
+from harness.verdicts.comparisons import judged
+from reports.claims.estimands import between
+from reports.data.wording import listed, number, signed
 from reports.drawing.palette import MARKERS, OTHERS
 from reports.drawing.sheet import Drawing, key_of, save_sheet
 from reports.drawing.traces import Panel, Trace
@@ -19,6 +24,11 @@ from reports.run.saving.run_blocks import table
 
 Search = dict[str, Any]
 """What `python -m harness study constants` writes."""
+COMPARED = (
+    *(("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("nerf_matched", "nerf")),
+    *(("qnerf_running_mean", "nerf"), ("qnerf_running_mean", "nerf_matched"), ("qnerf_shifted", "nerf")),
+)
+"""The pairs of methods whose difference at the chosen constants is told."""
 Pair = tuple[float, float | None]
 """Unit of density and start, both per half of the longest side of the scene's box."""
 
@@ -105,10 +115,35 @@ def choice(search: Search) -> str:
         if search["chosen"]
         else "**Not finished**: these are the best pairs so far, and no method is made with them. "
     )
+    told = [words for pair in COMPARED if (words := difference(search, *pair))]
+    one_seed = f"At the chosen constants, on validation views, one seed, 95 %: {'; '.join(told)}.\n\n" if told else ""
     return (
-        f"{table(columns, rows)}\n\n{state}Means over {listed(scenes)}; seed {search['seed']}, "
+        f"{table(columns, rows)}\n\n{one_seed}{state}Means over {listed(scenes)}; seed {search['seed']}, "
         f"commit {search['provenance']['commit']}. {search['rule']}"
     )
+
+
+def difference(search: Search, method: str, against: str) -> str:
+    """State by how much two methods differ after all steps with the constants that were chosen for each, on scenes like
+    these: `qnerf − nerf +0.08 dB (−0.17 to +0.34: sign and size open)`; nothing before both are chosen.
+    """
+    if not {method, against} <= search["chosen"].keys():
+        return ""
+    ours, theirs = (chosen_scores(search, name) for name in (method, against))
+    paired = {scene: np.array([ours[scene] - theirs[scene]]) for scene in ours}
+    found = judged(paired, "psnr", len(COMPARED))
+    estimate = found.scenes_like_these
+    if estimate is None or estimate.simultaneous is None:
+        return ""
+    known = f"{between(estimate.simultaneous)}: {phrase_with(estimate.verdict, estimate.simultaneous)}"
+    return f"`{method}` − `{against}` {signed(found.difference)} dB ({known})"
+
+
+def chosen_scores(search: Search, method: str) -> dict[str, float]:
+    """Map scene → validation PSNR after all steps with the constants that were chosen."""
+    wanted, (_, full) = search["chosen"][method], budgets(search)
+    rows = [row for row in search["rows"] if (row["method"], row["steps"], row["constants"]) == (method, full, wanted)]
+    return {row["scene"]: row["psnr_val"] for row in rows}
 
 
 def best(search: Search, method: str, steps: int) -> dict[str, float | None]:

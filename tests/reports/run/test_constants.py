@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from reports.run.saving.constants import choice, drawings, main, means, on_complete_scenes, surface
+from reports.run.saving.constants import choice, difference, drawings, main, means, on_complete_scenes, surface
 from tests.harness.shell import ROOT
 
 PAIRS = [(1.0, None), (25.0, None), (25.0, 0.3)]
@@ -51,6 +52,20 @@ def test_a_line_for_each_start_and_marks_for_the_finalists() -> None:
 def test_the_table_has_the_choice_its_score_and_the_range_of_all_pairs() -> None:
     assert "| `nerf` | 25 | as printed | 32.00 | 21.00 to 23.00 |" in choice(search())
     assert choice(search()).endswith("Means over a and b; seed 1000, commit abc. The best is chosen.")
+
+
+def test_the_difference_at_the_constants_of_each_is_judged_over_scenes() -> None:
+    own = {"nerf": PAIRS[1], "qnerf": PAIRS[0]}
+    gains = dict(zip("abcd", (0.1, 0.3, 0.5, 0.7), strict=True))
+    rows = [{**row(PAIRS[1], scene, 40, 30.0), "method": "nerf"} for scene in gains]
+    rows += [{**row(PAIRS[0], scene, 40, 30.0 + gain), "method": "qnerf"} for scene, gain in gains.items()]
+    rows += [{**row(PAIRS[1], scene, 40, 99.0), "method": "qnerf"} for scene in gains]
+    chosen = {method: {"unit": unit, "start": start} for method, (unit, start) in own.items()}
+    told = difference(search(rows=rows, chosen=chosen), "qnerf", "nerf")
+    # Student's t of 3 degrees of freedom at 1 - 0.05 / (2 · 6), times the standard error of four scenes
+    half = 6.23154 * np.std(list(gains.values()), ddof=1) / 2
+    assert told == f"`qnerf` − `nerf` +0.40 dB (−{half - 0.4:.2f} to +{half + 0.4:.2f}: sign and size open)"
+    assert difference(search(rows=rows, chosen=chosen), "qnerf_shifted", "nerf") == ""
 
 
 def test_a_search_that_was_stopped_shows_the_best_so_far_on_complete_scenes() -> None:
