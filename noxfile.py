@@ -38,6 +38,7 @@ def install(session: nox.Session, *groups: str) -> None:
     # another build of torch has other hashes than the one on PyPI
     locked = session.virtualenv.venv_backend == "uv" and not os.environ.get("UV_TORCH_BACKEND")
     session.install(*wanted, *(("--require-hashes", "--constraint", "requirements.lock") if locked else ()))
+    session.install("--no-deps", "--editable", ".")
 
 
 def wanted_by(*groups: str, extras: Iterable[str]) -> list[str]:

@@ -1,20 +1,30 @@
 """python -m harness COMMAND"""
 
-import os
 import sys
+from importlib.util import find_spec
+from pathlib import Path
 
-from harness.command.main import main
-from harness.machine.wait_policy import wait_policy
-from scenes.files.installed import packages_needed
-from scenes.files.standard_output import go_on_unheard
-from scenes.files.stopping import stop_on_signals
+OURS = ("scenes", "baselines", "harness", "reports")
+
+
+def require_ours() -> None:
+    """End the process with a line on standard error if another package takes the place of one of ours, as one in the
+    current folder does with `python -m`.
+    """
+    root = Path(__file__).resolve().parents[1]
+    for name in OURS:
+        found = find_spec(name)
+        where = Path(found.origin).resolve() if found is not None and found.origin else None
+        if where is None or root not in where.parents:
+            sys.stderr.write(
+                f"error: {where or name}: is not the package `{name}` of radiance-verdict, and Python finds it first; "
+                "rename it, start from another folder, or use the command `radiance-verdict`\n"
+            )
+            raise SystemExit(2)
+
 
 if __name__ == "__main__":
-    os.environ.update(wait_policy(os.environ))  # before torch is imported; every process that is started inherits it
-    go_on_unheard()
-    stop_on_signals()
-    with packages_needed():
-        code = main(sys.argv[1:])
-    sys.stderr.flush()
-    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
-    os._exit(code)
+    require_ours()
+    from harness.command.main import main, run_as_process
+
+    run_as_process(main, sys.argv[1:])

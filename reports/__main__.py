@@ -29,9 +29,9 @@ Show = Callable[[str], None]
 OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED = 1, 2, 3, 130
 
 
-def parser() -> argparse.ArgumentParser:
+def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
-        prog="python -m reports",
+        prog=program,
         description="Build report.html and summary.json from the records of a run, and a page from each record of "
         "studies: evidence.html, stability.html, speed.html, serving.html. The report shows all but speed as well.",
         epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
@@ -63,8 +63,8 @@ def parser() -> argparse.ArgumentParser:
     return made
 
 
-def main(arguments: list[str] | None = None) -> int:
-    options = parser().parse_args(arguments)
+def main(arguments: list[str] | None = None, program: str = "python -m reports") -> int:
+    options = parser(program).parse_args(arguments)
     out, several = options.out[0], len(options.out) > 1
     places = Counter(given.resolve() for given in options.out)
     twice = sorted({str(given) for given in options.out if places[given.resolve()] > 1})

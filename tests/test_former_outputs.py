@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.playback.run_loader import FinishedRun
 from harness.records.cells import read_cells
 from harness.records.study import SHELVES, read_studies

@@ -2,11 +2,13 @@
 
 import argparse
 import errno
+import os
 import re
 import shlex
 import sys
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from harness.command import (
     gate_command,
@@ -20,6 +22,10 @@ from harness.command import (
     tensorboard_command,
 )
 from harness.execution.executors import leave
+from harness.machine.wait_policy import wait_policy
+from scenes.files.installed import packages_needed
+from scenes.files.standard_output import go_on_unheard
+from scenes.files.stopping import stop_on_signals
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
@@ -90,9 +96,9 @@ STUDIES: dict[str, Command] = {
 # fmt: on
 
 
-def parser() -> argparse.ArgumentParser:
+def parser(program: str = "python -m harness") -> argparse.ArgumentParser:
     """Return the parser with the options of each command; those of `run` are the same in every nox session."""
-    top = argparse.ArgumentParser(prog="python -m harness", description="Train radiance-field methods side by side.")
+    top = argparse.ArgumentParser(prog=program, description="Train radiance-field methods side by side.")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add(commands, COMMANDS)
     return top
@@ -110,17 +116,17 @@ def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table:
         added._negative_number_matcher = NEGATIVE_NUMBER
 
 
-def parsed(arguments: list[str]) -> argparse.Namespace:
+def parsed(arguments: list[str], program: str = "python -m harness") -> argparse.Namespace:
     """The options that `arguments` choose; the name of a study stands for `study NAME`."""
-    top = parser()
+    top = parser(program)
     options = top.parse_args(["study", *arguments] if arguments and arguments[0] in STUDIES else arguments)
     options.parser = top
     return options
 
 
-def main(arguments: list[str]) -> int:
+def main(arguments: list[str], program: str = "python -m harness") -> int:
     """0 done · 1 our own error · 2 bad usage or input · 3 a cell diverged or failed · 4 a gate failed · 130 stopped."""
-    options = parsed(arguments)
+    options = parsed(arguments, program)
     # after the parsing, so that --help and a mistyped option answer at once
     from harness.execution.progress import chosen_progress
     from scenes.files.errors import DamagedRecord, InputError, as_text, readable
@@ -148,3 +154,24 @@ def main(arguments: list[str]) -> int:
     finally:
         show.close()
         leave()
+
+
+def ours_first(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return variables with which started processes find our packages first, and nothing in the current folder."""
+    root = str(Path(__file__).resolve().parents[2])
+    others = [path for path in environment.get("PYTHONPATH", "").split(os.pathsep) if path and path != root]
+    return {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join([root, *others])}
+
+
+def run_as_process(call: Callable[[list[str]], int], arguments: list[str]) -> NoReturn:
+    """Call a command and end this process with its exit code."""
+    os.environ.update(wait_policy(os.environ))  # before torch is imported; every process that is started inherits it
+    os.environ.update(ours_first(os.environ))
+    go_on_unheard()
+    stop_on_signals()
+    with packages_needed():
+        code = call(arguments)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    os._exit(code)

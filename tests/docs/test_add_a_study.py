@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.study import read_studies
 from harness.studies.evidence.evidence_studies import STUDIES, _study
 from harness.studies.framework import Shelf

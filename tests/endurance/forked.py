@@ -123,7 +123,7 @@ def _child(arguments: list[str], log: Path, point: tuple[str, int] | None) -> No
         import harness.execution.ground_truth
         import harness.execution.local_executor
         import harness.machine.device
-        from harness.__main__ import main
+        from harness.command.main import main
         from scenes.files.stopping import stop_on_signals
 
         harness.machine.device.available_cores = lambda: 1

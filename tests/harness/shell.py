@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 
 ROOT = Path(__file__).parents[2]
 TINY = shlex.split(

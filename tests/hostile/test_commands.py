@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from harness.__main__ import main as harness
+from harness.command.main import main as harness
 from reports.__main__ import main as reports
 from scenes.__main__ import main as scenes
 from tests.harness.ball import write_ball

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from harness.__main__ import main
-from harness.command.main import parsed
+from harness.command.main import main, parsed
 from harness.execution.progress import Quiet
 from harness.execution.run import run
 from harness.plan.profiles import Machine, planned

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.cells import read_cells, read_comparisons, read_run
 from harness.records.json_record import load_record, write_record
 from tests.harness.shell import CELLS, ROOT, TINY, command, on_one_core, refused, shell

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.execution import submitit_executor
 from harness.execution.local_executor import Event, run_locally
 from harness.execution.submitit_executor import FOLDER, SlurmJob, asked, job_parameters, run_by_submitit

@@ -7,7 +7,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.execution.progress import Quiet
 from harness.gate import early, fairness, gate_families, gate_speed, images
 from harness.gate.gate_context import REFERENCED, GateContext, complete

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.__main__ import main
 from harness.command import gate_command
+from harness.command.main import main
 from harness.gate import early, images
 from harness.gate.images import Renders
 from harness.records.study import read_studies

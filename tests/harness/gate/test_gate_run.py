@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import pytest
 from msgspec import structs
 
-from harness.__main__ import main
 from harness.command import gate_command
+from harness.command.main import main
 from harness.gate import gate_run, images
 from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import KINDS, TRAINED_SCENES, gates

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 from msgspec import structs
 
-from harness.__main__ import main
 from harness.command import gate_command
+from harness.command.main import main
 from harness.gate import gate_run, gate_speed
 from harness.gate.gate_context import REFERENCED
 from harness.gate.limits import read_stored, unfit, write_stored

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.machine import doctor
 from harness.machine.doctor import Finding
 from tests.harness.shell import ROOT

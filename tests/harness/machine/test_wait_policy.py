@@ -30,5 +30,5 @@ def test_threads_wait_passively_unless_the_user_says_otherwise(
 
 def test_the_command_sets_it_before_torch_is_imported() -> None:
     """The library reads it as it is loaded: nothing that the command imports first may load it."""
-    code = "import sys, harness.__main__; sys.exit('torch' in sys.modules)"
+    code = "import sys, harness.command.main; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0

@@ -14,7 +14,7 @@ import torch
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS, SKIPS
-from harness.__main__ import main
+from harness.command.main import main
 from harness.plan import plugins
 from harness.plan.plugins import method_named
 from harness.plan.profiles import PROFILES, Machine, planned

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.command.tensorboard_command import also_written
 from harness.execution.progress import Quiet
 from harness.records.cells import CellRecord, Checkpoint, write_cell

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.execution.local_executor import Event
 from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord, LeftOut, cell_path, read_cell, read_run, write_cell, write_run

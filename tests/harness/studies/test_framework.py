@@ -8,7 +8,7 @@ from typing import Literal
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.json_record import DamagedRecord
 from harness.records.study import (
     PICTURES_FOLDER,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.json_record import DamagedRecord
 from harness.records.judgements import JUDGEMENT_FILE, JudgementRecord, read_judgement, write_judgement
 from harness.verdicts.judging.judgement import judge

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.cells import CellRecord, write_cell, write_run
 from harness.verdicts.judging.two_runs import two_runs
 from scenes.files.errors import InputError

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.execution.cluster.connection import connect, disconnect, hardware
 from harness.execution.cluster.node_work import GroupOrder
 from harness.execution.local_executor import Event, run_locally

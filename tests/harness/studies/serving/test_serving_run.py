@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.execution.progress import Quiet
 from harness.playback.run_loader import FinishedRun
 from harness.records.cells import read_cells

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.study import Check, read_studies
 from tests.harness import shell
 from tests.test_architecture import heavy_imports_of, run_module

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.study import CHAPTERS, check, read_studies
 from harness.run_folder.integrity import mend
 from harness.studies.framework import Found, Shelf

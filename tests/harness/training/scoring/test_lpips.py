@@ -8,7 +8,7 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.cells import read_cells
 from harness.training.scoring.lpips import LAYERS, SCALE, SHIFT, SMALLEST, Lpips, lpips_of
 from scenes.files.errors import InputError

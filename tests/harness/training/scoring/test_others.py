@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.records.scored_pictures import read_scores
 from harness.training.scoring.misread import likely_mistake
 from harness.training.scoring.others import score_pictures

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
+from harness.command.main import main
 from tests.harness.trained_runs import train_run
 from tests.harness.viewer.film.typed import Said
 

@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 from safetensors.torch import load_file, save_file
 
-from harness.__main__ import main
+from harness.command.main import main
 from harness.execution import progress
 from harness.playback.camera_paths import orbit
 from harness.playback.run_loader import FinishedRun
