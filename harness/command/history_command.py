@@ -30,9 +30,9 @@ def add_history_options(command: argparse.ArgumentParser) -> None:
 def run_history(options: argparse.Namespace, show: "Progress") -> int:
     """Write history.json and history.html; raises `InputError` for a file without runs."""
     from harness.machine.provenance import code_here
-    from harness.records.past_runs import read_history
     from harness.records.study import SHELVES, write_studies
     from harness.verdicts.history.figures_over_runs import figures_over_runs
+    from harness.verdicts.history.past_runs import read_history
 
     require_folder(options.out)
     runs, damaged = read_history(options.file)
@@ -49,8 +49,8 @@ def remember(file: Path | None, record: Path, of_class: str, show: "Progress") -
     """Append the figures of a record of studies to the history; where that cannot be written, a line says so."""
     import time
 
-    from harness.records.past_runs import PastRun, append
     from harness.records.study import read_studies
+    from harness.verdicts.history.past_runs import PastRun, append
 
     studies = read_studies(record)
     figures = {check.id: check for _, check in studies.checks() if check.id and check.value is not None}

@@ -28,7 +28,7 @@ def add_view_options(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add_finished_run(command)
     add("--scene", metavar="SCENE", help="scene to begin with (default: the first that was trained)")
-    add_shared(command, "--methods", help="to begin with (default: nerf qnerf, else the first two)")
+    add_shared(command, "--methods", help="to begin with (default: baseline and first contender)")
     add_shared(command, "--seed")
     add("--host", default="127.0.0.1", metavar="ADDRESS", help="to listen on (default: this machine alone)")
     add("--port", type=int, default=PORT, metavar="N", help=f"0 takes a free one (default: {PORT})")
@@ -160,7 +160,7 @@ def add_render_options(command: argparse.ArgumentParser) -> None:
     add_finished_run(command, "run")
     add("--path", default="orbit", choices=PATH_NAMES, help="where the camera goes (default: orbit)")
     add_shared(command, "--scenes")
-    add_shared(command, "--methods", help="methods side by side (default: nerf qnerf)")
+    add_shared(command, "--methods", help="methods side by side (default: baseline and first contender)")
     add_shared(command, "--seed")
     add("--frames", type=int, metavar="N", help="default: 60; with --path test every test view of the run")
     add_shared(command, "--resolution")

@@ -3,6 +3,7 @@
 import argparse
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,11 @@ PROFILES = ("smoke", "reduced", "stress", "ladder", "converged", "full")
 
 def add_run_options(run: argparse.ArgumentParser) -> None:
     add_plan_options(run)
+    run.add_argument("--baseline", metavar="METHOD", help="compare with it (default: nerf, else the first method)")
+    run.add_argument(
+        "--claims", nargs="+", type=Path, default=[], metavar="FILE", help="claims to test (docs/claims.md)"
+    )
+    run.add_argument("--claim", nargs="+", default=[], metavar="LINE", help='such as "mine - nerf >= 1.5 dB"')
     add_executor_options(run)
     add_shared(run, "--out", help="output folder (default: a fresh out/PROFILE-TIME)")
     add_shared(run, "--resume", help="go on with the missing cells of --out")
@@ -116,14 +122,22 @@ def scene_source(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def run_run(options: argparse.Namespace, show: "Progress") -> int:
+    from msgspec import structs
+
     from harness.execution.run import run
+    from harness.plan.profiles import known_names
     from harness.records.cells import read_cells
     from harness.run_folder.output_folder import claimed, fresh_folder, latest_folder, point_latest_to
+    from harness.verdicts.claim_files import claims_of
     from harness.verdicts.last_doubling import in_words, last_doublings
     from scenes.files.errors import InputError
 
     checked(options)
     plan, device = planned_by(options, show.line)
+    if options.baseline is not None:
+        known_names("--baseline", [options.baseline], list(plan.methods))
+        plan = replace(plan, roles=structs.replace(plan.roles, baseline=options.baseline))
+    plan = replace(plan, claims=tuple(claims_of(plan.all_methods(), plan.scenes, options.claims, options.claim)))
     if options.lpips is not None:
         plan = _with_lpips(plan, options)
     if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
@@ -168,8 +182,6 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
 
 def _with_lpips(plan: "Plan", options: argparse.Namespace) -> "Plan":
     """Return the plan with the weights of `--lpips`; raises `InputError` if they cannot be used."""
-    from dataclasses import replace
-
     from harness.records.cells import read_cells
     from harness.training.scoring.lpips import lpips_of
 

@@ -92,8 +92,8 @@ def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
         except DamagedRecord:
             return False
 
-    # a guest takes as long as nerf
-    guests = [("nerf",) for key in plan.guest_cells() if not is_there(*key)]
+    # a guest takes as long as the baseline
+    guests = [(plan.roles.among(plan.methods).baseline,) for key in plan.guest_cells() if not is_there(*key)]
     groups = plan.groups().items()
     left = [methods for (scene, seed), methods in groups if not all(is_there(scene, name, seed) for name in methods)]
     return (*left, *guests)

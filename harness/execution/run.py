@@ -13,7 +13,7 @@ from harness.execution.ground_truth import view_set_folders
 from harness.execution.group import missing_methods
 from harness.execution.local_executor import run_locally
 from harness.execution.progress import Progress
-from harness.execution.run_record import measured_at_paper_size, scene_record
+from harness.execution.run_record import measured_at_printed_size, scene_record
 from harness.machine.device import use_threads
 from harness.machine.mixed_code import clocks_apart, code_apart, made_elsewhere
 from harness.machine.provenance import provenance
@@ -37,7 +37,6 @@ from harness.records.targets import write_targets
 from harness.run_folder.earlier_run import earlier_run, notices_of, with_measured
 from harness.run_folder.phases import Phases
 from harness.verdicts.comparisons import compare
-from harness.verdicts.paper import printed
 from harness.verdicts.survival import targets
 
 Key = tuple[str, str, int]
@@ -86,7 +85,8 @@ def run(
     scenes = with_measured(scenes, earlier)
     origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
     origin |= record.provenance | notices_of(earlier)
-    record = structs.replace(record, provenance=origin, paper={**printed(), **measured_at_paper_size("qnerf")})
+    claims = [measured_at_printed_size(file) for file in plan.claims]
+    record = structs.replace(record, provenance=origin, claims=claims)
 
     def write(finished: bool) -> None:
         cells = list(read_cells_of(out, keys))
@@ -102,7 +102,7 @@ def run(
     except KeyboardInterrupt:
         write(finished=False)
         raise KeyboardInterrupt(_kept(out, keys)) from None
-    cells = _compare(out, keys, record.main_methods, list(record.methods))
+    cells = _compare(out, keys, record)
     write(finished=True)
     if verify:
         with phases.timed("verify"):
@@ -143,15 +143,15 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
         if event.share is not None:
             show.trained(event.task, event.share)
             if event.share == 1.0:
-                _compare(out, keys, record.main_methods, list(record.methods))
+                _compare(out, keys, record)
     drop_folder(out)
 
 
 def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine: Machine, show: Progress) -> None:
-    """Train the guest on each scene for the core seconds that `nerf` took there, where that is known and not done."""
-    out, budgets = tasks[0].out, {}
+    """Train the missing guests, on each scene for the core seconds of the baseline there, if these are known."""
+    out, budgets, baseline = tasks[0].out, {}, record.roles.baseline
     for scene, guest, seed in plan.guest_cells():
-        path = cell_path(out, scene, "nerf", seed)
+        path = cell_path(out, scene, baseline, seed)
         if not cell_path(out, scene, guest, seed).exists() and path.exists():
             budgets[scene] = read_cell(path).train_core_seconds
     due = [
@@ -161,7 +161,7 @@ def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine:
     ]
     if not due:
         return
-    show.line(f"training {plan.guest} for scale, on each scene for the core seconds of nerf")
+    show.line(f"training {plan.guest} for scale, on each scene for the core seconds of {baseline}")
     for event in run_groups(machine, due, record.provenance["commit"], run_locally):
         if event.notice is not None:
             show.line(event.notice)
@@ -170,8 +170,8 @@ def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine:
     drop_folder(out)
 
 
-def _compare(out: Path, keys: list[Key], everywhere: list[str], methods: list[str]) -> list[CellRecord]:
-    """Write comparisons of `methods` and targets of those trained `everywhere`, from the complete groups of cells, so
+def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
+    """Write comparisons of all methods and targets of those trained everywhere, from the complete groups of cells, so
     that a stopped run has some; returns all cells.
     """
     cells = list(read_cells_of(out, keys))
@@ -180,9 +180,10 @@ def _compare(out: Path, keys: list[Key], everywhere: list[str], methods: list[st
     complete = [cell for cell in cells if not missing[cell.scene, cell.seed]]
     if complete:
         digests = digests_of(complete)
-        write_comparisons(out, compare(complete, methods), digests)
-        record = targets([cell for cell in complete if cell.method in everywhere], everywhere)
-        write_targets(out, structs.replace(record, digests=digests))
+        write_comparisons(out, compare(complete, list(record.methods), record.roles), digests)
+        everywhere = record.main_methods
+        reached = targets([cell for cell in complete if cell.method in everywhere], everywhere, record.roles)
+        write_targets(out, structs.replace(reached, digests=digests))
     return cells
 
 

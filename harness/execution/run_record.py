@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from msgspec import structs
 
 from baselines.catalog import CATALOG
 from baselines.contract import Box, NetworkSize
@@ -13,6 +14,7 @@ from harness.machine.provenance import core_module_lines
 from harness.plan.group_task import GroupTask
 from harness.plan.needed import needs_here
 from harness.records.cells import LeftOut, SceneRecord
+from harness.records.claims import ClaimFile, Measured
 from harness.records.json_record import finite_or_none
 from harness.training.cell_training import content_of, finished_on
 from harness.training.saved_renders import drop_truth, keep_truth
@@ -23,19 +25,19 @@ from scenes.view_sets.cautions import cautions
 from scenes.view_sets.sight import sight
 
 
-def measured_at_paper_size(method: str) -> dict[str, Any]:
-    """Return what Table 1 and the lines of code say of a method, measured: its weights by component at 8 × 256,
-    L = 10/4, and our lines. Raises `ValueError` for a method without a network.
+def measured_at_printed_size(file: ClaimFile) -> ClaimFile:
+    """Return claims with what they need measured without training: the weights by component of a method at 8 × 256,
+    L = 10/4, and our lines for the same parts.
     """
-    parts = CATALOG[method].parts
-    if parts is None:
-        raise ValueError(f"{method} is no network: Table 1 says nothing of it")
-    box, lines = Box(-torch.ones(3), torch.ones(3)), core_module_lines()
-    return {
-        "parameters_measured": NetworkField(parts, NetworkSize(), box, "float32", seed=0).parameter_counts(),
-        "sloc_measured": sum(lines.values()),
-        "sloc_files": lines,
-    }
+    measured = Measured()
+    for claim in file.claims:
+        if claim.quantity == "lines":
+            lines = core_module_lines()
+            measured["sloc"], measured["sloc_files"] = sum(lines.values()), {**lines}
+        elif claim.quantity == "weights" and (parts := CATALOG[claim.of["method"]].parts) is not None:
+            box = Box(-torch.ones(3), torch.ones(3))
+            measured["weights"] = {**NetworkField(parts, NetworkSize(), box, "float32", seed=0).parameter_counts()}
+    return structs.replace(file, measured=measured)
 
 
 def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> tuple[SceneRecord, str | None]:

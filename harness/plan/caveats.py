@@ -128,7 +128,7 @@ def deviations(plan: Plan) -> list[str]:
 
 def not_tested(plan: Plan) -> list[str]:
     """Return what a reader of the paper might expect and this plan does not do."""
-    full = Budget(steps=200_000, seconds=None)
+    full, controls = Budget(steps=200_000, seconds=None), plan.roles.among(plan.methods).controls
     missing = []
     if plan.view_set is None and plan.scene_file is None:
         missing.append(
@@ -140,7 +140,7 @@ def not_tested(plan: Plan) -> list[str]:
             f"The paper's scale: 800 × 800 views and 200 000 steps (here {plan.views.resolution} px, "
             f"{plan.budget.in_words}). "
             "Low resolution and short training reward low bandwidth"
-            + (", which is why nerf_matched is shown for comparison." if "nerf_matched" in plan.methods else ".")
+            + (f", which is why {' and '.join(controls)} is shown for comparison." if controls else ".")
         )
     if plan.train.network.width != 256 or plan.train.network.depth != 8:
         missing.append(f"The paper's network (8 × 256): here {plan.train.network.depth} × {plan.train.network.width}.")

@@ -1,9 +1,11 @@
 """The part of a run's record that its plan decides, before anything is measured."""
 
+from msgspec.structs import replace
+
 from harness.plan.caveats import deviations, not_tested
 from harness.plan.plugins import origins, title_of
 from harness.plan.profiles import Plan
-from harness.records.cells import RunRecord
+from harness.records.cells import Roles, RunRecord
 
 
 def planned_record(plan: Plan, command: str) -> RunRecord:
@@ -14,7 +16,6 @@ def planned_record(plan: Plan, command: str) -> RunRecord:
         command=command,
         scenes=[],
         methods={name: title_of(name) for name in methods},
-        paper={},
         seeds=list(plan.seeds),
         settings=plan.settings(),
         provenance=origins(methods),
@@ -23,4 +24,11 @@ def planned_record(plan: Plan, command: str) -> RunRecord:
         not_tested=not_tested(plan),
         deviations=deviations(plan),
         guests=list(plan.guests),
+        claims=list(plan.claims),
+        roles=_roles(plan),
     )
+
+
+def _roles(plan: Plan) -> Roles:
+    pairs = dict.fromkeys(pair for file in plan.claims for pair in file.pairs)
+    return replace(plan.roles.among(plan.methods), claimed=tuple(pairs))

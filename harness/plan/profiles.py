@@ -20,6 +20,8 @@ from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
 from harness.plan.plugins import OURS
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
+from harness.records.cells import USUAL, Roles
+from harness.records.claims import ClaimFile
 from scenes.catalog.entries import CATALOG as SCENES
 from scenes.catalog.entries import CLASSICS, RUNGS, STRESS
 from scenes.catalog.scene_file import check_scene_file, name_of_file
@@ -27,26 +29,18 @@ from scenes.files.errors import InputError
 from scenes.modelling.needs import PARTS
 from scenes.view_sets.source import Region
 
-APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "guest")
+APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "guest", "claims", "roles")
 """The fields that settings have elsewhere or not at all."""
-LARGEST = {
-    "seeds": 1000,
-    "first_seed": 1_000_000,
-    "budget_steps": 10_000_000,
-    "budget_seconds": 3e7,
-    "budget_core_seconds": 3e7,
-    "resolution": 4096,
-    "render_limit": 3e7,
+RANGES = {
+    "seeds": (1, 1000),
+    "first_seed": (0, 1_000_000),
+    "budget_steps": (1, 10_000_000),
+    "budget_seconds": (0.1, 3e7),
+    "budget_core_seconds": (0.1, 3e7),
+    "resolution": (8, 4096),
+    "render_limit": (0.1, 3e7),
 }
-SMALLEST = {
-    "seeds": 1,
-    "first_seed": 0,
-    "budget_steps": 1,
-    "budget_seconds": 0.1,
-    "budget_core_seconds": 0.1,
-    "resolution": 8,
-    "render_limit": 0.1,
-}
+"""The least and the largest value of options."""
 
 
 @dataclass(frozen=True)
@@ -84,11 +78,14 @@ class Plan:
     """The seconds that the scene file, or one of its views, may take, else the default; no result depends on it."""
     extras: tuple[Extra, ...] = ()
     guest: str | None = None
-    """A method of another family, trained with the first seed for the core seconds that `nerf` took on each scene: it
+    """A method of another family, trained with the first seed for the core seconds of the baseline on each scene: it
     shows what else these would have bought, and is compared with nothing.
     """
     lpips: str | None = None
     """The file of the weights of LPIPS; cells name its digest."""
+    claims: tuple[ClaimFile, ...] = ()
+    """What is claimed of the methods; no score depends on it."""
+    roles: Roles = USUAL
 
     def groups(self) -> dict[tuple[str, int], tuple[str, ...]]:
         """Map (scene, seed) → the methods that train in lockstep there: those of the plan, then the further ones.
@@ -396,9 +393,10 @@ def planned(
         "resolution": resolution,
         "render_limit": render_limit,
     }.items():
-        if value is not None and not SMALLEST[name] <= value <= LARGEST[name]:
+        least, most = RANGES[name]
+        if value is not None and not least <= value <= most:
             option = "--" + name.replace("_", "-")
-            raise InputError(f"{option} {value}: must lie between {SMALLEST[name]} and {LARGEST[name]:g}")
+            raise InputError(f"{option} {value}: must lie between {least} and {most:g}")
     plan = PROFILES[profile]
     if scenes is not None and view_set is not None:
         raise InputError("--scenes and --view-set exclude each other: a view set is a scene of its own")

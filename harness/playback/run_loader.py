@@ -43,7 +43,6 @@ from scenes.view_sets.viewpoints import RADIUS
 
 VIEW_SETS = Path("out/view_sets")
 """The default cache of view sets."""
-SHOWN = ["nerf", "qnerf"]
 
 Settings = TypeVar("Settings")
 
@@ -104,9 +103,9 @@ class FinishedRun:
         return list(known_names("--methods", asked or self.run.main_methods, list(self.run.methods)))
 
     def shown_methods(self, asked: list[str] | None) -> list[str]:
-        """Return those of `asked`, or `nerf` and `qnerf`, or the first two of a run that lacks one of these."""
-        every = self.methods(None)
-        return self.methods(asked or (SHOWN if set(SHOWN) <= set(every) else every[:2]))
+        """Return those of `asked`, or the baseline and the first method that is compared with it."""
+        every, cast = self.methods(None), self.run.roles
+        return self.methods(asked or [cast.among(every).baseline, *cast.among(every).contenders(every)[:1]])
 
     def is_trained(self, scene: str, method: str, seed: int) -> bool:
         return checkpoint_path(self.out, scene, method, seed).is_file()

@@ -2,17 +2,17 @@
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal
 
 from msgspec import defstruct, field
 from msgspec.structs import asdict, replace
 
+from harness.records.claims import ClaimFile
 from harness.records.former.four_words import in_two_words
 from harness.records.json_record import (
     REMEDY,
     DamagedRecord,
     Record,
-    as_promised,
     digest_of,
     file_digest,
     plain,
@@ -119,20 +119,6 @@ class Comparisons(Record, frozen=True):
 
 
 SCHEMA = 1
-
-
-class PaperTables(TypedDict, total=False):
-    """The part of `RunRecord.paper` that a report reads."""
-
-    table1: dict[str, float] | None
-    table2: dict[str, dict[str, float]] | None
-    table3: dict[str, Any] | None
-    table4: list[dict[str, Any]] | None
-    original_nerf: dict[str, float] | None
-    ledger: list[dict[str, Any]] | None
-    parameters_measured: dict[str, float] | None
-    sloc_measured: float | None
-    sloc_files: dict[str, float] | None
 
 
 Status = Literal["done", "diverged", "error", "not_available"]
@@ -322,6 +308,41 @@ class SceneRecord(Record, frozen=True):
         return any(row.verdict == "costs more" and not row.study for row in self.left_out)
 
 
+class Roles(Record, frozen=True):
+    """Which method of a run the others are compared with, and which ones explain a difference from it."""
+
+    baseline: str
+    controls: tuple[str, ...] = ()
+    claimed: tuple[tuple[str, str], ...] = ()
+    """The pairs of methods that claims compare."""
+
+    def among(self, methods: Iterable[str]) -> "Roles":
+        """Return the roles in a comparison of `methods`: without the baseline, the first one takes its place."""
+        some = list(methods)
+        baseline = self.baseline if self.baseline in some else some[0]
+        return replace(self, baseline=baseline, controls=tuple(name for name in self.controls if name in some))
+
+    def contenders(self, methods: Iterable[str]) -> list[str]:
+        """Return those of `methods` that are put to the test; of a baseline and controls alone, the controls."""
+        others = [name for name in methods if name != self.baseline]
+        return [name for name in others if name not in self.controls] or others
+
+    def pairs(self, methods: Iterable[str]) -> list[tuple[str, str]]:
+        """Return the pairs to compare, (method, against); last those that only a claim compares."""
+        some = list(methods)
+        if not some:
+            return []
+        cast = self.among(some)
+        pairs = [(method, cast.baseline) for method in some if method != cast.baseline]
+        for control in cast.controls:
+            pairs += [(method, control) for method in some if method not in (cast.baseline, control)]
+        return pairs + [pair for pair in self.claimed if set(pair) <= set(some) and pair not in pairs]
+
+
+USUAL = Roles("nerf", ("nerf_matched",))
+"""The roles in the program's own profiles, and in records that state none."""
+
+
 class RunRecord(Record, frozen=True):
     """The run as a whole."""
 
@@ -329,11 +350,9 @@ class RunRecord(Record, frozen=True):
     command: str
     scenes: list[SceneRecord]
     methods: dict[str, str]
-    """Map method → its title, in the order of tables; others are compared with `nerf`, else with the first."""
+    """Map method → its title, in the order of tables."""
     deviations: list[str]
     """Where the run departs from the paper's printed text, and why; one sentence each."""
-    paper: dict[str, Any]
-    """The paper's printed numbers: table2 {scene: {nerf, qnerf}}, table3, table4, table1 {component: weights}."""
     seeds: list[int]
     settings: dict[str, Any]
     provenance: dict[str, Any]
@@ -345,6 +364,11 @@ class RunRecord(Record, frozen=True):
     schema: int = SCHEMA
     guests: list[str] = field(default_factory=list)
     """The methods of other families that were trained for scale, and are compared with nothing."""
+    claims: list[ClaimFile] | None = None
+    """What is claimed of the methods; None in older records, whose methods have the claims that come with the program.
+    """
+
+    roles: Roles = USUAL
 
     @property
     def main_methods(self) -> list[str]:
@@ -432,15 +456,7 @@ def cell_files(out: Path) -> list[Path]:
 
 def read_run(out: Path) -> RunRecord:
     path = records_folder(out) / "run.json"
-    run = read_record(path, RunRecord, SCHEMA)
-    try:
-        as_promised(run.paper, PaperTables)
-    except ValueError as error:
-        raise DamagedRecord(f"{path}: paper: {error}; {REMEDY}") from error
-    for scene, row in (run.paper.get("table2") or {}).items():
-        if not {"nerf", "qnerf"} <= set(row):
-            raise DamagedRecord(f"{path}: paper.table2.{scene} lacks nerf or qnerf; {REMEDY}")
-    return run
+    return read_record(path, RunRecord, SCHEMA, formerly=("paper",))
 
 
 def read_comparisons(out: Path, cells: Iterable[CellRecord] = ()) -> list[Comparison]:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.records.cells import Budget, CellRecord
+from harness.records.cells import USUAL, Budget, CellRecord
 from harness.records.metric_table import METRICS, PRIMARY
-from harness.verdicts.comparisons import Judgement, differences, duels, judged, keyed
+from harness.verdicts.comparisons import Judgement, differences, judged, keyed
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import difference_of, estimate, paired_difference
 
@@ -58,7 +58,7 @@ def change(
 
 def changes(methods: Iterable[str], before: Situation, after: Situation, metric: str = PRIMARY) -> list[Change]:
     """Return the changes of all pairs of `methods` that are compared; each is one of all."""
-    pairs = duels(list(methods))
+    pairs = USUAL.pairs(methods)
     found = (change(*pair, before, after, metric, len(pairs)) for pair in pairs)
     return [each for each in found if each is not None]
 

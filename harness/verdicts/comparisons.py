@@ -3,18 +3,16 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from harness.records.cells import Budget, CellRecord, Comparison, Estimate, Flagged, Robust
+from harness.records.cells import USUAL, Budget, CellRecord, Comparison, Estimate, Flagged, Robust, Roles
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.records.verdict import OPEN
 from harness.verdicts.estimates.robust import outliers, robust_over_scenes
 from harness.verdicts.failures import judgeable
 from harness.verdicts.headline_family import by_holm, headline_budgets, is_headline
-from harness.verdicts.paper import TABLE4
 from harness.verdicts.statistics import estimate, on_one_scene, on_these_scenes, scenes_like_these
 
 FEWEST_SEEDS = 5
@@ -74,14 +72,14 @@ def fields_of(chosen: Estimate) -> dict[str, Any]:
     return {name: getattr(chosen, name) for name in ("interval", "simultaneous", "verdict", "smallest_detectable")}
 
 
-def compare(cells: list[CellRecord], methods: list[str]) -> list[Comparison]:
-    """Compare every method with `nerf` (else the first one), and with `nerf_matched` if it takes part.
+def compare(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -> list[Comparison]:
+    """Compare every method with the baseline and the controls of `roles`, and as claims ask.
 
     The comparison is made scene by scene where both have cells, however these ended, and over all scenes if both have
     cells on all.
     """
     by_key, _, seeds = keyed(cells)
-    along, rows, pairs = budgets_of(cells), [], duels(methods)
+    along, rows, pairs = budgets_of(cells), [], roles.pairs(methods)
     throughout = {name for name in METRICS if scored_along(cells, name)}
     asked = [pair for pair in pairs if "all" in scenes_of(cells, *pair)]
     in_headline = len(asked) * len(headline_budgets(along))
@@ -143,21 +141,6 @@ def budgets_of(cells: Iterable[CellRecord]) -> tuple[Budget, ...]:
 def scored_along(cells: Iterable[CellRecord], metric: str) -> bool:
     """Return whether any checkpoint has the metric: older records have some at the end alone."""
     return any(getattr(point, metric) is not None for cell in cells for point in cell.curve)
-
-
-def baseline_of(methods: list[str]) -> str:
-    """Return the method that the others are compared with."""
-    return "nerf" if "nerf" in methods else methods[0]
-
-
-def duels(methods: list[str]) -> list[tuple[str, str]]:
-    """Return the pairs to compare, (method, against); rows of the paper's ablation also with the row above."""
-    baseline = baseline_of(methods)
-    pairs = [(method, baseline) for method in methods if method != baseline]
-    if "nerf_matched" in methods:
-        pairs += [(method, "nerf_matched") for method in methods if method not in (baseline, "nerf_matched")]
-    steps = [(row["method"], above["method"]) for above, row in pairwise(TABLE4)]
-    return pairs + [pair for pair in steps if set(pair) <= set(methods) and pair not in pairs]
 
 
 def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:

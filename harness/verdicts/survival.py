@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from msgspec.structs import replace
 
-from harness.records.cells import CellRecord, Estimate
+from harness.records.cells import USUAL, CellRecord, Estimate, Roles
 from harness.records.metric_table import SMALLEST_SAVING
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
 from harness.records.verdict import OPEN, Sign, Verdict, verdict_of
@@ -26,9 +26,7 @@ from harness.verdicts.comparisons import (
     NO_ESTIMATE,
     SPENT,
     Key,
-    baseline_of,
     budgets_of,
-    duels,
     family_of,
     fields_of,
     scenes_of,
@@ -48,13 +46,13 @@ LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
 """Map status → why a run was not seen to get there, whatever it scored before."""
 
 
-def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
-    """Return everything about a PSNR that is chosen from the runs of `nerf` (else the first method) alone.
+def targets(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -> TargetsRecord:
+    """Return everything about a PSNR that is chosen from the runs of the baseline alone.
 
     Cells that were not available here are no runs.
     """
     runs = [cell for cell in cells if cell.status != "not_available"]
-    baseline = baseline_of(methods)
+    baseline = roles.among(methods).baseline
     target, declared = chosen_target([cell for cell in runs if cell.method == baseline], baseline)
     if target is None:
         return TargetsRecord(None, False, baseline, declared, [], [], [])
@@ -67,7 +65,7 @@ def targets(cells: list[CellRecord], methods: list[str]) -> TargetsRecord:
     comparisons = [
         compared(runs, method, against, axis, target, scene)
         for axis in axes
-        for method, against in duels(methods)
+        for method, against in roles.pairs(methods)
         for scene in scenes_of(runs, method, against)
     ]
     return TargetsRecord(target, target == PRINTED_TARGET, baseline, declared, reaches, curves, comparisons)

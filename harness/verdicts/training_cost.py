@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.records.cells import CellRecord
-from harness.verdicts.comparisons import baseline_of, judged, keyed
+from harness.verdicts.comparisons import judged, keyed
 
 
 @dataclass(frozen=True)
@@ -19,10 +19,12 @@ class CostRatio:
     """95 %: on scenes like these if there are several, else over the seeds of the one."""
 
 
-def cost_ratios(cells: list[CellRecord], methods: list[str]) -> list[CostRatio]:
-    """Return one row per method; wall seconds take the place of core seconds where a pair did not count these."""
+def cost_ratios(cells: list[CellRecord], methods: list[str], against: str) -> list[CostRatio]:
+    """Return one row per method, as a multiple of `against`.
+
+    Wall seconds take the place of core seconds where a pair did not count these.
+    """
     by_key, scenes, seeds = keyed(cells)
-    against = baseline_of(methods)
 
     def log_ratio(scene: str, method: str, seed: int) -> float:
         ours, theirs = by_key.get((scene, method, seed)), by_key.get((scene, against, seed))

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable
 
-from reports.claims.ledger import OWN_FIGURES, Bench, Finding, Number, Pair, Printed, half_unit, judge_figures
+from harness.records.claims import Number, Pair, Statement
+from reports.claims.ledger import OWN_FIGURES, Bench, Finding, half_unit, judge_figures
 from reports.data.scale import number_at
 from reports.data.wording import UNTESTED, Verdict, count, listed, number
 
@@ -22,24 +23,24 @@ Result = tuple[Verdict, Number | Pair, str]
 """A verdict, the figure that it is of, and a note."""
 
 
-def _exactly(entry: Printed, value: Number | Pair, note: str = "") -> Result:
+def _exactly(entry: Statement, value: Number | Pair, note: str = "") -> Result:
     return "reproduced" if entry.printed == value else "not reproduced", value, note
 
 
-def _counted(entry: Printed, right: dict[str, bool]) -> Result | None:
+def _counted(entry: Statement, right: dict[str, bool]) -> Result | None:
     """Judge several things: how many are as printed, and which are not; None if there are none."""
     wrong = [name for name, holds in right.items() if not holds]
     verdict: Verdict = "reproduced" if not wrong and len(right) == entry.printed else "not reproduced"
     return (verdict, len(right) - len(wrong), f"not {listed(wrong)}" if wrong else "") if right else None
 
 
-def last_exponent(bench: Bench, entry: Printed) -> Result:
+def last_exponent(bench: Bench, entry: Statement) -> Result:
     """Compare Eq. 3 with the code that is printed beside it, for L = 10."""
     return _exactly(entry, 9, "Listing 1 is used; it also keeps the raw coordinate, which Eq. 3 does not")
 
 
-def sum_of_weights(bench: Bench, entry: Printed) -> Result | None:
-    printed = bench.paper.get("table1") or {}
+def sum_of_weights(bench: Bench, entry: Statement) -> Result | None:
+    printed = bench.file.tables.get("weights", {})
     parts = [printed[name] for name in ("density_net", "density_head", "colour_net") if name in printed]
     if len(parts) < 3 or not isinstance(entry.printed, int | float):
         return None
@@ -48,16 +49,17 @@ def sum_of_weights(bench: Bench, entry: Printed) -> Result | None:
     return judge_figures(entry.printed, rounding, total, (total - slack, total + slack)), total, ""
 
 
-def differences_of_rows(bench: Bench, entry: Printed) -> Result | None:
+def differences_of_rows(bench: Bench, entry: Statement) -> Result | None:
     """Check Δ = Q-NeRF − NeRF, the average's row included; each to within the rounding of three figures."""
-    rows = {name: row for name, row in (bench.paper.get("table2") or {}).items() if "delta" in row}
-    gains = {name: row["qnerf"] - row["nerf"] for name, row in rows.items()}
+    needed = {"delta", entry.of["method"], entry.of["against"]}
+    rows = {name: row for name, row in bench.file.psnr.items() if needed <= row.keys()}
+    gains = {name: row[entry.of["method"]] - row[entry.of["against"]] for name, row in rows.items()}
     return _counted(entry, {name: abs(gains[name] - row["delta"]) <= DIGIT_DB + 1e-9 for name, row in rows.items()})
 
 
-def means_of_rows(bench: Bench, entry: Printed) -> Result | None:
+def means_of_rows(bench: Bench, entry: Statement) -> Result | None:
     """Check the row of averages, each to within the rounding of its column's figures."""
-    rows, average = list(bench.scenes_of_table2().values()), bench.row("table2", "average")
+    rows, average = list(bench.file.scenes.values()), bench.file.psnr.get("average", {})
     right = {}
     for column in average:
         values = [row[column] for row in rows if column in row]
@@ -69,23 +71,24 @@ def means_of_rows(bench: Bench, entry: Printed) -> Result | None:
     return _counted(entry, right)
 
 
-def range_of_rows(bench: Bench, entry: Printed) -> Result | None:
-    gains = [row["delta"] for row in bench.scenes_of_table2().values() if "delta" in row]
+def range_of_rows(bench: Bench, entry: Statement) -> Result | None:
+    gains = [row["delta"] for row in bench.file.scenes.values() if "delta" in row]
     return _exactly(entry, (min(gains), max(gains))) if gains else None
 
 
-def scenes_of_rows(bench: Bench, entry: Printed) -> Result | None:
-    many = len(bench.scenes_of_table2())
+def scenes_of_rows(bench: Bench, entry: Statement) -> Result | None:
+    many = len(bench.file.scenes)
     return _exactly(entry, many) if many else None
 
 
-def source_of_baseline(bench: Bench, entry: Printed) -> Result | None:
+def source_of_baseline(bench: Bench, entry: Statement) -> Result | None:
     """Judge whether the baseline was measured, or taken over: equal figures suggest, but do not prove."""
-    original, rows = bench.paper.get("original_nerf") or {}, bench.scenes_of_table2()
+    original, rows = bench.file.tables.get("original", {}), bench.file.scenes
+    rows = {scene: row for scene, row in rows.items() if entry.of["method"] in row}
     known = [scene for scene in rows if scene in original]
     unknown = [scene for scene in rows if scene not in original]
     without = f" (without {listed(unknown)}, of which no original score is recorded)" if unknown else ""
-    same = [scene for scene in known if abs(original[scene] - rows[scene]["nerf"]) <= DIGIT_DB + 1e-9]
+    same = [scene for scene in known if abs(original[scene] - rows[scene][entry.of["method"]]) <= DIGIT_DB + 1e-9]
     note = (
         f"equal in {len(same)} of {len(known)} scenes{without}; the original trained with 4096 rays a step for "
         "100 000 to 300 000 steps. Scores of a training of its own would differ in some last digit, as seeds differ by "
@@ -94,12 +97,12 @@ def source_of_baseline(bench: Bench, entry: Printed) -> Result | None:
     return ("inconclusive", len(same), note) if known else None
 
 
-def ratio_of_times(bench: Bench, entry: Printed) -> Result | None:
+def ratio_of_times(bench: Bench, entry: Statement) -> Result | None:
     """Check 1 − Q-NeRF / NeRF in per cent, with the rounding of both."""
-    row = bench.row("table3", entry.of["row"])
-    if not row or not isinstance(entry.printed, int | float):
+    row = bench.file.tables.get("times", {}).get(entry.of["row"], {})
+    if not {entry.of["method"], entry.of["against"]} <= row.keys() or not isinstance(entry.printed, int | float):
         return None
-    ours, theirs = row["qnerf"], row["nerf"]
+    ours, theirs = row[entry.of["method"]], row[entry.of["against"]]
     half = half_unit(theirs, "h") if entry.of["row"].startswith("hours") else 500.0  # printed in thousands
     low, high = (100 * (1 - (ours + side * half) / (theirs - side * half)) for side in (1, -1))
     value = 100 * (1 - ours / theirs)
@@ -111,18 +114,18 @@ def ratio_of_times(bench: Bench, entry: Printed) -> Result | None:
     return verdict, value, note
 
 
-def final_is_average(bench: Bench, entry: Printed) -> Result | None:
-    final, average = (bench.paper.get("table3") or {}).get("final_psnr") or {}, bench.row("table2", "average")
+def final_is_average(bench: Bench, entry: Statement) -> Result | None:
+    final, average = bench.file.tables.get("times", {}).get("final_psnr", {}), bench.file.psnr.get("average", {})
     return _counted(entry, {name: average[name] == value for name, value in final.items() if name in average})
 
 
-def row_of_table2(bench: Bench, entry: Printed) -> Result | None:
-    lego = bench.row("table2", "lego")
-    ablation = {row["method"]: row["psnr"] for row in bench.paper.get("table4") or []}
+def row_of_table2(bench: Bench, entry: Statement) -> Result | None:
+    lego = bench.file.psnr.get("lego", {})
+    ablation = {row["method"]: row["scores"]["psnr"] for row in bench.file.tables.get("ablation", [])}
     return _counted(entry, {name: lego[name] == value for name, value in ablation.items() if name in lego})
 
 
-FIGURES: dict[str, tuple[str, Callable[[Bench, Printed], Result | None]]] = {
+FIGURES: dict[str, tuple[str, Callable[[Bench, Statement], Result | None]]] = {
     "listing 1": ("exponents of Listing 1’s freq_bands, which run from 0 to L − 1", last_exponent),
     "skip layer": ("⌊φ·8/2⌋", lambda _, entry: _exactly(entry, math.floor(PHI * 8 / 2))),
     "sum of weights": ("density MLP + density head + colour MLP, as Table 1 prints them", sum_of_weights),
@@ -142,14 +145,14 @@ FIGURES: dict[str, tuple[str, Callable[[Bench, Printed], Result | None]]] = {
         lambda _, entry: _exactly(entry, 4, "the ablation is Table 4; there is no Table 7"),
     ),
 }
-"""Map the rule of an entry → how it is checked by the printed figures alone, and its check: None without the tables."""
+"""Map the quantity of a claim → how it is checked by the printed figures alone, and its check, None without tables."""
 
 
-def own_figures(bench: Bench, entry: Printed) -> Finding:
-    how, check = FIGURES[entry.rule]
+def own_figures(bench: Bench, entry: Statement) -> Finding:
+    how, check = FIGURES[entry.quantity]
     result = check(bench, entry)
     if result is None:
-        return Finding(UNTESTED, how, scale=OWN_FIGURES, note="need the paper’s tables, which this run’s record lacks")
+        return Finding(UNTESTED, how, scale=OWN_FIGURES, note="need the printed tables, which this run’s record lacks")
     verdict, value, note = result
     return Finding(verdict, how, value, None, OWN_FIGURES, note)
 
@@ -157,10 +160,10 @@ def own_figures(bench: Bench, entry: Printed) -> Finding:
 PUBLISHED = "need the authors’ code, which is not published"
 
 
-def weights(bench: Bench, entry: Printed) -> Finding:
+def weights(bench: Bench, entry: Statement) -> Finding:
     """Check the weights, counted at the paper's own size: no training is needed, so the run's scale does not matter."""
     how = "counted in the network that Table 1 describes"
-    ours, printed = bench.paper.get("parameters_measured") or {}, bench.paper.get("table1") or {}
+    ours, printed = bench.file.measured.get("weights", {}), bench.file.tables.get("weights", {})
     if "total" not in ours or not set(printed) <= set(ours):
         return Finding(UNTESTED, how, note="need the weights to be counted: run again with --resume")
     wrong = [name for name, many in printed.items() if abs(ours[name] - many) > half_unit(many)]
@@ -171,20 +174,20 @@ def weights(bench: Bench, entry: Printed) -> Finding:
     return Finding(verdict, how, ours["total"], scale="the paper’s network", note=listed(off))
 
 
-def run_setting(bench: Bench, entry: Printed) -> Finding:
+def run_setting(bench: Bench, entry: Statement) -> Finding:
     """Show a setting, which is taken over and not tested; the run's own stands beside it."""
     value = number_at(bench.records.run.settings, *entry.of["at"].split("."))
     note = "are settings, taken over or named under Deviations, not results"
     return Finding(UNTESTED, "the settings of this run", value, note=note)
 
 
-def lines(bench: Bench, entry: Printed) -> Finding:
+def lines(bench: Bench, entry: Statement) -> Finding:
     """Show the lines of their module, which is not published; those of the same parts here stand beside it."""
-    ours, files = bench.paper.get("sloc_measured"), bench.paper.get("sloc_files") or {}
+    ours, files = bench.file.measured.get("sloc"), bench.file.measured.get("sloc_files", {})
     how = "lines of our modules for the same parts that are neither blank nor comment"
     how += ": " + listed([f"{name} {count(many)}" for name, many in files.items()]) if files else ""
     return Finding(UNTESTED, how, int(ours) if ours is not None else None, note=PUBLISHED)
 
 
-def their_code(bench: Bench, entry: Printed) -> Finding:
+def their_code(bench: Bench, entry: Statement) -> Finding:
     return Finding(UNTESTED, "cannot be measured from outside", note=PUBLISHED)

@@ -1,4 +1,4 @@
-"""The claims ledger: the paper's numbers, with the measurements here and a verdict. Never a silent pass.
+"""The claims ledger: the claimed numbers, with the measurements here and a verdict. Never a silent pass.
 
 Statements that are one comparison are one entry; our interpretations of the paper stand apart.
 """
@@ -7,10 +7,10 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
-from harness.records.json_record import DamagedRecord
+from harness.records.claims import QUANTITIES, Statement
 from reports.claims import arithmetic, scores, serving
 from reports.claims import time as times
-from reports.claims.ledger import Bench, Claim, Finding, Printed, claim_of, entries
+from reports.claims.ledger import Bench, Claim, Finding, claim_of
 from reports.data.beside import ALONE, Beside
 from reports.data.load import Records
 from reports.data.scale import in_a_line
@@ -25,7 +25,7 @@ KINDS = {
     "readings": "Our readings of the paper, which it does not print",
 }
 
-Judge = Callable[[Bench, Printed], Finding]
+Judge = Callable[[Bench, Statement], Finding]
 
 RULES: dict[str, tuple[str, Judge]] = {
     "gain": ("gains", scores.gain),
@@ -47,35 +47,29 @@ RULES: dict[str, tuple[str, Judge]] = {
     "lines": ("others", arithmetic.lines),
     "their code": ("others", arithmetic.their_code),
 }
-"""Map the rule of an entry → its kind of statement, and its judge."""
+"""Map the quantity of a claim → its kind of statement, and its judge."""
 
 
 def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
-    """Return every printed number that the run's record lists, in the paper's order.
-
-    Raises `DamagedRecord` for a ledger that cannot be read.
-    """
-    bench, here = Bench(records, beside.evidence, records.targets, beside.serving), in_a_line(records)
-    try:
-        return [_claim(bench, entry, here) for entry in entries(records.run.paper)]
-    except KeyError as error:
-        raise DamagedRecord(
-            f"run.json: the paper's ledger lacks {error}, as another version wrote it; "
-            "`python -m harness run --resume` writes it anew and trains nothing that is finished"
-        ) from error
+    """Return every claim that the run's record lists, file by file in the files' order."""
+    here = in_a_line(records)
+    benches = [
+        Bench(records, file, beside.evidence, records.targets, beside.serving) for file in records.run.claims or []
+    ]
+    return [_claim(bench, entry, here) for bench in benches for entry in bench.file.claims]
 
 
-def _claim(bench: Bench, entry: Printed, here: str) -> Claim:
-    if entry.rule not in RULES:
-        note = f"need a version of the report with the rule {entry.rule!r}"
-        return claim_of(entry, Finding(UNTESTED, "", note=note), "others", here)
-    kind, judge = RULES[entry.rule]
+def _claim(bench: Bench, entry: Statement, here: str) -> Claim:
+    if entry.quantity not in RULES or not set(QUANTITIES[entry.quantity]) <= entry.of.keys():
+        note = f"need a version of the report that tests {entry.quantity!r}"
+        return claim_of(bench.file, entry, Finding(UNTESTED, "", note=note), "others", here)
+    kind, judge = RULES[entry.quantity]
     finding = judge(bench, entry)
     if entry.leaves_open and finding.verdict != UNTESTED:
         low, high = (number(end, 1) if entry.unit == "%" else signed(end, entry.digits) for end in entry.leaves_open)
-        derived = f"the paper prints rounded totals: this step is between {low} and {high} {entry.unit}".strip()
+        derived = f"what is printed are rounded totals: this step is between {low} and {high} {entry.unit}".strip()
         finding = replace(finding, note="; ".join(filter(None, [finding.note, derived])))
-    return claim_of(entry, finding, kind, here)
+    return claim_of(bench.file, entry, finding, kind, here)
 
 
 def tally(claimed: list[Claim]) -> list[tuple[Verdict, int]]:

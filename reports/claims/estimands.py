@@ -2,7 +2,6 @@
 
 from harness.records.cells import Comparison, Estimate
 from harness.records.verdict import phrase_with
-from harness.verdicts.comparisons import duels
 from harness.verdicts.failures import Failures, failures
 from reports.claims.psnr_table import lines
 from reports.data.load import Records
@@ -84,7 +83,7 @@ def _robust(row: Comparison) -> float | None:
 
 
 def found_failures(records: Records) -> Failures:
-    return failures(records.cells, records.methods, duels(records.methods))
+    return failures(records.cells, records.methods, records.run.roles.pairs(records.methods))
 
 
 def rates_grid(records: Records) -> Grid:

@@ -3,10 +3,13 @@
 It is built from the ledger, the run's comparisons and, if it lies beside, the evidence; it computes nothing.
 """
 
+import re
 from dataclasses import dataclass
+from functools import partial
 from statistics import fmean
 from typing import Any
 
+from harness.records.claims import STATED
 from harness.records.study import Studies
 from reports.claims.estimands import SENSES, between, difference_in_words
 from reports.claims.headline import roles
@@ -19,16 +22,9 @@ from reports.data.wording import NARROW, UNTESTED, counted, listed, number
 from reports.page.grid import Entry
 from reports.studies.check_words import described
 
-PRINCIPAL = {
-    "table2-average": "PSNR gain, average",
-    "abstract-psnr-range": "PSNR gain, scene by scene",
-    "abstract-faster": "fewer iterations to 30 dB",
-    "table4-nerf_phi_encoding-psnr": "φ encoding adds, on lego",
-    "table4-nerf_phi_encoding_amplifier-psnr": "then the amplifier",
-    "table4-qnerf-psnr": "then the φ skip",
-    "table1-total": "weights of Table 1, counted",
-}
-"""The claims of the first screen, in a few words each."""
+PLACE = re.compile(r"\{([^{}]+)\}")
+MOST = 8
+"""The most claims of a file that the first screen shows where the file does not choose them."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +45,8 @@ class Line:
 
 def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[str, Any]:
     """Return the question, a line per tested claim, how sure the answer is, what was not tested, and the tally."""
-    by_id = {claim.id: claim for claim in claims}
-    shown = {words: by_id[name] for name, words in PRINCIPAL.items() if name in by_id}
-    here = in_a_line(records)
-    lines = []
-    for words, claim in shown.items():
+    shown, here, lines = principal(records, claims), in_a_line(records), []
+    for words, claim in shown:
         if claim.verdict != UNTESTED:
             # its first sentence; the other notes on a study's cells stand with the study
             elsewhere = claim.scale.split(". ")[0] if claim.scale != here else ""
@@ -61,33 +54,51 @@ def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[
             figures = printed_entry(claim), measured_entry(claim)
             lines.append(Line(words, claim.source, *figures, claim.verdict, *LOOKS[claim.verdict], note))
     return {
-        "question": question(records, by_id),
+        "question": question(records, claims),
         "lines": lines,
         "sure": how_sure(records, beside.evidence),
         "guests": guests(records),
-        "untested": [sentence for sentence, _ in by_cause(list(shown.values()))],
+        "untested": [sentence for sentence, _ in by_cause([claim for _, claim in shown])],
         "tally": in_a_sentence(claims),
     }
 
 
-def question(records: Records, by_id: dict[str, Claim]) -> str:
-    """Return the paper's claim as a question; without its numbers, what this run can answer."""
-    gain, faster = by_id.get("abstract-psnr-range"), by_id.get("abstract-faster")
-    if gain and faster and "qnerf" in records.methods:
-        speed = printed_text(faster).replace(" ", NARROW)
-        return f"Does Q-NeRF gain {printed_text(gain)} over NeRF and converge {speed} faster, as printed?"
+def principal(records: Records, claims: list[Claim]) -> list[tuple[str, Claim]]:
+    """Return the claims of the first screen with their words: those that a file chooses, else its first ones."""
+    chosen = []
+    for file in records.run.claims or []:
+        own = {claim.id: claim for claim in claims if claim.file == file.id}
+        words = file.principal or {name: own[name].statement for name in list(own)[:MOST]}
+        chosen += [(words[name], own[name]) for name in words if name in own]
+    return chosen
+
+
+def question(records: Records, claims: list[Claim]) -> str:
+    """Return what a file of claims asks of a method of this run; else a stated claim, or what this run can answer."""
+    for file in records.run.claims or []:
+        own = {claim.id: printed_text(claim).replace(" %", f"{NARROW}%") for claim in claims if claim.file == file.id}
+        if file.question and set(file.methods) & set(records.methods):
+            return PLACE.sub(partial(_number, own), file.question)
+        if file.id == STATED and len(file.claims) == 1:
+            (claim,) = file.claims
+            return f"Does it hold that {claim.statement} is {own[claim.id]}?"
     cast = roles(records)
     if not cast.contenders:
         return f"How does {cast.baseline} do?"
     return f"How {'do' if len(cast.contenders) > 1 else 'does'} {listed(cast.contenders)} compare with {cast.baseline}?"
 
 
+def _number(texts: dict[str, str], found: re.Match[str]) -> str:
+    return texts.get(found[1], found[0])
+
+
 def guests(records: Records) -> str:
-    """State what a method of another family reaches in as many core seconds as `nerf`; empty if none was trained."""
+    """State what a method of another family reaches in the core seconds of the baseline; empty if none was trained."""
+    baseline = records.run.roles.among(records.methods).baseline
     for name in records.run.guests:
         pairs = []
         for cell in (one for one in records.guest_cells if one.method == name):
-            beside = next((one for one in records.cells_of(cell.scene, "nerf") if one.seed == cell.seed), None)
+            beside = next((one for one in records.cells_of(cell.scene, baseline) if one.seed == cell.seed), None)
             scores = cell.scores.get("psnr"), beside and beside.scores.get("psnr"), cell.train_core_seconds
             if None not in scores:
                 pairs.append(scores)
@@ -95,8 +106,8 @@ def guests(records: Records) -> str:
             theirs, ours, spent = (fmean(float(pair[place] or 0.0) for pair in pairs) for place in range(3))
             scenes = f"{counted(len(pairs), 'scene')}, {spent:.0f} core seconds a cell"
             return (
-                f"{name} reaches {number(theirs)} dB in as many core seconds as nerf, which reaches {number(ours)} dB "
-                f"({scenes}; one seed, not judged)"
+                f"{name} reaches {number(theirs)} dB in as many core seconds as {baseline}, which reaches "
+                f"{number(ours)} dB ({scenes}; one seed, not judged)"
             )
     return ""
 

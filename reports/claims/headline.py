@@ -10,18 +10,14 @@ from dataclasses import dataclass
 from harness.records.cells import Budget, Comparison
 from harness.records.verdict import phrase_with
 from harness.verdicts.changes import Situation, change
-from harness.verdicts.comparisons import baseline_of
 from harness.verdicts.headline_family import headline_budgets
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
 from reports.data.outcome import Outcome, change_in_words, clause, doubts, on_few_scenes, size_words
+from reports.data.scale import value_at
 from reports.data.table import average_of, cells_frame, shared_scenes
 from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
 
-BASELINE = "nerf"
-CONTROL = "nerf_matched"
-FAVOURITE = "qnerf"
-REPAIRED = "qnerf_repaired"
 LOST = ("diverged", "error")
 FURTHER = 2
 """The number of further contenders that sentences tell of."""
@@ -34,7 +30,7 @@ class Roles:
     baseline: str
     control: str | None
     contenders: list[str]
-    """The tested methods, the one of the headline first."""
+    """The tested methods; the headline is of the first."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +53,9 @@ class Headline:
 
 def roles(records: Records) -> Roles:
     methods = records.methods
-    baseline = baseline_of(methods)
-    control = CONTROL if CONTROL in methods and baseline != CONTROL else None
-    others = [method for method in methods if method not in (baseline, control)]
-    others.sort(key=lambda method: method != FAVOURITE)
-    return Roles(baseline, control, others or [method for method in (control,) if method])
+    cast = records.run.roles.among(methods)
+    control = next((name for name in cast.controls if name != cast.baseline), None)
+    return Roles(cast.baseline, control, cast.contenders(methods))
 
 
 def tabulated(records: Records) -> list[tuple[Budget, str]]:
@@ -87,7 +81,7 @@ def headline(records: Records) -> Headline:
         return Headline(f"Only {cast.baseline} was run: there is nothing to compare it with", [], [])
     method = cast.contenders[0]
     title = _title(records, cast, method, [duel for duel in fought if duel.method == method])
-    sentences = [_means(records), _others(records, method, fought), _bandwidth(records, cast)]
+    sentences = [_means(records), _others(records, method, fought), _bandwidth(records, cast, method)]
     sentences += from_steps_to_time(records, method)
     sentences += [words for duel in fought for row in (duel.steps, duel.time) for words in doubts(row)]
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
@@ -182,10 +176,15 @@ def _others(records: Records, method: str, fought: list[Duel]) -> str:
     return f"At equal steps, {'; '.join(told)}." if told else ""
 
 
-def _bandwidth(records: Records, cast: Roles) -> str:
+def _bandwidth(records: Records, cast: Roles, method: str) -> str:
     """Explain the control and its own gain: the size of the bandwidth effect."""
     if cast.control is None:
-        return f"{CONTROL} was not run, so a difference may be an effect of bandwidth alone."
+        encodings = [
+            value_at(records.run.settings, "train", "own", name, "encoding") for name in (cast.baseline, method)
+        ]
+        if None in encodings or encodings[0] == encodings[1]:
+            return ""
+        return f"No method with the bandwidth of {method} was run, so a difference may be an effect of bandwidth alone."
     why = (
         f"{cast.control} is {cast.baseline} with nothing changed but its encoding, cut down to "
         f"the frequencies that the φ encoding reaches. "

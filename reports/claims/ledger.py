@@ -1,9 +1,9 @@
-"""The printed numbers as a run record keeps them, and their verdicts: pure functions of figures and intervals.
+"""The verdicts on claims: pure functions of figures and intervals.
 
-`RunRecord.paper` holds the paper's tables and, under `ledger`, every printed number of it. A gain is a level. At the
-paper's scale it is *reproduced* where the interval of what was measured lies above 0 and within `margin` of what is
-printed, and *not reproduced* where it lies outside. At another scale it can only be *seen*, where the interval lies
-above 0 and reaches to within `margin` of what is printed, or *not seen at this scale*, where it does not reach there.
+A gain is a level. At the claim's scale it is *reproduced* where the interval of what was measured lies above 0 and
+within `margin` of what is printed, and *not reproduced* where it lies outside. At another scale it can only be *seen*,
+where the interval lies above 0 and reaches to within `margin` of what is printed, or *not seen at this scale*, where it
+does not reach there. A claim without a scale is about any run. A bound is met exactly or not.
 All else is *inconclusive*. A printed sum is judged by the figures that it is made of.
 """
 
@@ -11,47 +11,33 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Any
 
-from harness.records.json_record import REMEDY, DamagedRecord, as_promised
+from harness.records.claims import Bound, ClaimFile, Number, Pair, Statement
 from harness.records.metric_table import METRICS
 from harness.records.study import Studies
 from harness.records.targets import TargetsRecord
-from harness.verdicts.paper import Number, Pair, Printed
 from harness.verdicts.statistics import POWER, critical
 from reports.data.load import Records
-from reports.data.scale import is_paper_scale
+from reports.data.scale import is_at_scale
 from reports.data.selection import Selection
 from reports.data.wording import UNTESTED, Verdict, counted
 
-OWN_FIGURES = "the paper’s own figures"
+OWN_FIGURES = "the printed figures alone"
 
 
 @dataclass(frozen=True)
 class Bench:
-    """The material that claims are judged by."""
+    """The material that the claims of a file are judged by."""
 
     records: Records
+    file: ClaimFile
     evidence: Studies | None
     targets: TargetsRecord | None
     serving: Studies | None = None
 
-    @property
-    def paper(self) -> dict[str, Any]:
-        return self.records.run.paper
-
-    def at_paper_scale(self, scene: str) -> bool:
-        """Return whether a measurement on a scene, or over `all`, is comparable with the paper's own numbers."""
-        return is_paper_scale(self.records, scene)
-
-    def row(self, table: str, name: str) -> dict[str, Any]:
-        """Return a row of one of the paper's tables; empty if the record has none."""
-        return (self.paper.get(table) or {}).get(name) or {}
-
-    def scenes_of_table2(self) -> dict[str, dict[str, float]]:
-        """Map scene → row, without the average."""
-        table = self.paper.get("table2") or {}
-        return {scene: row for scene, row in table.items() if scene not in ("average", "all")}
+    def at_scale(self, scene: str) -> bool:
+        """Return whether a measurement on a scene, or over `all`, is comparable with the claimed numbers."""
+        return is_at_scale(self.records, self.file, scene)
 
 
 @dataclass(frozen=True)
@@ -78,8 +64,10 @@ class Claim(Finding):
     """A printed number with its finding."""
 
     id: str
+    file: str
+    """The id of the file that states it."""
     source: str
-    """The places of the paper that state it."""
+    """The places that state it."""
     statement: str
     printed: Number | Pair | None
     kind: str
@@ -87,29 +75,24 @@ class Claim(Finding):
     unit: str
     digits: int
     """The decimals of the printed number."""
+    bound: Bound = ""
 
 
-def claim_of(entry: Printed, finding: Finding, kind: str, here: str) -> Claim:
+def claim_of(file: ClaimFile, entry: Statement, finding: Finding, kind: str, here: str) -> Claim:
     """Return the claim; `here` is the scale of the run."""
     shown = {"scale": finding.scale or here, "runs": finding.runs if finding.verdict != UNTESTED else None}
     return Claim(
         id=entry.id,
+        file=file.id,
         source=", ".join(entry.where),
         statement=entry.statement,
         printed=entry.printed,
         kind=kind,
         unit=entry.unit,
         digits=entry.digits,
+        bound=entry.bound,
         **{**vars(finding), **shown},
     )
-
-
-def entries(paper: dict[str, Any]) -> list[Printed]:
-    """Return a record's ledger, in the paper's order; raises `DamagedRecord` unless it is as the harness writes it."""
-    try:
-        return as_promised(paper.get("ledger") or [], list[Printed])
-    except ValueError as error:
-        raise DamagedRecord(f"run.json: the paper's ledger is not readable ({error}); {REMEDY}") from error
 
 
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
@@ -134,21 +117,48 @@ def half_unit(printed: Number, unit: str = "") -> float:
     return 0.5 * 10**-decimals
 
 
-def judge_gain(printed: float, margin: float, measured: Pair | None, at_paper_scale: bool) -> Verdict:
-    """Compare a printed gain with the interval of the measured one; without an interval nothing is settled."""
+def judge_gain(
+    printed: Number | Pair,
+    margin: float,
+    measured: Pair | None,
+    at_scale: bool,
+    bound: Bound = "",
+    upwards: bool = True,
+) -> Verdict:
+    """Compare a printed gain with the interval of the measured one; without an interval nothing is settled.
+
+    A number is met within `margin` of it, a bound exactly. A gain is above 0, unless what is claimed is a loss or,
+    with `upwards` false, lower is better.
+    """
     if measured is None:
         return "inconclusive"
-    level = _within(max(0.0, printed - margin), printed + margin, measured)
+    least, most = ends(printed)
+    positive = least > 0 and upwards and bound != "at most"
+    low = max(0.0, least - margin) if positive else least - margin
+    level = judge_bound(least, bound, measured) if bound else _within(low, most + margin, measured)
     if level == "not reproduced":
-        return level if at_paper_scale else "not seen at this scale"
-    if measured[0] <= 0:
+        return level if at_scale else "not seen at this scale"
+    if positive and measured[0] <= 0:
         return "inconclusive"
-    return level if at_paper_scale else "seen"
+    return level if at_scale else "seen"
 
 
-def judge_level(printed: float, margin: float, measured: Pair | None) -> Verdict:
-    """Compare a printed level, at the paper's scale alone: within `margin` of it, outside, or neither."""
-    return "inconclusive" if measured is None else _within(printed - margin, printed + margin, measured)
+def judge_bound(printed: float, bound: Bound, measured: Pair) -> Verdict:
+    """Compare a bound with an interval: on its side of it, on the other, or neither."""
+    return _within(*((printed, math.inf) if bound == "at least" else (-math.inf, printed)), measured)
+
+
+def judge_level(printed: Number | Pair, margin: float, measured: Pair | None, bound: Bound = "") -> Verdict:
+    """Compare a printed level, at its own scale alone: within `margin` of it, outside, or neither."""
+    if measured is None:
+        return "inconclusive"
+    least, most = ends(printed)
+    return judge_bound(least, bound, measured) if bound else _within(least - margin, most + margin, measured)
+
+
+def ends(printed: Number | Pair) -> Pair:
+    """Return a range; a number is one of no width."""
+    return printed if isinstance(printed, tuple) else (printed, printed)
 
 
 def _within(least: float, most: float, measured: Pair) -> Verdict:

@@ -33,12 +33,12 @@ FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not ava
 
 
 def scores_grid(records: Records) -> Grid:
-    """Tabulate mean test PSNR ± standard deviation over seeds; train PSNR below it; the paper's values beside."""
-    frame, printed = cells_frame(records), _printed(records)
+    """Tabulate mean test PSNR ± standard deviation over seeds; train PSNR below it; what is printed of the methods."""
+    frame, printed = cells_frame(records), printed_methods(records)
     columns = [Column("scene", numeric=False), Column("floor", small="copy the nearest view")]
     columns += [Column(method, method) for method in records.methods]
     columns.append(Column("ceiling", small="noise of the truth"))
-    columns += [Column(name, small="paper") for name in ("NeRF", "Q-NeRF")] if printed else []
+    columns += [Column(name, small="printed") for _, name in printed]
 
     def row(title: str, scenes: list[str], scene: str = "") -> list[Entry]:
         """Return the row of one scene, or that of the averages over several."""
@@ -54,8 +54,8 @@ def scores_grid(records: Records) -> Grid:
             behind = Selection(scene, method, metric="psnr")
             entries.append(score_entry(test, train, cells, ceilings[0] if scene else None, behind))
         entries.append(_level(ceilings))
-        pairs = [printed.get(name.lower(), (None, None)) for name in scenes]
-        return entries + [_level([pair[place] for pair in pairs]) for place in (0, 1) if printed]
+        of_scenes = [_printed(records, name) for name in scenes]
+        return entries + [_level([row.get(method) for row in of_scenes]) for method, _ in printed]
 
     note = (
         "Test PSNR in dB, per image and then averaged; ± is the sample standard deviation over the finished seeds. "
@@ -72,7 +72,7 @@ def scores_grid(records: Records) -> Grid:
         for method in records.methods
     ]
     for words, entries in (("gain of the last doubling, dB", gains), ("training of a cell", spent)):
-        totals.append([Entry(words), Entry(""), *entries, *[Entry("")] * (3 if printed else 1)])
+        totals.append([Entry(words), Entry(""), *entries, *[Entry("")] * (1 + len(printed))])
     return Grid("Test PSNR", columns, [row(scene, [scene], scene) for scene in records.scenes], totals, note)
 
 
@@ -151,11 +151,11 @@ def differences_grids(records: Records) -> list[Grid]:
 
 
 def _differences(records: Records, method: str, pairs: list[tuple[str, Budget, str]], control: str | None) -> Grid:
-    printed = _printed(records) if method == "qnerf" else {}
-    gains = [values[1] - values[0] if (values := printed.get(scene.lower())) else None for scene in records.scenes]
+    gains = [printed_gain(records, scene, method, pairs[0][0]) for scene in records.scenes]
+    printed = any(gain is not None for gain in gains)
     columns = [Column("scene", numeric=False)]
     columns += [Column(f"− {rival}", rival, f"at {words}") for rival, _, words in pairs]
-    columns += [Column("Δ", small="paper")] if printed else []
+    columns += [Column("Δ", small="printed")] if printed else []
     compared = {
         (scene, rival, name): records.comparison(scene, method, rival, budget=name)
         for scene in records.scenes
@@ -171,7 +171,7 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, Budget, s
             difference_entry(records.comparison(scene, method, rival, budget=name), q.get((scene, rival, name)))
             for rival, name, _ in pairs
         ]
-        rows.append(row + [Entry(signed(gain, 1), tone="muted")] * bool(printed))
+        rows.append(row + [Entry(signed(gain, 1), tone="muted")] * printed)
     note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and its sign and size. "
     note += "A scene's interval is over seeds, that of all scenes on scenes like these."
     note += f" {DISCOVERIES}" if any(each is not None for each in q.values()) else ""
@@ -201,8 +201,22 @@ def lines(*parts: str) -> str:
     return "\n".join(filter(None, parts))
 
 
-def _printed(records: Records) -> dict[str, tuple[float, float]]:
-    """Map scene of the run, in lower case → what the paper prints of NeRF and of Q-NeRF."""
-    known = {scene.lower() for scene in records.scenes}
-    table = {scene.lower(): row for scene, row in (records.run.paper.get("table2") or {}).items()}
-    return {scene: (row["nerf"], row["qnerf"]) for scene, row in table.items() if scene in known}
+def printed_methods(records: Records) -> list[tuple[str, str]]:
+    """Return the methods of the run of which a source prints PSNR on one of its scenes, with their names there."""
+    files, every = records.run.claims or [], [_printed(records, scene) for scene in records.scenes]
+    names = {method: name for file in files for method, name in file.names.items()}
+    return [(method, names.get(method, method)) for method in records.methods if any(method in row for row in every)]
+
+
+def _printed(records: Records, scene: str) -> dict[str, float]:
+    """Map method → the PSNR that is printed of it on a scene of the run, whose name may differ in case."""
+    rows = [
+        row for file in records.run.claims or [] for name, row in file.scenes.items() if name.lower() == scene.lower()
+    ]
+    return {method: value for row in reversed(rows) for method, value in row.items()}
+
+
+def printed_gain(records: Records, scene: str, method: str, against: str) -> float | None:
+    """Return the printed difference of two methods on a scene; None if it is not printed of both."""
+    row = _printed(records, scene)
+    return row[method] - row[against] if {method, against} <= row.keys() else None

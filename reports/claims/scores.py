@@ -1,12 +1,15 @@
-"""Abstract, Table 2 and Table 4: how much better, how good, and what each part adds."""
+"""Scores: how much better, how good, and what each part adds."""
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from harness.records.cells import Comparison
+from harness.records.claims import Pair, Statement
 from harness.records.json_record import finite_or_none
+from harness.records.metric_table import METRICS
 from harness.records.study import Effect, Studies
 from harness.verdicts.statistics import on_one_scene, on_these_scenes
 from reports.claims.headline import roles
@@ -15,8 +18,6 @@ from reports.claims.ledger import (
     MARGINS,
     Bench,
     Finding,
-    Pair,
-    Printed,
     judge_all,
     judge_gain,
     judge_level,
@@ -28,8 +29,6 @@ from reports.data.wording import UNTESTED, Verdict, counted, interval, listed, s
 PAIRED = "mean test {metric} at equal steps, paired by {units}; interval on these scenes"
 NEEDS_PAPER = "need the paper’s settings on its own pictures (docs/full-setting.md)"
 NEEDS_RUN = "need a run of {methods}"
-PRINTED_FORM = "qnerf_printed"
-"""The form with density at most 1 per scene unit: its verdict stands beside."""
 
 
 def on_them(row: Comparison | Effect) -> Pair | None:
@@ -43,23 +42,23 @@ def unpaired(row: Comparison | Effect) -> str:
     return f"{counted(row.unpaired, 'pair')} could not be judged" if row.unpaired else ""
 
 
-def gain(bench: Bench, entry: Printed) -> Finding:
+def gain(bench: Bench, entry: Statement) -> Finding:
     """Judge a gain of one method over another, on a scene or over all."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     row = bench.records.comparison(scene, method, against, metric)
     how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
-    if row is None or not isinstance(entry.printed, int | float) or not tried(bench, row):
+    if row is None or entry.printed is None or not tried(bench, row):
         return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods=f"{method} and {against}"))
     scenes = bench.records.scenes if scene == "all" else [scene]
     rows = [bench.records.comparison(name, method, against, metric) for name in scenes]
     complete = all(each is not None and each.difference is not None for each in rows)
     pair, margin = on_them(row), MARGINS[metric]
-    verdict = judge_gain(entry.printed, margin, pair, bench.at_paper_scale(scene) and complete)
+    upwards = METRICS[metric].higher_is_better
+    verdict = judge_gain(entry.printed, margin, pair, bench.at_scale(scene) and complete, entry.bound, upwards)
     seeds = seeds_needed(row, margin, len(scenes)) if verdict == "inconclusive" else None
     notes = [unpaired(row), f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""]
-    if (method, against) == ("qnerf", "nerf"):
-        # the printed form's gain, and what is left once bandwidth is matched
-        notes.append(_beside(bench, entry, PRINTED_FORM, against))
+    if "beside" in entry.of:  # another reading of the method, and what is left once bandwidth is matched
+        notes.append(_beside(bench, entry, entry.of["beside"], against))
         notes.append(_beside(bench, entry, method, roles(bench.records).control or ""))
     return Finding(verdict, how, row.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(row))
 
@@ -80,7 +79,7 @@ def tried(bench: Bench, row: Comparison) -> bool:
     return row.difference is not None or {row.method, row.against} <= started
 
 
-def _beside(bench: Bench, entry: Printed, method: str, against: str) -> str:
+def _beside(bench: Bench, entry: Statement, method: str, against: str) -> str:
     """State another difference in words: over all scenes if it was measured, else on the single one that has it."""
     metric, asked = entry.of["metric"], entry.of["scene"]
     rows = [bench.records.comparison(scene, method, against, metric) for scene in (asked, *bench.records.scenes)]
@@ -89,9 +88,11 @@ def _beside(bench: Bench, entry: Printed, method: str, against: str) -> str:
         return ""
     where = f" on {row.scene}" if row.scene != asked else ""
     shown = f"{method} − {against}{where}: {signed(row.difference)} {interval(on_them(row))}".rstrip()
-    if method != PRINTED_FORM or not isinstance(entry.printed, int | float):
+    if method == entry.of["method"] or entry.printed is None:
         return shown
-    return f"{shown}: {judge_gain(entry.printed, MARGINS[metric], on_them(row), bench.at_paper_scale(row.scene))}"
+    return (
+        f"{shown}: {judge_gain(entry.printed, MARGINS[metric], on_them(row), bench.at_scale(row.scene), entry.bound)}"
+    )
 
 
 class Part(NamedTuple):
@@ -104,20 +105,21 @@ class Part(NamedTuple):
     """The number of seeds that would settle what is open."""
 
 
-def each_row(bench: Bench, entry: Printed) -> Finding:
+def each_row(bench: Bench, entry: Statement) -> Finding:
     """Judge a table row by row, each on its own scene: a printed row is about no other."""
     column, metric = entry.of["column"], entry.of["metric"]
     how = f"mean test {metric.upper()} over seeds; each row on its own scene"
-    if column == "delta":
+    if "against" in entry.of:
         how = f"{PAIRED.format(metric=metric.upper(), units='seed')}; each row on its own scene"
-    if entry.of["table"] == "table2":
-        table = bench.scenes_of_table2()
-        rows = [(scene, scene, column, row[column]) for scene, row in table.items() if column in row]
+    if entry.of["table"] == "psnr":
+        rows = [(scene, scene, column, row[column]) for scene, row in bench.file.scenes.items() if column in row]
     else:
-        table4 = bench.paper.get(entry.of["table"]) or []
-        rows = [(row["method"], "lego", row["method"], row[metric]) for row in table4]
-    judge = _gain_of if column == "delta" else _level_of
-    own = [row for row in rows if bench.at_paper_scale(row[1])]  # the others' pictures are not the paper's
+        scene, table = entry.of.get("scene", "all"), bench.file.tables.get("ablation", [])
+        rows = [
+            (row["method"], scene, row["method"], row["scores"][metric]) for row in table if metric in row["scores"]
+        ]
+    judge = partial(_gain_of, entry.of["method"], entry.of["against"]) if "against" in entry.of else _level_of
+    own = [row for row in rows if bench.at_scale(row[1])]  # the others' pictures are not the printed ones
     parts = [part for row in own if (part := judge(bench, *row, metric, len(rows))) is not None]
     if not parts:
         return Finding(UNTESTED, how, note=NEEDS_PAPER)
@@ -135,9 +137,11 @@ def each_row(bench: Bench, entry: Printed) -> Finding:
     return Finding(verdict, how, (min(values), max(values)), note="; ".join(notes))
 
 
-def _gain_of(bench: Bench, name: str, scene: str, column: str, printed: float, metric: str, family: int) -> Part | None:
-    """Judge a row of Table 2's column of gains."""
-    row = bench.records.comparison(scene, "qnerf", "nerf", metric)
+def _gain_of(
+    ours: str, theirs: str, bench: Bench, name: str, scene: str, column: str, printed: float, metric: str, family: int
+) -> Part | None:
+    """Judge a row of a column of gains."""
+    row = bench.records.comparison(scene, ours, theirs, metric)
     if row is None or row.difference is None:
         return None
     verdict = judge_gain(printed, MARGINS[metric], on_them(row), True)
@@ -157,18 +161,22 @@ def _level_of(
     return Part(name, judge_level(printed, MARGINS[metric], pair), level.mean)
 
 
-def score(bench: Bench, entry: Printed) -> Finding:
+def score(bench: Bench, entry: Statement) -> Finding:
     """Judge how good a method gets. At another scale, or on other pictures than the paper's, it only stands beside."""
     method, metric = entry.of["method"], entry.of["metric"]
+    scene = entry.of["scene"]
     how = f"mean test {metric.upper()} of this run’s {method}, error from seeds"
-    table = _scores(bench, method, metric)
-    if len(table) < len(bench.records.scenes):
-        return Finding(UNTESTED, how, note=NEEDS_PAPER)
-    level = on_these_scenes(table)
-    if not bench.at_paper_scale("all") or not isinstance(entry.printed, int | float):
+    scenes, table = bench.records.scenes if scene == "all" else [scene], _scores(bench, method, metric)
+    table = {name: table[name] for name in scenes if name in table}
+    if len(table) < len(scenes) or entry.printed is None:
+        return Finding(UNTESTED, how, note=NEEDS_PAPER if bench.file.scale else NEEDS_RUN.format(methods=method))
+    level = on_these_scenes(table) if len(table) > 1 else on_one_scene(next(iter(table.values())))
+    if not bench.at_scale(scene):
         return Finding(UNTESTED, how, level.mean, level.interval, note=NEEDS_PAPER)
-    verdict = judge_level(entry.printed, MARGINS[metric], level.interval)
-    return Finding(verdict, how, level.mean, level.interval, runs=Selection("", method, metric=metric))
+    pair = level.interval if level.units >= LEAST_PAIRS else None
+    verdict = judge_level(entry.printed, MARGINS[metric], pair, entry.bound)
+    behind = Selection("" if scene == "all" else scene, method, metric=metric)
+    return Finding(verdict, how, level.mean, level.interval, runs=behind)
 
 
 def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
@@ -181,29 +189,27 @@ def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
 
 
 STUDY = "factorial"
-"""The study that trains every combination of the parts. Listing 2 is the paper's amplifier; Eq. 4 stands beside it."""
-EQUATION_4 = {"nerf_phi_encoding_amplifier": "nerf_phi_encoding_equation4", "qnerf": "qnerf_theorem"}
-"""The same row of Table 4 with the other reading of the amplifier."""
+"""The study that trains every combination of the parts, with each reading of the amplifier."""
 NEEDS_STUDY = "need the ablation study: `nox -s evidence -- --out out/latest`"
 
 
-def added_part(bench: Bench, entry: Printed) -> Finding:
+def added_part(bench: Bench, entry: Statement) -> Finding:
     """Judge a row of Table 4 less the row above it: by the run's own comparison, else by the factorial study."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     finding, evidence = gain(bench, entry), bench.evidence
     if finding.verdict != UNTESTED:
         return finding
     effect = effect_of(evidence, scene, method, against, metric)
-    if evidence is None or effect is None or not isinstance(entry.printed, int | float):
+    if evidence is None or effect is None or entry.printed is None:
         return replace(finding, note=NEEDS_STUDY)
     study, pair, digits = evidence.study(STUDY), on_them(effect), entry.digits + 1
     notes = [unpaired(effect), doubts(evidence)]
-    other = effect_of(evidence, scene, EQUATION_4.get(method, ""), EQUATION_4.get(against, against), metric)
+    other = effect_of(evidence, scene, entry.of.get("other", ""), entry.of.get("other_against", ""), metric)
     if other is not None:
         shown = f"{signed(other.difference, digits)} {interval(other.simultaneous or other.interval, digits)}".strip()
         notes.insert(0, f"with the amplifier of Eq. 4: {shown} ({other.verdict.phrase})")
     return Finding(
-        judge_gain(entry.printed, MARGINS[metric], pair, False),
+        judge_gain(entry.printed, MARGINS[metric], pair, False, entry.bound),
         PAIRED.format(metric=metric.upper(), units="seed"),
         effect.difference,
         pair,

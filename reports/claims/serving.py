@@ -1,14 +1,15 @@
 """§8: retrieval from the cache, its key, and attention as priority, as measured on the run's trained methods."""
 
+from harness.records.claims import Pair, Statement
 from harness.records.study import Check
-from reports.claims.ledger import Bench, Finding, Pair, Printed
+from reports.claims.ledger import Bench, Finding
 from reports.data.wording import UNTESTED, Verdict, count, listed, significant
 
 COMMAND = "python -m harness study serving OUT"
 MISSED: Verdict = "not seen at this scale"
 
 
-def retrieval(bench: Bench, entry: Printed) -> Finding:
+def retrieval(bench: Bench, entry: Statement) -> Finding:
     """Judge retrieval. “Instant” has no number: the spread of repeated calls is held against the record's limit."""
     hits = _checks(bench, "hit.")
     memory, disk = ([hit for hit in hits if hit.id.startswith(f"hit.{place}.")] for place in ("memory", "disk"))
@@ -43,7 +44,7 @@ def retrieval(bench: Bench, entry: Printed) -> Finding:
     return Finding(verdict, how, low if low == high else (low, high), interval, note="; ".join(notes))
 
 
-def pose_key(bench: Bench, entry: Printed) -> Finding:
+def pose_key(bench: Bench, entry: Statement) -> Finding:
     """Judge the hash of the pose alone, as in Listing 5: what else may change without its noticing."""
     how = (
         "kinds of change after which a key of the pose alone returns another picture than is asked for, where the same "
@@ -56,7 +57,7 @@ def pose_key(bench: Bench, entry: Printed) -> Finding:
     return Finding("not reproduced" if stale.value else "reproduced", how, round(stale.value or 0.0), note=note)
 
 
-def attended_first(bench: Bench, entry: Printed) -> Finding:
+def attended_first(bench: Bench, entry: Statement) -> Finding:
     """Judge whether attended regions are useful earlier; overlapping repeats decide nothing."""
     how = (
         "seconds until the error in the most attended quarter has fallen to a tenth of the coarse frame’s, against "
@@ -74,7 +75,7 @@ def attended_first(bench: Bench, entry: Printed) -> Finding:
     return Finding(verdict, how, sooner.spread if sooner else None, note="; ".join(notes))
 
 
-def factor_of_priorities(bench: Bench, entry: Printed) -> Finding:
+def factor_of_priorities(bench: Bench, entry: Statement) -> Finding:
     """Judge the factor φ, to which priorities sum where shares sum to 1: in what maps it changes anything."""
     how = "orders and allocations of attention maps, with the factor φ and without it"
     changed = _check(bench, "phi.changed")

@@ -2,11 +2,13 @@
 
 from typing import Any
 
+from harness.records.claims import Bound, Number, Pair
 from reports.claims.claim_list import KINDS, tally
-from reports.claims.ledger import Claim, Number, Pair, by_cause
+from reports.claims.ledger import Claim, by_cause
 from reports.data.wording import NOTHING, UNTESTED, bare, count, counted, listed, number, signed, significant
 from reports.page.grid import Column, Entry, Grid
 
+BOUNDS: dict[Bound, str] = {"": "", "at least": "≥ ", "at most": "≤ "}
 LOOKS = {
     "reproduced": ("✓", "holds"),
     "seen": ("✓", "holds"),
@@ -87,7 +89,7 @@ def printed_text(claim: Claim) -> str:
     """Format a printed number: +1.2 to +1.8 dB, +1.4 dB, 33.0 dB, 257, 18 %, 4.2 h."""
     if claim.printed is None:
         return "in words" if claim.kind != "others" else NOTHING
-    return _text(claim, claim.printed, claim.digits)
+    return BOUNDS[claim.bound] + _text(claim, claim.printed, claim.digits)
 
 
 def measured_text(claim: Claim) -> str:

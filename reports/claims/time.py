@@ -8,8 +8,9 @@ open.
 
 import math
 
+from harness.records.claims import Pair, Statement
 from harness.records.targets import TargetComparison, TargetsRecord
-from reports.claims.ledger import LEAST_PAIRS, Bench, Finding, Pair, Printed, judge_gain
+from reports.claims.ledger import LEAST_PAIRS, Bench, Finding, judge_gain
 from reports.claims.scores import NEEDS_RUN
 from reports.data.selection import behind_saving
 from reports.data.wording import UNTESTED, count, counted, number
@@ -22,21 +23,23 @@ NEEDS_MACHINE = "need the paper’s machine"
 NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never reaches 30 dB on three of eight"
 
 
-def saving(bench: Bench, entry: Printed) -> Finding:
+def saving(bench: Bench, entry: Statement) -> Finding:
     """Judge the saving of steps or seconds to the target in per cent."""
-    axis, targets = entry.of["axis"], bench.targets
+    method, against, axis = (entry.of[name] for name in ("method", "against", "axis"))
+    targets = bench.targets
     how = (
         f"{WHAT[axis]} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
     )
     if targets is None:
         return Finding(UNTESTED, how, note=NEEDS_TARGETS)
-    row = targets.comparison("all", "qnerf", "nerf", axis) if targets.target is not None else None
+    row = targets.comparison("all", method, against, axis) if targets.target is not None else None
     started = {cell.method for cell in bench.records.cells if cell.status != "not_available"}
-    if row is None or not {"qnerf", "nerf"} <= started or not isinstance(entry.printed, int | float):
-        return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods="qnerf and nerf"))
-    at_paper_scale = targets.printed and bench.at_paper_scale("all")
-    verdict = judge_gain(entry.printed, MARGIN, reachable(row), at_paper_scale)
-    return Finding(verdict, how, row.saving, _on_them(row), note=_note(row, targets), runs=behind_saving(row))
+    if row is None or not {method, against} <= started or entry.printed is None:
+        return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods=f"{method} and {against}"))
+    at_scale = bench.file.scale is None or (targets.printed and bench.at_scale("all"))
+    verdict = judge_gain(entry.printed, MARGIN, reachable(row), at_scale, entry.bound)
+    note = _note(row, targets, bench.file.names)
+    return Finding(verdict, how, row.saving, _on_them(row), note=note, runs=behind_saving(row))
 
 
 def reachable(row: TargetComparison) -> Pair | None:
@@ -56,24 +59,24 @@ def _on_them(row: TargetComparison) -> Pair | None:
 def _sides(row: TargetComparison) -> tuple[bool, bool]:
     """Return whether the true saving may be larger, and whether it may be smaller.
 
-    It may be larger if NeRF was not watched to its end or Q-NeRF was there before the first look; smaller the other way
-    round.
+    It may be larger if the rival was not watched to its end or the method was there before the first look; smaller the
+    other way round.
     """
     return bool(row.never[1] or row.earlier[0]), bool(row.never[0] or row.earlier[1])
 
 
-def _note(row: TargetComparison, targets: TargetsRecord) -> str:
+def _note(row: TargetComparison, targets: TargetsRecord, names: dict[str, str]) -> str:
     """State the target, how many of each got there while both were watched, and whether the saving is a bound."""
-    parts = []
+    parts, (method, against) = [], (names.get(name, name) for name in (row.method, row.against))
     if row.pairs:
         ours, theirs = (count(row.pairs - never) for never in row.never)
         parts.append(
-            f"{number(targets.target, 1)} dB was reached by {theirs} of {counted(row.pairs, 'NeRF run')} and "
-            f"{ours} of {counted(row.pairs, 'Q-NeRF run')} in the {WHAT[row.axis]} watched"
+            f"{number(targets.target, 1)} dB was reached by {theirs} of {counted(row.pairs, f'{against} run')} and "
+            f"{ours} of {counted(row.pairs, f'{method} run')} in the {WHAT[row.axis]} watched"
         )
-    for method, earlier in zip(("Q-NeRF", "NeRF"), row.earlier, strict=True):
+    for name, earlier in zip((method, against), row.earlier, strict=True):
         if earlier:
-            parts.append(f"{earlier} of {counted(row.pairs, 'run')} of {method} had reached it by the first checkpoint")
+            parts.append(f"{earlier} of {counted(row.pairs, 'run')} of {name} had reached it by the first checkpoint")
     if row.saving is not None:
         parts.append(bound(row))
     if row.unpaired:
@@ -89,6 +92,6 @@ def bound(row: TargetComparison) -> str:
     return "the true saving is larger" if larger else "the true saving is smaller" if smaller else ""
 
 
-def time_to_target(bench: Bench, entry: Printed) -> Finding:
+def time_to_target(bench: Bench, entry: Statement) -> Finding:
     """Show steps or hours themselves, with which nothing here is comparable."""
     return Finding(UNTESTED, "no run is asked for it", note=NEEDS_MACHINE if entry.unit == "h" else NEEDS_SCENES)

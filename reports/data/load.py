@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from msgspec import structs
+
 from harness.records.cells import (
     CellRecord,
     Comparison,
@@ -23,6 +25,7 @@ from harness.records.cells import (
 )
 from harness.records.json_record import REMEDY, DamagedRecord, shown
 from harness.records.targets import TARGETS_FILE, TargetsRecord, read_targets
+from harness.verdicts.claim_files import claims_of, usual_roles
 from harness.verdicts.comparisons import compare
 
 One = TypeVar("One")
@@ -124,6 +127,8 @@ def read_records(out: Path, partly: bool = False) -> Records:
     if not (folder / "run.json").is_file():
         raise NoRecords(f"{folder / 'run.json'}: missing; {finish}")
     run = read_run(out)
+    if run.claims is None:
+        run = structs.replace(run, claims=claims_of(run.methods, ()), roles=usual_roles())
     left_out: list[str] | None = [] if partly else None
     cells = [cell for path in paths if (cell := if_sound(partial(read_cell, path), None, left_out)) is not None]
     if not cells:
@@ -134,7 +139,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
     targets = if_sound(partial(_targets, out, known, cells), None, left_out)
     if len(cells) < len(paths):  # both are of cells that are not shown
         compared = [name for name in run.methods if name not in run.guests]
-        comparisons, targets = compare(of_whole_groups(cells, run.main_methods), compared), None
+        comparisons, targets = compare(of_whole_groups(cells, run.main_methods), compared, run.roles), None
     unsorted = Records(out, run, cells, comparisons)
     scenes, methods = unsorted.scenes, [*known, *run.methods]
     cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))

@@ -5,49 +5,47 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
+from harness.records.claims import ClaimFile, Scale
 from reports.data.load import Records
 from reports.data.wording import count, counted, duration, listed, number
-
-PAPER_STEPS = 200_000
-PAPER_TRAINING = {"rays": 1024, "learning_rate": 5e-4}
-PAPER_NETWORK = {"depth": 8, "width": 256}
-PAPER_VIEWS = {"train": 100, "test": 200}
-"""The views of each scene of NeRF Synthetic, as its files are published."""
 
 
 @dataclass(frozen=True)
 class Fact:
     label: str
     value: str
-    paper: str
-    """The paper's setting."""
+    printed: str
+    """The same of what the run is compared with; empty if that does not say it."""
 
 
 def facts(records: Records) -> list[Fact]:
-    """Return resolution, steps, time, seeds, network: the top of the page, beside the paper's setting."""
+    """Return resolution, steps, time, seeds, network: the top of the page, beside the settings of a source."""
     settings = records.run.settings
     done = [cell for cell in records.cells if cell.status == "done"]
     seconds, cores = [cell.train_seconds for cell in done], [cell.train_core_seconds for cell in done]
     counted_cores = [each for each in cores if each is not None]
     of_cores = f", {number(median(counted_cores), 1)} core s" if counted_cores else ""
-    every = [
-        Fact("profile", records.run.profile, "full"),
-        Fact("scenes", count(len(records.scenes)), "8"),
-        Fact("picture", _resolutions(records), "800 × 800 px"),
-        Fact("views", _views(records), "100 train, 200 test"),
-        Fact("steps", _steps(records), count(PAPER_STEPS)),
-        Fact(
-            "training time",
-            f"{duration(median(seconds))} a cell (median){of_cores}" if seconds else "",
-            "4.2 h to 30 dB",
-        ),
-        Fact("seeds", count(len(records.run.seeds)), "not stated"),
-        Fact("network", _network(records), "8 × 256"),
-        Fact("rays a step", setting(settings, "train", "rays"), "1\u202f024"),
-        Fact("samples a ray", _samples(settings), "not stated"),
-        Fact("learning rate", setting(settings, "train", "learning_rate"), "0.0005"),
-    ]
-    return [fact for fact in every if fact.value]
+    every = {
+        "profile": records.run.profile,
+        "scenes": count(len(records.scenes)),
+        "picture": _resolutions(records),
+        "views": _views(records),
+        "steps": _steps(records),
+        "training time": f"{duration(median(seconds))} a cell (median){of_cores}" if seconds else "",
+        "seeds": count(len(records.run.seeds)),
+        "network": _network(records),
+        "rays a step": setting(settings, "train", "rays"),
+        "samples a ray": _samples(settings),
+        "learning rate": setting(settings, "train", "learning_rate"),
+    }
+    source = compared_with(records)
+    printed = source.facts if source else {}
+    return [Fact(label, value, printed.get(label, "")) for label, value in every.items() if value]
+
+
+def compared_with(records: Records) -> ClaimFile | None:
+    """Return the source whose settings stand beside those of the run."""
+    return next((file for file in records.run.claims or [] if file.facts), None)
 
 
 def in_a_line(records: Records) -> str:
@@ -58,60 +56,59 @@ def in_a_line(records: Records) -> str:
     return ", ".join(filter(None, parts))
 
 
-def has_paper_settings(records: Records) -> bool:
-    """Return whether every finished cell was trained as the paper says: pixels, steps, rays, rate and network."""
+def has_settings(records: Records, scale: Scale) -> bool:
+    """Return whether every finished cell was trained as a source says: pixels, steps, rays, rate and network."""
     finished = [cell for cell in records.cells if cell.status == "done"]
-    settings = records.run.settings
-    same = all(number_at(settings, "train", name) == value for name, value in PAPER_TRAINING.items())
-    same &= all(number_at(settings, "train", "network", name) == value for name, value in PAPER_NETWORK.items())
-    large = all((scene.width, scene.height) == (800, 800) for scene in records.run.scenes)
-    return same and large and bool(finished) and all(cell.steps == PAPER_STEPS for cell in finished)
+    same = all(number_at(records.run.settings, *name.split(".")) == value for name, value in scale.settings.items())
+    large = all((scene.width, scene.height) == (scale.width, scale.height) for scene in records.run.scenes)
+    return same and large and bool(finished) and all(cell.steps == scale.steps for cell in finished)
 
 
-def papers_scenes(records: Records) -> list[str]:
-    """Return the scenes of the run that are taken to be the paper's.
+def scenes_at_scale(records: Records, file: ClaimFile, scale: Scale) -> list[str]:
+    """Return the scenes of the run that are taken to be those of a source.
 
     A name alone is no evidence, as ours are analogues that share the names: accepted are view sets that were given and
-    not rendered here, with as many views as NeRF Synthetic has. The name then says which row of Table 2 they are.
+    not rendered here, with as many views as those of the source. The name then says which printed row they are.
     """
     return [
         scene.name
         for scene in records.run.scenes
         if not scene.rendered
-        and all(scene.views.get(split) == many for split, many in PAPER_VIEWS.items())
-        and scene.name in _of_table2(records)
+        and all(scene.views.get(split) == many for split, many in scale.views.items())
+        and scene.name in file.scenes
     ]
 
 
-def is_paper_scale(records: Records, scene: str = "all") -> bool:
-    """Return whether a result on `scene` is comparable with the paper's own numbers: its settings, on its pictures.
+def is_at_scale(records: Records, file: ClaimFile, scene: str = "all") -> bool:
+    """Return whether a result on `scene` is comparable with the numbers of a source: its settings, on its pictures. A
+    claim without a scale is about any run.
 
-    A mean over `all` scenes is if they are just those of Table 2.
+    A mean over `all` scenes is if they are just those that are printed.
     """
-    there = papers_scenes(records)
+    if file.scale is None:
+        return True
+    there = scenes_at_scale(records, file, file.scale)
     if scene == "all":
-        every = set(records.scenes) == set(there) == _of_table2(records)
-        return bool(there) and every and has_paper_settings(records)
-    return has_paper_settings(records) and scene in there
+        every = set(records.scenes) == set(there) == file.scenes.keys()
+        return bool(there) and every and has_settings(records, file.scale)
+    return has_settings(records, file.scale) and scene in there
 
 
-def standing(records: Records) -> str:
+def standing(records: Records, file: ClaimFile) -> str:
     """State the subject of verdicts on trained methods, in a sentence."""
-    if is_paper_scale(records):
+    if file.scale is None:
+        return "Claims about any run, tested on this one"
+    name, same = file.title, has_settings(records, file.scale)
+    if is_at_scale(records, file):
         return (
-            "The paper’s settings, on eight view sets with the sizes, names and numbers of views of its data set; that "
+            f"The settings of {name}, on view sets with the sizes, names and numbers of views of its data set; that "
             "they are its pictures is the word of who gave them"
         )
-    if papers_scenes(records) and has_paper_settings(records):
-        return "The paper’s settings, on some of its scenes: what it prints of all of them cannot be reproduced here"
-    if has_paper_settings(records):
-        return "The paper’s settings, but not its pictures: nothing that it prints of them can be reproduced here"
-    return "Not the paper’s scale: a gain can be seen here or not, but not reproduced"
-
-
-def _of_table2(records: Records) -> set[str]:
-    table = records.run.paper.get("table2") or {}
-    return {name for name, row in table.items() if isinstance(row, dict) and name != "average"}
+    if same and scenes_at_scale(records, file, file.scale):
+        return f"The settings of {name}, on some of its scenes: what it prints of all of them cannot be reproduced here"
+    if same:
+        return f"The settings of {name}, but not its pictures: nothing that it prints of them can be reproduced here"
+    return f"Not the scale of {name}: a gain can be seen here or not, but not reproduced"
 
 
 def _resolutions(records: Records) -> str:

@@ -183,12 +183,13 @@ def scores(cells: list[CellRecord]) -> list[float]:
 def printed_form(records: Records) -> str:
     """State the result of the printed form, and its reason; empty if it was not trained."""
     scene = next((cell.scene for cell in records.extra_cells if cell.method == PRINTED), None)
-    comparison = records.comparison(scene, PRINTED, "nerf") if scene else None
+    baseline = records.run.roles.among(records.methods).baseline
+    comparison = records.comparison(scene, PRINTED, baseline) if scene else None
     if comparison is None or comparison.difference is None:
         return ""
     known = f"95{NARROW}% interval {interval(comparison.interval)}; " if comparison.interval else ""
     return (
-        f"With density at most 1 per scene unit, as Listing 2 reads word for word, {PRINTED} − nerf = "
+        f"With density at most 1 per scene unit, as Listing 2 reads word for word, {PRINTED} − {baseline} = "
         f"{signed(comparison.difference)} dB on {scene} ({known}{counted(comparison.pairs, 'seed')}). Listing 2 caps "
         f"density, so how opaque a surface can be depends on the unit of length, which the paper does not name; "
         "Alpha Invariance (arXiv 2404.02155) is about this dependence."
@@ -196,13 +197,13 @@ def printed_form(records: Records) -> str:
 
 
 def further_grid(records: Records) -> Grid:
-    """Tabulate the further methods, each against NeRF on its scene."""
-    scene, rows = explained_scene(records), []
+    """Tabulate the further methods, each against the baseline on its scene."""
+    scene, rows, baseline = explained_scene(records), [], records.run.roles.among(records.methods).baseline
     for method, title in records.run.methods.items():
         cells = [cell for cell in records.extra_cells if (cell.scene, cell.method) == (scene, method)]
         if not cells:
             continue
-        psnr, comparison = scores(cells), records.comparison(scene, method, "nerf")
+        psnr, comparison = scores(cells), records.comparison(scene, method, baseline)
         against = EMPTY
         if comparison is not None and comparison.difference is not None:
             pair = interval(comparison.simultaneous or comparison.interval)
@@ -214,7 +215,7 @@ def further_grid(records: Records) -> Grid:
     columns = [
         Column("method", numeric=False),
         Column("test PSNR", small="dB"),
-        Column("− nerf", small="dB, 95 % interval on this scene"),
+        Column(f"− {baseline}", small="dB, 95 % interval on this scene"),
         Column("sign, size", numeric=False),
     ]
     return Grid(f"Further methods on {scene}", columns, rows, filtered=False)

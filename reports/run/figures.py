@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from harness.records.verdict import phrase_with
 from reports.claims.headline import roles, tabulated
+from reports.claims.psnr_table import printed_gain
 from reports.data.load import Records
 from reports.data.selection import behind_difference
 from reports.data.wording import interval, signed
@@ -57,9 +58,9 @@ def _differences_panel(records: Records, method: str, rival: str, budget: str, w
         Trace("95 % interval", colour, "range", lows, at, highs, runs=tuple(map(behind_difference, some))),
         Trace("difference", colour, "dots", middles, places, runs=tuple(map(behind_difference, every))),
     ]
-    printed = _printed(records, rows) if (method, rival) == ("qnerf", "nerf") else {}
+    printed = _printed(records, rows, method, rival)
     if printed:
-        traces.append(Trace("printed in the paper", MUTED.light, "mark", tuple(printed.values()), tuple(printed)))
+        traces.append(Trace("printed", MUTED.light, "mark", tuple(printed.values()), tuple(printed)))
     stated = "; ".join(
         f"{row.scene} {signed(row.difference)} {interval(row.simultaneous or row.interval)} "
         f"{phrase_with(row.verdict, row.simultaneous or row.interval)}"
@@ -71,13 +72,12 @@ def _differences_panel(records: Records, method: str, rival: str, budget: str, w
     return Panel(title, "difference in test PSNR (dB)", "", tuple(traces), alt, rows=rows, size=size)
 
 
-def _printed(records: Records, rows: tuple[str, ...]) -> dict[float, float]:
-    """Map place of a row → the paper's difference; over `all` if every scene of the run is printed."""
-    table = records.run.paper.get("table2") or {}
-    printed = {scene.lower(): row["qnerf"] - row["nerf"] for scene, row in table.items() if "qnerf" in row}
-    scenes = [row for row in rows if row != "all"]
-    if printed and set(scenes) <= set(printed):
-        printed["all"] = sum(printed[row] for row in scenes) / max(len(rows) - 1, 1)
+def _printed(records: Records, rows: tuple[str, ...], method: str, rival: str) -> dict[float, float]:
+    """Map place of a row → the printed difference; over `all` if every scene of the run is printed."""
+    gains = {row: printed_gain(records, row, method, rival) for row in rows if row != "all"}
+    printed = {row: gain for row, gain in gains.items() if gain is not None}
+    if printed and len(printed) == len(gains):
+        printed["all"] = sum(printed.values()) / len(printed)
     return {float(place): printed[row] for place, row in enumerate(rows) if row in printed}
 
 

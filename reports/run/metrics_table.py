@@ -7,7 +7,6 @@ from statistics import fmean
 
 from harness.records.cells import CellRecord, LeftOut
 from harness.records.metric_table import METRICS, Metric, metric_of
-from harness.verdicts.comparisons import baseline_of
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.training_cost import CostRatio, cost_ratios
 from reports.claims.arithmetic import COMPONENT_TITLES
@@ -125,15 +124,19 @@ def _property_entry(values: list[float | str], behind: Selection) -> Entry:
 
 def parameters_grid(records: Records) -> Grid:
     """Tabulate weights of the networks that were trained, and Table 1 beside the counts of its description."""
-    printed = records.run.paper.get("table1") or {}
-    measured = records.run.paper.get("parameters_measured") or {}
+    files = records.run.claims or []
+    printed: dict[str, int] = {}
+    measured: dict[str, int] = {}
+    for file in files:
+        printed |= file.tables.get("weights", {})
+        measured |= file.measured.get("weights", {})
     trained = {cell.method: cell.parameters for cell in records.cells if cell.parameters}
     columns, weights = [Column("component", numeric=False)], []
     for method in records.methods:
         if method in trained:
             columns.append(Column(method, method, "this run"))
             weights.append(trained[method])
-    for label, small, known in (("printed", "Table 1", printed), ("counted", "paper’s network", measured)):
+    for label, small, known in (("printed", "", printed), ("counted", "at the printed size", measured)):
         if known:
             columns.append(Column(label, small=small))
             weights.append(known)
@@ -159,7 +162,7 @@ BYTES = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 
 def costs_grid(records: Records) -> Grid:
     """Tabulate what training, drawing and keeping a model of each method costs: means over its finished cells."""
-    against = baseline_of(records.methods)
+    against = records.run.roles.among(records.methods).baseline
     columns = [
         Column("method", numeric=False),
         Column("training", small="a cell"),
@@ -168,7 +171,7 @@ def costs_grid(records: Records) -> Grid:
     columns += [Column("drawing", small="a test view"), Column("weights"), Column("file"), Column("memory")]
     columns.append(Column("of the GPU"))
     every = [*records.cells, *records.guest_cells]
-    multiples = {row.method: _multiple(row, against) for row in cost_ratios(records.cells, records.methods)}
+    multiples = {row.method: _multiple(row, against) for row in cost_ratios(records.cells, records.methods, against)}
     rows = []
     for method in (*records.methods, *records.run.guests):
         cells = [cell for cell in every if (cell.method, cell.status) == (method, "done")]

@@ -18,7 +18,7 @@ from reports.data import glossary, wording
 from reports.data.beside import ALONE, Beside
 from reports.data.load import Records
 from reports.data.packing import as_data
-from reports.data.scale import facts, in_a_line, is_paper_scale, standing
+from reports.data.scale import compared_with, facts, in_a_line, is_at_scale, standing
 from reports.data.selection import behind_difference
 from reports.drawing.figure import plots
 from reports.drawing.palette import colours_of
@@ -68,12 +68,12 @@ AMPLIFIER = (
     "share. Both axes are logarithmic where the bins are; empty bins lie on the lower one."
 )
 CLAIMS = Markup(
-    "{}: {}. Intervals are 95 %, on these scenes, and widened where several claims are looked at together. At the "
-    "paper’s scale a gain or level is <i>reproduced</i> where its interval lies within ± 0.2 dB (0.005 of SSIM, 5 "
+    "{}: {}. Intervals are 95 %, on these scenes, and widened where several claims are looked at together. At its own "
+    "scale a gain or level is <i>reproduced</i> where its interval lies within ± 0.2 dB (0.005 of SSIM, 5 "
     "percentage points of a saving) of what is printed, and <i>not reproduced</i> where it lies outside. At another "
     "scale a gain is <i>seen</i> where its interval lies above 0 and reaches to within that distance of what is "
     "printed, and <i>not seen at this scale</i> where it does not reach there. What needs no training – weights, sums, "
-    "means – is reproduced or not. All else is <i>inconclusive</i>."
+    "means – is reproduced or not. A bound is met exactly. All else is <i>inconclusive</i>."
 )
 
 
@@ -91,7 +91,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
     studies = [record for record in (beside.evidence, beside.stability, beside.serving) if record is not None]
     shelves = {record.shelf: shown.get(record.shelf) or shelf_shown(record, records.out) for record in studies}
     work, missing = diagrams(records), not_tested(run.not_tested, ledger)
-    answer = headline(records)
+    answer, source = headline(records), compared_with(records)
     return layout.page(
         "page.html",
         answer.title,
@@ -109,7 +109,8 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         first=first_screen(records, ledger, beside),
         facts=facts(records),
         scale=in_a_line(records),
-        at_paper_scale=is_paper_scale(records),
+        source=source,
+        at_scale=source is None or is_at_scale(records, source),
         as_printed=printed_form(records),
         ceilings=ceilings(records),
         expected=len(run.scenes) * len(run.methods) * len(run.seeds),
@@ -202,9 +203,10 @@ def _sections(
         unread = [
             parts.folded(shell.with_code(chapter["title"]), parts.bullets(chapter["claims"])) for chapter in untested
         ]
-        rule = parts.paragraph(CLAIMS.format(standing(records), in_a_line(records)))
+        subjects = "; ".join(dict.fromkeys(standing(records, file) for file in run.claims or []))
+        rule = parts.paragraph(CLAIMS.format(subjects, in_a_line(records)))
         heading = HEADING.format("Not tested") if untested else Markup("")
-        yield folded("claims", "The paper’s claims", rule, *judged, heading, *unread)
+        yield folded("claims", "Claims", rule, *judged, heading, *unread)
     for title, (name, grid) in TABLES.items():
         yield folded(name, title, parts.table(grid(records), False))
     yield shelf("serving")

@@ -37,7 +37,7 @@ from harness.records.pictures import (
     write_truth,
 )
 from harness.records.verdict import verdict_of
-from harness.verdicts.paper import printed
+from harness.verdicts.claim_files import known_claims
 
 EIGHT = ("chair", "drums", "ficus", "hotdog", "lego", "materials", "mic", "ship")
 METHODS = {
@@ -49,12 +49,14 @@ STEPS = (50, 100, 200, 400, 800, 1600)
 GAIN = {"nerf": 0.0, "nerf_matched": 0.9, "qnerf": 0.8}
 VIEWS = ("r_12", "r_87")
 SLOWNESS = {"nerf": 1.0, "nerf_matched": 0.97, "qnerf": 1.06}
-PAPER = {
-    **printed(),
-    "parameters_measured": {"density_net": 493_056, "density_head": 257, "colour_net": 53_251, "total": 546_566},
-    "sloc_measured": 690,
-    "sloc_files": {"encoding": 90, "amplifier": 600},
-}
+PAPER = replace(
+    known_claims()[0],
+    measured={
+        "weights": {"density_net": 493_056, "density_head": 257, "colour_net": 53_251, "total": 546_566},
+        "sloc": 690,
+        "sloc_files": {"encoding": 90, "amplifier": 600},
+    },
+)
 
 
 def final_psnr(place: int, method: str, seed: int) -> float:
@@ -254,7 +256,7 @@ def run_record(scenes: list[str], methods: dict[str, str], seeds: int, size: int
             "Listing 4 indexes a 2-D tensor with three indices: repaired to [:, :1].",
             "Eq. 3 ends in φ^(L−1).",
         ],
-        paper=PAPER,
+        claims=[PAPER],
         seeds=list(range(seeds)),
         settings={
             "profile": "reduced",

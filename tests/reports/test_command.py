@@ -52,16 +52,16 @@ def test_bad_input_gives_2_and_one_line(tmp_path, out, capsys):
     assert not (out / "report.html").exists()
 
 
-def test_a_ledger_that_is_none_gives_2_and_one_line(tmp_path, capsys):
+def test_claims_that_are_none_give_2_and_one_line(tmp_path, capsys):
     out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False)
     path = out / "records" / "run.json"
     run = json.loads(path.read_text(encoding="utf-8"))
     run.pop("digest", None)
-    run["paper"]["ledger"] = [{"id": "table2-chair"}]
+    run["claims"][0]["claims"] = [{"id": "table2-chair"}]
     path.write_text(json.dumps(run), encoding="utf-8")
     assert main([str(out)]) == 2
     said = capsys.readouterr().err
-    assert "ledger" in said
+    assert "$.claims" in said
     assert len(said.splitlines()) == 1
 
 

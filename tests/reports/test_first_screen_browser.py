@@ -65,11 +65,11 @@ def test_the_claims_are_saved_a_row_each_with_numbers_that_parse(browser, whole)
     assert [row["claim"] for row in rows] == view.locator(".principal tbody th").all_inner_texts()
     by_claim = {row["claim"]: row for row in rows}
     average, weights = (by_claim[name] for name in ("PSNR gain, average", "weights of Table 1, counted"))
-    assert (average["printed"], average["printed unit"]) == ("1.5", "dB")
+    assert (average["claimed"], average["claimed unit"]) == ("1.5", "dB")
     assert [round(float(average[f"measured{end}"]), 2) for end in ("", " low", " high")] == [0.81, 0.76, 0.86]
-    assert (weights["printed"], weights["measured"]) == ("1370000", "546566")
+    assert (weights["claimed"], weights["measured"]) == ("1370000", "546566")
     figures = [
-        row[name] for row in rows for name in row if re.fullmatch(r"(printed|measured)( from| to| low| high)?", name)
+        row[name] for row in rows for name in row if re.fullmatch(r"(claimed|measured)( from| to| low| high)?", name)
     ]
     assert [float(one) for one in figures if one]
 

@@ -22,7 +22,7 @@ from harness.studies.evidence.contrasts import (
 )
 from harness.studies.evidence.evidence_context import READINGS, EvidenceContext
 from harness.studies.framework import Found
-from harness.verdicts.paper import TABLE4
+from harness.verdicts.claim_files import known_claims
 
 PARTS = {"φ encoding": "phi_encoding", "amplifier": "amplifier", "φ skip": "phi_skip"}
 """Part → its name in the names of combinations; the amplifier's depends on the reading."""
@@ -50,7 +50,7 @@ def factorial(context: EvidenceContext) -> Iterator[Found]:
         yield from of_reading
     yield from compared
     for reading in READINGS:
-        yield table4(cells, compared, reading)
+        yield ablation(cells, compared, reading)
     columns, scores = score_table(cells, (name for design in designs.values() for name in design.methods.values()))
     title = "Every combination at equal steps: mean ± sd over seeds"
     yield Table("combinations", 0, title, ["method", *columns], [[method, *row] for method, row in scores.items()])
@@ -136,24 +136,25 @@ def _densest(cells: list[CellRecord], reading: str) -> Iterator[str]:
         )
 
 
-def table4(cells: list[CellRecord], compared: list[Effect], reading: str) -> Table:
+def ablation(cells: list[CellRecord], compared: list[Effect], reading: str) -> Table:
     """Return the cumulative rows on lego beside the printed ones, with what each row adds to the one above it."""
     rows: list[list[str | float | None]] = []
-    methods = cumulative(reading)
-    for place, (method, printed) in enumerate(zip(methods, TABLE4, strict=True)):
+    methods, (paper,) = cumulative(reading), [file for file in known_claims() if file.id == "qnerf"]
+    ablation = paper.tables["ablation"]
+    for place, (method, printed) in enumerate(zip(methods, ablation, strict=True)):
         row: list[str | float | None] = [str(printed["configuration"]), method]
         for metric in METRICS:
-            row += [spread_of(cells, TABLE4_SCENE, method, metric), str(printed[metric])]
+            row += [spread_of(cells, TABLE4_SCENE, method, metric), str(printed["scores"][metric])]
             if place == 0:
                 row += ["", ""]
                 continue
             above = methods[place - 1]
             (step,) = chosen(compared, name=method, against=above, scene=TABLE4_SCENE, metric=metric)
-            jump = float(str(printed[metric])) - float(str(TABLE4[place - 1][metric]))
+            jump = float(str(printed["scores"][metric])) - float(str(ablation[place - 1]["scores"][metric]))
             row += [in_brief(step), amount(jump, metric)]
         rows.append(row)
     columns = ["configuration", "method"]
     for label in ("PSNR, dB", "SSIM"):
         columns += [label, "printed", "step", "printed"]
     title = f"Table 4 on {TABLE4_SCENE}, amplifier of {reading}: mean ± sd over seeds, and what each row adds"
-    return Table(f"table4_{reading}", 0, title, columns, rows)
+    return Table(f"ablation_{reading}", 0, title, columns, rows)

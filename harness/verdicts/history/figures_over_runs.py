@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.records.past_runs import PastRun
 from harness.records.study import Answer, Finding, Series, Studies, StudyInfo, StudyRecord, Table
 from harness.verdicts.history.change_points import CHANCE, FEWEST, ChangePoint, change_points
+from harness.verdicts.history.past_runs import PastRun
 
 MOST_LINES = 8
 """The lines of a chart, those with changes first, then those that vary most."""

@@ -8,6 +8,7 @@ from harness.records.cells import CellRecord, Checkpoint, unscored
 from harness.records.json_record import as_promised, plain
 from harness.records.metric_table import PRIMARY
 from harness.verdicts.changes import Situation
+from harness.verdicts.claim_files import usual_roles
 from harness.verdicts.comparisons import compare
 from harness.verdicts.headline_family import SENSES, headline_budgets
 
@@ -27,7 +28,7 @@ def judged_again(run: Run) -> Run:
     guests = {cell["method"] for cell in run["cells"]} - {row["method"] for row in run["comparisons"]}
     guests -= {row["against"] for row in run["comparisons"]}
     methods = [method for method in run["methods"] if method not in guests]
-    rows = [plain(row) for row in compare(cells_of(run, methods), methods) if row.metric == PRIMARY]
+    rows = [plain(row) for row in compare(cells_of(run, methods), methods, usual_roles()) if row.metric == PRIMARY]
     return run | {"comparisons": rows + [row for row in run["comparisons"] if row["metric"] != PRIMARY]}
 
 

@@ -13,11 +13,21 @@ from harness.records.verdict import phrase_with
 from harness.verdicts.changes import Situation, changes
 from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between
-from reports.claims.headline import BASELINE, CONTROL, FAVOURITE, REPAIRED
 from reports.data.outcome import doubts, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
 from reports.run.saving.published_cells import situation
-from reports.run.saving.replicates import Replicated, Run, answer, replicated, row, verdict_in
+from reports.run.saving.replicates import (
+    BASELINE,
+    CONTROL,
+    FAVOURITE,
+    REPAIRED,
+    Replicated,
+    Run,
+    answer,
+    replicated,
+    row,
+    verdict_in,
+)
 
 DUELS = (
     *((FAVOURITE, BASELINE), (FAVOURITE, CONTROL)),
@@ -35,6 +45,11 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 def main_methods(run: Run) -> list[str]:
     """Return the methods that were trained on every scene."""
     return [method for method in run["methods"] if method in run["settings"]["methods"]]
+
+
+def in_both(run: Run, other: Run) -> list[str]:
+    """Return the methods that two runs have everywhere."""
+    return [method for method in main_methods(run) if method in main_methods(other)]
 
 
 def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str:
@@ -100,7 +115,9 @@ def equal_time(run: Run) -> str:
 
 def changed(run: Run, before: Situation, after: Situation, words: str) -> str:
     """Tabulate by how much the difference of each pair changed between two situations, in both senses."""
-    found = {(each.method, each.against): each for each in changes(main_methods(run), before, after)}
+    there = [{cell.method for cell in side.cells} for side in (before, after)]
+    methods = [method for method in main_methods(run) if all(method in side for side in there)]
+    found = {(each.method, each.against): each for each in changes(methods, before, after)}
     rows = []
     for pair in DUELS:
         if (change := found.get(pair)) is None:
@@ -139,9 +156,7 @@ def beside(run: Run, other: Run, replicates: Run) -> str:
     for place in places:
         where = f", mean of {counted(len(common), 'scene')}" if whole else f" on {place}"
         inside = common if whole else [place]
-        rows += [
-            (f"`{method}`{where}", *(_score(each, inside, method) for each in runs)) for method in main_methods(run)
-        ]
+        rows += [(f"`{method}`{where}", *(_score(each, inside, method) for each in runs)) for method in in_both(*runs)]
         for pair in DUELS:
             duels = [row(each, place, *pair) for each in runs]
             if all(duels):
@@ -155,14 +170,18 @@ def beside(run: Run, other: Run, replicates: Run) -> str:
     gains = [{gained["method"]: gained["gain"] for gained in each["last_doubling"]} for each in runs]
     rows += [
         (f"`{method}`, last doubling", *(f"{signed(gain[method])} dB" for gain in gains))
-        for method in main_methods(run)
+        for method in in_both(*runs)
         if whole and all(gain.get(method) is not None for gain in gains)
     ]
     words = "on scenes like these" if whole else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
-    methods = main_methods(run)
+    methods = in_both(*runs)
     first, second = (situation(each, methods) for each in runs)
-    change = changed(run, first, second, "from the first column to the second")
+    change = (
+        changed(run, first, second, "from the first column to the second")
+        if all(density_of(run, method) == density_of(other, method) for method in methods)
+        else OTHER_CONSTANTS
+    )
     return "\n\n".join(filter(None, [table(head, rows), change, scale(other)]))
 
 
@@ -217,6 +236,18 @@ def further(run: Run) -> str:
     return table((f"on {scene}", "what it is", f"− `{BASELINE}`, 95 % on this scene"), rows) if rows else ""
 
 
+OTHER_CONSTANTS = (
+    "Units of density and starts of the fields are not the same in both columns, so the change from one to the other "
+    "is not judged."
+)
+
+
+def density_of(run: Run, method: str) -> tuple[float, float | str | None]:
+    """Return unit of density and start of a method; older runs state no start, which was one for all."""
+    own = run["settings"]["train"].get("own", {}).get(method)
+    return (own["density_scale"], own["start"]) if own else (unit_of(run, method), "one for all")
+
+
 def unit_of(run: Run, method: str) -> float:
     """Return the unit of density of a method, per half of the longest side of the scene's box."""
     settings = run["settings"]
@@ -228,18 +259,22 @@ def unit_of(run: Run, method: str) -> float:
 def ceiling(run: Run, late: Run) -> str:
     """State the largest densities of early and late trainings, and which methods end at their unit of density."""
     ranges, bound = [], []
-    for method in main_methods(run):
+    for method in in_both(run, late):
         found = [
             [cell["properties"]["largest_density"] for cell in side["cells"] if cell["method"] == method]
             for side in (run, late)
         ]
         ends = [f"{number(min(values), 0)} to {number(max(values), 0)}" for values in found]
         ranges.append(f"`{method}` {ends[0]} early and {ends[1]} late")
-        unit = unit_of(run, method)
-        every = [value for values in found for value in values]
-        if max(every) <= 1.001 * unit:
-            reached = sum(value >= 0.99 * unit for value in every)
-            bound.append(f"`{method}` cannot exceed {unit:g}, and reaches it in {reached} of {len(every)} trainings")
+        units = [unit_of(side, method) for side in (run, late)]
+        shares = [value / unit for values, unit in zip(found, units, strict=True) for value in values]
+        if max(shares) <= 1.001:
+            reached = sum(share >= 0.99 for share in shares)
+            limit = " early and ".join(f"{unit:g}" for unit in dict.fromkeys(units))
+            late_too = " late" if " early" in limit else ""
+            bound.append(
+                f"`{method}` cannot exceed {limit}{late_too}, and reaches it in {reached} of {len(shares)} trainings"
+            )
     words = f"Largest density of each training, per half of the box: {listed(ranges)}."
     return f"{words} {'; '.join(bound)}." if bound else words
 
@@ -280,8 +315,12 @@ def doubling(run: Run) -> str:
 
 
 def twice_the_steps(halved: Run, early: Run, late: Run, doubled: Run) -> str:
-    """Tabulate what twice the steps bring: between two trainings, and within the longer one."""
-    columns = [_of_twice_the_steps(halved, early), _of_twice_the_steps(late, doubled)]
+    """Tabulate what twice the steps bring: between two trainings of the same constants, and within the longer one."""
+    runs = [(halved, early), (late, doubled)]
+    alike = [all(density_of(a, method) == density_of(b, method) for method in (BASELINE, FAVOURITE)) for a, b in runs]
+    columns = [_of_twice_the_steps(*pair) for pair, same in zip(runs, alike, strict=True) if same]
+    if not columns:
+        return ""
     head, *rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
     return table(head, rows)
 

@@ -217,6 +217,7 @@ NOT_RENDERING = {
     "harness.plan.plugins",
     "harness.plan.schedule",
     "harness.records.cells",
+    "harness.records.claims",
     "harness.records.former.four_words",
     "harness.records.json_record",
     "harness.records.metric_table",

@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 
 from harness.records.cells import (
     HELD,
+    USUAL,
     CellRecord,
     Checkpoint,
     Comparison,
     Estimate,
     LeftOut,
+    Roles,
     RunRecord,
     SceneRecord,
     ViewScore,
@@ -43,6 +45,7 @@ from harness.records.json_record import (
 )
 from harness.records.metric_table import METRICS
 from harness.records.verdict import OPEN, Verdict
+from harness.verdicts.claim_files import known_claims
 from scenes.files.errors import as_text
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.replacing import replace
@@ -66,7 +69,7 @@ def one_run() -> RunRecord:
         [LeftOut("background", "alpha is known", 0.5, 0.1, (0.0, 0.2)), LeftOut("medium", "none", None, None, None)],
     )  # fmt: skip
     return RunRecord(
-        "smoke", "python -m harness run", [scene], {"nerf": "vanilla"}, ["φ"], {"table2": {}}, [0, 1], {"rays": 1},
+        "smoke", "python -m harness run", [scene], {"nerf": "vanilla"}, ["φ"], [0, 1], {"rays": 1},
         {"commit": "x"}, {"total": 3.0}, True, ["much"],
     )  # fmt: skip
 
@@ -265,15 +268,54 @@ def test_a_truncated_record_is_refused_by_name(content: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("paper", "said"),
+    ("changes", "said"),
     [
-        ({"table2": 0.5}, r"got `float` - at `\$\.table2`"),
-        ({"table2": {"lego": {"nerf": 32.5}}}, "paper.table2.lego lacks nerf or qnerf"),
-        ({"table1": {"total": "many"}}, r"got `str` - at `\$\.table1\["),
-        ({"ledger": {}}, r"got `object` - at `\$\.ledger`"),
+        ({"psnr": 0.5}, r"got `float` - at `\$\.claims\[0\]\.psnr`"),
+        ({"tables": {"weights": {"total": "many"}}}, r"got `str` - at `\$\.claims\[0\]\.tables"),
+        ({"tables": {"ablation": [{"method": "nerf"}]}}, "missing required field"),
+        ({"claims": {}}, r"got `object` - at `\$\.claims\[0\]\.claims`"),
     ],
 )
-def test_a_table_of_the_paper_that_is_none_is_refused(paper: dict[str, Any], said: str, tmp_path: Path) -> None:
-    write_run(tmp_path, replace(one_run(), paper=paper))
+def test_claims_that_are_none_are_refused(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
+    (paper,) = known_claims()
+    write_run(tmp_path, replace(one_run(), claims=[replace(paper, **changes)]))
     with pytest.raises(DamagedRecord, match=said):
         read_run(tmp_path)
+
+
+def test_a_record_of_an_older_version_is_read_without_its_tables(tmp_path: Path) -> None:
+    write_run(tmp_path, one_run())
+    path = tmp_path / "records" / "run.json"
+    data = json.loads(path.read_text())
+    del data["claims"], data["digest"]
+    write_record(path, {**data, "paper": {"table2": {}}})
+    assert read_run(tmp_path).claims is None
+
+
+ALL = ["nerf", "nerf_matched", "mine", "other"]
+
+
+@pytest.mark.parametrize(
+    ("roles", "methods", "baseline", "pairs"),
+    [
+        (USUAL, ["nerf", "mine"], "nerf", [("mine", "nerf")]),
+        (USUAL, ["mine", "other"], "mine", [("other", "mine")]),
+        (USUAL, ["nerf", "nerf_matched", "mine"], "nerf",
+         [("nerf_matched", "nerf"), ("mine", "nerf"), ("mine", "nerf_matched")]),
+        (Roles("mine"), ["nerf", "mine"], "mine", [("nerf", "mine")]),
+        (Roles("nerf", claimed=(("other", "mine"), ("mine", "nerf"), ("other", "lost"))), ["nerf", "mine", "other"],
+         "nerf", [("mine", "nerf"), ("other", "nerf"), ("other", "mine")]),
+    ],
+)  # fmt: skip
+def test_roles_say_who_is_compared_with_whom(
+    roles: Roles, methods: list[str], baseline: str, pairs: list[tuple[str, str]]
+) -> None:
+    assert roles.among(methods).baseline == baseline
+    assert roles.pairs(methods) == pairs
+    assert roles.pairs([]) == []
+
+
+def test_contenders_are_all_others_and_controls_where_there_is_nobody_else() -> None:
+    assert USUAL.contenders(ALL) == ["mine", "other"]
+    assert USUAL.contenders(ALL[:2]) == ["nerf_matched"]
+    assert USUAL.contenders(ALL[:1]) == []

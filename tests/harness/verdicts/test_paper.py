@@ -1,11 +1,15 @@
-"""The ledger against the paper's own words, copied here a second time."""
+"""The claims of the Q-NeRF paper against the paper's own words, copied here a second time."""
 
 import json
 import re
 
 from baselines.catalog import CATALOG
-from harness.verdicts.paper import LEDGER, TABLE1, TABLE2, TABLE3, TABLE4, printed
+from harness.records.claims import ClaimFile
+from harness.records.json_record import as_promised, plain
+from harness.verdicts.claim_files import known_claims
 
+(PAPER,) = known_claims()
+LEDGER = PAPER.claims
 TEXT_TABLE2 = """
 | Chair          | 33.0        | 34.4        | +1.4        |
 | Drums          | 25.0        | 26.2        | +1.2        |
@@ -42,8 +46,8 @@ def by_id():
 
 def test_table_2_is_the_printed_one():
     for name, nerf, qnerf, delta in rows(TEXT_TABLE2):
-        assert TABLE2[name.lower()] == {"nerf": float(nerf), "qnerf": float(qnerf), "delta": float(delta)}
-    assert len(TABLE2) == 9
+        assert PAPER.psnr[name.lower()] == {"nerf": float(nerf), "qnerf": float(qnerf), "delta": float(delta)}
+    assert len(PAPER.psnr) == 9
     assert [by_id()[f"table2-scenes-{name}"].printed for name in ("nerf", "qnerf")] == [(25.0, 36.2), (26.2, 38.0)]
     assert by_id()["abstract-psnr-range"].printed == (1.2, 1.8)
 
@@ -51,10 +55,10 @@ def test_table_2_is_the_printed_one():
 def test_table_3_is_the_printed_one():
     iterations, hours, final, speedup = rows(TEXT_TABLE3)
     thousands = [1000 * int(text.removesuffix("K")) for text in iterations[1:]]
-    assert list(TABLE3["iterations_to_30_db"].values()) == thousands
-    assert list(TABLE3["hours_to_30_db"].values()) == [float(text) for text in hours[1:]]
-    assert list(TABLE3["final_psnr"].values()) == [float(text) for text in final[1:]]
-    assert f"{TABLE3['speedup_percent']}%" == speedup[2]
+    assert list(PAPER.tables["times"]["iterations_to_30_db"].values()) == thousands
+    assert list(PAPER.tables["times"]["hours_to_30_db"].values()) == [float(text) for text in hours[1:]]
+    assert list(PAPER.tables["times"]["final_psnr"].values()) == [float(text) for text in final[1:]]
+    assert f"{by_id()['table3-speedup-hours'].printed}%" == speedup[2]
     entries = [
         by_id()[f"table3-{row}-{method}"].printed for row in ("iterations", "hours") for method in ("nerf", "qnerf")
     ]
@@ -62,10 +66,10 @@ def test_table_3_is_the_printed_one():
 
 
 def test_table_4_is_the_printed_one_and_its_steps_are_differences():
-    for row, (name, psnr, ssim) in zip(TABLE4, rows(TEXT_TABLE4), strict=True):
+    for row, (name, psnr, ssim) in zip(PAPER.tables["ablation"], rows(TEXT_TABLE4), strict=True):
         assert re.sub(r"\$\\phi\$ ", "φ", name) == row["configuration"]
-        assert (row["psnr"], row["ssim"]) == (float(psnr), float(ssim))
-    steps = {entry.id: entry.printed for entry in LEDGER if entry.rule == "added part"}
+        assert (row["scores"]["psnr"], row["scores"]["ssim"]) == (float(psnr), float(ssim))
+    steps = {entry.id: entry.printed for entry in LEDGER if entry.quantity == "added part"}
     assert list(steps.values()) == [0.7, 0.6, 0.2, 0.006, 0.005, 0.002]
 
 
@@ -75,8 +79,13 @@ def test_every_number_of_the_text_has_an_entry():
     assert (entries["abstract-sloc"].printed, entries["abstract-sloc"].where[0]) == (427, "Abstract")
     assert entries["abstract-faster"].printed == 18
     assert entries["table1-skip"].printed == 6
-    assert TABLE1 == {"density_net": 1_300_000, "density_head": 257, "colour_net": 67_000, "total": 1_370_000}
-    assert entries["table1-total"].printed == TABLE1["total"]
+    assert PAPER.tables["weights"] == {
+        "density_net": 1_300_000,
+        "density_head": 257,
+        "colour_net": 67_000,
+        "total": 1_370_000,
+    }
+    assert entries["table1-total"].printed == PAPER.tables["weights"]["total"]
     assert entries["section8.1-retrieval"].printed is None
     assert [entries[f"footnote2-{name}"].printed for name in ("files", "lines", "tests")] == [189, 44_000, 30]
     assert entries["footnote1-table"].printed == 7
@@ -109,8 +118,13 @@ def test_ids_are_unique_and_methods_are_there_to_be_run():
     assert len({entry.id for entry in LEDGER}) == len(LEDGER)
     named = {entry.of[role] for entry in LEDGER for role in ("method", "against") if role in entry.of}
     assert named <= set(CATALOG)
-    assert len({(entry.statement, entry.rule) for entry in LEDGER}) == len(LEDGER), "two entries say the same"
+    assert len({(entry.statement, entry.quantity) for entry in LEDGER}) == len(LEDGER), "two entries say the same"
 
 
 def test_a_record_can_keep_it():
-    assert json.loads(json.dumps(printed(), allow_nan=False))["ledger"][1]["printed"] == [1.2, 1.8]
+    assert as_promised(json.loads(json.dumps(plain(PAPER), allow_nan=False)), ClaimFile) == PAPER
+
+
+def test_what_a_page_shows_of_it_is_there():
+    assert set(PAPER.principal) <= set(by_id())
+    assert set(re.findall(r"{(.+?)}", PAPER.question)) <= set(by_id())

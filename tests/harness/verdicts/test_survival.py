@@ -8,10 +8,9 @@ import pytest
 from msgspec.structs import replace
 from scipy.stats import norm
 
-from harness.records.cells import CellRecord
+from harness.records.cells import USUAL, CellRecord
 from harness.records.targets import Reach, TargetComparison, read_targets, write_targets
 from harness.records.verdict import OPEN, Verdict
-from harness.verdicts.comparisons import duels
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import half_widths
 from harness.verdicts.survival import chosen_target, compared, first_reached, kaplan_meier, reach, targets
@@ -293,7 +292,7 @@ def test_the_record_of_a_run_is_whole_and_can_be_written(tmp_path: Path) -> None
     methods = ["nerf", "qnerf"]
     record = targets(cells, methods)
     assert len(record.reaches) == 2 * (len(cells) - 1)  # each axis; a cell that was not available is no run
-    assert len(record.comparisons) == 2 * len(duels(methods)) * 5
+    assert len(record.comparisons) == 2 * len(USUAL.pairs(methods)) * 5
     assert {(row.scene, row.family) for row in record.comparisons} == {("all", 1)} | {
         (f"scene{k}", 4) for k in range(4)
     }

@@ -18,7 +18,7 @@ def test_the_ratio_is_the_geometric_mean_over_pairs_of_core_seconds() -> None:
         for key in [("lego", "nerf", 0), ("lego", "nerf", 1), ("chair", "nerf", 0), ("chair", "nerf", 1)]
     ]
     cells += [took(scene, "qnerf", seed, 8.0 * factor) for (scene, seed), factor in factors.items()]
-    baseline, ratio = cost_ratios(cells, ["nerf", "qnerf"])
+    baseline, ratio = cost_ratios(cells, ["nerf", "qnerf"], "nerf")
     assert baseline == CostRatio("nerf", None, None)
     mean = np.exp(np.mean(np.log(list(factors.values()))))
     assert ratio.ratio == pytest.approx(mean)
@@ -31,13 +31,13 @@ def test_pairs_of_other_steps_and_without_an_end_are_left_out() -> None:
     kept = [took("lego", "nerf", 0, 8.0), took("lego", "qnerf", 0, 16.0)]
     beside = [took("lego", "nerf", 1, 8.0), took("lego", "qnerf", 1, 4.0, steps=50)]
     beside += [took("lego", "nerf", 2, 8.0), diverged("lego", "qnerf", 2)]
-    assert cost_ratios([*kept, *beside], ["nerf", "qnerf"])[1].ratio == pytest.approx(2.0)
-    assert cost_ratios(beside, ["nerf", "qnerf"])[1] == CostRatio("qnerf", None, None)
+    assert cost_ratios([*kept, *beside], ["nerf", "qnerf"], "nerf")[1].ratio == pytest.approx(2.0)
+    assert cost_ratios(beside, ["nerf", "qnerf"], "nerf")[1] == CostRatio("qnerf", None, None)
 
 
 def test_the_wall_is_taken_where_no_core_seconds_were_counted() -> None:
     older = [replace(took("lego", name, 0, seconds), train_core_seconds=None) for name, seconds in (("a", 1), ("b", 3))]
-    assert cost_ratios([older[0], older[1]], ["a", "b"])[1].ratio == pytest.approx(3.0)
+    assert cost_ratios([older[0], older[1]], ["a", "b"], "a")[1].ratio == pytest.approx(3.0)
 
 
 def test_a_cell_that_shared_its_processor_is_told_from_one_that_used_several() -> None:

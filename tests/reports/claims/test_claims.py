@@ -3,14 +3,14 @@
 import pytest
 
 from harness.records.cells import Estimate
+from harness.records.claims import QUANTITIES
 from harness.records.verdict import OPEN
-from harness.verdicts.paper import LEDGER
 from reports.claims.claim_list import KINDS, RULES, claims, tally
 from reports.claims.ledger import OWN_FIGURES
 from reports.claims.scores import NEEDS_PAPER
 from reports.claims.table import chapters, claims_grid, folds, in_a_sentence
 from reports.data.load import Records, read_records
-from reports.data.scale import in_a_line, is_paper_scale, papers_scenes, standing
+from reports.data.scale import in_a_line, is_at_scale, scenes_at_scale, standing
 from reports.data.selection import Selection
 from reports.data.wording import UNTESTED, VERDICTS
 from tests.replacing import replace
@@ -18,7 +18,8 @@ from tests.reports.claims.claimed import claimed
 from tests.reports.fake_run import EIGHT, PAPER, write_fake_run
 
 RANGE, AVERAGE = "abstract-psnr-range", "table2-average"
-GAINS = {scene: row["delta"] for scene, row in PAPER["table2"].items()}
+LEDGER = PAPER.claims
+GAINS = {scene: row["delta"] for scene, row in PAPER.psnr.items()}
 LOST = {"difference": None, "on_these_scenes": None, "pairs": 0}
 
 
@@ -70,17 +71,18 @@ def test_every_statement_has_a_verdict_a_scale_and_says_how(whole: Records):
     assert {claim.verdict for claim in judged} <= set(VERDICTS)
     assert all(claim.note for claim in judged if claim.verdict == UNTESTED), "what it needs"
     assert claimed(whole)[AVERAGE].scale == "profile reduced, 32 × 32 px, 1\u202f600 steps, 3 seeds, 6 × 64 network"
-    assert {entry.rule for entry in LEDGER} == set(RULES)
+    assert {entry.quantity for entry in LEDGER} == set(RULES) == set(QUANTITIES)
     assert {kind for kind, _ in RULES.values()} == set(KINDS)
 
 
 def test_a_ledger_of_another_version_is_not_passed_over(whole: Records):
-    (claim,) = claims(with_run(whole, paper={"ledger": [{**PAPER["ledger"][0], "rule": "by divination"}]}))
+    first = replace(LEDGER[0], quantity="by divination")
+    (claim,) = claims(with_run(whole, claims=[replace(PAPER, claims=(first,))]))
     assert claim.verdict == UNTESTED
     assert "by divination" in claim.note
-    with pytest.raises(ValueError, match="ledger"):
-        claims(with_run(whole, paper={"ledger": [{"id": "x"}]}))
-    assert claims(with_run(whole, paper={})) == []
+    (claim,) = claims(with_run(whole, claims=[replace(PAPER, claims=(replace(LEDGER[0], of={}),))]))
+    assert claim.verdict == UNTESTED
+    assert claims(with_run(whole, claims=[])) == []
 
 
 @pytest.mark.parametrize(
@@ -132,11 +134,11 @@ def test_where_seeds_are_too_few_the_number_that_would_settle_an_average_is_said
 def test_the_papers_scale_needs_its_pictures(printed: Records, changes):
     first, *others = printed.run.scenes
     other = with_run(printed, scenes=[replace(first, **changes), *others])
-    assert not is_paper_scale(other)
+    assert not is_at_scale(other, PAPER)
     assert claimed(other)[AVERAGE].verdict == "seen"
-    assert standing(other) != standing(printed)
+    assert standing(other, PAPER) != standing(printed, PAPER)
     rendered = with_run(printed, scenes=[replace(scene, rendered={"spp": 1}) for scene in printed.run.scenes])
-    assert "not its pictures" in standing(rendered)
+    assert "not its pictures" in standing(rendered, PAPER)
 
 
 def test_the_papers_scale_needs_its_training(printed: Records):
@@ -145,14 +147,14 @@ def test_the_papers_scale_needs_its_training(printed: Records):
         other = with_run(printed, settings={**settings, "train": {**settings["train"], **changed}})
         assert claimed(other)[AVERAGE].verdict == "seen"
     for changed in ({"steps": 100_000}, {"status": "diverged"}):
-        assert not is_paper_scale(replace(printed, cells=[replace(cell, **changed) for cell in printed.cells]))
+        assert not is_at_scale(replace(printed, cells=[replace(cell, **changed) for cell in printed.cells]), PAPER)
 
 
 def test_some_of_the_papers_scenes_reproduce_rows_and_no_average(printed: Records):
     cells = [cell for cell in printed.cells if cell.scene in ("chair", "drums")]
     records = replace(with_run(printed, scenes=printed.run.scenes[:2]), cells=cells)
     judged = claimed(records)
-    assert papers_scenes(records) == ["chair", "drums"]
+    assert scenes_at_scale(records, PAPER, PAPER.scale) == ["chair", "drums"]
     assert (judged[AVERAGE].verdict, judged[RANGE].verdict) == ("seen", "inconclusive")
     assert judged[RANGE].note == "reproduced: chair and drums; 2 of 8 rows"
     assert claimed(with_comparisons(records, drums=measured(0.2, 0.1)))[RANGE].verdict == "not reproduced"
@@ -163,8 +165,8 @@ def test_levels_are_judged_at_the_papers_scale_alone(printed: Records, eight: Re
     def scored(records: Records) -> Records:
         cells = [replace(cell, scores={**cell.scores, "psnr": score + 0.01 * cell.seed}) for cell in records.cells]
         table2 = {name: {"nerf": 33.0, "qnerf": 33.0} for name in (*EIGHT, "average")}
-        ledger = [{**entry, "printed": 33.0} if entry["rule"] == "score" else entry for entry in PAPER["ledger"]]
-        return replace(with_run(records, paper={**PAPER, "table2": table2, "ledger": ledger}), cells=cells)
+        ledger = tuple(replace(each, printed=33.0) if each.quantity == "score" else each for each in LEDGER)
+        return replace(with_run(records, claims=[replace(PAPER, psnr=table2, claims=ledger)]), cells=cells)
 
     names = ("table2-average-nerf", "table2-scenes-nerf")
     assert [claimed(scored(printed))[name].verdict for name in names] == [verdict, verdict]
@@ -206,7 +208,7 @@ def test_weights_are_counted_and_settings_and_their_code_never_pass(whole: Recor
     assert (weights.printed, weights.measured, weights.verdict) == (1_370_000, 546_566, "not reproduced")
     assert weights.scale == "the paper’s network"
     assert weights.note.replace("\u202f", " ") == "density MLP 493 056 for 1 300 000 and colour MLP 53 251 for 67 000"
-    right = with_run(whole, paper={**PAPER, "parameters_measured": PAPER["table1"]})
+    right = with_run(whole, claims=[replace(PAPER, measured={"weights": PAPER.tables["weights"]})])
     assert claimed(right)["table1-total"].verdict == "reproduced"
     assert (judged["table1-depth"].measured, judged["abstract-sloc"].measured) == (6, 690)
     assert "encoding 90 and amplifier 600" in judged["abstract-sloc"].how
@@ -238,4 +240,4 @@ def test_what_the_paper_does_not_print_says_so(printed: Records):
     row = replace(step, against="nerf_phi_encoding_amplifier", **measured(0.2, 0.1))
     claim = claimed(replace(printed, comparisons=[*printed.comparisons, row]))["table4-qnerf-psnr"]
     assert (claim.verdict, claim.interval) == ("reproduced", pytest.approx((0.1, 0.3)))
-    assert claim.note == "the paper prints rounded totals: this step is between +0.1 and +0.3 dB"
+    assert claim.note == "what is printed are rounded totals: this step is between +0.1 and +0.3 dB"

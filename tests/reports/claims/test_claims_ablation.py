@@ -19,7 +19,7 @@ from tests.reports.claims.claimed import claimed
 LISTING_2 = ("nerf_phi_encoding_amplifier", "nerf_phi_encoding")
 EQUATION_4 = ("nerf_phi_encoding_equation4", "nerf_phi_encoding")
 CLAIM = "table4-nerf_phi_encoding_amplifier-psnr"
-DERIVED = "the paper prints rounded totals: this step is between +0.5 and +0.7 dB"
+DERIVED = "what is printed are rounded totals: this step is between +0.5 and +0.7 dB"
 MISSED = "not seen at this scale"
 
 

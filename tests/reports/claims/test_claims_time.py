@@ -8,7 +8,7 @@ from harness.records.cells import Estimate
 from harness.records.json_record import DamagedRecord
 from harness.records.targets import TargetComparison, TargetsRecord, write_targets
 from harness.records.verdict import OPEN
-from reports.claims.ledger import Bench, Finding, entries
+from reports.claims.ledger import Bench, Finding
 from reports.claims.time import NEEDS_MACHINE, NEEDS_SCENES, bound, saving, time_to_target
 from reports.data.load import Records, read_records
 from reports.data.selection import TARGET, Selection
@@ -31,7 +31,7 @@ def on_them(pair: tuple[float, float] | None, **changes) -> TargetComparison:
 
 
 SAVED = on_them((14.0, 22.0))
-LEDGER = {entry.id: entry for entry in entries(PAPER)}
+LEDGER = {entry.id: entry for entry in PAPER.claims}
 MISSED = "not seen at this scale"
 
 
@@ -39,16 +39,16 @@ def record(row: TargetComparison = SAVED, target: float = 30.0) -> TargetsRecord
     return TargetsRecord(target, target == 30.0, "nerf", "chosen", [], [], [row, replace(row, axis="seconds")])
 
 
-def judged(whole: Records, row: TargetComparison, at_paper_scale: bool = True, target: float = 30.0) -> Finding:
+def judged(whole: Records, row: TargetComparison, at_scale: bool = True, target: float = 30.0) -> Finding:
     class Here(Bench):
-        def at_paper_scale(self, scene: str) -> bool:
-            return at_paper_scale
+        def at_scale(self, scene: str) -> bool:
+            return at_scale
 
-    return saving(Here(whole, None, record(row, target)), LEDGER["abstract-faster"])
+    return saving(Here(whole, PAPER, None, record(row, target)), LEDGER["abstract-faster"])
 
 
 @pytest.mark.parametrize(
-    ("pair", "changes", "at_paper_scale", "elsewhere"),
+    ("pair", "changes", "at_scale", "elsewhere"),
     [
         ((14.0, 22.0), {}, "reproduced", "seen"),
         ((10.0, 22.0), {}, "inconclusive", "seen"),
@@ -68,10 +68,10 @@ def judged(whole: Records, row: TargetComparison, at_paper_scale: bool = True, t
         ((14.0, 22.0), {"unpaired": 1}, "reproduced", "seen"),
     ],
 )
-def test_a_saving_is_judged_as_a_gain_is(whole: Records, pair, changes, at_paper_scale, elsewhere):
+def test_a_saving_is_judged_as_a_gain_is(whole: Records, pair, changes, at_scale, elsewhere):
     row = on_them(pair, **changes)
-    assert judged(whole, row).verdict == at_paper_scale
-    assert judged(whole, row, at_paper_scale=False).verdict == elsewhere
+    assert judged(whole, row).verdict == at_scale
+    assert judged(whole, row, at_scale=False).verdict == elsewhere
     assert judged(whole, row, target=24.0).verdict == elsewhere, "at another target it is another saving"
 
 
@@ -86,17 +86,17 @@ def test_what_was_reached_is_said(whole: Records):
 
 def test_iterations_and_hours_are_read_from_their_own_axis(whole: Records):
     targets = replace(record(), comparisons=[SAVED, replace(on_them((1.0, 5.0)), axis="seconds", saving=3.0)])
-    finding = [saving(Bench(whole, None, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")]
+    finding = [saving(Bench(whole, PAPER, None, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")]
     assert [(each.measured, each.verdict) for each in finding] == [(18.0, "seen"), (3.0, "not seen at this scale")]
     axes = ("steps", "seconds")
     assert [each.runs for each in finding] == [Selection("", "qnerf", "nerf", TARGET, axis) for axis in axes]
 
 
 def test_times_themselves_are_never_judged(whole: Records):
-    bench = Bench(whole, None, record())
+    bench = Bench(whole, PAPER, None, record())
     finding = [time_to_target(bench, LEDGER[f"table3-{name}-qnerf"]) for name in ("iterations", "hours")]
     assert [(each.verdict, each.note) for each in finding] == [(UNTESTED, NEEDS_SCENES), (UNTESTED, NEEDS_MACHINE)]
-    never = [scene for scene, row in PAPER["table2"].items() if row["nerf"] < 30]
+    never = [scene for scene, row in PAPER.scenes.items() if row["nerf"] < 30]
     assert never == ["drums", "materials", "ship"], "the three of the sentence"
 
 

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import pytest
 
 from harness.records.study import Check, Studies, StudyInfo, StudyRecord, check
-from harness.verdicts.paper import LEDGER
+from harness.verdicts.claim_files import stated
 from reports.claims.claim_list import claims
-from reports.claims.first_screen import PRINCIPAL, calibration, first_screen
+from reports.claims.first_screen import calibration, first_screen
 from reports.claims.ledger import in_short
 from reports.data.beside import Beside
 from reports.data.load import Records, read_records
@@ -16,7 +16,7 @@ from reports.page.shell import named
 from reports.run.run_page import page
 from tests.replacing import replace
 from tests.reports.claims.test_claims_ablation import LISTING_2, effect, study
-from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_run import PAPER, write_fake_run
 
 
 def shown(records: Records, evidence: Studies | None = None):
@@ -30,7 +30,6 @@ def calibrated(*checks: Check) -> Studies:
 
 
 def test_the_question_is_the_papers_and_the_lines_are_its_claims(whole: Records):
-    assert set(PRINCIPAL) <= {entry.id for entry in LEDGER}
     screen = shown(whole)
     assert screen.question == "Does Q-NeRF gain +1.2 to +1.8 dB over NeRF and converge 18\u202f% faster, as printed?"
     texts = [(line.printed.text, line.measured.text, line.measured.small) for line in screen.lines]
@@ -62,12 +61,22 @@ def test_what_was_not_tested_of_them_is_a_line_a_cause(whole: Records):
 
 
 def test_without_the_papers_numbers_or_methods_the_question_is_the_runs(whole: Records, tmp_path):
-    bare = shown(replace(whole, run=replace(whole.run, paper={})))
+    bare = shown(replace(whole, run=replace(whole.run, claims=[])))
     assert (bare.lines, bare.untested, bare.tally) == ([], [], "")
     assert bare.question == "How does qnerf compare with nerf?"
     methods = {"nerf": "", "nerf_matched": ""}
     records = read_records(write_fake_run(tmp_path / "run", methods=methods, pictures=False, with_diverged=False))
     assert shown(records).question == "How does nerf_matched compare with nerf?"
+
+
+def test_a_stated_claim_is_the_question_and_a_line_of_its_own(whole: Records):
+    file = stated(["qnerf - nerf >= 0.5 dB"])
+    screen = shown(replace(whole, run=replace(whole.run, claims=[file, PAPER])))
+    assert screen.question == "Does it hold that qnerf − nerf in PSNR is ≥ +0.5 dB?"
+    line = screen.lines[0]
+    assert (line.printed.text, line.measured.text, line.verdict) == ("≥ +0.5 dB", "+0.81 dB", "reproduced")
+    alone = shown(replace(whole, run=replace(whole.run, claims=[stated(["qnerf - nerf >= 2 dB"])])))
+    assert [line.verdict for line in alone.lines] == ["not reproduced"]
 
 
 def test_how_sure(records: Records, whole: Records, tmp_path):
@@ -102,7 +111,7 @@ def test_the_page_opens_with_all_of_it(whole: Records):
     top = text[: text.index("<nav")]
     places = [
         top.index(words)
-        for words in ("as printed?", "<h1>", ">How sure<", "+0.69 to +0.93", ">Scale<", "not the paper’s",
+        for words in ("as printed?", "<h1>", ">How sure<", "+0.69 to +0.93", ">Scale<", "not that of Q-NeRF",
                       ">Not tested<", 'href="#not-tested"', "PSNR gain, average", "claims need",
                       ">Confidence<", "0.746", "statements in the ledger", "Every statement",
                       "At what scale", "What was not tested")

@@ -2,6 +2,7 @@
 
 import pytest
 
+from harness.records.cells import Roles
 from harness.records.verdict import OPEN, Verdict
 from reports.claims.headline import headline, roles, title_of
 from reports.data.load import Records, read_records
@@ -160,8 +161,22 @@ def test_other_casts(whole: Records, tmp_path):
 
     two = played("nerf", "qnerf")
     assert "bandwidth" not in two.title
-    assert "nerf_matched was not run" in two.sentences[1]
+    assert not any("bandwidth" in sentence for sentence in two.sentences)
     assert played("nerf").title == "Only nerf was run: there is nothing to compare it with"
     methods = {"nerf": "", "nerf_matched": "", "qnerf_theorem": "", "qnerf": ""}
-    cast = roles(replace(whole, run=replace(whole.run, methods=methods)))
-    assert (cast.baseline, cast.control, cast.contenders) == ("nerf", "nerf_matched", ["qnerf", "qnerf_theorem"])
+    run = replace(whole.run, methods=methods)
+    cast = roles(replace(whole, run=run))
+    assert (cast.baseline, cast.control, cast.contenders) == ("nerf", "nerf_matched", ["qnerf_theorem", "qnerf"])
+    cast = roles(replace(whole, run=replace(run, roles=Roles("qnerf"))))
+    assert (cast.baseline, cast.control, cast.contenders) == ("qnerf", None, ["nerf", "nerf_matched", "qnerf_theorem"])
+
+
+@pytest.mark.parametrize(("encoding", "asked"), [("phi", True), ("base2", False), (None, False)])
+def test_a_bandwidth_control_is_asked_for_where_the_encoding_differs(whole: Records, encoding, asked: bool) -> None:
+    own = {"nerf": {"encoding": "base2"}, "qnerf": {"encoding": encoding} if encoding else {"planes": 3}}
+    train = {**whole.run.settings["train"], "own": own}
+    methods = {name: METHODS[name] for name in ("nerf", "qnerf")}
+    run = replace(whole.run, methods=methods, settings={**whole.run.settings, "train": train})
+    cells = [cell for cell in whole.cells if cell.method in methods]
+    told = headline(replace(whole, run=run, cells=cells)).sentences
+    assert any("No method with the bandwidth of qnerf was run" in sentence for sentence in told) is asked

@@ -5,13 +5,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from harness.verdicts.paper import TABLE2
+from harness.verdicts.claim_files import known_claims
 from harness.verdicts.statistics import on_one_scene, on_these_scenes
 from reports.claims.ledger import half_unit, judge_all, judge_figures, judge_gain, judge_level, seeds_that_settle
 
 SCENE_SD, PAIR_SD = 0.174, 0.248
 """dB, as published: of the scenes' true differences, and of a paired difference about its scene's."""
-GAINS = np.array([row["delta"] for name, row in TABLE2.items() if name != "average"])
+GAINS = np.array([row["delta"] for row in known_claims()[0].scenes.values()])
 STUDIES = 400
 
 
@@ -21,7 +21,7 @@ def test_rounding_of_printed_numbers():
 
 
 @pytest.mark.parametrize(
-    ("printed", "margin", "measured", "at_paper_scale", "elsewhere"),
+    ("printed", "margin", "measured", "at_scale", "elsewhere"),
     [
         (1.5, 0.2, (1.31, 1.69), "reproduced", "seen"),
         (1.5, 0.2, (1.29, 1.6), "inconclusive", "seen"),
@@ -38,9 +38,30 @@ def test_rounding_of_printed_numbers():
         (0.002, 0.005, (0.001, 0.004), "reproduced", "seen"),
     ],
 )
-def test_a_printed_gain_against_an_interval(printed, margin, measured, at_paper_scale, elsewhere):
-    assert judge_gain(printed, margin, measured, True) == at_paper_scale
+def test_a_printed_gain_against_an_interval(printed, margin, measured, at_scale, elsewhere):
+    assert judge_gain(printed, margin, measured, True) == at_scale
     assert judge_gain(printed, margin, measured, False) == elsewhere
+
+
+@pytest.mark.parametrize(
+    ("printed", "bound", "measured", "verdict"),
+    [
+        (1.5, "at least", (1.5, 1.6), "reproduced"),
+        (1.5, "at least", (1.4, 1.6), "inconclusive"),
+        (1.5, "at least", (0.1, 1.49), "not reproduced"),
+        (1.5, "at most", (-9.0, 1.4), "reproduced"),
+        (1.5, "at most", (1.6, 1.7), "not reproduced"),
+        # a loss, such as a smaller error, is no gain that must lie above 0
+        (-0.05, "at most", (-0.08, -0.06), "reproduced"),
+        (-0.05, "", (-0.052, -0.049), "reproduced"),
+        ((1.2, 1.8), "", (1.1, 1.9), "reproduced"),
+        ((1.2, 1.8), "", (2.1, 2.2), "not reproduced"),
+    ],
+)
+def test_bounds_losses_and_ranges(printed, bound, measured, verdict):
+    assert judge_gain(printed, 0.2 if printed != -0.05 else 0.005, measured, True, bound) == verdict
+    if bound:
+        assert judge_level(printed, 0.2, measured, bound) == verdict
 
 
 def test_a_printed_level_is_judged_from_both_sides_and_of_several_one_refutes():
@@ -77,11 +98,11 @@ def study(generator: np.random.Generator, truth: np.ndarray, seeds: int = 3) -> 
     return {f"scene {place}": truth[place] + noise[place] for place in range(len(truth))}
 
 
-def verdicts(truth: np.ndarray, at_paper_scale: bool, scenes: int = 8, printed: float = 1.5) -> Counter[str]:
+def verdicts(truth: np.ndarray, at_scale: bool, scenes: int = 8, printed: float = 1.5) -> Counter[str]:
     """Of the average claim in studies of `scenes` × 3; shares of a hundred."""
     generator = np.random.default_rng(15)
     shares = Counter(
-        judge_gain(printed, 0.2, on_these_scenes(study(generator, truth[:scenes])).interval, at_paper_scale)
+        judge_gain(printed, 0.2, on_these_scenes(study(generator, truth[:scenes])).interval, at_scale)
         for _ in range(STUDIES)
     )
     return Counter({name: 100 * many // STUDIES for name, many in shares.items()})

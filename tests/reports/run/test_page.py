@@ -132,7 +132,7 @@ def test_dollar_signs_are_no_formulae(tmp_path):
 def test_sections_without_content_are_left_out(tmp_path):
     def bare_run(run):
         scenes = [replace(scene, left_out=[]) for scene in run.scenes]
-        return replace(run, scenes=scenes, deviations=[], paper={}, not_tested=[], provenance={})
+        return replace(run, scenes=scenes, deviations=[], claims=[], not_tested=[], provenance={})
 
     def bare_cell(cell):
         curve = [replace(point, density=None, alpha=None, beta=None) for point in cell.curve]

@@ -26,7 +26,6 @@ from harness.studies.stability.whole_scenes.scene_truth import (
     share_of_looks,
     trained,
 )
-from harness.verdicts.comparisons import baseline_of
 from scenes.catalog.ladders.ladders import LADDERS, Ladder
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
@@ -153,7 +152,7 @@ def _plan(context: StabilityContext) -> Plan:
     profile's grid, which waits for step 100, 0.09 dB after 300.
     """
     plan = context.plan("smoke", list(SCENES))
-    method = baseline_of(list(plan.methods))
+    method = plan.roles.among(plan.methods).baseline
     if context.quick:
         return replace(plan, methods=(method,), seeds=(0,))
     train = planned("reduced", precision="float32").train

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from harness.__main__ import main
 from harness.command.history_command import remember
+from harness.command.main import main
 from harness.execution.progress import Quiet
-from harness.records.past_runs import append, read_history
 from harness.records.study import read_studies
+from harness.verdicts.history.past_runs import append, read_history
 from scenes.files.errors import InputError
 from tests.harness.shell import refused
 from tests.reports.fake_history import past_runs
