@@ -1,10 +1,13 @@
 """Settings so small that a cell trains in a second, and rays to train on without a scene."""
 
+from dataclasses import replace
 from typing import TypeVar
 
 import torch
 
+from baselines.catalog import CATALOG
 from baselines.contract import Box, NetworkSize, Rays
+from baselines.methods.chosen import DensityConstants, chosen
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
 from harness.training.learner import Job, Learner
@@ -12,6 +15,11 @@ from harness.training.trainer import Trainer
 
 L = TypeVar("L", bound=Learner)
 
+OWN = {
+    method: replace(CATALOG[method].settings, density_scale=25.0, start=None if pair.start is None else 0.3)
+    for method, pair in {**chosen("reduced"), "qnerf_repaired": DensityConstants(25.0, 0.3)}.items()
+} | {"nerf_matched": replace(CATALOG["nerf_matched"].settings, density_scale=25.0, start=0.3)}
+"""Unit and start that no search moves."""
 TRAIN = TrainSettings(
     network=NetworkSize(
         depth=6, width=16, colour_layers=2, colour_width=16, position_bands=4, direction_bands=2
@@ -25,6 +33,7 @@ TRAIN = TrainSettings(
     warm_up_steps=5,
     average=4.0,
     grid=GridSettings(cells=8, first_step=10, every=5),
+    own=OWN,
 )  # fmt: skip
 SCORE = ScoreSettings(checkpoints=3, earliest=0.25, chunk=512, train_views=2, stored_views=1)
 VIEWS = ViewSettings(resolution=24, train=10, val=0, test=3)

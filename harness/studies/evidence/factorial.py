@@ -157,4 +157,4 @@ def ablation(cells: list[CellRecord], compared: list[Effect], reading: str) -> T
     for label in ("PSNR, dB", "SSIM"):
         columns += [label, "printed", "step", "printed"]
     title = f"Table 4 on {TABLE4_SCENE}, amplifier of {reading}: mean ± sd over seeds, and what each row adds"
-    return Table(f"ablation_{reading}", 0, title, columns, rows)
+    return Table(f"table4_{reading}", 0, title, columns, rows)

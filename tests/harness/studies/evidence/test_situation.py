@@ -41,7 +41,7 @@ EVIDENCE_FILE = SHELVES["evidence"]
 
 def a_run(plan: Plan, finished: bool = True) -> RunRecord:
     settings = json.loads(json.dumps(plan.settings()))
-    return RunRecord("reduced", "", [], {}, [], {}, list(plan.seeds), settings, {}, {}, finished, [])
+    return RunRecord("reduced", "", [], {}, [], list(plan.seeds), settings, {}, {}, finished, [])
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ def checks(case: str, context: StabilityContext) -> list[Check]:
 
 def run_of(out: Path, *cells: CellRecord) -> SceneRun:
     methods = {cell.method: "" for cell in cells}
-    run = RunRecord("stress", "", [], methods, [], {}, [0], {}, {}, {}, True, [])
+    run = RunRecord("stress", "", [], methods, [], [0], {}, {}, {}, True, [])
     return SceneRun(out, out, run, {(cell.scene, cell.method): [cell] for cell in cells})
 
 

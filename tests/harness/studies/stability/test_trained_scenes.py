@@ -25,7 +25,7 @@ def write(plan: Plan, folder: Path, finished: bool = True) -> None:
         write_cell(folder, cell(*key, [checkpoint(10, 1.0, 20.0)]))
     scenes = [scene_record(name) for name in plan.scenes]
     methods = {name: name for name in plan.methods}
-    write_run(folder, RunRecord("smoke", "", scenes, methods, [], {}, [0], plan.settings(), {}, {}, finished, []))
+    write_run(folder, RunRecord("smoke", "", scenes, methods, [], [0], plan.settings(), {}, {}, finished, []))
 
 
 @pytest.fixture
