@@ -217,7 +217,7 @@ def test_an_amplifier_with_its_mean_held_is_the_same_one_for_that_mean(reading: 
 
 
 def test_a_mean_of_the_call_is_seen_in_pixels_and_a_held_one_is_none(context: StabilityContext) -> None:
-    trainer = small_training.trained(context, "qnerf_theorem").trainer
+    trainer = small_training.trained(context, "qnerf").trainer
     with torch.no_grad():
         trainer.coarse.density_head.weight *= 20.0
         trainer.coarse.amplifier.alpha.fill_(0.9)  # type: ignore[operator]
@@ -226,7 +226,7 @@ def test_a_mean_of_the_call_is_seen_in_pixels_and_a_held_one_is_none(context: St
         cured = unit_cases.differences(context, unit_cases.with_mean_held(trainer), with_reload=False)
     finally:
         small_training.trained.cache_clear()
-    assert min(ways["calls of 16"], ways["padded"]) > 1e-3
+    assert min(ways["calls of 16"], ways["padded"]) > 1e-4
     assert ways["training mode"] == ways["reloaded"] == 0.0
     assert max(cured.values()) < 1e-5
 
