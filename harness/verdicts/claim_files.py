@@ -163,7 +163,7 @@ def claims_of(
         given.insert(0, stated(lines))
         for claim, line in zip(given[0].claims, lines, strict=True):
             for role, known in (("method", methods), ("against", methods), ("scene", [*scenes, "all"])):
-                if claim.of.get(role, "all") not in (*known, "all"):
+                if role in claim.of and claim.of[role] not in known:
                     raise InputError(f"--claim {line!r}: {claim.of[role]} {NOT_RUN}; name it with --{PLURAL[role]}")
     found = given + [each for each in known_claims() if set(each.methods) & set(methods)]
     names = [each.id for each in found]

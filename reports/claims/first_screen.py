@@ -94,11 +94,12 @@ def _number(texts: dict[str, str], found: re.Match[str]) -> str:
 
 def guests(records: Records) -> str:
     """State what a method of another family reaches in the core seconds of the baseline; empty if none was trained."""
-    baseline = records.run.roles.among(records.methods).baseline
     for name in records.run.guests:
         pairs = []
         for cell in (one for one in records.guest_cells if one.method == name):
-            beside = next((one for one in records.cells_of(cell.scene, baseline) if one.seed == cell.seed), None)
+            beside = next(
+                (one for one in records.cells_of(cell.scene, records.baseline) if one.seed == cell.seed), None
+            )
             scores = cell.scores.get("psnr"), beside and beside.scores.get("psnr"), cell.train_core_seconds
             if None not in scores:
                 pairs.append(scores)
@@ -106,7 +107,7 @@ def guests(records: Records) -> str:
             theirs, ours, spent = (fmean(float(pair[place] or 0.0) for pair in pairs) for place in range(3))
             scenes = f"{counted(len(pairs), 'scene')}, {spent:.0f} core seconds a cell"
             return (
-                f"{name} reaches {number(theirs)} dB in as many core seconds as {baseline}, which reaches "
+                f"{name} reaches {number(theirs)} dB in as many core seconds as {records.baseline}, which reaches "
                 f"{number(ours)} dB ({scenes}; one seed, not judged)"
             )
     return ""

@@ -81,6 +81,11 @@ class Records:
         return _in_order(self.run.main_methods, (cell.method for cell in self.cells))
 
     @property
+    def baseline(self) -> str:
+        """Return the method that the others are compared with."""
+        return self.run.roles.among(self.methods).baseline
+
+    @property
     def failed(self) -> list[CellRecord]:
         """Return cells that diverged or ended in an error."""
         every = (*self.cells, *self.extra_cells, *self.guest_cells)

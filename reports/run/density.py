@@ -183,7 +183,7 @@ def scores(cells: list[CellRecord]) -> list[float]:
 def printed_form(records: Records) -> str:
     """State the result of the printed form, and its reason; empty if it was not trained."""
     scene = next((cell.scene for cell in records.extra_cells if cell.method == PRINTED), None)
-    baseline = records.run.roles.among(records.methods).baseline
+    baseline = records.baseline
     comparison = records.comparison(scene, PRINTED, baseline) if scene else None
     if comparison is None or comparison.difference is None:
         return ""
@@ -198,7 +198,7 @@ def printed_form(records: Records) -> str:
 
 def further_grid(records: Records) -> Grid:
     """Tabulate the further methods, each against the baseline on its scene."""
-    scene, rows, baseline = explained_scene(records), [], records.run.roles.among(records.methods).baseline
+    scene, rows, baseline = explained_scene(records), [], records.baseline
     for method, title in records.run.methods.items():
         cells = [cell for cell in records.extra_cells if (cell.scene, cell.method) == (scene, method)]
         if not cells:

@@ -162,7 +162,7 @@ BYTES = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 
 def costs_grid(records: Records) -> Grid:
     """Tabulate what training, drawing and keeping a model of each method costs: means over its finished cells."""
-    against = records.run.roles.among(records.methods).baseline
+    against = records.baseline
     columns = [
         Column("method", numeric=False),
         Column("training", small="a cell"),
