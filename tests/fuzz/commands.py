@@ -251,7 +251,7 @@ def _stand_ins(package: str) -> list[tuple[Any, str, Any]]:
     main = _home_of(package)
     name = "parser" if hasattr(main, "parser") else "_parser"
     make = getattr(main, name)
-    replaced.append((main, name, lambda: _parser(make)))
+    replaced.append((main, name, lambda *_: _parser(make)))
     if package == "harness":
         replaced.append(
             (importlib.import_module("harness.viewer.film.film_plan"), "rendered", lambda cell, camera: None)

@@ -265,7 +265,7 @@ def test_a_method_that_is_no_more_is_refused(copy: FinishedRun, monkeypatch: pyt
         TrainSettings(),
         *SMALL.own.values(),
         *(method.settings for method in CATALOG.values() if method.settings),
-        replace(TRAIN, precision="bfloat16", accelerations=TRAIN.accelerations.without(("grid", "fused"))),
+        replace(TRAIN, own={}, precision="bfloat16", accelerations=TRAIN.accelerations.without(("grid", "fused"))),
         Budget(steps=None, seconds=1.5),
         Budget(steps=7, seconds=None, core_seconds=4.0),
         ScoreSettings(),
