@@ -1,7 +1,7 @@
 """Scores of pictures that another program rendered of a view set's test views, by our metrics."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,9 +36,40 @@ class _Pictures:
             raise InputError(f"{file}: {shape} pixels, the test views have {held}; render the view set's own cameras")
         return pixels
 
+    def digest(self) -> str:
+        """Return the SHA-256 of the files' bytes in the order of the views."""
+        return _digest(file.read_bytes() for file in self.files)
+
+
+class _Arrays:
+    """Pictures that are in memory, float32 [h, w, 3 or 4] each."""
+
+    def __init__(self, pictures: Sequence[np.ndarray]) -> None:
+        self.pictures = [np.asarray(picture) for picture in pictures]
+        first = self.pictures[0].shape if self.pictures else ()
+        if len(first) != 3 or 0 in first or first[2] not in (3, 4):
+            raise InputError(f"pictures of shape {first}: give one [height, width, 3 or 4] of each test view")
+        for view, picture in enumerate(self.pictures):
+            if picture.shape != first:
+                raise InputError(f"picture {view}: has the shape {picture.shape}, the first {first}")
+            if picture.dtype != np.uint8 and not (picture.min() >= 0.0 and picture.max() <= 1.0):
+                ends = f"{picture.min():g} to {picture.max():g}"
+                raise InputError(f"picture {view}: has values from {ends}; give uint8, or floats from 0 to 1")
+        self.shape = (len(self.pictures), *first[:2])
+
+    def __len__(self) -> int:
+        return len(self.pictures)
+
+    def __getitem__(self, index: int) -> np.ndarray:
+        picture = self.pictures[index]
+        return picture.astype(np.float32) / (255.0 if picture.dtype == np.uint8 else 1.0)
+
+    def digest(self) -> str:
+        return _digest(np.ascontiguousarray(picture).tobytes() for picture in self.pictures)
+
 
 def score_pictures(
-    folder: Path,
+    pictures: Path | Sequence[np.ndarray],
     view_set: Path,
     method: str,
     *,
@@ -50,26 +81,36 @@ def score_pictures(
     lpips: Path | None = None,
     each: Callable[[int, int], None] = lambda done, total: None,
 ) -> ScoredPictures:
-    """Return the scores of the pictures in `folder` at `resolution` pixels of width (default: their own).
+    """Return the scores of pictures of the test views.
 
+    `pictures` is a folder, compared at `resolution` pixels of width (default: their own), or the images themselves in
+    the order of the views: display colour [h, w, 3], or [h, w, 4] with straight alpha, uint8 or floats from 0 to 1.
     `each` is told how many of the views are done. Raises `InputError` for pictures that are not those of the test
     views, and for those that seem to be meant otherwise than they are read, unless they are to be scored
     `as_they_are`. `lpips` is the file of its weights.
     """
     distance = None if lpips is None else lpips_of(lpips)
-    found = pictures_in(folder)
-    width = resolution or display_image(found[0]).shape[1]
-    views = read_view_set(view_set, width, splits=("test",), geometry=())
-    if not len(views.test.rgba):
-        raise InputError(f"{view_set}: has no test view; nothing can be scored")
-    files = of_views(found, views.test.names)
-    pictures = _Pictures(files, views.width, views.height)
-    if not as_they_are and (mistake := likely_mistake(pictures, views.test.rgba)):
-        raise InputError(f"{files[0].parent}: the pictures {mistake}; if they are meant as they are, --as-they-are")
+    images: _Pictures | _Arrays
+    if isinstance(pictures, Path):
+        found = pictures_in(pictures)
+        views = _truth(view_set, resolution or display_image(found[0]).shape[1])
+        images = _Pictures(of_views(found, views.test.names), views.width, views.height)
+        where = images.files[0].parent
+    else:
+        images = _Arrays(pictures)
+        views = _truth(view_set, images.shape[2])
+        where = view_set
+        if images.shape != views.test.rgba.shape[:3]:
+            raise InputError(
+                f"{view_set}: its test views are {views.test.rgba.shape[:3]} (views, height, width), the pictures "
+                f"{images.shape}; give one of each view, in their order"
+            )
+    if not as_they_are and (mistake := likely_mistake(images, views.test.rgba)):
+        raise InputError(f"{where}: the pictures {mistake}; if they are meant as they are, --as-they-are")
     rows = []
-    for index, view in enumerate(_as_views(pictures, views)):
+    for index, view in enumerate(_as_views(images, views)):
         rows.append(view_scores(view, views.test, index, SCORED, distance))
-        each(index + 1, len(files))
+        each(index + 1, len(images))
     scores = {name: score for name, score in mean_scores(rows).items() if name in SCORED}
     return ScoredPictures(
         scene=scene or views.name,
@@ -78,8 +119,8 @@ def score_pictures(
         seconds=seconds,
         views=rows,
         made={
-            "pictures": str(folder),
-            "digest": _digest(files),
+            "pictures": str(pictures) if isinstance(pictures, Path) else "arrays",
+            "digest": images.digest(),
             "view_set": str(view_set),
             "width": views.width,
             "as_they_are": as_they_are,
@@ -89,15 +130,21 @@ def score_pictures(
     )
 
 
-def _as_views(pictures: _Pictures, views: ViewSet) -> Iterator[View]:
+def _truth(view_set: Path, width: int | None) -> ViewSet:
+    views = read_view_set(view_set, width, splits=("test",), geometry=())
+    if not len(views.test.rgba):
+        raise InputError(f"{view_set}: has no test view; nothing can be scored")
+    return views
+
+
+def _as_views(pictures: _Pictures | _Arrays, views: ViewSet) -> Iterator[View]:
     nothing = np.zeros((views.height, views.width), dtype=np.float32)
     for index, truth in enumerate(views.test.rgba):
         yield View(as_read(pictures[index], truth)[0], nothing, nothing)
 
 
-def _digest(files: Sequence[Path]) -> str:
-    """Return the SHA-256 of the pictures' bytes in the order of the views."""
+def _digest(parts: Iterable[bytes]) -> str:
     digest = hashlib.sha256()
-    for file in files:
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    for part in parts:
+        digest.update(hashlib.sha256(part).digest())
     return digest.hexdigest()

@@ -5,8 +5,8 @@ An ambiguous table is refused with a one-line message.
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,8 @@ from scenes.files.errors import InputError
 
 SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
 """The names that nerfbaselines and our own summary have for the columns `seconds` and `core_seconds`."""
+GIVEN = Path("the given table")
+"""What messages call a table that is in memory."""
 FORMS = (
     "JSON must be a list of rows {scene, method, psnr, …}, {cells: such rows}, {method, scenes: {scene: {metric: "
     "value}}} or a result file of nerfbaselines"
@@ -48,7 +50,16 @@ class Rows:
 
 def read_rows(paths: Iterable[Path]) -> Rows:
     """Read the rows of files, and of all JSON files below folders; raises `InputError` if one is no table."""
-    parts = [_from_file(file) for path in paths for file in _files(path)]
+    return _joined([_from_file(file) for path in paths for file in _files(path)])
+
+
+def rows_given(rows: Sequence[Mapping[str, Any]]) -> Rows:
+    """Return rows that are in memory; None is a missing value. Raises `InputError` as `read_rows` does."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return _joined([_rows(GIVEN, names, [[row.get(name) for row in rows] for name in names])])
+
+
+def _joined(parts: list[Rows]) -> Rows:
     for part in parts:
         source = part.stretches[0][0]
         lacking = [name for name in ("scene", "method") if name not in part.columns]
@@ -222,7 +233,11 @@ class ResultTable:
 
 def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence[str] = ()) -> ResultTable:
     """Read a table; `metric` is psnr, else the first, if not given. Raises `InputError` if it cannot be judged."""
-    rows = read_rows(paths)
+    return replace(table_of(read_rows(paths), metric, lower), source=", ".join(map(str, paths)))
+
+
+def table_of(rows: Rows, metric: str | None = None, lower: Sequence[str] = ()) -> ResultTable:
+    """Return one metric of `rows`, as `read_table` does of files."""
     source = rows.stretches[0][0]
     metrics = [name for name in rows.columns if name not in KEYS and _holds_numbers(rows.columns[name])]
     chosen = _chosen(rows, metrics, metric)
@@ -259,7 +274,7 @@ def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence
         notes.append(f"Other metrics in the table, not judged here (--metric): {', '.join(others)}.")
     higher, note = _direction(chosen, {name.lower() for name in lower} | rows.lower)
     return ResultTable(
-        source=", ".join(map(str, paths)),
+        source=str(source),
         metric=chosen,
         higher_is_better=higher,
         methods=[known[0][place] for place in methods],
