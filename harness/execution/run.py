@@ -182,7 +182,9 @@ def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
         digests = digests_of(complete)
         write_comparisons(out, compare(complete, list(record.methods), record.roles), digests)
         everywhere = record.main_methods
-        reached = targets([cell for cell in complete if cell.method in everywhere], everywhere, record.roles)
+        reached = targets(
+            [cell for cell in complete if cell.method in everywhere], everywhere, record.roles, record.claims
+        )
         write_targets(out, structs.replace(reached, digests=digests))
     return cells
 

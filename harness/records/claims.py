@@ -143,6 +143,8 @@ class ClaimFile(Record, frozen=True, kw_only=True):
     """Label of a fact of a run → the same of the source."""
     principal: dict[str, str] = field(default_factory=dict)
     """Id of a claim of the first screen → its few words there; empty for all claims, in their own words."""
+    target: float | None = None
+    """The PSNR in dB that its times and savings are to."""
     psnr: dict[str, dict[str, float]] = field(default_factory=dict)
     """Scene, or `average` → column, such as a method → printed PSNR in dB."""
     tables: Tables = field(default_factory=Tables)

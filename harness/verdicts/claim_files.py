@@ -6,6 +6,7 @@ A file of claims is TOML (`docs/claims.md`). A line reads `mine - nerf >= 1.5 dB
 import re
 import tomllib
 from collections.abc import Collection, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,10 @@ NOT_RUN = "is no part of this run"
 OWN = ("id", "where", "statement", "quantity", "printed", "unit", "bound", "leaves_open")
 
 
-def known_claims() -> list[ClaimFile]:
+@cache
+def known_claims() -> tuple[ClaimFile, ...]:
     """Return the files that come with the program."""
-    return [read_claims(file) for file in sorted(PRINTED.glob("*.toml"))]
+    return tuple(read_claims(file) for file in sorted(PRINTED.glob("*.toml")))
 
 
 def usual_roles() -> Roles:
@@ -165,7 +167,7 @@ def claims_of(
             for role, known in (("method", methods), ("against", methods), ("scene", [*scenes, "all"])):
                 if role in claim.of and claim.of[role] not in known:
                     raise InputError(f"--claim {line!r}: {claim.of[role]} {NOT_RUN}; name it with --{PLURAL[role]}")
-    found = given + [each for each in known_claims() if set(each.methods) & set(methods)]
+    found = [*given, *(each for each in known_claims() if set(each.methods) & set(methods))]
     names = [each.id for each in found]
     if repeated := [name for name in names if names.count(name) > 1]:
         raise InputError(f"two files of claims have the id {repeated[0]!r}")

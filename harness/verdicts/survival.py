@@ -17,6 +17,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from harness.records.cells import USUAL, CellRecord, Estimate, Roles
+from harness.records.claims import ClaimFile
 from harness.records.metric_table import SMALLEST_SAVING
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
 from harness.records.verdict import OPEN, Sign, Verdict, verdict_of
@@ -40,20 +41,21 @@ from harness.verdicts.statistics import (
     sign_test,
 )
 
-PRINTED_TARGET = 30.0
-"""The target in dB of the paper's Table 3."""
 LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
 """Map status → why a run was not seen to get there, whatever it scored before."""
 
 
-def targets(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -> TargetsRecord:
+def targets(
+    cells: list[CellRecord], methods: list[str], roles: Roles = USUAL, claims: Iterable[ClaimFile] = ()
+) -> TargetsRecord:
     """Return everything about a PSNR that is chosen from the runs of the baseline alone.
 
-    Cells that were not available here are no runs.
+    Cells that were not available here are no runs. Of the `claims`, the first that names a target is preferred.
     """
     runs = [cell for cell in cells if cell.status != "not_available"]
     baseline = roles.among(methods).baseline
-    target, declared = chosen_target([cell for cell in runs if cell.method == baseline], baseline)
+    printed = next((file for file in claims if file.target is not None), None)
+    target, declared = chosen_target([cell for cell in runs if cell.method == baseline], baseline, printed)
     if target is None:
         return TargetsRecord(None, False, baseline, declared, [], [], [])
     scenes, axes = sorted({cell.scene for cell in runs}), budgets_of(runs)
@@ -68,11 +70,13 @@ def targets(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -
         for method, against in roles.pairs(methods)
         for scene in scenes_of(runs, method, against)
     ]
-    return TargetsRecord(target, target == PRINTED_TARGET, baseline, declared, reaches, curves, comparisons)
+    return TargetsRecord(
+        target, printed is not None and target == printed.target, baseline, declared, reaches, curves, comparisons
+    )
 
 
-def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, str]:
-    """Return the paper's target if half of the `runs` reach it, else the largest whole dB that half of them reach; and
+def chosen_target(runs: list[CellRecord], baseline: str, printed: ClaimFile | None = None) -> tuple[float | None, str]:
+    """Return the printed target if half of the `runs` reach it, else the largest whole dB that half of them reach; and
     why.
 
     The target is None if fewer than half of them finished with a score.
@@ -84,16 +88,20 @@ def chosen_target(runs: list[CellRecord], baseline: str) -> tuple[float | None, 
     median = best[math.ceil(len(best) / 2) - 1] if best else -math.inf
     if not math.isfinite(median):
         return None, f"No target: fewer than half of {baseline}'s runs have a score."
-    at_paper = sum(psnr >= PRINTED_TARGET for psnr in best)
-    if median >= PRINTED_TARGET:
-        return PRINTED_TARGET, (
-            f"{PRINTED_TARGET:g} dB as in the paper's Table 3: {at_paper} of {len(best)} runs of {baseline} reach it."
-        )
+
+    def reaching(target: float) -> str:
+        return f"{sum(psnr >= target for psnr in best)} of {len(best)}"
+
+    also = ""
+    if printed is not None and printed.target is not None:
+        if median >= printed.target:
+            many = reaching(printed.target)
+            return printed.target, f"{printed.target:g} dB as in {printed.title}: {many} runs of {baseline} reach it."
+        also = f"; {reaching(printed.target).partition(' ')[0]} reach the {printed.target:g} dB of {printed.title}"
     target = math.floor(median)
     return float(target), (
         f"{target} dB, the largest whole number that at least half of {baseline}'s runs reach "
-        f"({sum(psnr >= target for psnr in best)} of {len(best)}; {at_paper} reach the paper's {PRINTED_TARGET:g} dB); "
-        f"chosen from {baseline}'s runs alone."
+        f"({reaching(target)}{also}); chosen from {baseline}'s runs alone."
     )
 
 

@@ -9,12 +9,15 @@ from msgspec.structs import replace
 from scipy.stats import norm
 
 from harness.records.cells import USUAL, CellRecord
+from harness.records.claims import ClaimFile
 from harness.records.targets import Reach, TargetComparison, read_targets, write_targets
 from harness.records.verdict import OPEN, Verdict
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import half_widths
 from harness.verdicts.survival import chosen_target, compared, first_reached, kaplan_meier, reach, targets
 from tests.harness.cells import cell, checkpoint, diverged
+
+THIRTY = ClaimFile(id="theirs", title="Their paper", methods=("qnerf",), claims=(), target=30.0)
 
 
 def run(method: str, seed: int, scores: list[float], scene: str = "lego", pace: float = 0.1) -> CellRecord:
@@ -78,7 +81,7 @@ def test_core_seconds_are_an_axis_where_every_run_has_counted_them() -> None:
 )
 def test_the_target_is_what_half_of_the_baseline_reaches(best: list[float | None], target: float | None) -> None:
     runs = [diverged("lego", "nerf", k) if b is None else run("nerf", k, [10.0, b]) for k, b in enumerate(best)]
-    result, why = chosen_target(runs, "nerf")
+    result, why = chosen_target(runs, "nerf", THIRTY)
     assert result == target
     assert "nerf" in why
     if target is not None:
@@ -86,8 +89,16 @@ def test_the_target_is_what_half_of_the_baseline_reaches(best: list[float | None
         assert f"{reached} of {len(best)}" in why
         assert 2 * reached >= len(best)
         others = [run("qnerf", seed, [10.0, 31.0, 35.0]) for seed in range(3)]
-        record = targets([*runs, *others], ["nerf", "qnerf"])
+        record = targets([*runs, *others], ["nerf", "qnerf"], USUAL, [THIRTY])
         assert (record.target, record.printed, record.baseline) == (target, target == 30.0, "nerf"), "of nerf alone"
+
+
+def test_without_a_printed_target_it_is_the_largest_whole_number() -> None:
+    runs = [run("nerf", seed, [10.0, best]) for seed, best in enumerate((33.7, 32.1, 31.0))]
+    for claims in ([], [replace(THIRTY, target=None)]):
+        record = targets(runs, ["nerf", "qnerf"], USUAL, claims)
+        assert (record.target, record.printed) == (32.0, False)  # two of three
+        assert "reach the" not in record.declared
 
 
 def slow_kaplan_meier(reaches: list[Reach]) -> dict[float, float]:
