@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from harness.command.options import add_shared
+from harness.command.options import add_shared, require_between
 from harness.command.run_command import add_plan_options, planned_by
 
 if TYPE_CHECKING:
@@ -33,8 +33,11 @@ def add_constants_options(command: argparse.ArgumentParser) -> None:
     add_plan_options(command)
     add_shared(command, "--out", required=True, metavar="FILE", help="JSON file to write")
     add_shared(command, "--resume", help="train what a stopped search has not written into FILE")
+    add = command.add_argument
+    add("--carry", type=Path, metavar="FILE", help="train the best pairs of this search with fewer steps alone")
+    add("--best", type=int, default=3, metavar="N", help="the number of pairs of each method that it carries over")
     adopt = "write the choice into the file that the methods are made from, for this profile"
-    command.add_argument("--adopt", action="store_true", help=adopt)
+    add("--adopt", action="store_true", help=adopt)
 
 
 def add_equivalence_options(command: argparse.ArgumentParser) -> None:
@@ -101,7 +104,7 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
     """Raises `InputError` for a method without constants to search, and for a budget that is not one of steps."""
     from harness.machine.provenance import provenance
     from harness.records.json_record import write_json
-    from harness.studies.choices.constants import READINGS, ConstantsRow, as_json, read_rows, search
+    from harness.studies.choices.constants import READINGS, ConstantsRow, as_json, best_of, read_rows, search
     from scenes.files.errors import InputError
 
     options.methods = options.methods or list(READINGS)
@@ -110,6 +113,9 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
         raise InputError(f"--methods: {unknown[0]} has no constants to search; known: {' '.join(READINGS)}")
     if plan.budget.steps is None:
         raise InputError("constants: trains for equal steps; leave out --budget-seconds and --budget-core-seconds")
+
+    require_between(options, best=(1, 8))
+    carried = best_of(read_rows(options.carry), plan.methods, options.best) if options.carry else None
 
     def line(row: ConstantsRow) -> str:
         start = "as printed" if row.constants.start is None else f"{row.constants.start:g}"
@@ -120,17 +126,18 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
     finished = read_rows(options.out, plan) if options.resume else []
     rows: list[ConstantsRow] = []
     origin = provenance(device)
-    result = as_json(finished, plan, origin)
-    for found in search(plan, folders, options.out.parent, _workers(device), device.type, finished):
+    result = as_json(finished, plan, origin, carried)
+    for found in search(plan, folders, options.out.parent, _workers(device), device.type, finished, carried):
         rows += found
         for row in found:
             show.line(line(row))
-        result = as_json(list(dict.fromkeys([*rows, *finished])), plan, origin)
+        result = as_json(list(dict.fromkeys([*rows, *finished])), plan, origin, carried)
         write_json(options.out, result)
     if options.adopt:
         from baselines.methods.chosen import adopt
 
-        if lacking := [method for method in READINGS if method not in result["chosen"]]:
+        asked = plan.methods if carried else READINGS
+        if lacking := [method for method in asked if method not in result["chosen"]]:
             raise InputError(f"--adopt: {options.out} has no choice for {lacking[0]}; search all methods to the end")
         adopt(plan.profile, result["chosen"])
     for method, pair in result["chosen"].items():

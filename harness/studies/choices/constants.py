@@ -6,7 +6,7 @@ So every method is trained with every pair of them, on all scenes of the plan, w
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -50,6 +50,11 @@ RULE = (
     "method cannot have (start ≥ unit) are not tried."
 )
 
+CARRIED = (
+    "The best pairs of each method in a search with fewer steps are trained for all steps, as many of each method, and "
+    "the best mean over scenes of PSNR on validation views is chosen. A pair that diverges on a scene is out."
+)
+
 
 @dataclass(frozen=True)
 class ConstantsRow:
@@ -77,18 +82,28 @@ def pairs_of(method: str) -> list[DensityConstants]:
     ]
 
 
+Pairs = dict[str, list[DensityConstants]]
+"""Map method → pairs of constants, the best first."""
+
+
 def search(
-    plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, finished: list[ConstantsRow]
+    plan: Plan,
+    folders: dict[str, Path],
+    scratch: Path,
+    workers: int,
+    device: str,
+    finished: list[ConstantsRow],
+    carried: Pairs | None = None,
 ) -> Iterator[list[ConstantsRow]]:
     """Train every pair of every method of `plan` on every scene, then the finalists for the whole budget. Yield the
     rows of one scene, method and start at a time; those that are `finished` are not trained again. Decoded images go to
-    `scratch`, a folder on a disk.
+    `scratch`, a folder on a disk. With pairs that are `carried` over from a shorter search there is no first round.
 
     Raises `InputError` for a view set without validation views.
     """
     known = {(row.method, row.constants, row.scene, row.steps): row for row in finished}
 
-    def trained(steps: int, pairs: dict[str, list[DensityConstants]]) -> Iterator[list[ConstantsRow]]:
+    def trained(steps: int, pairs: Pairs) -> Iterator[list[ConstantsRow]]:
         budgeted = replace(plan, budget=Budget(steps, None))
         tasks = []
         for scene, (method, some) in product(folders, pairs.items()):
@@ -105,6 +120,9 @@ def search(
             ]
 
     assert plan.budget.steps is not None
+    if carried is not None:
+        yield from trained(plan.budget.steps, carried)
+        return
     rows = []
     for some in trained(max(1, plan.budget.steps // SHARE), {method: pairs_of(method) for method in plan.methods}):
         rows += some
@@ -136,14 +154,20 @@ def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:
     return kept + [pair for pair in pairs if pair not in kept][:MORE_KEPT]
 
 
-def chosen(rows: list[ConstantsRow], steps: int) -> dict[str, DensityConstants]:
+def best_of(rows: list[ConstantsRow], methods: Sequence[str], many: int) -> Pairs:
+    """Return the `many` best pairs of each method after the longest training of a search."""
+    longest = [row for row in rows if row.steps == max(row.steps for row in rows)]
+    return {method: list(means(longest, method))[:many] for method in methods}
+
+
+def chosen(rows: list[ConstantsRow], steps: int, carried: Pairs | None = None) -> dict[str, DensityConstants]:
     """Map method → the pair that `RULE` chooses of those trained for all `steps`. Methods of which every pair diverged
     are left out; of a search that is not finished, all are.
     """
     first, second = ([row for row in rows if (row.steps == steps) is last] for last in (False, True))
     choice = {}
     for method in dict.fromkeys(row.method for row in rows):
-        pairs = finalists(first, method)
+        pairs = finalists(first, method) if carried is None else carried.get(method, [])
         trained = {(row.constants, row.scene) for row in second if row.method == method}
         if trained != set(product(pairs, {row.scene for row in rows})):
             return {}
@@ -160,32 +184,36 @@ def settings_of(plan: Plan) -> dict[str, Any]:
     return settings
 
 
-def as_json(rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any]) -> dict[str, Any]:
+def as_json(
+    rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any], carried: Pairs | None = None
+) -> dict[str, Any]:
     """Return the record of a search; one that was stopped has no choice."""
+    choice = chosen(rows, plan.budget.steps or 0, carried)
     return {
         "what": "unit of density and start of the field of each method, on validation views",
-        "rule": RULE,
+        "rule": RULE if carried is None else CARRIED,
         "seed": SEED,
         "provenance": provenance,
         "settings": settings_of(plan),
         "rows": [asdict(row) for row in rows],
-        "chosen": {method: asdict(pair) for method, pair in chosen(rows, plan.budget.steps or 0).items()},
+        "chosen": {method: asdict(pair) for method, pair in choice.items()},
     }
 
 
-def read_rows(file: Path, plan: Plan) -> list[ConstantsRow]:
-    """Return the rows of a record of the same settings, to be resumed from; none if there is no record.
+def read_rows(file: Path, plan: Plan | None = None) -> list[ConstantsRow]:
+    """Return the rows of a record of a search: one of the same settings as `plan`, to be resumed from (none if there is
+    no record), or any without a plan.
 
     Raises `InputError` for a record that cannot be read, and for one of other settings.
     """
-    if not file.exists():
+    if plan is not None and not file.exists():
         return []
     try:
         record = load_json(file)
         rows: list[ConstantsRow] = as_promised(record["rows"], list[ConstantsRow])
         settings = record["settings"]
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(f"{file}: no record of a search ({error}); remove it, or name another --out") from error
-    if settings != settings_of(plan):
+        raise InputError(f"{file}: no record of a search ({error}); remove it, or name another file") from error
+    if plan is not None and settings != settings_of(plan):
         raise InputError(f"{file}: was made with other settings; use the same options, or name another --out")
     return rows

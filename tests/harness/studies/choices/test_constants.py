@@ -73,6 +73,15 @@ def test_a_search_that_was_stopped_has_no_choice() -> None:
     assert constants.chosen([*BRIEF, *full, *rows_of("qnerf", {FIRST: (30.0, 30.0)}, 10)], 40) == {}
 
 
+def test_the_best_pairs_of_a_shorter_search_are_carried_over_and_judged_alone() -> None:
+    full = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0), LOST: (10.0, 10.0)}, 40)
+    carried = constants.best_of(BRIEF + full, ["nerf"], 2)
+    assert carried == {"nerf": [SECOND, FIRST]}, "by the longest training of the search"
+    late = rows_of("nerf", {FIRST: (33.0, 33.0), SECOND: (32.0, 33.5)}, 160)
+    assert constants.chosen(late, 160, carried) == {"nerf": FIRST}
+    assert constants.chosen(late[:-1], 160, carried) == {}, "stopped"
+
+
 def test_every_pair_that_a_method_can_have_is_tried() -> None:
     assert len(pairs_of("nerf")) == len(constants.UNITS) * 4
     assert {pair.start for pair in pairs_of("qnerf")} == {None}, "Listing 2 as printed has no shift"
@@ -91,6 +100,9 @@ def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
     assert brief == pairs_of("qnerf")
     assert sorted(map(str, full)) == sorted(map(str, finalists(rows[: len(brief)], "qnerf")))
     assert len({row.psnr_val for row in rows}) == len(rows), "each pair is another training"
+    carried = constants.best_of(rows, ["qnerf"], 1)
+    late = list(chain(*search(plan, {"ball": folder}, tmp_path, 1, "cpu", [], carried)))
+    assert [_result(row) for row in late] == [_result(row) for row in rows if row.constants in carried["qnerf"]][1:]
     file = tmp_path / "record.json"
     write_json(file, constants.as_json(rows[3:], plan, {}))
     found = search(plan, {"ball": folder}, tmp_path, 1, "cpu", read_rows(file, plan))
