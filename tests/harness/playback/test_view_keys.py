@@ -1,5 +1,6 @@
-"""Everything that a picture depends on changes its key, and nothing else does."""
+"""Everything that a picture depends on changes its key, and nothing else does; under it is the picture itself."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -13,17 +14,21 @@ import pytest
 import torch
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, Box
+from baselines.methods.explicit import VoxelSettings
 from harness.machine.provenance import provenance
-from harness.playback import keys
+from harness.playback import cached, keys
 from harness.playback.cached import CachedMethod
 from harness.playback.keys import RENDERING, camera_key, code_digest, method_digest, plain_calls, switches
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
 from harness.training.checkpoints import load_checkpoint, save_checkpoint
-from harness.training.learner import Learner
+from harness.training.learner import Job, Learner
+from harness.training.make_learner import learner_for
+from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Trainer
 from tests.harness.ball import pose
-from tests.harness.tiny import TRAIN, rays_and_colours, trainer
+from tests.harness.tiny import BUDGET, CPU, TRAIN, box, rays_and_colours, trainer
+from tests.harness.voxels import drjit_or_skip
 from tests.test_architecture import imported, modules
 
 CALLS = plain_calls(512)
@@ -47,16 +52,11 @@ def key(learner: Learner, view: Camera | None = None, calls: str = CALLS) -> str
     return camera_key(method_digest(learner), view or camera(), calls)
 
 
-def test_the_same_view_has_the_same_key_and_it_is_one() -> None:
+def test_the_same_view_has_the_same_key() -> None:
     learner = trained()
-    assert (
-        key(learner)
-        == key(learner, camera())
-        == key(trained())
-        == key(learner, camera(camera_to_world=pose(0.3, 0.4).T.copy().T))
-    )
-    assert len(key(learner)) == 64
-    assert int(key(learner), 16) >= 0
+    transposed = camera(camera_to_world=pose(0.3, 0.4).T.copy().T)
+    assert key(learner) == key(trained()) == key(learner, transposed)
+    assert re.fullmatch("[0-9a-f]{64}", key(learner)), "a file's name"
 
 
 def ulp_away(entry: int, towards: float) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def test_more_training_moves_the_sampling_even_where_no_weight_moves() -> None:
     assert key(learner) != before
 
 
-def test_every_method_seed_and_way_of_calling_has_keys_of_its_own() -> None:
+def test_each_method_seed_and_division_into_chunks_has_its_own_keys() -> None:
     learners = [trained(), trained("qnerf"), trained("nerf_matched"), trainer(seed=1), trainer(seed=2)]
     keys_of_all = [
         key(learner, calls=calls) for learner in learners for calls in (CALLS, plain_calls(513), "region after region")
@@ -310,9 +310,62 @@ def test_every_switch_of_arithmetic_is_in_the_key_whichever_others_were_set(on_g
 
 
 def test_under_another_switch_a_view_is_not_found() -> None:
-    method = CachedMethod(trained(), ViewStore(10**6), 512)
-    method.render(camera())
+    method = CachedMethod(trained(), ViewStore(), 512)
+    method.keep(camera(), rendered(method))
     for other in ON_CPU.values():
         with other():
             assert method.lookup(camera()) is None
     assert method.lookup(camera()) is not None
+
+
+# a method behind the cache
+
+
+def rendered(method: CachedMethod) -> View:
+    return render_view(method.learner, camera().cameras(CPU), 0, method.chunk)
+
+
+def test_the_view_that_is_found_is_bit_for_bit_the_rendered_one_until_the_method_is_trained(tmp_path: Path) -> None:
+    method = CachedMethod(trained(), ViewStore(0, tmp_path), 50)
+    method.keep(camera(), rendered(method))
+    hit = CachedMethod(trained(), ViewStore(0, tmp_path), 50).lookup(camera())
+    assert hit is not None
+    for name in ("colour", "opacity", "depth"):
+        assert getattr(hit[0], name).tobytes() == getattr(rendered(method), name).tobytes()
+    assert np.ptp(hit[0].colour) > 0.0
+    assert CachedMethod(trained(), ViewStore(0, tmp_path), 49).lookup(camera()) is None
+    trained_further(method.learner)  # type: ignore[arg-type]
+    assert method.lookup(camera()) is None
+
+
+def test_weights_are_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[object] = []
+    monkeypatch.setattr(cached, "method_digest", lambda learner: calls.append(learner) or b"")
+    method = CachedMethod(trained(), ViewStore(), 50)
+    for azimuth in range(5):
+        method.lookup(camera(camera_to_world=pose(azimuth, 0.4)))
+    assert len(calls) == 1
+
+
+VOXEL_FACTS: dict[str, Callable[[Any], None]] = {
+    "bins": lambda learner: setattr(learner, "own", replace(learner.own, bins=25)),
+    "box": lambda learner: setattr(learner, "box", Box(learner.box.lower, learner.box.upper + 1e-6)),
+    "a training step": trained_further,
+}
+
+
+@pytest.mark.parametrize("fact", VOXEL_FACTS)
+def test_whatever_a_picture_of_voxels_depends_on_is_in_the_key(fact: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their weights are Dr.Jit's and not torch's."""
+    drjit_or_skip()
+    settings = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)})
+    learner = learner_for(Job("voxels_drjit", box(), settings, BUDGET, 0, CPU))
+    for step in range(3):
+        learner.train_on(*rays_and_colours(seed=step))
+    before = key(learner)
+    with monkeypatch.context() as patch:
+        patch.setattr(keys, "_drjit", lambda: ["0.0", [1, 2, 3]])
+        assert key(learner) != before
+    assert key(learner) == before
+    VOXEL_FACTS[fact](learner)
+    assert key(learner) != before

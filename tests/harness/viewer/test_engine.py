@@ -28,7 +28,7 @@ def camera(cells: list[TrainedCell]) -> Camera:
 
 @pytest.fixture
 def seats(cells: list[TrainedCell]) -> list[MethodView]:
-    return [MethodView.of(cell, ViewStore(1 << 24, None, 0)) for cell in cells]
+    return [MethodView.of(cell, ViewStore()) for cell in cells]
 
 
 def plain(seat: MethodView, camera: Camera) -> View:
@@ -88,24 +88,24 @@ def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[Metho
 def test_the_second_time_it_is_out_of_the_cache(seats: list[MethodView], camera: Camera) -> None:
     first = {frame.method: frame for frame in frames(seats, camera, FOVEAL) if frame.state == "whole"}
     again = list(frames(seats, camera, Attention("point", 0.9, 0.1)))
-    assert [(frame.method, frame.state, frame.level) for frame in again] == [
-        ("nerf", "whole", 1),
-        ("qnerf", "whole", 1),
+    assert [(frame.method, frame.state, frame.cached) for frame in again] == [
+        ("nerf", "whole", "memory"),
+        ("qnerf", "whole", "memory"),
     ]
     for frame in again:
         assert np.array_equal(frame.colour, first[frame.method].colour)
         assert (frame.rays, frame.evaluations) == (0, 0)
-    assert {frame.level for frame in frames(seats, camera, FOVEAL)} == {0}
+    assert {frame.cached for frame in frames(seats, camera, FOVEAL)} == {"memory"}
     # what was refined by regions is not the plain picture to the bit, and is not given for it
-    assert [frame.method for frame in frames(seats, camera, PLAIN) if frame.level is not None] == ["qnerf"]
+    assert [frame.method for frame in frames(seats, camera, PLAIN) if frame.cached is not None] == ["qnerf"]
     elsewhere = camera.at(Orbit((0.0, 0.0, 0.0), np.nextafter(0.7, 1.0), 0.4, 4.0311).pose())
-    assert {frame.level for frame in frames(seats, elsewhere, FOVEAL)} == {None}
+    assert {frame.cached for frame in frames(seats, elsewhere, FOVEAL)} == {None}
 
 
 def test_the_cache_outlives_the_program(cells: list[TrainedCell], camera: Camera, tmp_path: Path) -> None:
-    for level in (None, 2):
+    for place in (None, "disk"):
         seat = MethodView.of(cells[0], ViewStore(1 << 24, tmp_path / "views", 1 << 24))
-        assert list(frames([seat], camera, FOVEAL))[-1].level == level
+        assert list(frames([seat], camera, FOVEAL))[-1].cached == place
 
 
 def test_nothing_is_rendered_that_is_not_asked_for(
