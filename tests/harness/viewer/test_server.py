@@ -173,7 +173,7 @@ def test_a_free_camera_has_no_score(site: Site) -> None:
 def test_a_stream_holds_every_pixel_and_the_second_time_the_cached_picture(site: Site) -> None:
     place = {**ORBIT, "azimuth": 2.0}
     pictures = []
-    for place in (None, "memory"):
+    for cached in (None, "memory"):
         messages = site.messages(place=place, methods=["nerf"])
         shown = [(header, body) for header, body in messages if header["kind"] == "frame"]
         whole, last = np.zeros((SIZE * SIZE, 3), np.uint8), shown[-1][0]
@@ -183,7 +183,7 @@ def test_a_stream_holds_every_pixel_and_the_second_time_the_cached_picture(site:
             colour = np.frombuffer(body[8 * count : 11 * count], "u1").reshape(-1, 3)
             whole[np.frombuffer(body[: 4 * count], "<u4")] = colour
         assert last["state"] == "whole"
-        assert last["cached"] == place
+        assert last["cached"] == cached
         pictures.append(whole)
     assert np.array_equal(*pictures)
     assert len(np.unique(pictures[0])) > 10
