@@ -41,8 +41,6 @@ State = Literal["coarse", "refining", "whole", "failed"]
 
 @dataclass
 class MethodView:
-    """A method in view."""
-
     name: str
     learner: Learner
     cached: CachedMethod
@@ -136,8 +134,6 @@ def frames(
 
 @dataclass
 class _Turn:
-    """A method at work on one view."""
-
     seat: MethodView
     camera: Camera
     attention: Attention

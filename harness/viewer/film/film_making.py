@@ -61,7 +61,6 @@ def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
 
 
 def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
-    """Yield the number of each missing frame as soon as its files are there."""
     tally.frames["there"] += len(part.keys) - len(part.missing)
     if not part.missing:
         return
@@ -82,7 +81,6 @@ def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
 
 
 def _sheet(folder: Path, parts: list[Part], number: int) -> np.ndarray:
-    """Write and return all methods' pictures of one frame, and the truth if it is known."""
     pictures = {part.method: part.frames.picture(number) for part in parts}
     sheet = side_by_side({**pictures, **parts[0].take.truth_levels(number)})
     folder.mkdir(parents=True, exist_ok=True)

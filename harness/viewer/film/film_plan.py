@@ -24,8 +24,6 @@ WARM_UP_PIXELS = 4
 
 @dataclass
 class Part:
-    """The frames of one scene and one method."""
-
     take: Take
     method: str
     frames: FrameFolder
@@ -37,8 +35,6 @@ class Part:
 
 @dataclass
 class FilmPlan:
-    """The work to do."""
-
     run: FinishedRun
     wish: FilmSpec
     folder: Path

@@ -8,22 +8,12 @@ import torch
 
 from harness.machine import clock_check
 from harness.machine.clock_check import noise, spinning
-from harness.machine.stopwatch import Stopwatch
-
-
-class Machine:
-    def __init__(self) -> None:
-        self.wall = self.cores = 0.0
-        self.watch = Stopwatch(torch.device("cpu"), lambda: self.wall, lambda: self.cores)
-
-    def work(self, seconds: float, waits: float = 0.0) -> None:
-        self.wall += seconds + waits
-        self.cores += seconds
+from tests.harness.machine.test_stopwatch import Machine
 
 
 def test_noise_is_the_spread_of_the_same_work_and_its_waits() -> None:
     machine, lengths = Machine(), iter([9.0, *(1.0 + 0.01 * number for number in range(9))])
-    spread, waits = noise(machine.watch, lambda: machine.work(next(lengths), waits=0.26), repeats=9)
+    spread, waits = noise(machine.watch, lambda: machine.work(0.26 + (length := next(lengths)), length), repeats=9)
     assert spread == pytest.approx(0.04 / 1.04), "of 1.00, 1.01 … 1.08, not of the first, which imports"
     assert waits == pytest.approx(0.26 / 1.04)
 
@@ -42,7 +32,7 @@ def test_threads_that_spin_beside_busy_programs_are_told_by_their_core_seconds(
 
     def layers() -> None:
         waiting = 3.0 * others[0] * (torch.get_num_threads() - 1) if spins else 0.0
-        machine.work(0.1 * (1.0 + waiting))
+        machine.work(1.0, 0.1 * (1.0 + waiting))
 
     monkeypatch.setattr(clock_check, "layers", layers)
     assert spinning(machine.watch, 2, busy) == pytest.approx(times)
