@@ -1,27 +1,15 @@
-"""Does the clock of training count the right seconds, how much do those of the same work differ, and do core seconds of
-several threads hold work alone?
+"""How much the core seconds of the same work differ here, and whether those of several threads hold work alone."""
 
-The clock is held against other clocks of the system on three known loads; the same matrix multiplications are timed
-again and again, and a few layers with one thread and with more while other programs use the cores.
-"""
-
-import resource
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 import torch
 
 from harness.machine.stopwatch import Stopwatch
 
-SECONDS = 0.25
-"""The length of each load."""
-TOLERATED = 0.02
-"""The share of a load by which the clock may be wrong."""
 REPEATS = 20
 NOISY = 0.05
 """The spread of the same work's core seconds, and the share of the wall seconds that it waits, above which another
@@ -35,53 +23,8 @@ BUSY = "import time\nuntil = time.monotonic() + {seconds}\nwhile time.monotonic(
 """A program that uses a core for so many seconds, and then ends even if nobody is left to end it."""
 
 
-@dataclass(frozen=True)
-class Clocks:
-    """The system as the check uses it; tests put other clocks in the place of these."""
-
-    wall: Callable[[], float]
-    """Seconds of the wall, from another source than the stopwatch has."""
-    cores: Callable[[], float]
-    """Processor seconds of this process, likewise."""
-    sleep: Callable[[float], None]
-    work: Callable[[float], None]
-    """Use the processor for so many seconds."""
-    watch: Callable[[], Stopwatch]
-
-
-def _used() -> float:
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_utime + usage.ru_stime
-
-
-def _work(seconds: float) -> None:
-    until = time.thread_time() + seconds
-    while time.thread_time() < until:
-        pass
-
-
-def system_clocks() -> Clocks:
-    # the raw clock is not steered by network time, as `perf_counter` is; systems without it have the calendar's
-    raw = getattr(time, "CLOCK_MONOTONIC_RAW", None)
-    wall = time.time if raw is None else lambda: time.clock_gettime(raw)
-    return Clocks(wall, _used, time.sleep, _work, lambda: Stopwatch(torch.device("cpu")))
-
-
-def clock_errors(clocks: Clocks, seconds: float = SECONDS) -> dict[str, float]:
-    """Return by load how far the clock of training is wrong, as a share of the load.
-
-    A sleep has seconds of the wall and none of a core; a busy loop has both; and of training with a slow evaluation in
-    the middle, the evaluation must not count.
-    """
-    return {
-        "a sleep": _counted(clocks, clocks.sleep, seconds),
-        "a busy loop": _counted(clocks, clocks.work, seconds),
-        "a slow evaluation": _beside(clocks, seconds),
-    }
-
-
 def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
-    """Time the same work again and again. Returns the range of the middle half of its core seconds as a share of their
+    """Time the same work repeatedly. Returns the range of the middle half of its core seconds as a share of their
     median, and the wall seconds of all per core second less 1.
     """
     work()  # the first time loads what it needs
@@ -91,18 +34,11 @@ def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) 
     return float((high - low) / middle), (watch.seconds - wall) / (watch.core_seconds - cores) - 1.0
 
 
-def _core_seconds(watch: Stopwatch, work: Callable[[], object]) -> float:
-    before = watch.core_seconds
-    with watch.running():
-        work()
-    return watch.core_seconds - before
-
-
 def spinning(
     watch: Stopwatch, threads: int, busy: Callable[[int], AbstractContextManager[None]], repeats: int = REPEATS
 ) -> float:
-    """Return the core seconds of `layers` by so many threads as a multiple of those by one, which has nobody to wait
-    for: the median of pairs, while as many busy programs as threads run. torch is left with one thread.
+    """Return the core seconds of `layers` by `threads` threads as a multiple of those by one, which never waits: the
+    median of pairs, while `threads` busy programs run. torch is left with one thread.
     """
     pairs: list[list[float]] = []
     try:
@@ -120,7 +56,7 @@ def spinning(
 
 @contextmanager
 def busy_programs(count: int, seconds: float = 10.0) -> Iterator[None]:
-    """Run so many programs that use a core each, for so many seconds at most."""
+    """Run programs that use a core each, for at most `seconds`."""
     command = [sys.executable, "-S", "-c", BUSY.format(seconds=seconds)]
     programs = [subprocess.Popen(command) for _ in range(count)]
     try:
@@ -139,7 +75,7 @@ def layers() -> object:
     return points
 
 
-def products() -> object:
+def multiplications() -> object:
     """Multiply matrices as large as a training's for some hundredths of a second."""
     points, weights = torch.ones(1 << 15, 64), torch.ones(64, 64)
     for _ in range(10):
@@ -147,22 +83,8 @@ def products() -> object:
     return points
 
 
-def _counted(clocks: Clocks, load: Callable[[float], None], seconds: float) -> float:
-    watch = clocks.watch()
-    wall, cores = clocks.wall(), clocks.cores()
+def _core_seconds(watch: Stopwatch, work: Callable[[], object]) -> float:
+    before = watch.core_seconds
     with watch.running():
-        load(seconds)
-    wall, cores = clocks.wall() - wall, clocks.cores() - cores
-    return max(abs(watch.seconds - wall), abs(watch.core_seconds - cores)) / wall
-
-
-def _beside(clocks: Clocks, seconds: float) -> float:
-    watch, trained = clocks.watch(), 0.0
-    for evaluate in (True, False):
-        began = clocks.wall()
-        with watch.running():
-            clocks.work(seconds / 2)
-        trained += clocks.wall() - began
-        if evaluate:
-            clocks.sleep(seconds)
-    return abs(watch.seconds - trained) / seconds
+        work()
+    return watch.core_seconds - before

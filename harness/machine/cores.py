@@ -103,7 +103,6 @@ def chosen_cores(count: int, cores: list[tuple[int, ...]], free: set[int]) -> li
 
 
 def _taken(held: ExitStack, count: int, allowed: list[int], name: str) -> list[int]:
-    """Return the numbers of cores that are ours until `held` is closed; none if too few are free."""
     with ExitStack() as choosing:
         until = time.monotonic() + LONGEST_CHOICE_SECONDS
         while not _take(choosing, f"{name}{CHOOSING}"):

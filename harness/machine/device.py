@@ -85,7 +85,6 @@ def multiplies_bfloat16(device: torch.device) -> bool:
 
 
 def has_amx(cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
-    """Return whether the processor multiplies bfloat16 matrices in tiles."""
     return "amx_bf16" in processor_flags(cpuinfo)
 
 

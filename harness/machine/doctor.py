@@ -79,7 +79,6 @@ def allowed_cores() -> int:
 
 
 def core_findings() -> Iterator[Finding]:
-    """Yield the smallest of the machine's cores, those the process may run on, and those its container pays for."""
     allowed, quota = allowed_cores(), quota_cores()
     yield judge(
         "cores",
@@ -144,7 +143,7 @@ def package_findings() -> Iterator[Finding]:
 
 
 def optional_findings() -> Iterator[Finding]:
-    """Yield packages that have a command of their own and that nothing else needs."""
+    """Yield the packages that a single command or option needs."""
     extras = _project()["project"].get("optional-dependencies", {})
     for extra, purpose in EXTRAS.items():
         for name, tested in _ranges(extras.get(extra, [])).items():
@@ -188,48 +187,37 @@ def torch_findings() -> Iterator[Finding]:
     built = torch.version.hip or torch.version.cuda
     build = f"{'ROCm' if torch.version.hip else 'CUDA'} {built}" if built else "CPU"
     yield Finding("torch", f"{torch.__version__}, built for {build}")
-    product = torch.ones(3, 3) @ torch.ones(3, 3)
-    if not bool((product == 3.0).all()):
-        yield Finding("matrix product", f"wrong: {product.tolist()}", "missing", "reinstall torch", needed=True)
     names = [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
     driver = "--device cpu works; for a GPU look at its driver, or take its build of torch (UV_TORCH_BACKEND)"
-    other = "nothing, or torch for your GPU: UV_TORCH_BACKEND=rocm7.1 nox … (or as your driver has it)"
+    other = "optional: torch for your GPU: UV_TORCH_BACKEND=rocm7.1 nox … (or as your driver has it)"
     none = f"none that {build} sees" if built else "none: this torch is for processors"
     yield judge("GPU", ", ".join(names) or none, (not names, "limited", driver if built else other))
 
 
 def clock_findings() -> Iterator[Finding]:
-    """Yield how well the clock of training counts, and how much the same work differs."""
-    from harness.machine.clock_check import NOISY, TOLERATED, clock_errors, noise, products, system_clocks
-    from harness.machine.device import use_threads
+    """Yield how much the same work differs, and whether core seconds of two threads hold their waiting under a load."""
+    import torch
 
-    errors = clock_errors(system_clocks())
-    found = ", ".join(f"{load} {100 * error:.1f} %" for load, error in errors.items())
-    to_do = "stop other programs and try again; else trust comparisons at equal steps alone"
-    yield judge("clock of training", f"wrong by: {found}", (max(errors.values()) > TOLERATED, "limited", to_do))
+    from harness.machine.clock_check import NOISY, SPINNING, busy_programs, multiplications, noise, spinning
+    from harness.machine.device import use_threads
+    from harness.machine.stopwatch import Stopwatch
+
+    watch = Stopwatch(torch.device("cpu"))
     use_threads(1)  # as a training of the default run
-    spread, waits = noise(system_clocks().watch(), products)
+    spread, waits = noise(watch, multiplications)
     found = f"core seconds differ by {100 * spread:.1f} % (middle half), waits for {100 * max(waits, 0.0):.1f} %"
     to_do = "stop other programs before anything is timed"
     yield judge("the same work again", found, (max(spread, waits) > NOISY, "limited", to_do))
-    yield from spinning_findings()
-
-
-def spinning_findings() -> Iterator[Finding]:
-    """Yield whether core seconds of two threads hold their waiting, under a load that this makes itself."""
-    from harness.machine.clock_check import SPINNING, busy_programs, spinning, system_clocks
-
     if allowed_cores() < 2:
         return
     with own_cores(2):  # which the busy programs inherit
-        times = spinning(system_clocks().watch(), 2, busy_programs)
+        times = spinning(watch, 2, busy_programs)
     found = f"{times:.2f} times those of one thread for the same work, with 2 busy programs on the same cores"
     to_do = f"keep --threads 1, or unset {VARIABLE} and {SPINS}: threads that wait use processor time"
     yield judge("core seconds of 2 threads", found, (times > SPINNING, "limited", to_do))
 
 
-def product_findings() -> Iterator[Finding]:
-    """Yield AMX, AVX-512 and what torch makes of them."""
+def matmul_findings() -> Iterator[Finding]:
     import torch
 
     from harness.machine.device import multiplies_bfloat16, processor_flags
@@ -238,20 +226,18 @@ def product_findings() -> Iterator[Finding]:
     here = " ".join(name for name in FLAGS if name in flags) or "none of " + " ".join(FLAGS)
     units = "bfloat16" if has_units else "no matrix units for bfloat16"
     yield judge(
-        "processor's products",
+        "processor's matrix multiplications",
         f"{here}; torch uses {torch.backends.cpu.get_cpu_capability()}; {units}",
-        (not has_units, "limited", "nothing: --precision auto takes float32; with AMX a run is faster"),
+        (not has_units, "limited", "optional: --precision auto takes float32; with AMX a run is faster"),
     )
 
 
-def scalar_findings() -> Iterator[Finding]:
-    """Yield the scalar variant, with which everything works."""
+def mitsuba_findings() -> Iterator[Finding]:
+    """Yield the scalar variant, with which everything works, and what the faster ones need: a library of LLVM, of which
+    the newest that works is reported after those that fail; CUDA, for NVIDIA alone, as Dr.Jit has no other backend.
+    """
     failure = probe("scalar_rgb", "")
     yield judge("Mitsuba scalar_rgb", failure or "renders", (bool(failure), "missing", "reinstall mitsuba as pinned"))
-
-
-def llvm_findings() -> Iterator[Finding]:
-    """Yield the newest library that works, and those that do not."""
     users, libraries = os.environ.get("DRJIT_LIBLLVM_PATH"), [str(path) for path in llvm_libraries()]
     if users and users not in libraries:
         to_do = f"name a file of LLVM {OLDEST_LLVM} or newer, or unset it"
@@ -261,17 +247,13 @@ def llvm_findings() -> Iterator[Finding]:
         yield Finding("Mitsuba llvm_ad_rgb", "no libLLVM was found", "limited", to_do)
     for library in libraries:
         failure = probe("llvm_ad_rgb", library)
+        found = f"renders with {library}" if failure is None else f"{library}: {failure}"
+        yield judge("Mitsuba llvm_ad_rgb", found, (failure is not None, "limited", INSTALL_LLVM))
         if failure is None:
-            yield Finding("Mitsuba llvm_ad_rgb", f"renders with {library}")
-            return
-        yield Finding("Mitsuba llvm_ad_rgb", f"{library}: {failure}", "limited", INSTALL_LLVM)
-
-
-def cuda_findings() -> Iterator[Finding]:
-    """Yield CUDA, for NVIDIA alone: Dr.Jit has no backend for other GPUs."""
-    there = bool(ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda"))
-    failure = probe("cuda_ad_rgb", "") if there else "no CUDA driver"
-    to_do = "look at the driver; processors render as well" if there else "nothing: processors render as well"
+            break
+    has_driver = bool(ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda"))
+    failure = probe("cuda_ad_rgb", "") if has_driver else "no CUDA driver"
+    to_do = "look at the driver; the CPU renders too" if has_driver else "optional: the CPU renders too"
     yield judge("Mitsuba cuda_ad_rgb", failure or "renders", (bool(failure), "limited", to_do))
 
 
@@ -283,14 +265,12 @@ PROBES: dict[str, Callable[[], Iterator[Finding]]] = {
     "disk": disk_findings,
     "torch": torch_findings,
     "clock": clock_findings,
-    "products": product_findings,
-    "scalar_rgb": scalar_findings,
-    "llvm_ad_rgb": llvm_findings,
-    "cuda_ad_rgb": cuda_findings,
+    "matmul": matmul_findings,
+    "mitsuba": mitsuba_findings,
     "tools": tool_findings,
     "optional": optional_findings,
 }
-ESSENTIAL = ("python", "packages", "torch", "scalar_rgb")
+ESSENTIAL = ("python", "packages", "torch", "mitsuba")
 """The probes without whose success nothing works; a failure to run them counts the same."""
 
 
@@ -307,4 +287,4 @@ def findings() -> Iterator[Finding]:
             if isinstance(error, ModuleNotFoundError) and error.name in missing:
                 continue
             words = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-            yield Finding(name, words, "missing", "mend what it says", needed=name in ESSENTIAL)
+            yield Finding(name, words, "missing", "repair what it names", needed=name in ESSENTIAL)

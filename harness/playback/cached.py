@@ -4,60 +4,45 @@ from typing import Any
 
 import numpy as np
 
-from harness.playback.disk import frozen as frozen_picture
 from harness.playback.keys import camera_key, method_digest, plain_calls, switches
-from harness.playback.store import ViewStore
+from harness.playback.store import Place, ViewStore
 from harness.training.batches import Camera
 from harness.training.learner import Learner
-from harness.training.scoring.evaluate import View, render_view
+from harness.training.scoring.evaluate import View
 
 CHANNELS = 5
 """The number of channels: red, green, blue; opacity; depth."""
 
 
 class CachedMethod:
-    """A method that renders views, or returns those rendered before: the same bits, as arrays that cannot be written,
-    also if they were rendered just now; `torch.from_numpy` warns of them, `torch.tensor` copies.
+    """The views of a method that were rendered before: the same bits, as arrays that cannot be written;
+    `torch.from_numpy` warns of them, `torch.tensor` copies.
 
     Weights are part of the key. They are hashed once, and again after a training step or under another switch of torch:
     nobody may change them otherwise.
     """
 
-    def __init__(self, learner: Learner, store: ViewStore, chunk: int, levels: tuple[int, ...] = (1, 2)) -> None:
+    def __init__(self, learner: Learner, store: ViewStore, chunk: int) -> None:
         self.learner = learner
         self.store = store
         self.chunk = chunk
-        self.levels = levels
         self._plain = plain_calls(chunk)
         self._known: tuple[tuple[Any, ...], bytes] | None = None
 
-    def render(self, camera: Camera) -> View:
-        """Return the view; rendered and kept if it is not in the store. Raises `Diverged` on a pixel not finite."""
-        key = self.key(camera)
-        if (hit := self._lookup(key, camera)) is not None:
-            return hit[0]
-        picture = picture_of(render_view(self.learner, camera.cameras(self.learner.device), 0, self.chunk))
-        if self.key(camera) == key:  # nobody has trained it meanwhile
-            self.store.store(key, picture, self.levels)
-        return view_of(picture)
-
     def key(self, camera: Camera, calls: str | None = None) -> str:
-        """Return the key of a view with rays put into chunks as `calls` describes, by default those of rendering."""
+        """Return the key of a view with rays put into chunks as `calls` describes, by default those of
+        `harness.training.scoring.evaluate.render_view`.
+        """
         return camera_key(self._method_digest(), camera, calls or self._plain)
 
-    def lookup(self, camera: Camera, calls: str | None = None) -> tuple[View, int] | None:
-        """Return the view and the level at which it was found; nothing is rendered."""
-        return self._lookup(self.key(camera, calls), camera)
+    def lookup(self, camera: Camera, calls: str | None = None) -> tuple[View, Place] | None:
+        """Return the view, and where it was found; nothing is rendered."""
+        hit = self.store.get(self.key(camera, calls), (camera.height, camera.width, CHANNELS))
+        return None if hit is None else (view_of(hit[0]), hit[1])
 
     def keep(self, camera: Camera, view: View, calls: str | None = None) -> None:
         """Store a view of this camera that the caller has rendered with the method as it is now."""
-        self.store.store(self.key(camera, calls), picture_of(view), self.levels)
-
-    def _lookup(self, key: str, camera: Camera) -> tuple[View, int] | None:
-        picture, level = self.store.get_with_level(key) or (None, 0)
-        if picture is None or picture.shape != (camera.height, camera.width, CHANNELS):
-            return None
-        return view_of(picture), level
+        self.store.store(self.key(camera, calls), picture_of(view))
 
     def _method_digest(self) -> bytes:
         now = self.learner.step, switches(self.learner.device.type == "cuda")
@@ -67,8 +52,11 @@ class CachedMethod:
 
 
 def picture_of(view: View) -> np.ndarray:
-    """Return colour, opacity and depth as one read-only float32 [height, width, 5]; errors as those of `frozen`."""
-    return frozen_picture(np.concatenate([view.colour, view.opacity[..., None], view.depth[..., None]], axis=-1))
+    """Return colour, opacity and depth, all float32, as one read-only [height, width, 5]; raises `TypeError`."""
+    parts = [view.colour, view.opacity[..., None], view.depth[..., None]]
+    picture = np.concatenate(parts, axis=-1, dtype=np.float32, casting="equiv")
+    picture.setflags(write=False)
+    return picture
 
 
 def view_of(picture: np.ndarray) -> View:

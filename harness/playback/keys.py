@@ -9,34 +9,15 @@ import json
 import platform
 import struct
 from functools import cache
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import torch
 
-from harness.machine.provenance import processor
+from harness.machine.provenance import installed, processor, versions
 from harness.plan.plugins import origins
 from harness.training.batches import Camera
 from harness.training.checkpoints import weights_digest
 from harness.training.learner import Learner
-
-ROOT = Path(__file__).parent.parent.parent
-RENDERING = (
-    "baselines/**/*.py",
-    "harness/playback/progressive.py",
-    "harness/training/batches.py",
-    "harness/training/scoring/evaluate.py",
-    "harness/training/learner.py",
-    "harness/plan/seeds.py",
-    "harness/plan/settings.py",
-    "harness/training/trainer.py",
-    "harness/playback/cached.py",
-    "harness/training/kinds/*.py",
-)
-"""The sources that a picture comes from: another version of them may give another one. Those of attention put rays into
-chunks, and `cached` defines the channels.
-"""
 
 
 def plain_calls(chunk: int) -> str:
@@ -50,7 +31,6 @@ def method_digest(learner: Learner) -> bytes:
         "learner": learner.rendered_by(),
         **origins([learner.method]),
         "weights": weights_digest(learner),
-        "code": code_digest(),
         "machine": machine(learner),
     }
     return hashlib.sha256(json.dumps(facts, sort_keys=True, allow_nan=False).encode()).digest()
@@ -68,15 +48,14 @@ def camera_key(method: bytes, camera: Camera, calls: str) -> str:
 
 
 def machine(learner: Learner) -> dict[str, Any]:
-    """Return the facts that determine arithmetic: libraries choose their sums by processor, threads and matmul
-    precision.
+    """Return the facts that determine arithmetic: our sources and the libraries, which choose their sums by processor,
+    threads and matmul precision.
 
     Libraries look at the model of the processor themselves: torch's word for its capability is not all that they see.
     """
     on_gpu = learner.device.type == "cuda"
     return {
-        "torch": torch.__version__,
-        "numba": _versions("numba", "llvmlite"),
+        "versions": versions(),
         "drjit": _drjit() if learner.method in ("voxels_drjit", "ellipsoids") else None,
         "processor": [platform.machine(), processor(), torch.backends.cpu.get_cpu_capability()],
         "device": torch.cuda.get_device_name(learner.device) if on_gpu else "cpu",
@@ -101,35 +80,20 @@ def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
     )
     if not on_gpu:
         return *always, libraries.mkldnn.enabled, libraries.mkldnn.matmul.fp32_precision
-    products = libraries.cuda.matmul
+    matmul = libraries.cuda.matmul
     return (
         *always,
-        products.fp32_precision,
-        products.allow_fp16_reduced_precision_reduction,
-        products.allow_bf16_reduced_precision_reduction,
-        products.allow_fp16_accumulation,
+        matmul.fp32_precision,
+        matmul.allow_fp16_reduced_precision_reduction,
+        matmul.allow_bf16_reduced_precision_reduction,
+        matmul.allow_fp16_accumulation,
         libraries.cudnn.conv.fp32_precision,
     )
 
 
 @cache
-def _versions(*packages: str) -> list[str]:
-    return [version(package) for package in packages]
-
-
-@cache
 def _drjit() -> list[Any]:
-    """Return the versions of Dr.Jit, Mitsuba and the compiler of their kernels on a processor."""
+    """Return the versions of Mitsuba and of the compiler of Dr.Jit's kernels on a processor."""
     import drjit
 
-    return [*_versions("drjit", "mitsuba"), list(drjit.detail.llvm_version())]
-
-
-@cache
-def code_digest() -> str:
-    """Return 64 hexadecimal digits of the sources that render, as they are at the first call."""
-    digest = hashlib.sha256()
-    for file in sorted(file for pattern in RENDERING for file in ROOT.glob(pattern)):
-        content = file.read_bytes()
-        digest.update(f"{file.relative_to(ROOT).as_posix()} {len(content)}\n".encode() + content)
-    return digest.hexdigest()
+    return [installed("mitsuba"), list(drjit.detail.llvm_version())]

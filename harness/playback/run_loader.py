@@ -66,8 +66,6 @@ class TrainedCell:
 
 
 class ForcedParts(msgspec.Struct):
-    """The parts that the settings of a run's views force in and out."""
-
     need: tuple[str, ...] = ()
     no_need: tuple[str, ...] = ()
 
@@ -218,37 +216,36 @@ class FinishedRun:
         return RADIUS if frames is None else mean_distance(frames.camera_to_world)
 
 
-OWN_SIZES: dict[type, dict[str, int]] = {
-    VoxelSettings: {"finest": 512, "bins": 1 << 16, "smoothed": 1 << 24},
-    PlaneSettings: {"nodes": 4096, "width": 8192, "direction_bands": 64},
-    TableSettings: {"cells": 4096, "entries": 1 << 24, "width": 8192, "direction_bands": 64},
-    GaussianSettings: {"first": 1 << 22, "most": 1 << 22},
+LARGEST = {
+    "depth": 64,
+    "width": 8192,
+    "colour_layers": 64,
+    "colour_width": 8192,
+    "position_bands": 64,
+    "direction_bands": 64,
+    "grid.cells": 512,
+    **dict.fromkeys(("bins", "first_bins", "fine_bins"), 1 << 16),
+    **dict.fromkeys(("rays", "smoothed", "entries"), 1 << 24),
+    **dict.fromkeys(("first", "most"), 1 << 22),
+    **dict.fromkeys(("nodes", "cells"), 4096),
+    "finest": 512,
 }
-"""Own settings of a kind of method → the most that each of its sizes may be."""
+"""The most that each size in the settings may be, of all methods or of an explicit method's own."""
+EXPLICIT = (VoxelSettings, PlaneSettings, TableSettings, GaussianSettings)
 
 
 def _require_possible(settings: TrainSettings, own: Any, path: Path, checkpoint: Path) -> None:
-    """Raise `InputError` for sizes that no run has, of all methods or a method's own, before memory is allocated."""
+    """Raise `InputError` for sizes that no run has before memory is allocated."""
     network = settings.network
-    sizes = {
-        "depth": (network.depth, 64),
-        "width": (network.width, 8192),
-        "colour_layers": (network.colour_layers, 64),
-        "colour_width": (network.colour_width, 8192),
-        "position_bands": (network.position_bands, 64),
-        "direction_bands": (network.direction_bands, 64),
-        "grid.cells": (settings.grid.cells, 512),
-        "bins": (settings.bins, 1 << 16),
-        "first_bins": (settings.first_bins, 1 << 16),
-        "fine_bins": (settings.fine_bins, 1 << 16),
-        "rays": (settings.rays, 1 << 24),
-    }
-    given = [(name, value, most) for name, (value, most) in sizes.items()]
-    for name, most in OWN_SIZES.get(type(own), {}).items():
-        given += [(name, value, most) for value in np.ravel(getattr(own, name)).tolist()]
-    for name, value, most in given:
-        if not 0 <= value <= most:
-            raise InputError(f"{path}: {name} {value} of its settings: must lie between 0 and {most}; run again")
+    shared = {**asdict(network), **asdict(settings), "grid.cells": settings.grid.cells}
+    for sizes in (shared, asdict(own) if isinstance(own, EXPLICIT) else {}):
+        for name in sizes.keys() & LARGEST.keys():
+            for value in np.ravel(sizes[name]).tolist():
+                if not 0 <= value <= LARGEST[name]:
+                    most = LARGEST[name]
+                    raise InputError(
+                        f"{path}: {name} {value} of its settings: must lie between 0 and {most}; run again"
+                    )
     least = 4 * max(0, network.depth - 2) * network.width**2
     if isinstance(own, Parts) and checkpoint.is_file() and least > checkpoint.stat().st_size:
         raise InputError(

@@ -40,12 +40,10 @@ def with_measured(scenes: list[SceneRecord], earlier: RunRecord | None) -> list[
 
 
 def _measured(row: LeftOut, before: list[LeftOut]) -> LeftOut:
-    """Return the same omission under the same bound as it was measured before, if it was."""
     measured = (other for other in before if other.verdict and not other.study)
     return next((other for other in measured if replace(other, **UNMEASURED) == row), row)
 
 
 def _views_of(scene: SceneRecord) -> tuple[object, ...]:
-    """Return the facts that identify a view set, as far as a run's record holds them."""
     sizes = scene.width, scene.height, scene.views, scene.near, scene.far, scene.bounds
     return scene.view_set, scene.rendered.get("digest"), *sizes

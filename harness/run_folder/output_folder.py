@@ -42,7 +42,6 @@ def point_latest_to(out: Path) -> None:
 
 
 def latest_folder() -> Path | None:
-    """Return what `out/latest` names, if that exists."""
     latest = Path("out/latest")
     return latest.resolve() if latest.exists() else None
 
@@ -221,5 +220,4 @@ def _load_plan(path: Path) -> dict[str, Any]:
 
 
 def _is_free(out: Path) -> bool:
-    """Tell whether there is nothing in it but a lock."""
     return not out.exists() or all(entry.name == LOCK_FILE for entry in out.iterdir())

@@ -90,8 +90,6 @@ class BadRequest(ValueError):
 
 
 class ViewRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A request for a view of methods of a scene."""
-
     client: Name
     """The page; its newest request is the only one that is still rendered."""
     generation: Number

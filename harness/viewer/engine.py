@@ -19,7 +19,7 @@ from harness.playback.cached import CachedMethod
 from harness.playback.keys import plain_calls
 from harness.playback.progressive import Canvas, coarse, estimated_error, refine, why_plain
 from harness.playback.run_loader import TrainedCell
-from harness.playback.store import ViewStore
+from harness.playback.store import Place, ViewStore
 from harness.training.batches import Camera
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import LARGEST_PSNR, View
@@ -41,8 +41,6 @@ State = Literal["coarse", "refining", "whole", "failed"]
 
 @dataclass
 class MethodView:
-    """A method in view."""
-
     name: str
     learner: Learner
     cached: CachedMethod
@@ -96,8 +94,8 @@ class FreshPixels:
     evaluations: int = 0
     """The network evaluations so far, without those of the coarse frame, with those of an estimate of its error."""
     stride: int | None = None
-    level: int | None = None
-    """The level of the view cache that a complete picture came from; None if it was rendered."""
+    cached: Place | None = None
+    """The place in the view cache that a complete picture came from; None if it was rendered."""
     psnr: float | None = None
     """The dB against the ground truth, if there is one for exactly this view; not while refining."""
     note: str = ""
@@ -136,8 +134,6 @@ def frames(
 
 @dataclass
 class _Turn:
-    """A method at work on one view."""
-
     seat: MethodView
     camera: Camera
     attention: Attention
@@ -159,9 +155,9 @@ class _Turn:
         began = time.perf_counter()
         for calls in dict.fromkeys((self._calls(self.by_regions), plain_calls(self.seat.chunk))):
             if (kept := self.seat.cached.lookup(self.camera, calls)) is not None:
-                view, level = kept
+                view, place = kept
                 self.work = time.perf_counter() - began
-                return self._frame("whole", *_all(view), share=1.0, level=level, psnr=self._psnr(view))
+                return self._frame("whole", *_all(view), share=1.0, cached=place, psnr=self._psnr(view))
         return None
 
     def rendered(self) -> Iterator[FreshPixels]:

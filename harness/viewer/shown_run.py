@@ -34,8 +34,6 @@ class TrueViews(NamedTuple):
     missing: str = ""
 
 
-MEMORY_BYTES = 256 << 20
-DISK_BYTES = 2 << 30
 ELEVATION = math.radians(30.0)
 """The elevation of the first view if there is no test view to begin with."""
 TRUTHS = 2
@@ -63,7 +61,7 @@ class ShownRun:
     truths: dict[str, TrueViews] = field(default_factory=dict)
     """The views of the scenes opened last."""
     sources: Counter[str] = field(default_factory=Counter)
-    """The origins of complete pictures: `level 0` … `level 2` of the cache, or `rendered`."""
+    """The origins of complete pictures: a place of the view cache, or `rendered`."""
 
     @staticmethod
     def of(
@@ -87,11 +85,11 @@ class ShownRun:
                 f"{out}: no checkpoint of {' '.join(asked)} with seed {seed} on {' '.join(scenes)}, so there is "
                 "nothing to show; choose other --methods, --scene or --seed, or train them again"
             )
-        store, memory_alone = ViewStore(MEMORY_BYTES, None, 0), ""
+        memory_alone = ""
         try:
-            store = ViewStore(MEMORY_BYTES, out / "view_cache", DISK_BYTES)
+            store = ViewStore(disk=out / "view_cache")
         except InputError as reason:
-            memory_alone = str(reason)
+            store, memory_alone = ViewStore(), str(reason)
         return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width)
 
     def listing(self) -> dict[str, Any]:
@@ -222,7 +220,7 @@ class ShownRun:
         yield message("start", width=camera.width, height=camera.height, exact=exact)
         for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began):
             if frame.state == "whole":
-                self.sources["rendered" if frame.level is None else f"level {frame.level}"] += 1
+                self.sources[frame.cached or "rendered"] += 1
             yield frame_message(frame)
         yield message("end", cache=self.cache_listing())
 

@@ -29,7 +29,7 @@ def message(kind: str, **header: Any) -> bytes:
 def frame_message(frame: FreshPixels) -> bytes:
     """Return the message of a frame; a last one whose parts were all sent before holds none of them again."""
     header = {each.name: getattr(frame, each.name) for each in fields(frame) if each.name not in ARRAYS}
-    if frame.state == "whole" and frame.level is None:
+    if frame.state == "whole" and frame.cached is None:
         return message("frame", **header)
     return _with_pixels("frame", header, frame.pixels, frame.colour, frame.opacity, frame.depth)
 

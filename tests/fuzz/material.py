@@ -12,7 +12,7 @@ from PIL import Image
 from harness.plan.group_task import GroupTask
 from harness.plan.profiles import Machine, planned
 from harness.plan.schedule import Budget
-from harness.playback.disk import DiskPictures, frozen
+from harness.playback.store import ViewStore
 from harness.records.cells import read_cells, read_run, write_cell
 from harness.records.pictures import Render, Truth, half, write_renders, write_truth
 from harness.records.targets import write_targets
@@ -158,9 +158,9 @@ def claimed_film(folder: Path) -> None:
 
 def view_cache(folder: Path) -> None:
     """A view cache with two pictures."""
-    disk = DiskPictures(folder / "cache", 1 << 20)
+    store = ViewStore(0, folder / "cache", 1 << 20)
     for number in range(2):
-        assert disk.put(f"key {number}", frozen(np.full((4, 5, 5), 0.25 * number, dtype=np.float32)))
+        store.store(64 * f"{number}", np.full((4, 5, 5), 0.25 * number, dtype=np.float32))
 
 
 def numbers(folder: Path) -> None:

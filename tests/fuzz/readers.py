@@ -27,8 +27,8 @@ from harness.plan import plugins
 from harness.plan.needed import for_scene
 from harness.plan.profiles import PROFILES
 from harness.playback.camera_paths import PATHS
-from harness.playback.disk import DiskPictures, frozen
 from harness.playback.run_loader import FinishedRun
+from harness.playback.store import ViewStore
 from harness.records.cells import read_cells, read_comparisons, read_run
 from harness.records.judgements import read_judgement, write_judgement
 from harness.records.pictures import last_of, read_renders, read_truth
@@ -120,11 +120,12 @@ def cache(folder: Path) -> None:
     """Whatever lies in the folder, a picture is the one that was stored, or a miss."""
     if (folder / "cache").is_symlink():
         raise NotTried("a user may have the whole cache elsewhere")
-    disk = DiskPictures(folder / "cache", 1 << 20)
+    store = ViewStore(0, folder / "cache", 1 << 20)
     for number in range(2):
-        picture = disk.get(f"key {number}")
-        assert picture is None or ((picture == np.float32(0.25 * number)).all() and picture.shape == (4, 5, 5))
-    assert disk.put("key 3", frozen(np.ones((2, 2, 5), dtype=np.float32)))
+        hit = store.get(64 * f"{number}", (4, 5, 5))
+        assert hit is None or (hit[0] == np.float32(0.25 * number)).all()
+    store.store(64 * "3", np.ones((2, 2, 5), dtype=np.float32))
+    assert store.failure is None
 
 
 # --- numbers as functions are given them

@@ -1,4 +1,4 @@
-"""How long a picture takes by rendering, and by a hit of each level of the view cache."""
+"""How long a picture takes by rendering, and by a hit in each place of the view cache."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -31,16 +31,16 @@ SCENE = "lego"
 METHODS = ("nerf", "qnerf")
 """The methods preferred if the run has them."""
 HITS = {
-    "memory.0": ("from memory, asked for again (level 0)", 1000.0),
-    "memory.1": ("from memory, asked for once (level 1)", 1000.0),
-    "disk.warm": ("from disk, file in the system's memory (level 2)", 50.0),
+    "memory.0": ("from memory, asked for again", 1000.0),
+    "memory.1": ("from memory, asked for once", 1000.0),
+    "disk.warm": ("from disk, file in the system's memory", 50.0),
     "disk.cold": ("from disk, file not in the system's memory", 50.0),
 }
 """Kind of hit → words, and how many times as long rendering should take at least: our reading of “instantly”."""
 
 
 class WrongHit(RuntimeError):
-    """A hit that is not of the expected level, or not the picture that was rendered: an error of ours."""
+    """A hit in another place than expected, or not the picture that was rendered: an error of ours."""
 
 
 @study
@@ -108,7 +108,7 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
     """Return the seconds of rendering (`render`) and of hits of every kind, in turn, so that whatever else the machine
     does affects all alike.
 
-    Level 2 is read by a store that keeps nothing in memory: from a file in the operating system's memory, as one that
+    The disk is read by a store that keeps nothing in memory: from a file in the operating system's memory, as one that
     was written lately is, and, if the system can be told to drop a file's data, from one that is not.
     """
     sizes, method = context.sizes, cell.learner.method
@@ -124,22 +124,23 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
         view, took = timed(lambda: plain(cell.learner, asked, cell.chunk), clock)  # noqa: B023
         seconds["render"].append(took)
 
-        def hit(name: str, cached: CachedMethod, level: int) -> None:
+        def hit(name: str, cached: CachedMethod) -> None:
             # a new camera: nothing may be remembered of it
-            seconds[name].append(_hit(cached, context.camera(cell, pose), view, level, clock))  # noqa: B023
+            place = name.partition(".")[0]
+            seconds[name].append(_hit(cached, context.camera(cell, pose), view, place, clock))  # noqa: B023
 
         if round_ < POSES:
-            CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk, (2,)).keep(asked, view)
+            CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk).keep(asked, view)
         for _ in range(sizes.hits):
-            cached = CachedMethod(cell.learner, ViewStore(ROOM), cell.chunk, (1,))
+            cached = CachedMethod(cell.learner, ViewStore(ROOM), cell.chunk)
             cached.keep(asked, view)
-            hit("memory.1", cached, 1)
-            hit("memory.0", cached, 0)
+            hit("memory.1", cached)
+            hit("memory.0", cached)
         for _ in range(sizes.hits):  # after those in memory, which writing and dropping files would slow down
-            hit("disk.warm", _of_disk(cell, folder, asked), 2)
+            hit("disk.warm", _of_disk(cell, folder, asked))
             cold = _of_disk(cell, folder, asked)
             if dropped(folder):
-                hit("disk.cold", cold, 2)
+                hit("disk.cold", cold)
     if not seconds["disk.cold"]:
         del seconds["disk.cold"]
         context.leave_out("hits from disk with the file not in the system's memory", "it cannot be dropped from there")
@@ -159,19 +160,18 @@ def dropped(folder: Path) -> bool:
 
 def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
     """Return the method of a disk cache with nothing in memory and the weights hashed already."""
-    cached = CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk, (2,))
+    cached = CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk)
     cached.key(camera)
     return cached
 
 
-def _hit(cached: CachedMethod, camera: Camera, view: View, level: int, clock: Clock) -> float:
+def _hit(cached: CachedMethod, camera: Camera, view: View, place: str, clock: Clock) -> float:
     """Return the seconds of one hit; raises `WrongHit`, by a check off the clock."""
-    before = cached.store.hits
-    picture, took = timed(lambda: cached.render(camera), clock)
-    if not same(picture, view):
-        raise WrongHit(f"a hit of level {level} is not the picture that was stored")
-    if cached.store.hits[level] == before[level]:
-        raise WrongHit(f"a view did not come from level {level}, which is timed")
+    hit, took = timed(lambda: cached.lookup(camera), clock)
+    if hit is None or hit[1] != place:
+        raise WrongHit(f"a view did not come from {place}, which is timed")
+    if not same(hit[0], view):
+        raise WrongHit(f"a hit from {place} is not the picture that was stored")
     return took
 
 

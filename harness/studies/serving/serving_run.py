@@ -4,7 +4,6 @@ import hashlib
 import json
 import time
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +12,8 @@ from msgspec import structs
 
 from harness.execution.progress import Progress
 from harness.machine.device import keep_freed_memory, use_threads
-from harness.machine.provenance import provenance
+from harness.machine.provenance import PROGRAM, provenance, versions
 from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
-from harness.playback.keys import ROOT, code_digest
 from harness.playback.run_loader import FinishedRun
 from harness.records.json_record import DamagedRecord
 from harness.records.study import Studies, read_studies
@@ -25,8 +23,6 @@ from harness.studies.serving.serving_context import ServingContext, ServingReque
 from harness.studies.serving.serving_studies import SHELF, STUDIES
 from harness.training.checkpoints import checkpoint_path
 
-MEASURING = ("harness/studies/serving/*.py", "harness/playback/*.py")
-"""The sources that figures come from, besides those that render."""
 SAME = ("system", "processor", "cores", "device", "torch_build", "packages", "python")
 """The facts about where a record was made that must agree: on another machine, or with other versions, figures are
 other ones.
@@ -46,7 +42,7 @@ def settings_of(asked: ServingRequest) -> dict[str, Any]:
         "threads": asked.threads,
         "quick": asked.quick,
         "device": asked.device.type,
-        "code": _code(),
+        "code": versions()[PROGRAM],
         "weights": {
             f"{scene}.{method}": hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
             for scene in scenes
@@ -124,12 +120,3 @@ def _earlier(asked: ServingRequest) -> Studies | None:
         if same and all(there.provenance.get(name) == origin[name] for name in SAME):
             return there
     return None
-
-
-@cache
-def _code() -> str:
-    """Return the digest of the sources that render and measure, as they are at the first request."""
-    digest = hashlib.blake2b(code_digest().encode(), digest_size=16)
-    for file in sorted(file for pattern in MEASURING for file in ROOT.glob(pattern)):
-        digest.update(f"{file.name}\n".encode() + file.read_bytes())
-    return digest.hexdigest()

@@ -18,29 +18,23 @@ from harness.viewer.film.panels import side_by_side, write_animation
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
-PLACES = {0: "memory", 1: "memory", 2: "disk"}
-"""Map level of the view cache → its place."""
-
 
 @dataclass
 class Tally:
-    """The origins of the frames of one method, `there`, `rendered` or a place of the view cache, and seconds."""
+    """The origins of the frames of one method, `there`, `rendered` or `cached`, and seconds."""
 
     frames: Counter[str] = field(default_factory=Counter)
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def line(self, method: str, use_cache: bool) -> str:
-        places = {place: self.frames[place] for place in PLACES.values() if self.frames[place]}
-        rendered, hits = self.frames["rendered"], sum(places.values())
+        rendered, hits = self.frames["rendered"], self.frames["cached"]
         parts = [f"{method}: {self.frames.total()} frames"]
         if self.frames["there"]:
             parts.append(f"{self.frames['there']} there already")
         if rendered:
             parts.append(f"{rendered} rendered in {1e3 * self.seconds['rendered'] / rendered:.1f} ms each")
         if hits:
-            counts = " and ".join(f"{count} from {place}" for place, count in places.items())
-            milliseconds = 1e3 * sum(self.seconds[place] for place in places) / hits
-            parts.append(f"{hits} from the view cache in {milliseconds:.2f} ms each ({counts})")
+            parts.append(f"{hits} from the view cache in {1e3 * self.seconds['cached'] / hits:.2f} ms each")
         if use_cache and rendered + hits:
             parts.append(f"hit rate {hits / (rendered + hits):.0%}")
         return ", ".join(parts)
@@ -67,7 +61,6 @@ def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
 
 
 def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
-    """Yield the number of each missing frame as soon as its files are there."""
     tally.frames["there"] += len(part.keys) - len(part.missing)
     if not part.missing:
         return
@@ -78,7 +71,7 @@ def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
         began = time.perf_counter()
         hit = cached.lookup(camera) if plan.use_cache else None
         view = rendered(cell, camera) if hit is None else hit[0]
-        origin = "rendered" if hit is None else PLACES[hit[1]]
+        origin = "rendered" if hit is None else "cached"
         tally.frames[origin] += 1
         tally.seconds[origin] += time.perf_counter() - began
         if hit is None and plan.use_cache:
@@ -88,7 +81,6 @@ def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
 
 
 def _sheet(folder: Path, parts: list[Part], number: int) -> np.ndarray:
-    """Write and return all methods' pictures of one frame, and the truth if it is known."""
     pictures = {part.method: part.frames.picture(number) for part in parts}
     sheet = side_by_side({**pictures, **parts[0].take.truth_levels(number)})
     folder.mkdir(parents=True, exist_ok=True)

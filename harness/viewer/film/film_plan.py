@@ -16,8 +16,6 @@ from harness.viewer.film.frames import FrameFolder
 from harness.viewer.film.takes import FilmSpec, Take, take_of
 from scenes.files.errors import InputError
 
-MEMORY_BYTES = 128 << 20
-"""The bytes of the view cache: a path may come to the same place twice."""
 BYTES_A_PIXEL = 23
 """The most bytes per pixel of a frame: 3 in its PNG and 20 in its EXR."""
 WARM_UP_PIXELS = 4
@@ -26,8 +24,6 @@ WARM_UP_PIXELS = 4
 
 @dataclass
 class Part:
-    """The frames of one scene and one method."""
-
     take: Take
     method: str
     frames: FrameFolder
@@ -39,8 +35,6 @@ class Part:
 
 @dataclass
 class FilmPlan:
-    """The work to do."""
-
     run: FinishedRun
     wish: FilmSpec
     folder: Path
@@ -84,7 +78,7 @@ def planned(
 ) -> FilmPlan:
     """Look at every cell that is filmed, so that any fault is reported first; without `disk` there is no view cache."""
     shown = run.shown_methods(methods)
-    store = ViewStore(MEMORY_BYTES if disk else 0, disk)
+    store = ViewStore(0, disk)
     parts = []
     seconds: dict[str, float] = {}
     for scene in run.scenes(scenes):
@@ -96,7 +90,7 @@ def planned(
             keys = [cached.key(camera) for camera in take.cameras]
             frames = FrameFolder(folder / scene.name / method)
             missing = [number for number, key in enumerate(keys) if not frames.is_whole(number, key)]
-            unseen = [number for number in missing if keys[number] not in store]
+            unseen = [number for number in missing if cached.lookup(take.cameras[number]) is None]
             parts.append(Part(take, method, frames, keys, missing, len(missing) - len(unseen)))
             if unseen and method not in seconds:
                 rendered(cell, take.cameras[unseen[0]].resized(WARM_UP_PIXELS))

@@ -38,8 +38,6 @@ def exr_channels(view: View) -> dict[str, np.ndarray]:
 
 
 class FrameFolder:
-    """The frames of one scene and one method."""
-
     def __init__(self, path: Path) -> None:
         self.path = path
         self._listed: dict[str, dict[str, str]] = {}

@@ -84,7 +84,6 @@ def _path(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path) 
 
 
 def _test_views(run: FinishedRun, scene: SceneRecord, wish: FilmSpec, view_sets: Path) -> Take:
-    """Return those that the run was scored on, or some of them."""
     views = run.views(scene, view_sets, wish.resolution, geometry=False)
     poses = views.test.camera_to_world
     shown = evenly_spread(len(poses) if wish.frames is None else wish.frames, poses, "test views")

@@ -100,12 +100,12 @@ export class Panel {
     } else if (frame.state === 'refining') {
       this.say('state', `refining ${Math.floor(100 * frame.share)} %`)
     } else {
-      const cached = frame.level !== null
-      if (cached) this.say('state', `cache level ${frame.level}`, ['memory', 'memory', 'disk'][frame.level], 'cached')
+      const cached = frame.cached !== null
+      if (cached) this.say('state', 'view cache', frame.cached, 'cached')
       else this.say('state', 'whole', '', 'strong')
       if (cached) this.say('coarse', '–', 'not needed')
       this.say('whole', seconds(frame.seconds), cached ? '' : `own work ${seconds(frame.work)}`)
-      this.root.dataset.level = cached ? frame.level : 'none'
+      this.root.dataset.cached = frame.cached ?? 'none'
       this.root.dataset.psnr = frame.psnr ?? ''
     }
     this.say('rays', count(frame.rays))

@@ -50,7 +50,7 @@ function complain(text) {
 
 function request() {
   if (!page.methods.length) return null
-  for (const panel of panels.values()) delete panel.root.dataset.level
+  for (const panel of panels.values()) delete panel.root.dataset.cached
   const { row, column } = (page.attention === 'point' && page.pointer) || page.point
   return {
     client, generation: ++generation, scene: page.scene.name, methods: page.methods,
@@ -109,12 +109,12 @@ function failed(error) {
 const asking = new Asking(request, receive, failed)
 
 function ofCache({ sources, memory_alone: why }) {
-  const [first, second, disk] = ['level 0', 'level 1', 'level 2'].map(level => sources[level] ?? 0)
-  const hits = first + second + disk, all = hits + (sources.rendered ?? 0)
+  const { memory = 0, disk = 0, rendered = 0 } = sources
+  const hits = memory + disk, all = hits + rendered
   const share = `${hits} of ${all} pictures (${all ? Math.round(100 * hits / all) : 0} %) served from it`
   return [
     `View cache, all pages together since the server began: ${share}`,
-    hits && `memory ${first + second}, disk ${disk}`, why && `nothing is kept on disk: ${why}`,
+    hits && `memory ${memory}, disk ${disk}`, why && `nothing is kept on disk: ${why}`,
   ].filter(Boolean).join(' · ')
 }
 

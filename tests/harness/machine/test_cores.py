@@ -15,7 +15,7 @@ from harness.machine.cores import _taken, chosen_cores, own_cores, physical_core
 from harness.machine.device import available_cores, only_gpu
 from harness.machine.mixed_code import clocks_apart
 from harness.plan.profiles import Machine
-from harness.records.cells import CellRecord, unscored
+from harness.records.cells import unscored
 
 FOUR: list[tuple[int, ...]] = [(0, 4), (1, 5), (2, 6), (3, 7)]
 """Cores of two hardware threads each."""
@@ -32,7 +32,10 @@ def test_whole_cores_come_first_and_their_second_threads_last() -> None:
     assert chosen_cores(3, FOUR, {0, 4}) == [], "too few"
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="only Linux binds processes to cores")
+linux = pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="only Linux binds processes to cores")
+
+
+@linux
 def test_what_one_has_taken_no_other_gets_until_it_is_given_back() -> None:
     cores = [cpu for core in siblings(list(range(4))) for cpu in core]
     with ExitStack() as first, ExitStack() as second, ExitStack() as third:
@@ -44,13 +47,12 @@ def test_what_one_has_taken_no_other_gets_until_it_is_given_back() -> None:
         assert _taken(third, 2, cores, NAME) == a
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="only Linux binds processes to cores")
+@linux
 def test_a_process_is_bound_as_long_as_it_asks_for() -> None:
     before = os.sched_getaffinity(0)
     with own_cores(1, NAME) as cores:
-        assert cores
-        assert os.sched_getaffinity(0) == set(cores)
-        assert set(cores) <= before
+        assert cores is not None
+        assert os.sched_getaffinity(0) == set(cores) <= before
         assert len(cores) == 1
     assert os.sched_getaffinity(0) == before
     with own_cores(len(before) + 1, NAME) as cores:
@@ -79,32 +81,25 @@ def test_a_worker_sees_one_gpu_of_those_that_its_user_allows(
 
 
 def test_more_threads_than_cores_and_more_workers_than_gpus_are_warned_of() -> None:
-    assert shared_by(Machine("cpu", 4, 2), 8, 0) == []
-    assert "share 7 cores" in shared_by(Machine("cpu", 4, 2), 7, 0)[0]
-    assert "--workers 3" in shared_by(Machine("cpu", 4, 2), 7, 0)[0]
-    assert shared_by(Machine("cuda", 2, 1), 8, 2) == []
+    assert shared_by(Machine("cpu", 4, 2), 8, 0) == shared_by(Machine("cuda", 2, 1), 8, 2) == []
+    (warning,) = shared_by(Machine("cpu", 4, 2), 7, 0)
+    assert "share 7 cores" in warning
+    assert "--workers 3" in warning
     assert "3 workers share 2 GPUs" in shared_by(Machine("cuda", 3, 1), 8, 2)[0]
 
 
-def cell(scene: str, method: str, processor: str, own: list[int] | None = None) -> CellRecord:
-    origin = {"processor": processor, "device": "cpu", "threads": 1}
-    if own is not None:
-        origin["own_cores"] = own
-    return replace(unscored(scene, method, 0, "done", ""), train_seconds=1.0, provenance=origin)
-
-
-def test_cells_that_shared_their_cores_are_counted() -> None:
-    (sentence,) = clocks_apart([cell("a", "nerf", "X", [0]), cell("a", "qnerf", "X", [])])
-    assert "1 of 2 could not be bound" in sentence
-
-
-def test_where_the_system_has_no_binding_nothing_is_said_of_sharing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(os, "sched_setaffinity", raising=False)
-    with own_cores(1, NAME) as cores:
-        assert cores is None
-    unbound = cell("a", "nerf", "X", [0])
-    (sentence,) = clocks_apart([replace(unbound, provenance={**unbound.provenance, "own_cores": cores})])
-    assert sentence.endswith("1 of 1 could not be bound to any, so that their training seconds may be long.")
+@pytest.mark.parametrize("mine", [[], None], ids=["shared", "a system without binding"])
+def test_cells_that_shared_their_cores_are_counted(mine: list[int] | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    if mine is None:
+        monkeypatch.delattr(os, "sched_setaffinity", raising=False)
+        with own_cores(1, NAME) as cores:
+            assert cores is None
+    cells = [
+        replace(unscored("a", method, 0, "done", ""), train_seconds=1.0, provenance={"own_cores": cores})
+        for method, cores in (("nerf", [0]), ("qnerf", mine))
+    ]
+    (sentence,) = clocks_apart(cells)
+    assert sentence.endswith("1 of 2 could not be bound to any, so that their training seconds may be long.")
 
 
 def test_cores_that_one_thread_a_cell_leaves_idle_are_said() -> None:

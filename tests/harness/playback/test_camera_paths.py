@@ -14,11 +14,9 @@ def assert_level_and_rigid(poses: np.ndarray) -> None:
     assert poses.dtype == np.float64
     assert poses.shape[1:] == (4, 4)
     rotation = poses[:, :3, :3]
-    np.testing.assert_allclose(
-        rotation.transpose(0, 2, 1) @ rotation, np.tile(np.eye(3), (len(poses), 1, 1)), atol=1e-14
-    )
+    np.testing.assert_allclose(rotation.transpose(0, 2, 1) @ rotation, len(poses) * [np.eye(3)], atol=1e-14)
     np.testing.assert_allclose(np.linalg.det(rotation), 1.0, atol=1e-14)
-    np.testing.assert_array_equal(poses[:, 3], np.tile([0.0, 0.0, 0.0, 1.0], (len(poses), 1)))
+    np.testing.assert_array_equal(poses[:, 3], len(poses) * [[0.0, 0.0, 0.0, 1.0]])
     np.testing.assert_allclose(rotation[:, 2, 0], 0.0, atol=1e-14)
     assert (rotation[:, 2, 1] >= -1e-14).all(), "up points up"
 
@@ -36,11 +34,8 @@ def test_an_orbit_is_closed_in_equal_steps_at_one_height() -> None:
     frames, elevation = 12, 0.4
     poses = orbit(frames, 3.0, elevation)
     turn = poses @ np.linalg.inv(np.roll(poses, 1, axis=0))  # the last one to the first included
-    np.testing.assert_allclose(turn, np.tile(turn[0], (frames, 1, 1)), atol=1e-14)
-    angle = 2 * math.pi / frames
-    np.testing.assert_allclose(
-        turn[0, :2, :2], [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
-    )
+    cosine, sine = math.cos(2 * math.pi / frames), math.sin(2 * math.pi / frames)
+    np.testing.assert_allclose(turn[:, :2, :2], frames * [[[cosine, -sine], [sine, cosine]]], atol=1e-14)
     np.testing.assert_allclose(poses[:, 2, 3], 3.0 * math.sin(elevation))
     assert math.atan2(poses[0, 1, 3], poses[0, 0, 3]) == pytest.approx(0.5 * math.pi)
 
@@ -49,9 +44,7 @@ def test_an_orbit_is_closed_in_equal_steps_at_one_height() -> None:
 def test_an_orbit_over_a_pole_turns_the_picture(elevation: float) -> None:
     poses = orbit(4, elevation=elevation)
     assert_level_and_rigid(poses)
-    np.testing.assert_allclose(
-        poses[:, :3, 3], np.tile([0.0, 0.0, math.copysign(RADIUS, elevation)], (4, 1)), atol=1e-14
-    )
+    np.testing.assert_allclose(poses[:, :3, 3], 4 * [[0.0, 0.0, math.copysign(RADIUS, elevation)]], atol=1e-14)
     np.testing.assert_allclose(poses[0, :3, 0], -poses[2, :3, 0], atol=1e-14)
 
 

@@ -30,37 +30,36 @@ from tests.replacing import replace
 
 METHODS = ["nerf", "qnerf", "qnerf_running_mean"]
 """A density of its own point, one that depends on the call, and one with buffers beside its weights."""
-OTHERS = [name for name in CATALOG if name not in METHODS]
 SMALL = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)})
-Rendered = dict[str, list[View]]
-
-
-def views_of(learner: Learner, views: ViewSet, chunk: int) -> list[View]:
-    return list(render_split(learner, cameras_of(views, views.test, CPU), chunk))
-
-
-def trained(folder: Path, methods: list[str], **options: Any) -> tuple[Path, Rendered]:
-    """A run, and the test views as the learners themselves rendered them when they had been trained."""
-    learners: list[Learner] = []
-    out = train_run(folder, methods, on_trained=learners.append, **options)
-    views = read_view_set(folder / "ball")
-    return out, {learner.method: views_of(learner, views, 100) for learner in learners}
+OTHER_SETTINGS: dict[str, dict[str, Any]] = {
+    "fine pass, bfloat16": {"fine_bins": 8, "precision": "bfloat16"},
+    "no grid": {"grid": GridSettings(cells=0)},
+    "before the grid": {"grid": replace(TRAIN.grid, first_step=100)},
+    "without accelerations": {"accelerations": TRAIN.accelerations.without(("fused", "grid", "early_stop"))},
+}
+RUNS = [
+    pytest.param(METHODS, {"steps": 24}, id="as usual"),
+    pytest.param(
+        ["nerf", "qnerf"],
+        {"train": replace(TRAIN, fine_bins=8), "no_need": ["view_direction"]},
+        id="fine pass, no view direction",
+    ),
+    *(
+        pytest.param(METHODS, {"train": replace(TRAIN, **changes)}, id=name, marks=pytest.mark.slow)
+        for name, changes in OTHER_SETTINGS.items()
+    ),
+    *(
+        pytest.param([name], {"train": SMALL}, id=name, marks=[pytest.mark.slow, pytest.mark.thorough])
+        for name in CATALOG
+        if name not in METHODS
+    ),
+]
 
 
 @pytest.fixture(scope="module")
-def three(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rendered]:
-    return trained(tmp_path_factory.mktemp("three"), METHODS, train=SMALL)
-
-
-@pytest.fixture(scope="module")
-def all_others(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rendered]:
-    return trained(tmp_path_factory.mktemp("others"), OTHERS, train=SMALL, steps=14)
-
-
-@pytest.fixture(scope="module")
-def finished(three: tuple[Path, Rendered]) -> FinishedRun:
+def finished(tmp_path_factory: pytest.TempPathFactory) -> FinishedRun:
     """Not to be changed."""
-    return FinishedRun.of(three[0])
+    return FinishedRun.of(train_run(tmp_path_factory.mktemp("three"), METHODS))
 
 
 @pytest.fixture
@@ -68,57 +67,32 @@ def copy(finished: FinishedRun, tmp_path: Path) -> FinishedRun:
     return FinishedRun.of(Path(shutil.copytree(finished.out, tmp_path / "run")))
 
 
-def assert_same(out: Path, method: str, before: list[View]) -> None:
-    """The cell restored renders `before` bit for bit, and scores what its record says."""
-    run = FinishedRun.of(out)
-    cell = run.trained(run.run.scenes[0], method, 0, CPU)
-    views = read_view_set(out.parent / "ball")
-    after = views_of(cell.learner, views, cell.chunk)
-    assert len(before) == len(after) == 3
-    for ours, theirs in zip(after, before, strict=True):
-        for name in ("colour", "opacity", "depth"):
-            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
-    rows = [view_scores(view, views.test, index) for index, view in enumerate(after)]
-    assert mean_scores(rows)["psnr"] == cell.cell.scores["psnr"]
-    assert rows == cell.cell.views
-    assert np.ptp(after[0].colour) > 0.01, "it shows something"
+def views_of(learner: Learner, views: ViewSet, chunk: int) -> list[View]:
+    return list(render_split(learner, cameras_of(views, views.test, CPU), chunk))
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_what_is_restored_renders_and_scores_as_it_did(method: str, three: tuple[Path, Rendered]) -> None:
-    assert_same(three[0], method, three[1][method])
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-@pytest.mark.parametrize("method", OTHERS)
-def test_so_it_is_with_every_other_method(method: str, all_others: tuple[Path, Rendered]) -> None:
-    if method in ("voxels_drjit", "ellipsoids"):
+@pytest.mark.parametrize(("methods", "options"), RUNS)
+def test_what_is_restored_renders_and_scores_as_it_did(
+    methods: list[str], options: dict[str, Any], tmp_path: Path
+) -> None:
+    """Bit for bit as the learners themselves when they had been trained."""
+    if {"voxels_drjit", "ellipsoids"} & set(methods):
         drjit_or_skip()
-    assert_same(all_others[0], method, all_others[1][method])
-
-
-OTHER_SETTINGS: dict[str, dict[str, Any]] = {
-    "fine pass, bfloat16": {"fine_bins": 8, "precision": "bfloat16"},
-    "no grid": {"grid": GridSettings(cells=0)},
-    "before the grid": {"grid": replace(TRAIN.grid, first_step=100)},
-    "without accelerations": {"accelerations": TRAIN.accelerations.without(("fused", "grid", "early_stop"))},
-}
-
-
-def test_so_it_is_with_a_fine_pass_and_without_view_direction(tmp_path: Path) -> None:
-    train = replace(TRAIN, fine_bins=8)
-    out, before = trained(tmp_path, ["nerf", "qnerf"], train=train, steps=14, no_need=["view_direction"])
-    for method in ("nerf", "qnerf"):
-        assert_same(out, method, before[method])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", OTHER_SETTINGS)
-def test_so_it_is_with_other_settings(name: str, tmp_path: Path) -> None:
-    out, before = trained(tmp_path, METHODS, train=replace(TRAIN, **OTHER_SETTINGS[name]), steps=14)
-    for method in METHODS:
-        assert_same(out, method, before[method])
+    learners: list[Learner] = []
+    run = FinishedRun.of(train_run(tmp_path, methods, on_trained=learners.append, **{"steps": 14, **options}))
+    views = read_view_set(tmp_path / "ball")
+    assert sorted(learner.method for learner in learners) == sorted(methods)
+    for learner in learners:
+        cell = run.trained(run.run.scenes[0], learner.method, 0, CPU)
+        before, after = views_of(learner, views, 100), views_of(cell.learner, views, cell.chunk)
+        assert len(before) == len(after) == 3
+        for ours, theirs in zip(after, before, strict=True):
+            for name in ("colour", "opacity", "depth"):
+                np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+        rows = [view_scores(view, views.test, index) for index, view in enumerate(after)]
+        assert mean_scores(rows)["psnr"] == cell.cell.scores["psnr"]
+        assert rows == cell.cell.views
+        assert np.ptp(after[0].colour) > 0.01, "it shows something"
 
 
 def test_its_camera_is_that_of_the_views(finished: FinishedRun) -> None:
@@ -229,23 +203,23 @@ def test_weights_that_changed_since_they_were_written_are_refused(place: float, 
         copy.trained(copy.run.scenes[0], "nerf", 0, CPU)
 
 
-@pytest.mark.parametrize("views", ["--help", {"need": [["empty_space"]]}, {"no_need": 7}])
-def test_settings_of_its_views_that_are_none_are_refused(views: Any, finished: FinishedRun) -> None:
-    spoilt = replace(finished, run=replace(finished.run, settings={**finished.run.settings, "views": views}))
-    with pytest.raises(DamagedRecord, match=r"run\.json: settings\.views"):
-        spoilt.views(spoilt.run.scenes[0])
-
-
-def test_views_that_are_not_counted_are_refused_with_the_file(finished: FinishedRun) -> None:
-    scene = replace(finished.run.scenes[0], views={"train": 5})
-    with pytest.raises(DamagedRecord, match=r"run\.json: ball: views says no number of test"):
-        finished.views(scene)
-
-
-def test_a_box_that_is_upside_down_is_refused_with_the_file(finished: FinishedRun) -> None:
-    scene = replace(finished.run.scenes[0], bounds=[[-1.0, -1.0, 9.0], [1.0, 1.0, 1.0]])
-    with pytest.raises(DamagedRecord, match=r"run\.json: ball: bounds"):
-        finished.views(scene)
+@pytest.mark.parametrize(
+    ("settings", "scene", "words"),
+    [
+        *(
+            ({"views": views}, {}, r"settings\.views")
+            for views in ("--help", {"need": [["empty_space"]]}, {"no_need": 7})
+        ),
+        ({}, {"views": {"train": 5}}, "ball: views says no number of test"),
+        ({}, {"bounds": [[-1.0, -1.0, 9.0], [1.0, 1.0, 1.0]]}, "ball: bounds"),
+    ],
+)
+def test_settings_and_scenes_whose_views_cannot_be_read_are_refused_with_the_file(
+    settings: dict[str, Any], scene: dict[str, Any], words: str, finished: FinishedRun
+) -> None:
+    spoilt = replace(finished, run=replace(finished.run, settings={**finished.run.settings, **settings}))
+    with pytest.raises(DamagedRecord, match=rf"run\.json: {words}"):
+        spoilt.views(replace(finished.run.scenes[0], **scene))
 
 
 def test_a_method_that_is_no_more_is_refused(copy: FinishedRun, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,15 +11,7 @@ from baselines.numerics.attention import maps
 from baselines.numerics.attention.priorities import BadAttention, allocated_bins, region_order
 from baselines.numerics.attention.regions import Regions
 from harness.playback import progressive
-from harness.playback.progressive import (
-    Canvas,
-    Done,
-    coarse,
-    estimated_error,
-    filled,
-    refine,
-    render_allocated,
-)
+from harness.playback.progressive import Canvas, Done, coarse, estimated_error, filled, refine, render_allocated
 from harness.training.batches import Camera
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
@@ -47,7 +39,12 @@ def trained(method: str) -> Learner:
 
 @pytest.fixture(scope="module")
 def nerf() -> Learner:
-    return trained("nerf")
+    learner = trained("nerf")
+    assert progressive.why_plain(learner) is None
+    assert plain(learner).opacity.max() > 0.05, "it shows something"
+    assert plain(learner).colour.std() > 1e-3
+    assert learner.rendered_by()["sampling"]["bins"] == BINS
+    return learner
 
 
 @pytest.fixture(scope="module")
@@ -70,18 +67,14 @@ def largest_difference(view: View, other: View) -> float:
     return float(max(colour, opacity, np.abs(view.depth - other.depth).max() / 6.0))
 
 
-def test_the_views_looked_at_show_something(nerf: Learner) -> None:
-    assert progressive.why_plain(nerf) is None
-    view = plain(nerf)
-    assert view.opacity.max() > 0.05
-    assert view.colour.std() > 1e-3
-    assert nerf.rendered_by()["sampling"]["bins"] == BINS
-
-
 @pytest.mark.parametrize("order", get_args(progressive.Order))
-def test_any_order_gives_the_plain_picture(nerf: Learner, order: Any) -> None:
+def test_any_order_gives_the_plain_picture_to_the_bit_if_a_method_is_not_pointwise(
+    nerf: Learner, qnerf: Learner, order: Any
+) -> None:
     view, _ = filled(CAMERA, refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))
     assert largest_difference(view, plain(nerf)) < ROUNDING
+    assert "which points share a call" in (progressive.why_plain(qnerf) or "")
+    assert same_bits(filled(CAMERA, refine(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))[0], plain(qnerf))
 
 
 @pytest.mark.parametrize("attention", [EQUAL, np.zeros(REGIONS.count)])
@@ -89,14 +82,6 @@ def test_equal_attention_is_plain_to_the_bit(nerf: Learner, attention: np.ndarra
     parts = list(refine(nerf, CAMERA, REGIONS, attention, CHUNK))
     assert same_bits(filled(CAMERA, parts)[0], plain(nerf))
     assert [len(done.pixels) for done in parts] == [150, 150, 96]
-
-
-@pytest.mark.parametrize("order", get_args(progressive.Order))
-def test_a_method_that_is_not_pointwise_is_plain_to_the_bit_whatever_is_attended(qnerf: Learner, order: Any) -> None:
-    reason = progressive.why_plain(qnerf)
-    assert reason is not None
-    assert "which points share a call" in reason
-    assert same_bits(filled(CAMERA, refine(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))[0], plain(qnerf))
 
 
 @pytest.mark.parametrize("order", get_args(progressive.Order))
@@ -191,27 +176,23 @@ def test_every_region_gets_its_own_bins(nerf: Learner) -> None:
     assert sum(rays for rays, _, _ in watched.calls) == 18 * 22
 
 
-def test_equal_bins_are_the_plain_picture_to_the_bit(nerf: Learner, qnerf: Learner) -> None:
+def test_equal_bins_are_plain_to_the_bit_and_a_method_that_is_not_pointwise_gets_the_mean(
+    nerf: Learner, qnerf: Learner
+) -> None:
     for learner in (nerf, qnerf):
         same, _ = render_allocated(learner, CAMERA, REGIONS, np.full(REGIONS.count, BINS), CHUNK)
         assert same_bits(same, plain(learner))
-
-
-def test_a_method_that_is_not_pointwise_gets_the_mean_number_everywhere(qnerf: Learner) -> None:
     bins = allocated_bins(ATTENTION, REGIONS.rays, 10, 2)
-    view, _ = render_allocated(qnerf, CAMERA, REGIONS, bins, CHUNK)
     mean = int((bins * REGIONS.rays).sum() // REGIONS.rays.sum())
-    assert same_bits(view, render_allocated(qnerf, CAMERA, REGIONS, np.full(REGIONS.count, mean), CHUNK)[0])
+    views = [render_allocated(qnerf, CAMERA, REGIONS, each, CHUNK)[0] for each in (bins, np.full_like(bins, mean))]
+    assert same_bits(*views)
 
 
 def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counted(nerf: Learner) -> None:
     watched = Watched(nerf)
-    fine, (rough, rays, evaluations) = (
-        coarse(nerf, CAMERA, 3, CHUNK, BINS).view,
-        coarse(nerf, CAMERA, 3, CHUNK, BINS // 2),
-    )
-    estimate = estimated_error(watched, CAMERA, fine, 3, CHUNK, BINS)
-    square = ((fine.colour.astype(float) - rough.colour) ** 2).mean(axis=-1)
+    fine, (rough, rays, evaluations) = (coarse(nerf, CAMERA, 3, CHUNK, bins) for bins in (BINS, BINS // 2))
+    estimate = estimated_error(watched, CAMERA, fine.view, 3, CHUNK, BINS)
+    square = ((fine.view.colour.astype(float) - rough.colour) ** 2).mean(axis=-1)
     np.testing.assert_allclose(estimate.error**2, square, rtol=1e-12)
     assert estimate.error.max() > 0.0
     assert watched.calls == [(48, CHUNK, BINS // 2)]

@@ -1,5 +1,6 @@
-"""Everything that a picture depends on changes its key, and nothing else does."""
+"""Everything that a picture depends on changes its key, and nothing else does; under it is the picture itself."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -13,18 +14,22 @@ import pytest
 import torch
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, Box
-from harness.machine.provenance import provenance
-from harness.playback import keys
+from baselines.methods.explicit import VoxelSettings
+from harness.machine.provenance import PROGRAM
+from harness.playback import cached, keys
 from harness.playback.cached import CachedMethod
-from harness.playback.keys import RENDERING, camera_key, code_digest, method_digest, plain_calls, switches
+from harness.playback.keys import camera_key, method_digest, plain_calls, switches
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
 from harness.training.checkpoints import load_checkpoint, save_checkpoint
-from harness.training.learner import Learner
+from harness.training.learner import Job, Learner
+from harness.training.make_learner import learner_for
+from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Trainer
 from tests.harness.ball import pose
-from tests.harness.tiny import TRAIN, rays_and_colours, trainer
-from tests.test_architecture import imported, modules
+from tests.harness.shell import ROOT
+from tests.harness.tiny import BUDGET, CPU, TRAIN, box, rays_and_colours, trainer
+from tests.harness.voxels import drjit_or_skip
 
 CALLS = plain_calls(512)
 
@@ -47,16 +52,11 @@ def key(learner: Learner, view: Camera | None = None, calls: str = CALLS) -> str
     return camera_key(method_digest(learner), view or camera(), calls)
 
 
-def test_the_same_view_has_the_same_key_and_it_is_one() -> None:
+def test_the_same_view_has_the_same_key() -> None:
     learner = trained()
-    assert (
-        key(learner)
-        == key(learner, camera())
-        == key(trained())
-        == key(learner, camera(camera_to_world=pose(0.3, 0.4).T.copy().T))
-    )
-    assert len(key(learner)) == 64
-    assert int(key(learner), 16) >= 0
+    transposed = camera(camera_to_world=pose(0.3, 0.4).T.copy().T)
+    assert key(learner) == key(trained()) == key(learner, transposed)
+    assert re.fullmatch("[0-9a-f]{64}", key(learner)), "a file's name"
 
 
 def ulp_away(entry: int, towards: float) -> dict[str, Any]:
@@ -86,9 +86,10 @@ def trained_further(learner: Trainer) -> None:
     learner.train_on(*rays_and_colours(seed=9))
 
 
-def written_in_place(learner: Trainer) -> None:
-    weight = next(learner.fields.parameters())
-    weight.data[0, 0] = torch.nextafter(weight.data[0, 0], torch.tensor(9.0))
+def ulp_less(tensor: torch.Tensor, *index: int) -> torch.Tensor:
+    """Write through `.data`, which leaves no trace in torch's own count of versions."""
+    tensor.data[index] = torch.nextafter(tensor.data[index], torch.tensor(-9.0))
+    return tensor
 
 
 def grid_changed(learner: Trainer) -> None:
@@ -96,47 +97,34 @@ def grid_changed(learner: Trainer) -> None:
     learner.grid.occupied[7] = False
 
 
-def box_moved(learner: Trainer) -> None:
-    learner.box = Box(learner.box.lower, torch.nextafter(learner.box.upper, torch.tensor(9.0)))
+def attribute(name: str, value: Callable[[Trainer], object]) -> Callable[[Trainer], object]:
+    return lambda learner: setattr(learner, name, value(learner))
 
 
-def background_changed(learner: Trainer) -> None:
-    learner.background = torch.nextafter(learner.background, torch.tensor(0.0))
+def setting(**changes: Any) -> Callable[[Trainer], object]:
+    return attribute("settings", lambda learner: replace(learner.settings, **changes))
 
 
-def settings_changed(**changes: Any) -> Callable[[Trainer], None]:
-    def change(learner: Trainer) -> None:
-        learner.settings = replace(learner.settings, **changes)
-
-    return change
-
-
-def named(**attributes: Any) -> Callable[[Trainer], None]:
-    def change(learner: Trainer) -> None:
-        for name, value in attributes.items():
-            setattr(learner, name, value)
-
-    return change
-
-
-CHANGES: dict[str, Callable[[Trainer], None]] = {
+CHANGES: dict[str, Callable[[Trainer], object]] = {
     "one more training step": trained_further,
-    "a weight written through .data": written_in_place,
+    "a weight": lambda learner: ulp_less(next(learner.fields.parameters()), 0, 0),
     "one cell of the occupancy mask": grid_changed,
-    "the mask gone": named(grid=None),
-    "method": named(method="qnerf"),
-    "quadrature": named(quadrature="listing4"),
-    "direction": named(view_dependent=False),
-    "background": background_changed,
-    "box": box_moved,
-    "device": named(device=torch.device("meta")),
-    "bins": settings_changed(bins=17, first_bins=17),
-    "fine bins": settings_changed(fine_bins=8),
-    "network": settings_changed(network=replace(TRAIN.network, colour_layers=1)),
-    "bfloat16": settings_changed(precision="bfloat16"),
-    "float16": settings_changed(precision="float16"),
+    "the mask gone": attribute("grid", lambda _: None),
+    "method": attribute("method", lambda _: "qnerf"),
+    "quadrature": attribute("quadrature", lambda _: "listing4"),
+    "direction": attribute("view_dependent", lambda _: False),
+    "background": lambda learner: ulp_less(learner.background, 0),
+    "box": attribute("box", lambda learner: Box(learner.box.lower, ulp_less(learner.box.upper.clone(), 0))),
+    "device": attribute("device", lambda _: torch.device("meta")),
+    # another number of bins holds before the grid is in use
+    "more steps where no weight moves": attribute("step", lambda _: TRAIN.grid.first_step + 1),
+    "bins": setting(bins=17, first_bins=17),
+    "fine bins": setting(fine_bins=8),
+    "network": setting(network=replace(TRAIN.network, colour_layers=1)),
+    "bfloat16": setting(precision="bfloat16"),
+    "float16": setting(precision="float16"),
     **{
-        f"without {switch.name}": settings_changed(accelerations=replace(EVERY_ACCELERATION, **{switch.name: False}))
+        f"without {switch.name}": setting(accelerations=replace(EVERY_ACCELERATION, **{switch.name: False}))
         for switch in fields(Accelerations)
     },
 }
@@ -151,15 +139,7 @@ def test_whatever_a_picture_depends_on_is_in_the_key(change: str) -> None:
     assert key(learner) != before
 
 
-def test_more_training_moves_the_sampling_even_where_no_weight_moves() -> None:
-    """Another number of bins holds before the grid is in use."""
-    learner = trained()
-    before = key(learner)
-    learner.step = TRAIN.grid.first_step + 1
-    assert key(learner) != before
-
-
-def test_every_method_seed_and_way_of_calling_has_keys_of_its_own() -> None:
+def test_each_method_seed_and_division_into_chunks_has_its_own_keys() -> None:
     learners = [trained(), trained("qnerf"), trained("nerf_matched"), trainer(seed=1), trainer(seed=2)]
     keys_of_all = [
         key(learner, calls=calls) for learner in learners for calls in (CALLS, plain_calls(513), "region after region")
@@ -167,73 +147,17 @@ def test_every_method_seed_and_way_of_calling_has_keys_of_its_own() -> None:
     assert len(set(keys_of_all)) == len(keys_of_all)
 
 
-def test_other_sources_another_torch_or_processor_is_another_picture(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_other_sources_another_torch_or_processor_is_another_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     learner = trained()
     before = key(learner)
-    with monkeypatch.context() as patch:
-        patch.setattr(torch, "__version__", "9.9")
-        assert key(learner) != before
-    assert keys.machine(learner)["processor"][1] == provenance(torch.device("cpu"))["processor"]
-    for name in ("code_digest", "processor"):
+    other = {"versions": {**keys.versions(), PROGRAM: "another"}, "processor": "another"}
+    for name, value in other.items():
         with monkeypatch.context() as patch:
-            patch.setattr(keys, name, lambda: "another")
+            patch.setattr(keys, name, lambda value=value: value)
             assert key(learner) != before
+    assert "torch" in keys.machine(learner)["versions"]
     torch.set_num_threads(2)  # put back by a fixture
     assert key(learner) != before
-
-
-def test_the_digest_of_the_code_is_of_every_source_that_renders(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    known = modules(keys.ROOT)
-    waiting = ["harness.training.trainer", "harness.training.kinds.voxel_trainer", "harness.training.batches"]
-    rendering: set[str] = set()
-    while waiting:
-        name = waiting.pop()
-        if name in known and name not in rendering:
-            rendering.add(name)
-            waiting += imported(name, known[name], set(known))
-    in_digest = {file for pattern in RENDERING for file in keys.ROOT.glob(pattern)}
-    assert keys.ROOT / "harness/training/scoring/evaluate.py" in in_digest
-    left_out = {name for name in rendering if known[name] not in in_digest}
-    # they train, keep time, read files and say what is missing; no pixel comes from them
-    assert left_out == NOT_RENDERING
-    for pattern in RENDERING:
-        file = tmp_path / pattern.replace("**/*", "deep/a").replace("*", "a")
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text("")
-    monkeypatch.setattr(keys, "ROOT", tmp_path)
-    digests = {code_digest.__wrapped__()}
-    for file in sorted(tmp_path.rglob("*.py")):
-        file.write_text("# changed")
-        digests.add(code_digest.__wrapped__())
-    assert len(digests) == 1 + len(RENDERING)
-
-
-NOT_RENDERING = {
-    "harness.machine.stopwatch",
-    "harness.plan.plugins",
-    "harness.plan.schedule",
-    "harness.records.cells",
-    "harness.records.claims",
-    "harness.records.former.four_words",
-    "harness.records.json_record",
-    "harness.records.metric_table",
-    "harness.records.pictures",
-    "harness.records.snapshot",
-    "harness.records.verdict",
-    "scenes.files.trial",
-    "harness.training.checkpoints",
-    "scenes.files.atomic",
-    "scenes.files.errors",
-    "scenes.view_sets.image_stack",
-    "scenes.view_sets.pixels",
-    "scenes.view_sets.source",
-    "scenes.view_sets.formats.transforms",
-    "scenes.view_sets.viewpoints",
-}  # fmt: skip
 
 
 ELSEWHERE = """
@@ -254,7 +178,7 @@ def test_another_process_has_the_same_key(tmp_path: Path) -> None:
     save_checkpoint(learner, tmp_path / "a.safetensors")
     done = subprocess.run(
         [sys.executable, "-c", ELSEWHERE, str(tmp_path / "a.safetensors")],
-        cwd=keys.ROOT, capture_output=True, text=True, check=True,
+        cwd=ROOT, capture_output=True, text=True, check=True,
     )  # fmt: skip
     again = trainer()
     load_checkpoint(again, tmp_path / "a.safetensors", 2)
@@ -310,9 +234,62 @@ def test_every_switch_of_arithmetic_is_in_the_key_whichever_others_were_set(on_g
 
 
 def test_under_another_switch_a_view_is_not_found() -> None:
-    method = CachedMethod(trained(), ViewStore(10**6), 512)
-    method.render(camera())
+    method = CachedMethod(trained(), ViewStore(), 512)
+    method.keep(camera(), rendered(method))
     for other in ON_CPU.values():
         with other():
             assert method.lookup(camera()) is None
     assert method.lookup(camera()) is not None
+
+
+# a method behind the cache
+
+
+def rendered(method: CachedMethod) -> View:
+    return render_view(method.learner, camera().cameras(CPU), 0, method.chunk)
+
+
+def test_the_view_that_is_found_is_bit_for_bit_the_rendered_one_until_the_method_is_trained(tmp_path: Path) -> None:
+    method = CachedMethod(trained(), ViewStore(0, tmp_path), 50)
+    method.keep(camera(), rendered(method))
+    hit = CachedMethod(trained(), ViewStore(0, tmp_path), 50).lookup(camera())
+    assert hit is not None
+    for name in ("colour", "opacity", "depth"):
+        assert getattr(hit[0], name).tobytes() == getattr(rendered(method), name).tobytes()
+    assert np.ptp(hit[0].colour) > 0.0
+    assert CachedMethod(trained(), ViewStore(0, tmp_path), 49).lookup(camera()) is None
+    trained_further(method.learner)  # type: ignore[arg-type]
+    assert method.lookup(camera()) is None
+
+
+def test_weights_are_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[object] = []
+    monkeypatch.setattr(cached, "method_digest", lambda learner: calls.append(learner) or b"")
+    method = CachedMethod(trained(), ViewStore(), 50)
+    for azimuth in range(5):
+        method.lookup(camera(camera_to_world=pose(azimuth, 0.4)))
+    assert len(calls) == 1
+
+
+VOXEL_FACTS: dict[str, Callable[[Any], None]] = {
+    "bins": lambda learner: setattr(learner, "own", replace(learner.own, bins=25)),
+    "box": lambda learner: setattr(learner, "box", Box(learner.box.lower, learner.box.upper + 1e-6)),
+    "a training step": trained_further,
+}
+
+
+@pytest.mark.parametrize("fact", VOXEL_FACTS)
+def test_whatever_a_picture_of_voxels_depends_on_is_in_the_key(fact: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their weights are Dr.Jit's and not torch's."""
+    drjit_or_skip()
+    settings = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)})
+    learner = learner_for(Job("voxels_drjit", box(), settings, BUDGET, 0, CPU))
+    for step in range(3):
+        learner.train_on(*rays_and_colours(seed=step))
+    before = key(learner)
+    with monkeypatch.context() as patch:
+        patch.setattr(keys, "_drjit", lambda: ["0.0", [1, 2, 3]])
+        assert key(learner) != before
+    assert key(learner) == before
+    VOXEL_FACTS[fact](learner)
+    assert key(learner) != before

@@ -9,34 +9,26 @@ import pytest
 from harness.command.main import main
 from harness.command.tensorboard_command import also_written
 from harness.execution.progress import Quiet
-from harness.records.cells import CellRecord, Checkpoint, write_cell
+from harness.records.cells import CellRecord, write_cell
 from harness.run_folder import board
 from harness.run_folder.board import board_folder, require_tensorboard, write_board
 from scenes.files.errors import InputError
+from tests.harness import cells
+from tests.harness.cells import checkpoint
 from tests.harness.shell import refused
 
-EDGES = [0.0, 0.25, 0.5, 1.0]
+DENSITY = {"edges": [0.0, 0.25, 0.5, 1.0], "before": [0.5, 0.25, 0.25], "after": [0.0, 0.5, 0.5]}
+CURVE = [
+    checkpoint(20, 2.0, 20.5, density=DENSITY, rmse_linear=0.1),
+    checkpoint(40, 4.5, 22.25, density=DENSITY, depth_rmse=0.4),
+]
+TRACE = {
+    "step": [1.0, 20.0, 30.0], "loss": [0.5, 0.25, None], "gradient_norm": [2.0, 1.0, 0.5], "alpha": [0.61, 0.62, 0.63],
+}  # fmt: skip
 
 
-def cell(method: str = "qnerf", **changes: Any) -> CellRecord:
-    density = {"edges": EDGES, "before": [0.5, 0.25, 0.25], "after": [0.0, 0.5, 0.5]}
-    curve = [
-        Checkpoint(20, 2.0, 1000, density, 0.6, 1.0, psnr=20.5, rmse_linear=0.1, ssim=0.8, flip=0.3),
-        Checkpoint(40, 4.5, 2000, density, 0.7, 1.1, psnr=22.25, ssim=0.9, flip=0.25, depth_rmse=0.4),
-    ]
-    trace: dict[str, list[float | None]] = {
-        "step": [1.0, 20.0, 30.0],
-        "loss": [0.5, 0.25, None],
-        "gradient_norm": [2.0, 1.0, 0.5],
-        "alpha": [0.61, 0.62, 0.63],
-    }
-    facts: dict[str, Any] = {
-        "scene": "ball", "method": method, "seed": 0, "status": "done", "reason": None, "steps": 40,
-        "train_seconds": 4.5, "scores": {"psnr": 22.25, "depth_rmse": None}, "curve": curve, "views": [],
-        "trace": trace, "parameters": {"total": 3}, "properties": {}, "warnings": [], "settings": {},
-        "provenance": {}, "pictures": None,
-    }  # fmt: skip
-    return CellRecord(**{**facts, **changes})
+def cell(method: str = "qnerf") -> CellRecord:
+    return cells.cell("ball", method, 0, CURVE, scores={"psnr": 22.25, "depth_rmse": None}, trace=TRACE)
 
 
 def read_back(folder: Path) -> Any:
@@ -77,11 +69,10 @@ def test_writing_again_replaces(tmp_path: Path) -> None:
 
 
 def test_a_cell_that_diverged_before_its_first_checkpoint_has_a_reason(tmp_path: Path) -> None:
-    found = read_back(
-        write_board(tmp_path, cell(status="diverged", reason="not finite", curve=[], trace={}, scores={}))
-    )
-    assert found.Tags()["scalars"] == []
-    assert b"diverged: not finite" in found.Tensors("cell/status/text_summary")[0].tensor_proto.string_val[0]
+    found = read_back(write_board(tmp_path, cells.diverged("ball", "nerf", 0)))
+    assert not [tag for tag in found.Tags()["scalars"] if not tag.startswith("train/")]
+    (text,) = found.Tensors("cell/status/text_summary")[0].tensor_proto.string_val
+    assert text == b"diverged: not finite at step 7: loss"
 
 
 def test_the_command_writes_every_cell_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,9 +1,9 @@
 """The folder that a run writes to: fresh, or gone on with, never one in use."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -24,6 +24,7 @@ from tests.harness.cells import diverged
 from tests.replacing import replace
 
 MACHINE = Machine("cpu", 2, 1)
+PLAN = "records/plan.json"
 
 
 @pytest.fixture
@@ -31,23 +32,30 @@ def plan() -> Plan:
     return planned("smoke", scenes=["lego"])
 
 
-def with_results(out: Path, plan: Plan) -> Path:
-    claim(out, plan, MACHINE, resume=False)
-    write_json(out / "records" / "run.json", {})
-    write_cell(out, diverged("lego", "nerf", 0))
-    return out
+@pytest.fixture
+def out(tmp_path: Path, plan: Plan) -> Path:
+    """A folder with results."""
+    claim(tmp_path / "run", plan, MACHINE, resume=False)
+    write_json(tmp_path / "run" / "records" / "run.json", {})
+    write_cell(tmp_path / "run", diverged("lego", "nerf", 0))
+    return tmp_path / "run"
 
 
-def test_a_fresh_folder_holds_its_plan(tmp_path: Path, plan: Plan) -> None:
-    claim(tmp_path / "a" / "b", plan, MACHINE, resume=False)
-    stored = load_record(tmp_path / "a" / "b" / "records" / "plan.json")
-    assert stored == json.loads(json.dumps({**plan.settings(), "machine": MACHINE.settings()}))
+def resumed(out: Path, plan: Plan) -> list[str]:
+    """What is said when a run is resumed; its plan is then that of a fresh one."""
+    lines: list[str] = []
+    with claimed(out, plan, MACHINE, True, lines.append):
+        pass
+    assert load_record(out / PLAN) == json.loads(json.dumps({**plan.settings(), "machine": MACHINE.settings()}))
+    return lines
 
 
-def test_results_are_kept_unless_they_are_gone_on_with(tmp_path: Path, plan: Plan) -> None:
-    out = with_results(tmp_path / "run", plan)
+def test_results_are_kept_unless_they_are_gone_on_with(out: Path, plan: Plan) -> None:
     with pytest.raises(InputError, match="holds results already; name another folder, or go on with --resume"):
         claim(out, plan, MACHINE, resume=False)
+    before = sorted(out.rglob("*"))
+    release(out)
+    assert sorted(out.rglob("*")) == before
     claim(out, plan, MACHINE, resume=True)
 
 
@@ -69,82 +77,71 @@ def test_a_folder_of_somebody_else_or_without_a_run_is_refused(
     assert [file.name for file in tmp_path.iterdir()] == mine
 
 
-def test_another_plan_is_not_gone_on_with(tmp_path: Path, plan: Plan) -> None:
-    out = with_results(tmp_path / "run", plan)
+def test_another_plan_is_refused_with_what_differs(out: Path, plan: Plan) -> None:
     other = planned("smoke", scenes=["lego"], seeds=1, budget_steps=7)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=r"another plan .*budget\.steps was 60, is 7.*seeds was \[0, 1\], is \[0\]"):
         claim(out, other, MACHINE, resume=True)
-    assert "another plan" in str(caught.value)
-    assert "seeds was [0, 1], is [0]" in str(caught.value)
-    assert "budget.steps was 60, is 7" in str(caught.value)
     claim(out, plan, MACHINE, resume=True)
 
 
-def test_another_machine_has_other_clocks(tmp_path: Path, plan: Plan) -> None:
-    out = with_results(tmp_path / "run", plan)
-    for other in (replace(MACHINE, threads=2), replace(MACHINE, device="cuda"), replace(MACHINE, workers=1)):
-        with pytest.raises(InputError, match=r"machine\.\w+ was"):
+@pytest.mark.parametrize(
+    ("machine", "refused"),
+    [
+        (replace(MACHINE, threads=2), "threads"),
+        (replace(MACHINE, device="cuda"), "device"),
+        (replace(MACHINE, workers=1), "workers"),
+        (Machine("cpu", 64, MACHINE.threads, "ray"), None),
+        (Machine("cpu", 64, 2, "ray"), "threads"),
+    ],
+)
+def test_a_machine_with_other_clocks_is_refused_and_a_cluster_is_not(
+    out: Path, plan: Plan, machine: Machine, refused: str | None
+) -> None:
+    if refused:
+        with pytest.raises(InputError, match=rf"machine\.{refused} was"):
+            claim(out, plan, machine, resume=True)
+    else:
+        for other in (machine, replace(machine, workers=8), Machine("cpu", 1, MACHINE.threads, "local")):
             claim(out, plan, other, resume=True)
 
 
-def test_a_run_goes_on_from_a_cluster_on_one_machine_and_back(tmp_path: Path, plan: Plan) -> None:
-    out = with_results(tmp_path / "run", plan)
-    for executor, workers in (("ray", 64), ("ray", 8), ("local", 1)):
-        claim(out, plan, Machine("cpu", workers, MACHINE.threads, executor), resume=True)
-    with pytest.raises(InputError, match=r"machine\.threads was 1, is 2"):
-        claim(out, plan, Machine("cpu", 64, 2, "ray"), resume=True)
-
-
 @pytest.mark.parametrize("content", ["", "{", "[1]", '{"seeds": 1'])
-def test_a_plan_that_is_lost_is_what_the_options_say_where_that_fits(tmp_path: Path, plan: Plan, content: str) -> None:
-    out = with_results(tmp_path / "run", plan)
-    sound = (out / "records" / "plan.json").read_text()
+def test_a_plan_that_is_lost_is_what_the_options_say_where_that_fits(out: Path, plan: Plan, content: str) -> None:
     write_cell(out, replace(diverged("lego", "nerf", 0), settings={"budget": plan.budget.settings()}))
-    (out / "records" / "plan.json").write_text(content)
+    (out / PLAN).write_text(content)
     other = planned("smoke", scenes=["lego"], budget_steps=7)
     with pytest.raises(InputError, match=r"plan\.json: .*cannot be made again.*lego\.nerf\.0: budget was"):
         claim(out, other, MACHINE, resume=True)
-    assert (out / "records" / "plan.json").read_text() == content
-    claim(out, plan, MACHINE, resume=True)
-    assert (out / "records" / "plan.json").read_text() == sound
+    assert (out / PLAN).read_text() == content
+    resumed(out, plan)
 
 
-@pytest.mark.parametrize("machine", [None, [], "cpu", 7])
-def test_a_machine_that_is_none_is_damage(tmp_path: Path, plan: Plan, machine: Any) -> None:
-    out = with_results(tmp_path / "run", plan)
-    file = out / "records" / "plan.json"
-    sound = file.read_text()
-    write_record(file, {**load_record(file), "machine": machine})
-    claim(out, plan, MACHINE, resume=True)
-    assert file.read_text() == sound
+def machine(value: object) -> Callable[[Path], object]:
+    return lambda file: write_record(file, {**load_record(file), "machine": value})
 
 
-def test_a_folder_in_the_plans_place_is_moved_aside(tmp_path: Path, plan: Plan) -> None:
-    out = with_results(tmp_path / "run", plan)
-    file = out / "records" / "plan.json"
-    sound = file.read_text()
+def key_of_digest(name: str) -> Callable[[Path], object]:
+    return lambda file: file.write_text(file.read_text().replace("digest", name))
+
+
+def folder_instead(file: Path) -> None:
     file.unlink()
     file.mkdir()
     (file / "letter.txt").write_text("mine")
-    lines: list[str] = []
-    with claimed(out, plan, MACHINE, True, lines.append):
-        pass
-    assert lines[0].startswith("records/plan.json: ")
-    assert file.read_text() == sound
-    assert (out / "damaged" / "records.plan.json.1" / "letter.txt").read_text() == "mine"
 
 
-@pytest.mark.parametrize("key", ['"digest"', '"dagest"', '"Digest"'])
-def test_a_flip_in_the_key_of_the_digest_is_damage(tmp_path: Path, plan: Plan, key: str) -> None:
-    out = with_results(tmp_path / "run", plan)
-    file = out / "records" / "plan.json"
-    sound = file.read_text()
-    file.write_text(sound.replace('"digest"', key))
-    lines: list[str] = []
-    with claimed(out, plan, MACHINE, True, lines.append):
-        pass
-    assert any("plan.json" in line for line in lines) == (key != '"digest"')
-    assert file.read_text() == sound
+DAMAGE = [*map(machine, (None, [], "cpu", 7)), *map(key_of_digest, ("dagest", "Digest")), folder_instead]
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_plan_that_is_damaged_is_said_and_written_again(
+    out: Path, plan: Plan, damage: Callable[[Path], object]
+) -> None:
+    assert not any(PLAN in line for line in resumed(out, plan))
+    damage(out / PLAN)
+    assert resumed(out, plan)[0].startswith(f"{PLAN}: ")
+    if damage is folder_instead:
+        assert (out / "damaged" / "records.plan.json.1" / "letter.txt").read_text() == "mine"
 
 
 @pytest.mark.parametrize("aside", ["speed.json.1", "records.run.json.1"])
@@ -189,13 +186,6 @@ def test_a_claim_that_led_to_nothing_is_given_up(tmp_path: Path, plan: Plan) -> 
     claim(tmp_path / "run", plan, MACHINE, resume=False)
     release(tmp_path / "run")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_results_are_never_given_up(tmp_path: Path, plan: Plan) -> None:
-    out = with_results(tmp_path / "run", plan)
-    before = sorted(out.rglob("*"))
-    release(out)
-    assert sorted(out.rglob("*")) == before
 
 
 def test_default_folders_are_fresh_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def test_a_trained_scene_is_looked_at(browser: Any, site: Site) -> None:
     look = Looking(browser, site, viewport={"width": 1200, "height": 800})
     page = look.page
     for method in ("nerf", "qnerf"):
-        assert (look.data(method, "state"), look.data(method, "level")) == ("whole", "none")
+        assert (look.data(method, "state"), look.data(method, "cached")) == ("whole", "none")
         assert len(set(look.picture(method))) > 20
         assert "own work" in look.figure(method, "coarse")
     assert "share a call" in page.locator("figure[data-method=qnerf] .note").inner_text()
@@ -67,8 +67,8 @@ def test_a_trained_scene_is_looked_at(browser: Any, site: Site) -> None:
 
     # back to where it began: out of the cache, the same picture
     look.after(lambda: page.click("#reset"))
-    assert {look.data(method, "level") for method in ("nerf", "qnerf")} <= {"0", "1"}
-    assert look.figure("nerf", "state").startswith("cache level")
+    assert {look.data(method, "cached") for method in ("nerf", "qnerf")} <= {"memory"}
+    assert look.figure("nerf", "state").startswith("view cache")
     assert look.picture("nerf") == before
     assert "served from it" in page.locator("#cache").inner_text()
 

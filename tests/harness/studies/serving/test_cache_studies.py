@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.playback import disk
 from harness.playback.cached import CachedMethod
 from harness.playback.run_loader import TrainedCell
+from harness.playback.store import Place, ViewStore
 from harness.records.study import Check
 from harness.studies.serving.cache_confusions import Variant, compared, confused, copied, pose_hash, variants
 from harness.studies.serving.cache_latency import HITS, WrongHit, hit_check, latencies
@@ -49,11 +49,11 @@ def test_a_target_is_met_or_missed_by_quartiles_against_opposite_ones(
 def test_a_hit_that_is_another_picture_is_no_hit(
     context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def darker(self: CachedMethod, camera: Camera) -> View:
+    def darker(self: CachedMethod, camera: Camera) -> tuple[View, Place]:
         view = plain(self.learner, camera, self.chunk)
-        return replace(view, colour=np.nextafter(view.colour, np.float32(-1.0)))
+        return replace(view, colour=np.nextafter(view.colour, np.float32(-1.0))), "memory"
 
-    monkeypatch.setattr(CachedMethod, "render", darker)
+    monkeypatch.setattr(CachedMethod, "lookup", darker)
     with pytest.raises(WrongHit, match="not the picture"):
         latencies(context, cell, ticks)
 
@@ -62,14 +62,14 @@ def test_nothing_reads_a_file_before_it_is_timed(
     context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reads: list[float] = []
-    read = disk._content
+    read = ViewStore._read
 
-    def noted(file: Path, most: int) -> bytes:
-        content = read(file, most)
+    def noted(self: ViewStore, file: Path, size: int) -> bytes | None:
+        pixels = read(self, file, size)
         reads.append(ticks.now)
-        return content
+        return pixels
 
-    monkeypatch.setattr(disk, "_content", noted)
+    monkeypatch.setattr(ViewStore, "_read", noted)
     latencies(context, cell, ticks)
     assert len(reads) == 2 * context.sizes.rounds * context.sizes.hits, "one a hit, warm or cold"
 

@@ -12,6 +12,7 @@ import pytest
 
 from harness.command.main import main
 from harness.execution.progress import Quiet
+from harness.machine.provenance import PROGRAM
 from harness.playback.run_loader import FinishedRun
 from harness.records.cells import read_cells
 from harness.records.study import Check, Studies, read_studies, write_studies
@@ -104,7 +105,7 @@ def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.Mon
     path, before = copy / SHELF.file, record_of(copy)
     with_studies(monkeypatch)
     if change == "code":
-        monkeypatch.setattr(serving_run, "_code", lambda: "other sources")
+        monkeypatch.setattr(serving_run, "versions", lambda: {PROGRAM: "other sources"})
     elif change == "weights":
         shutil.copy(copy / "checkpoints/ball.nerf.0.safetensors", copy / "checkpoints/ball.qnerf.0.safetensors")
     elif change in ("processor", "packages"):
