@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from msgspec import defstruct, field
+from msgspec import field
 from msgspec.structs import asdict, replace
 
 from harness.records.claims import ClaimFile
@@ -20,7 +20,7 @@ from harness.records.json_record import (
     without_gaps,
     write_record,
 )
-from harness.records.metric_table import METRICS, POSSIBLE
+from harness.records.metric_table import POSSIBLE
 from harness.records.verdict import Verdict
 
 Budget = Literal["steps", "seconds", "core_seconds"]
@@ -124,11 +124,23 @@ SCHEMA = 1
 Status = Literal["done", "diverged", "error", "not_available"]
 
 
-Scores: Any = defstruct("Scores", [(metric, float | None, None) for metric in METRICS], bases=(Record,), kw_only=True)
-"""A struct with a field for every metric; None where a view or a run has no such score."""
+class Scores(Record, frozen=True, kw_only=True):
+    """A score by every metric of `METRICS`, in its order; None where a view or a run has no such score."""
+
+    psnr: float | None = None
+    ssim: float | None = None
+    rmse_linear: float | None = None
+    flip: float | None = None
+    delta_e: float | None = None
+    depth_rmse: float | None = None
+    opacity_iou: float | None = None
+    rel_mse: float | None = None
+    smape: float | None = None
+    hdr_flip: float | None = None
+    lpips: float | None = None
 
 
-class Checkpoint(Scores):
+class Checkpoint(Scores, frozen=True):
     """One scoring of the whole fixed test set, by every metric."""
 
     step: int
@@ -155,7 +167,7 @@ class Checkpoint(Scores):
     field does not tell, and in older records."""
 
 
-class ViewScore(Scores):
+class ViewScore(Scores, frozen=True):
     """The scores of one test view at the end of training, by every metric."""
 
     view: str

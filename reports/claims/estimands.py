@@ -106,7 +106,7 @@ def rates_grid(records: Records) -> Grid:
         rows.append(
             [
                 Entry(rate.method),
-                *(Entry(str(many)) for many in (rate.runs, rate.diverged, rate.collapsed)),
+                *(Entry(str(many), value=many) for many in (rate.runs, rate.diverged, rate.collapsed)),
                 Entry(share, f"{low} to {high}{NARROW}%", value=100 * rate.rate),
                 Entry("\n".join(duels_of) or "–"),
             ]

@@ -12,7 +12,6 @@ from typing import Any
 from harness.records.claims import STATED
 from harness.records.study import Studies
 from reports.claims.estimands import SENSES, between, difference_in_words
-from reports.claims.headline import roles
 from reports.claims.ledger import Claim, by_cause
 from reports.claims.table import LOOKS, in_a_sentence, measured_entry, printed_entry, printed_text
 from reports.data.beside import Beside
@@ -82,10 +81,10 @@ def question(records: Records, claims: list[Claim]) -> str:
         if file.id == STATED and len(file.claims) == 1:
             (claim,) = file.claims
             return f"Does it hold that {claim.statement} is {own[claim.id]}?"
-    cast = roles(records)
-    if not cast.contenders:
-        return f"How does {cast.baseline} do?"
-    return f"How {'do' if len(cast.contenders) > 1 else 'does'} {listed(cast.contenders)} compare with {cast.baseline}?"
+    baseline, contenders = records.baseline, records.contenders
+    if not contenders:
+        return f"How does {baseline} do?"
+    return f"How {'do' if len(contenders) > 1 else 'does'} {listed(contenders)} compare with {baseline}?"
 
 
 def _number(texts: dict[str, str], found: re.Match[str]) -> str:
@@ -115,8 +114,8 @@ def guests(records: Records) -> str:
 
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:
     """State the interval of the answer, what could have gone unnoticed, and how often the comparer itself errs."""
-    sentences, cast = [], roles(records)
-    row = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
+    sentences, contenders = [], records.contenders
+    row = records.comparison("all", contenders[0], records.baseline) if contenders else None
     if row is not None and row.difference is not None:
         like, here = row.scenes_like_these, row.on_these_scenes
         sense = SENSES["scenes_like_these" if like else "on_these_scenes"]

@@ -8,7 +8,7 @@ from harness.records.metric_table import metric_of
 from harness.records.verdict import phrase_with
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.last_doubling import LastDoubling, last_doublings
-from reports.claims.headline import roles, tabulated
+from reports.claims.headline import tabulated
 from reports.data.load import Records
 from reports.data.outcome import robust_in_words
 from reports.data.selection import Selection, behind_difference
@@ -97,7 +97,10 @@ def spent_entry(cells: list[CellRecord]) -> Entry:
 def _level(values: list[float | None]) -> Entry:
     """Return the mean, if none is missing."""
     there = [value for value in values if value is not None]
-    return Entry(number(sum(there) / len(there), 1), tone="muted") if there and len(there) == len(values) else EMPTY
+    if not there or len(there) < len(values):
+        return EMPTY
+    mean = fmean(there)
+    return Entry(number(mean, 1), tone="muted", value=mean)
 
 
 def score_entry(
@@ -136,17 +139,16 @@ def losses(cells: list[CellRecord]) -> str:
 
 def differences_grids(records: Records) -> list[Grid]:
     """Tabulate for each contender its difference to baseline and control, at equal steps and equal time."""
-    cast, grids = roles(records), []
-    rivals = [rival for rival in (cast.baseline, cast.control) if rival]
-    for method in cast.contenders:
+    grids = []
+    for method in records.contenders:
         pairs = [
             (rival, name, words)
             for name, words in tabulated(records)
-            for rival in rivals
+            for rival in records.rivals
             if any(records.comparison(scene, method, rival, budget=name) for scene in [*records.scenes, "all"])
         ]
         if pairs:
-            grids.append(_differences(records, method, pairs, cast.control))
+            grids.append(_differences(records, method, pairs, records.control))
     return grids
 
 
@@ -171,7 +173,7 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, Budget, s
             difference_entry(records.comparison(scene, method, rival, budget=name), q.get((scene, rival, name)))
             for rival, name, _ in pairs
         ]
-        rows.append(row + [Entry(signed(gain, 1), tone="muted")] * printed)
+        rows.append(row + [Entry(signed(gain, 1), tone="muted", value=gain)] * printed)
     note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and its sign and size. "
     note += "A scene's interval is over seeds, that of all scenes on scenes like these."
     note += f" {DISCOVERIES}" if any(each is not None for each in q.values()) else ""

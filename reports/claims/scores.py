@@ -12,7 +12,6 @@ from harness.records.json_record import finite_or_none
 from harness.records.metric_table import METRICS
 from harness.records.study import Effect, Studies
 from harness.verdicts.statistics import on_one_scene, on_these_scenes
-from reports.claims.headline import roles
 from reports.claims.ledger import (
     LEAST_PAIRS,
     MARGINS,
@@ -59,7 +58,7 @@ def gain(bench: Bench, entry: Statement) -> Finding:
     notes = [unpaired(row), f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""]
     if "beside" in entry.of:  # another reading of the method, and what is left once bandwidth is matched
         notes.append(_beside(bench, entry, entry.of["beside"], against))
-        notes.append(_beside(bench, entry, method, roles(bench.records).control or ""))
+        notes.append(_beside(bench, entry, method, bench.records.control or ""))
     return Finding(verdict, how, row.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(row))
 
 

@@ -86,6 +86,22 @@ class Records:
         return self.run.roles.among(self.methods).baseline
 
     @property
+    def control(self) -> str | None:
+        """Return the method that explains a difference from the baseline, if one was run."""
+        cast = self.run.roles.among(self.methods)
+        return next((name for name in cast.controls if name != cast.baseline), None)
+
+    @property
+    def rivals(self) -> list[str]:
+        """Return baseline and control, with which contenders are compared."""
+        return [self.baseline, *([self.control] if self.control else [])]
+
+    @property
+    def contenders(self) -> list[str]:
+        """Return the tested methods; the headline is about the first."""
+        return self.run.roles.among(self.methods).contenders(self.methods)
+
+    @property
     def failed(self) -> list[CellRecord]:
         """Return cells that diverged or ended in an error."""
         every = (*self.cells, *self.extra_cells, *self.guest_cells)

@@ -12,50 +12,18 @@ from markupsafe import Markup, escape
 
 from reports.data import wording
 from reports.data.selection import Selection
-from reports.data.wording import MINUS, NARROW, RAISED
 from reports.drawing import palette
 from reports.page.grid import Entry
 from reports.page.script import content_policy, script
 
-LEVELLED = {level: plain for plain, level in RAISED.items()}
-FIGURE = re.compile(
-    rf"[+~≈]?(?P<sign>[{MINUS}-]?)(?:10(?P<bare>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
-    rf"|(?P<digits>\d[\d{NARROW}]*(?:\.\d+)?)(?:·10(?P<power>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?)(?P<rest>.*)",
-    re.DOTALL,
-)
-UNITS = {
-    "ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0,
-    "B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "k": 1e3, "M": 1e6, "G": 1e9,
-}  # fmt: skip
-"""The units that change within a column."""
 
-
-def value_of(text: str) -> float | None:
-    """Return the number at the beginning of a text of ours, in seconds or bytes if it is a time or a size; None if
-    there is none, or it only counts lost cells, as in `2 of 3 diverged`, or it is the end of a range.
-    """
-    figure = FIGURE.fullmatch(text.strip())
-    if figure is None:
-        return None
-    power = figure["power"] or figure["bare"] or ""
-    digits = (figure["digits"] or "1").replace(NARROW, "")
-    value = float(f"{digits}e{power.translate(LEVELLED) or '0'}")
-    rest = figure["rest"].replace(NARROW, " ").replace("\u00a0", " ")
-    if re.match(rf"\s+of\s+(\d|the)|\s+to\s+[+{MINUS}]?\d|\s*[–/x]\s*\d|\d|[.,]", rest) or re.match(r"\w{4,}", rest):
-        return None
-    scale = UNITS.get(rest.split()[0], 1.0) if rest.split() else 1.0
-    second = re.match(r" (min|h) (\d\d) (s|min)\b", rest)  # the second part of a time: 3 min *20 s*, 2 h *05 min*
-    return (-value if figure["sign"] else value) * scale + (float(second[2]) * UNITS[second[3]] if second else 0.0)
-
-
-def of_entry(entry: Entry, numeric: bool) -> Markup:
+def of_entry(entry: Entry) -> Markup:
     """Return the attributes of a table cell."""
     attributes: dict[str, str] = {}
-    value = value_of(entry.text) if entry.value is None and numeric else entry.value
-    if isinstance(value, str):
-        attributes["said"] = value
-    elif value is not None and math.isfinite(value):
-        attributes["value"] = f"{value:.7g}"
+    if isinstance(entry.value, str):
+        attributes["said"] = entry.value
+    elif entry.value is not None and math.isfinite(entry.value):
+        attributes["value"] = f"{entry.value:.7g}"
     parts = {
         name: part if isinstance(part, str) else float(f"{part:.7g}")
         for name, part in entry.parts.items()

@@ -68,7 +68,8 @@ def comparisons_grid(records: Records) -> Grid:
             BUDGETS[comparison.budget].removeprefix("equal "),
         ]
         detected = Entry(number(least, metric.digits_of_difference), value=least)
-        rows.append([*map(Entry, words), difference_entry(comparison), _q(q), detected, Entry(str(comparison.pairs))])
+        pairs = Entry(str(comparison.pairs), value=comparison.pairs)
+        rows.append([*map(Entry, words), difference_entry(comparison), _q(q), detected, pairs])
     note = (
         "Smallest detectable: the true difference whose sign a comparison with just this spread finds in "
         "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
@@ -154,7 +155,7 @@ def parameters_grid(records: Records) -> Grid:
 
 
 def _weights(value: object) -> Entry:
-    return Entry(count(round(value))) if isinstance(value, int | float) else EMPTY
+    return Entry(count(round(value)), value=value) if isinstance(value, int | float) else EMPTY
 
 
 BYTES = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
@@ -307,7 +308,7 @@ def left_out_grid(records: Records) -> Grid:
             if omission.seconds_saved is None
             else Entry(duration(omission.seconds_saved), omission.clock, "", omission.seconds_saved),
             _change(omission),
-            Entry(f"{significant(omission.bound)} {omission.unit}") if omission.bound else EMPTY,
+            Entry(f"{significant(omission.bound)} {omission.unit}", value=omission.bound) if omission.bound else EMPTY,
             Entry(omission.verdict, omission.study, VERDICT_TONES.get(omission.verdict, ""))
             if omission.verdict
             else EMPTY,

@@ -224,7 +224,7 @@ def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Gr
         for output, frame in zip(outputs, frames, strict=True):
             cells, spread = output.records.cells_of(scene, method), spread_of(frame, scene, method, "psnr")
             text = number(spread.mean) + (f" ± {number(spread.sd)}" if spread.sd is not None else "")
-            row.append(Entry(text, losses(cells), tone_of(cells)) if cells else EMPTY)
+            row.append(Entry(text, losses(cells), tone_of(cells), spread.mean) if cells else EMPTY)
         rows.append([*row, *changes(scene)])
     total = [Entry("all scenes"), *([EMPTY] * len(outputs)), *changes(EVERYWHERE)]
     return Grid(f"{method}: test PSNR (dB)", columns, rows, [total] if len(rows) > 1 else [])
@@ -242,7 +242,7 @@ def difference_entry(row: Judgement | None, metric: Metric) -> Entry:
     together = f"together: {interval(wide, digits)}" if wide else ""
     tone = tone_of_sign(chosen.verdict.sign, metric.higher_is_better)
     verdict = f"{interval(chosen.interval, digits)} {chosen.verdict.phrase}".strip()
-    return Entry(signed(row.difference, digits), lines(verdict, together, aside), tone)
+    return Entry(signed(row.difference, digits), lines(verdict, together, aside), tone, row.difference)
 
 
 def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
@@ -299,6 +299,7 @@ def verdicts_grid(outputs: list[Output]) -> Grid:
                     signed(comparison.difference),
                     lines(interval(comparison.interval), comparison.verdict.phrase),
                     tone_of_sign(comparison.verdict.sign),
+                    comparison.difference,
                 )
                 if comparison
                 else EMPTY
