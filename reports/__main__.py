@@ -108,7 +108,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
     """Read, write and print, with `partly` of a damaged run what is valid; what is heavy is imported last."""
     from harness.records.cells import records_folder
     from harness.records.judgements import JUDGEMENT_FILE, read_judgement
-    from harness.records.study import SHELVES, FormerRecord
+    from harness.records.study import SHELVES
 
     if (out / JUDGEMENT_FILE).is_file():
         from reports.studies.judgement import write_judgement_page
@@ -125,11 +125,8 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
     damaged: list[str] | None = [] if partly else None
     studies: dict[str, Studies] = {}
     for shelf in SHELVES:
-        try:
-            if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
-                studies[shelf] = record
-        except FormerRecord as former:  # the rest is reported
-            _say(f"left out: {former}")
+        if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
+            studies[shelf] = record
     if publish is not None:
         refuse_unfit(out, list(studies.values()))
     if not studies and out.is_dir() and not records_folder(out).is_dir():

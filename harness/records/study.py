@@ -306,10 +306,6 @@ def _in_words(value: str | float | None) -> str | float | None:
     return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value
 
 
-class FormerRecord(DamagedRecord):
-    """A record of an earlier version, in a form that is not read any more: what it says has to be measured again."""
-
-
 def again(shelf: str, out: Path) -> str:
     """Return the command that measures a shelf again."""
     own = {"serving": f"python -m harness study serving {out}", "history": "python -m harness history"}
@@ -317,22 +313,14 @@ def again(shelf: str, out: Path) -> str:
 
 
 def read_studies(path: Path) -> Studies:
-    """Read studies. Raises `DamagedRecord` if the file is not what this version or the one before it writes."""
-    from harness.records.former.study_of_schema_1 import converted
-
+    """Read studies. Raises `DamagedRecord` if the file is not what this version writes."""
     shelf = path.stem
     try:
         data = load_record(path)
-        if shelf == "serving" and "cache" in data:
-            raise FormerRecord(f"{path}: measured by an earlier version; {again(shelf, path.parent)}")
-        if data.get("schema") == 1:
-            data = converted(shelf, data)
         if data.get("schema") != SCHEMA:
             raise ValueError(f"not a record of studies of schema {SCHEMA}")
         return as_promised(in_two_words(data), Studies)
-    except FormerRecord:
-        raise
     except OSError as error:
         raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise DamagedRecord(f"{path}: {error}; {again(shelf, path.parent)}") from error
