@@ -160,7 +160,6 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
 
 
 def refuse_unfit(out: Path, studies: "list[Studies]") -> None:
-    """Raise `NotForPublishing` for what is quick or not finished."""
     from harness.records.study import SHELVES, again
     from reports.data.load import NotForPublishing, refuse_quick
 
@@ -206,7 +205,6 @@ def build_shelf(
 def build_report(
     records: "Records", publish: Path | None, beside: "Beside", shown: "dict[str, ShelfShown]", show: Show
 ) -> bool:
-    """Build the page and the numbers of a run; returns whether a cell of it failed."""
     from reports.claims.headline import headline
     from reports.run.run_page import write_page
     from reports.run.saving.publish import write_published, write_summary

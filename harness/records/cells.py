@@ -105,14 +105,11 @@ class Comparison(Record, frozen=True):
 
     @property
     def p(self) -> float | None:
-        """Return the p-value of the estimate that speaks for the row."""
         chosen = self.scenes_like_these or self.on_these_scenes
         return chosen.p if chosen else None
 
 
 class Comparisons(Record, frozen=True):
-    """All comparisons of a run."""
-
     rows: list[Comparison]
     digests: dict[str, str] = field(default_factory=dict)
     """The digest of each cell's record that was compared, by the name of its file; empty in an older run."""
@@ -264,7 +261,6 @@ class CellRecord(Record, frozen=True):
 
     @property
     def waited(self) -> bool:
-        """Tell whether its wall seconds are longer than its own work accounts for."""
         return (self.wall_per_core_second or 0.0) > WAITED or self.spun
 
     @property
@@ -356,8 +352,6 @@ USUAL = Roles("nerf", ("nerf_matched",))
 
 
 class RunRecord(Record, frozen=True):
-    """The run as a whole."""
-
     profile: str
     command: str
     scenes: list[SceneRecord]
@@ -431,7 +425,6 @@ def require_unchanged(path: Path, digests: dict[str, str], cells: Iterable[CellR
 
 
 def write_comparisons(out: Path, comparisons: list[Comparison], digests: dict[str, str] | None = None) -> None:
-    """Write comparisons of the cells that have these `digests_of`."""
     write_record(records_folder(out) / "comparisons.json", Comparisons(comparisons, digests or {}))
 
 

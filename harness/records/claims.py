@@ -50,8 +50,6 @@ STATED = "stated"
 
 
 class Statement(Record, frozen=True, kw_only=True):
-    """One claim."""
-
     id: str
     printed: Number | Pair | None = None
     """The number, a range as a pair; None if it is claimed in words alone."""
@@ -71,7 +69,6 @@ class Statement(Record, frozen=True, kw_only=True):
 
     @property
     def digits(self) -> int:
-        """Return the decimals as printed."""
         least = {"dB": 1, "h": 1}.get(self.unit, 3 if self.of.get("metric") == "ssim" else 0)
         numbers = self.printed if isinstance(self.printed, tuple) else (self.printed or 0,)
         return max(least, *map(_decimals, numbers)) if "metric" in self.of else least
@@ -94,8 +91,6 @@ class Scale(Record, frozen=True, kw_only=True):
 
 
 class AblationRow(TypedDict):
-    """A configuration and its scores."""
-
     configuration: str
     method: str
     scores: dict[str, float]
@@ -115,8 +110,6 @@ class Tables(TypedDict, total=False):
 
 
 class Measured(TypedDict, total=False):
-    """What is measured without training."""
-
     weights: dict[str, int]
     """Component → number of weights at the printed size."""
     sloc: int

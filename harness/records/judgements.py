@@ -79,8 +79,6 @@ class Suspect(Record, frozen=True):
 
 
 class JudgementRecord(Record, frozen=True):
-    """The judgement of a table of results."""
-
     source: str
     metric: str
     unit: str

@@ -95,7 +95,6 @@ class Check(Record, frozen=True, tag="check"):
 
     @property
     def must_hold(self) -> bool:
-        """Return whether it would fail the run."""
         return self.owner == "ours"
 
     @property
@@ -165,8 +164,6 @@ class Table(Record, frozen=True, tag="table"):
 
 
 class Picture(Record, frozen=True, tag="picture"):
-    """An image beside the record."""
-
     item: int
     title: str
     caption: str
@@ -178,8 +175,6 @@ Finding = Answer | Check | Effect | Series | Table | Picture
 
 
 class StudyInfo(Record, frozen=True):
-    """A study as the report introduces it."""
-
     id: str
     title: str
     question: str = ""
@@ -247,7 +242,6 @@ class Studies(Record, frozen=True):
 
     @property
     def broken(self) -> list[tuple[StudyRecord, Check]]:
-        """Return the checks that must hold and do not."""
         return [(study, check) for study, check in self.checks() if check.is_broken]
 
     @property

@@ -43,7 +43,6 @@ OWN = ("id", "where", "statement", "quantity", "printed", "unit", "bound", "leav
 
 @cache
 def known_claims() -> tuple[ClaimFile, ...]:
-    """Return the files that come with the program."""
     return tuple(read_claims(file) for file in sorted(PRINTED.glob("*.toml")))
 
 
@@ -81,7 +80,6 @@ def read_claims(file: Path) -> ClaimFile:
 
 
 def _statement(row: dict[str, Any], place: int, at: str) -> Statement:
-    """Return a claim of a file; what is not said of it takes its usual value."""
     row = dict(row)
     quantity = row.setdefault("quantity", "gain" if "against" in row else "score")
     if quantity not in QUANTITIES:

@@ -87,7 +87,6 @@ def found_failures(records: Records) -> Failures:
 
 
 def rates_grid(records: Records) -> Grid:
-    """Tabulate how often each method failed; empty if no run did."""
     failed = found_failures(records)
     rates = failed.rates if any(rate.failed for rate in failed.rates) else []
     words = {"below 0": "fails less often", "above 0": "fails more often", "open": "not distinguished"}

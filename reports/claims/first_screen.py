@@ -28,8 +28,6 @@ MOST = 8
 
 @dataclass(frozen=True)
 class Line:
-    """One principal claim."""
-
     words: str
     source: str
     printed: Entry
@@ -43,7 +41,6 @@ class Line:
 
 
 def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[str, Any]:
-    """Return the question, a line per tested claim, how sure the answer is, what was not tested, and the tally."""
     shown, here, lines = principal(records, claims), in_a_line(records), []
     for words, claim in shown:
         if claim.verdict != UNTESTED:
@@ -130,7 +127,6 @@ def how_sure(records: Records, evidence: Studies | None) -> list[str]:
 
 
 def calibration(evidence: Studies | None) -> list[str]:
-    """State what the study of the intervals found, and each check that does not hold; or that there was no study."""
     study = evidence.study("calibration") if evidence else None
     if study is None:
         return ["The intervals' own error rate was not checked in this run (`nox -s evidence` does)."]

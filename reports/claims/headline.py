@@ -48,7 +48,6 @@ def tabulated(records: Records) -> list[tuple[Budget, str]]:
 
 
 def duels(records: Records, scene: str = "all") -> list[Duel]:
-    """Return every contender against the baseline and against the control."""
     budgets = [budget for budget, _ in tabulated(records)]
     return [
         Duel(method, rival, *(records.comparison(scene, method, rival, budget=budget) for budget in budgets))
@@ -89,7 +88,6 @@ def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: s
 
 
 def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
-    """Return the difference over all scenes as its sentence needs it; None without any."""
     if row is None or row.difference is None:
         return None
     of_scenes = (records.comparison(scene, row.method, row.against, budget=row.budget) for scene in records.scenes)
@@ -127,14 +125,12 @@ def rising(gains: Iterable[float | None]) -> str:
 
 
 def _lost(records: Records, method: str) -> str:
-    """Return `qnerf lost 1 of its 6 runs`, or nothing."""
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in LOST for cell in cells)
     return f"{method} lost {lost} of its {counted(len(cells), 'run')}" if lost else ""
 
 
 def _means(records: Records) -> str:
-    """State the mean test PSNR of every method over the scenes that all have; of the survivors, if some are lost."""
     frame = cells_frame(records)
     scenes = shared_scenes(frame, "psnr")
     if not scenes:
@@ -148,7 +144,6 @@ def _means(records: Records) -> str:
 
 
 def _others(records: Records, method: str, fought: list[Duel]) -> str:
-    """State the differences of the next contenders after `method`, at equal steps; the table has those of all."""
     further = [name for name in dict.fromkeys(duel.method for duel in fought) if name != method][:FURTHER]
     found = [outcome_of(records, duel.steps) for duel in fought if duel.method in further]
     told = [clause(outcome) for outcome in found if outcome]

@@ -27,8 +27,6 @@ OWN_FIGURES = "the printed figures alone"
 
 @dataclass(frozen=True)
 class Bench:
-    """The material that the claims of a file are judged by."""
-
     records: Records
     file: ClaimFile
     evidence: Studies | None
@@ -36,14 +34,11 @@ class Bench:
     serving: Studies | None = None
 
     def at_scale(self, scene: str) -> bool:
-        """Return whether a measurement on a scene, or over `all`, is comparable with the claimed numbers."""
         return is_at_scale(self.records, self.file, scene)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A judge's finding on a printed number."""
-
     verdict: Verdict
     how: str
     """The way it is measured here."""
@@ -61,8 +56,6 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class Claim(Finding):
-    """A printed number with its finding."""
-
     id: str
     file: str
     """The id of the file that states it."""

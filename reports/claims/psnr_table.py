@@ -41,7 +41,6 @@ def scores_grid(records: Records) -> Grid:
     columns += [Column(name, small="printed") for _, name in printed]
 
     def row(title: str, scenes: list[str], scene: str = "") -> list[Entry]:
-        """Return the row of one scene, or that of the averages over several."""
         about = [records.scene(name) for name in scenes]
         floors, ceilings = ([getattr(each, name, None) for each in about] for name in ("psnr_floor", "psnr_ceiling"))
         entries = [Entry(title), _level(floors)]
@@ -77,7 +76,6 @@ def scores_grid(records: Records) -> Grid:
 
 
 def gain_entry(row: LastDoubling) -> Entry:
-    """Return what the last doubling of the steps brought a method, with its interval."""
     low, high = row.interval or (None, None)
     behind = Selection("", row.method, metric="psnr")
     return Entry(signed(row.gain), interval(row.interval), "", row.gain, {"low": low, "high": high}, behind)
@@ -95,7 +93,6 @@ def spent_entry(cells: list[CellRecord]) -> Entry:
 
 
 def _level(values: list[float | None]) -> Entry:
-    """Return the mean, if none is missing."""
     there = [value for value in values if value is not None]
     if not there or len(there) < len(values):
         return EMPTY
@@ -126,7 +123,6 @@ def tone_of(cells: list[CellRecord]) -> str:
 
 
 def reason_of(cells: list[CellRecord]) -> str:
-    """Return why a method was not available, if that is the same for all cells."""
     reasons = {cell.reason or "" for cell in cells if cell.status == "not_available"}
     return reasons.pop() if len(reasons) == 1 else ""
 

@@ -42,7 +42,6 @@ def unpaired(row: Comparison | Effect) -> str:
 
 
 def gain(bench: Bench, entry: Statement) -> Finding:
-    """Judge a gain of one method over another, on a scene or over all."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     row = bench.records.comparison(scene, method, against, metric)
     how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
@@ -139,7 +138,6 @@ def each_row(bench: Bench, entry: Statement) -> Finding:
 def _gain_of(
     ours: str, theirs: str, bench: Bench, name: str, scene: str, column: str, printed: float, metric: str, family: int
 ) -> Part | None:
-    """Judge a row of a column of gains."""
     row = bench.records.comparison(scene, ours, theirs, metric)
     if row is None or row.difference is None:
         return None
@@ -151,7 +149,6 @@ def _gain_of(
 def _level_of(
     bench: Bench, name: str, scene: str, method: str, printed: float, metric: str, family: int
 ) -> Part | None:
-    """Judge the level that a method reaches on a scene, one of `family`."""
     table = _scores(bench, method, metric)
     if scene not in table:
         return None
@@ -179,7 +176,6 @@ def score(bench: Bench, entry: Statement) -> Finding:
 
 
 def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
-    """Map scene → scores of its finished cells [seeds], if there are any."""
     table = {}
     for scene in bench.records.scenes:
         scores = [finite_or_none(cell.scores.get(metric)) for cell in bench.records.cells_of(scene, method)]
@@ -218,7 +214,6 @@ def added_part(bench: Bench, entry: Statement) -> Finding:
 
 
 def doubts(evidence: Studies) -> str:
-    """State what speaks against taking the study's effects as they stand; nothing if nothing does."""
     failed = [
         f"{sum(not check.holds for check in study.checks)} of {counted(len(study.checks), 'check')} of {study.info.id}"
         for study in (evidence.study(STUDY), evidence.study("calibration"))

@@ -72,7 +72,6 @@ def printed_entry(claim: Claim, small: str = "") -> Entry:
 
 
 def measured_entry(claim: Claim) -> Entry:
-    """Return the measurement, below it its interval."""
     value, parts = _numbers(claim.measured)
     pair = claim.interval if claim.measured is not None else None
     low, high = pair or (None, None)
@@ -93,7 +92,6 @@ def printed_text(claim: Claim) -> str:
 
 
 def measured_text(claim: Claim) -> str:
-    """Format a measurement, as a range if one was asked for."""
     as_printed = isinstance(claim.measured, tuple) and not _is_difference(claim)
     return _text(claim, claim.measured, claim.digits if as_printed else _finer(claim))
 
@@ -107,7 +105,6 @@ def _text(claim: Claim, value: Number | Pair | None, digits: int) -> str:
 
 
 def _is_difference(claim: Claim) -> bool:
-    """Return whether the number takes a sign."""
     return claim.kind == "gains" and claim.unit != "%"
 
 

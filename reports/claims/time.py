@@ -24,7 +24,6 @@ NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never rea
 
 
 def saving(bench: Bench, entry: Statement) -> Finding:
-    """Judge the saving of steps or seconds to the target in per cent."""
     method, against, axis = (entry.of[name] for name in ("method", "against", "axis"))
     targets = bench.targets
     how = (
@@ -85,7 +84,6 @@ def _note(row: TargetComparison, targets: TargetsRecord, names: dict[str, str]) 
 
 
 def bound(row: TargetComparison) -> str:
-    """Describe the saving if some times are only known to be longer or shorter."""
     larger, smaller = _sides(row)
     if larger and smaller:
         return "the saving is of the time watched alone"

@@ -17,8 +17,6 @@ NOT_KEPT = "no picture was kept"
 
 @dataclass(frozen=True)
 class Kept:
-    """The saved pictures of one scene."""
-
     truth: dict[str, Truth]
     """The truth by view, in the order of the file."""
     renders: dict[tuple[str, int], list[Render]] = field(default_factory=dict)

@@ -40,7 +40,6 @@ class NotForPublishing(ValueError):
 
 
 def refuse_quick(settings: dict[str, Any], path: Path) -> None:
-    """Raise `NotForPublishing` for the record of a quick run."""
     if settings.get("quick"):
         raise NotForPublishing(
             f"{path}: a quick run, too rough to publish; measure again without --quick, or leave out --publish"
@@ -82,7 +81,6 @@ class Records:
 
     @property
     def baseline(self) -> str:
-        """Return the method that the others are compared with."""
         return self.run.roles.among(self.methods).baseline
 
     @property
@@ -103,7 +101,6 @@ class Records:
 
     @property
     def failed(self) -> list[CellRecord]:
-        """Return cells that diverged or ended in an error."""
         every = (*self.cells, *self.extra_cells, *self.guest_cells)
         return [cell for cell in every if cell.status in ("diverged", "error")]
 

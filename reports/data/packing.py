@@ -26,8 +26,6 @@ LIGHT_STEPS = 16383
 
 @dataclass(frozen=True)
 class Packed:
-    """A picture in base64, and its description for the page."""
-
     ref: dict[str, Any]
     """The description: channels, bits, low, high, id, and log if the values are logarithms."""
     text: str

@@ -44,7 +44,6 @@ def facts(records: Records) -> list[Fact]:
 
 
 def compared_with(records: Records) -> ClaimFile | None:
-    """Return the source whose settings stand beside those of the run."""
     return next((file for file in records.run.claims or [] if file.facts), None)
 
 
@@ -123,7 +122,6 @@ def _between(values: Iterable[int]) -> str:
 
 
 def _views(records: Records) -> str:
-    """Return the number of views by split, if all scenes agree; otherwise the range."""
     many = {split: [scene.views.get(split, 0) for scene in records.run.scenes] for split in ("train", "test")}
     return ", ".join(f"{_between(values)} {split}" for split, values in many.items() if any(values))
 
@@ -138,7 +136,6 @@ def _network(records: Records) -> str:
 
 
 def _layers(records: Records) -> str:
-    """Return depth × width of the density network."""
     depth, width = (setting(records.run.settings, "train", "network", name) for name in ("depth", "width"))
     return f"{depth} × {width}" if depth and width else ""
 
@@ -167,7 +164,6 @@ def number_at(settings: dict[str, Any], *path: str) -> int | float | None:
 
 
 def value_at(settings: dict[str, Any], *path: str) -> Any:
-    """Return a nested setting; None if the run does not state it."""
     value: Any = settings
     for name in path:
         value = value.get(name) if isinstance(value, dict) else None

@@ -26,15 +26,12 @@ class Selection:
     step: int | None = None
 
     def data(self) -> dict[str, Any]:
-        """Return the restrictions, for JSON."""
         return {name: value for name, value in vars(self).items() if value not in ("", None)}
 
 
 def behind_difference(row: Comparison) -> Selection:
-    """Select the pairs of runs that a difference is taken over."""
     return Selection("" if row.scene == "all" else row.scene, row.method, row.against, row.metric, row.budget)
 
 
 def behind_saving(row: TargetComparison) -> Selection:
-    """Select the pairs of runs that a saving is taken over."""
     return Selection("" if row.scene == "all" else row.scene, row.method, row.against, TARGET, row.axis)

@@ -98,7 +98,6 @@ def bare(value: float) -> str:
 
 
 def after(unit: str) -> str:
-    """Format a unit as it stands behind a number."""
     return unit if unit in ("", "×", "°") else f"{NARROW}{unit}"
 
 

@@ -132,7 +132,6 @@ def _traces(name: str, pen: Pen, line: list[Point], foot: float | None, top: flo
 
 
 def _description(title: str, group: list[Series], lines: list[list[Point]]) -> str:
-    """Describe the chart for those who do not see it: where each line begins and ends."""
     ends = []
     for series, line in zip(group, lines, strict=True):
         path = " to ".join(

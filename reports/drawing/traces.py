@@ -84,7 +84,6 @@ def as_element(panel: Panel, axes: Axes) -> Markup:
 
 
 def data_of(panel: Panel, axes: Axes) -> dict[str, Any]:
-    """Return the data of the page's script on a drawing whose axes have been painted."""
     width, height = (72.0 * inches for inches in panel.size)  # in points
     left, bottom, wide, high = axes.get_position().bounds
     runs = list(dict.fromkeys(selection for trace in panel.traces for selection in trace.runs))

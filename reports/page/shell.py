@@ -18,7 +18,6 @@ from reports.page.script import content_policy, script
 
 
 def of_entry(entry: Entry) -> Markup:
-    """Return the attributes of a table cell."""
     attributes: dict[str, str] = {}
     if isinstance(entry.value, str):
         attributes["said"] = entry.value
@@ -86,7 +85,6 @@ class Section(NamedTuple):
 
 
 def section(name: str, title: str, *parts: Markup, question: str | None = None, folded: bool = False) -> Section:
-    """Return a section without the parts that turned out empty."""
     return Section(name, title, [part for part in parts if part.strip()], question, folded)
 
 
@@ -182,7 +180,6 @@ def with_code(sentence: str, plain: Callable[[str], Markup] = escape) -> Markup:
 
 
 def style() -> Markup:
-    """Return all style sheets, with the palette."""
     text = "".join((HERE / "style" / name).read_text(encoding="utf-8") for name in STYLES)
     return Markup(text.replace("/* palette */", variables()))
 
@@ -209,7 +206,6 @@ def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
 
 
 def plain(value: Any) -> str:
-    """Return a setting as a reader writes it."""
     if isinstance(value, list):
         return ", ".join(map(plain, value))
     if isinstance(value, bool):
@@ -218,6 +214,5 @@ def plain(value: Any) -> str:
 
 
 def groups_of(origin: dict[str, Any], settings: dict[str, Any], spent: list[tuple[str, str]]) -> Groups:
-    """Return the origin of a record, as groups of name and value; empty ones are left out."""
     groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
     return [(title, rows) for title, rows in groups if rows]

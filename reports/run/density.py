@@ -168,12 +168,10 @@ def separation_grid(records: Records) -> Grid:
 
 
 def explained_scene(records: Records) -> str:
-    """Return the scene on which further methods were trained; empty if there are none."""
     return next((cell.scene for cell in records.extra_cells), "")
 
 
 def scores(cells: list[CellRecord]) -> list[float]:
-    """Return the test PSNR of the cells that have one."""
     return [value for cell in cells if (value := cell.scores.get("psnr")) is not None]
 
 

@@ -19,7 +19,6 @@ from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 
 def metrics_grid(records: Records) -> Grid:
-    """Tabulate one row for each scene and method: means over the finished seeds."""
     frame = cells_frame(records)
     shown = [metric for metric in METRICS.values() if frame[metric.name].notna().any()]
     columns = [Column("scene", numeric=False), Column("method", numeric=False)]
@@ -45,7 +44,6 @@ def metrics_grid(records: Records) -> Grid:
 
 
 def score(mean: float | None, metric: Metric, behind: Selection) -> Entry:
-    """Return a mean with the runs that it is taken over."""
     if mean is None:
         return EMPTY
     return Entry(number(mean, metric.digits), value=mean, runs=replace(behind, metric=metric.name))
@@ -206,7 +204,6 @@ def mean_weights(cells: list[CellRecord]) -> float | None:
 
 
 def _cost(over: Callable[[list[float]], float], cells: list[CellRecord], name: str) -> float | None:
-    """Return the mean or the maximum of a cost `over` the cells that have it; None if none has."""
     known = [cell.costs[name] for cell in cells if name in cell.costs]
     return over(known) if known else None
 
@@ -245,7 +242,6 @@ def waiting(records: Records) -> str:
 
 
 def failures_grid(records: Records) -> Grid:
-    """Tabulate cells without a score, each with its reason."""
     columns = [Column(name, numeric=False) for name in ("cell", "state", "why")]
     rows = []
     for cell in records.cells:

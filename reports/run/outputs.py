@@ -146,7 +146,6 @@ def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[
 
 
 def headline(first: Output, others: list[Against]) -> str:
-    """State what the others change of the first, in one sentence each."""
     return "; ".join(_sentence(first, versus) for versus in others)
 
 
@@ -182,7 +181,6 @@ def scenes_of(outputs: list[Output]) -> list[str]:
 
 
 def sentences(first: Output, others: list[Against]) -> list[str]:
-    """Return the notes that a reader needs before the tables."""
     notes = []
     for versus in others:
         name, cells = versus.other.name, counted(versus.shared, "cell")
@@ -246,7 +244,6 @@ def difference_entry(row: Judgement | None, metric: Metric) -> Entry:
 
 
 def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
-    """Tabulate every metric over all scenes, at equal steps."""
     columns = [Column("method", numeric=False), Column("metric", numeric=False)]
     columns += [Column(f"{versus.other.letter} − {outputs[0].letter}") for versus in others]
     rows = []
@@ -262,7 +259,6 @@ def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
 def _by_output(
     caption: str, label: str, outputs: list[Output], rows: list[list[Entry]], numeric: bool = False, note: str = ""
 ) -> Grid:
-    """Return a table with a column per output."""
     columns = [Column(label, numeric=False), *(Column(output.letter, numeric=numeric) for output in outputs)]
     return Grid(caption, columns, rows, note=note)
 
@@ -386,7 +382,6 @@ def outputs_page(runs: list[Records]) -> tuple[str, str]:
 
 
 def write_outputs_page(runs: list[Records], path: Path) -> str:
-    """Write the page atomically; returns its headline."""
     title, text = outputs_page(runs)
     write_atomically(path, text, fsync=False)
     return title

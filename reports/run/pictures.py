@@ -135,8 +135,6 @@ BRIGHT = 1.0 + 1 / 256
 
 @dataclass
 class SceneData:
-    """One scene's entry and its pictures."""
-
     entry: dict[str, Any]
     renders: list[tuple[int, dict[str, Any], dict[str, str]]] = field(default_factory=list)
     """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; the row is empty if
@@ -168,8 +166,6 @@ class SceneData:
 
 
 class PictureData(NamedTuple):
-    """The picture data of the page."""
-
     data: dict[str, Any]
     inline: dict[str, str]
     """Map element's id → base64."""
@@ -178,7 +174,6 @@ class PictureData(NamedTuple):
 
 
 def picture_data(records: Records, budget: int = INLINE_BYTES, file_budget: int = FILE_BYTES) -> PictureData | None:
-    """Return the picture data; None if no cell has pictures."""
     if not any(cell.pictures for cell in records.cells):
         return None
     return _inline(records, budget) or _beside(records, file_budget)

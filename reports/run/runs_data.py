@@ -105,7 +105,6 @@ def _trace(cell: CellRecord) -> dict[str, list[float | None]]:
 
 
 def settings_that_differ(cells: list[CellRecord]) -> dict[str, set[str]]:
-    """Map scene → names of the settings that differ among its runs."""
     by_scene: dict[str, list[set[tuple[str, str]]]] = {}
     for cell in cells:
         by_scene.setdefault(cell.scene, []).append(set(flat(cell.settings)))

@@ -29,8 +29,6 @@ class Strip(NamedTuple):
 
 
 class Round(NamedTuple):
-    """One scene."""
-
     scene: str
     title: str
     views: int

@@ -180,5 +180,4 @@ def _measured(check: Check) -> Entry:
 
 
 def anchor(study: StudyRecord) -> str:
-    """Return the id of a study in a page."""
     return shell.anchor("study", study.info.id)

@@ -120,7 +120,6 @@ def row_name(effect: Effect) -> str:
 
 
 def forest_key(effects: list[Effect]) -> str:
-    """Return what the marks of the forests of these effects mean."""
     low, high = min(effect.family for effect in effects), max(effect.family for effect in effects)
     family = (
         f"all of a family of {low if low < high else ''}{' to ' if low < high else ''}{counted(high, 'comparison')}"
@@ -138,7 +137,6 @@ def scene_words(scene: str) -> str:
 
 
 def effects_grid(effects: list[Effect]) -> Grid:
-    """Return every effect with all facts about it."""
     labels = ("effect", "against", "scene", "metric", "budget")
     figures = ("difference", "95 % interval", "simultaneous", "of", "detectable", "pairs", "unpaired")
     columns = [

@@ -34,8 +34,6 @@ name.
 
 
 class Square(NamedTuple):
-    """One pair in the matrix: the row's method against the column's."""
-
     tone: str
     mark: str
     title: str
@@ -232,7 +230,6 @@ def _panel(
 
 
 def judgement_page(record: JudgementRecord) -> str:
-    """Return the complete page as text."""
     layout = Layout()
     parts, clean = layout.parts, record.without_suspects
     better = "higher" if record.higher_is_better else "lower"

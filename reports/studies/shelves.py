@@ -104,5 +104,4 @@ WORDS = {
 
 
 def page_of(shelf: str) -> str:
-    """Return the name of the page of a shelf, beside its record."""
     return SHELVES[shelf].replace(".json", ".html")

@@ -162,7 +162,6 @@ def _is_plain(value: Any) -> bool:
 
 
 def _json_rows(data: Any, path: Path) -> list[Any]:
-    """Return the rows of each known form; none of any other."""
     if isinstance(data, list):
         nested = data and all(isinstance(each, dict) and isinstance(each.get("scenes"), dict) for each in data)
         return [row for each in data for row in _of_method(each)] if nested else data
@@ -212,8 +211,6 @@ LARGEST = 1e12
 
 @dataclass(frozen=True)
 class ResultTable:
-    """One metric of a user's results."""
-
     source: str
     metric: str
     higher_is_better: bool
@@ -289,7 +286,6 @@ def table_of(rows: Rows, metric: str | None = None, lower: Sequence[str] = ()) -
 
 
 def _holds_numbers(values: list[Any]) -> bool:
-    """Return whether the first entry that is not empty is a number."""
     first = next((value for value in values if value not in (None, "")), None)
     return first is not None and _number(first) is not None
 
@@ -345,7 +341,6 @@ def _numbers(rows: Rows, name: str) -> np.ndarray:
 
 
 def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
-    """Raise `InputError` at the first score that no two images have, by a metric that we know."""
     low, high = POSSIBLE.get(name, (-math.inf, math.inf))
     wrong = np.flatnonzero((scores < low) | (scores > high))
     if wrong.size:
@@ -357,7 +352,6 @@ def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
 
 
 def _number(value: Any) -> float | None:
-    """Return `value` as a number of at most `LARGEST`, None if it is none."""
     if isinstance(value, bool):
         return None
     try:

@@ -45,7 +45,6 @@ def means(search: Search, method: str, steps: int) -> dict[Pair, float]:
 
 
 def budgets(search: Search) -> tuple[int, int]:
-    """Return the steps of the first trainings and of the finalists."""
     steps = [row["steps"] for row in search["rows"]]
     return min(steps), max(steps)
 
@@ -140,14 +139,12 @@ def difference(search: Search, method: str, against: str) -> str:
 
 
 def chosen_scores(search: Search, method: str) -> dict[str, float]:
-    """Map scene → validation PSNR after all steps with the constants that were chosen."""
     wanted, (_, full) = search["chosen"][method], budgets(search)
     rows = [row for row in search["rows"] if (row["method"], row["steps"], row["constants"]) == (method, full, wanted)]
     return {row["scene"]: row["psnr_val"] for row in rows}
 
 
 def best(search: Search, method: str, steps: int) -> dict[str, float | None]:
-    """Return the pair with the best mean after `steps`."""
     scores = means(search, method, steps)
     unit, start = max(scores, key=lambda pair: scores[pair])
     return {"unit": unit, "start": start}
@@ -161,7 +158,6 @@ def on_complete_scenes(search: Search) -> Search:
 
 
 def main(record: str, picture: str) -> int:
-    """Draw the surface; returns 0."""
     search = on_complete_scenes(json.loads(Path(record).read_text(encoding="utf-8")))
     save_sheet(Path(picture), drawings(search), 4)
     return 0

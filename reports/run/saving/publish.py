@@ -97,7 +97,6 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
 
 
 def write_summary(records: Records, path: Path, beside: Beside = ALONE) -> None:
-    """Write atomically; NaN and Infinity are refused."""
     write_json(path, summary(records, beside))
 
 

@@ -87,7 +87,6 @@ def _judged(text: str) -> Run:
 
 
 def pages(root: Path) -> list[Path]:
-    """Return the pages that may hold blocks."""
     return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
 
 
@@ -102,7 +101,6 @@ def rewritten(text: str, docs: Path) -> str:
 
 
 def main(root: Path = Path()) -> int:
-    """Print the pages that changed."""
     for page in pages(root):
         text = page.read_text(encoding="utf-8")
         new = rewritten(text, root / "docs")

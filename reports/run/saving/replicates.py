@@ -27,7 +27,6 @@ def row(run: Run, scene: str, method: str, against: str, budget: str = "steps") 
 
 
 def verdict_in(known: Run) -> Verdict:
-    """Return the verdict of a comparison or of an estimate."""
     return as_promised(known["verdict"], Verdict)
 
 
@@ -66,7 +65,6 @@ def _of_replicates(replicates: Run) -> Iterator[tuple[str, str, list[float], lis
 
 
 def answer(run: Run, replicates: Run) -> str:
-    """State the published headline, with words that its replicates repeat."""
     of_pairs = replicated(run, replicates)
 
     def found(first: str, second: str) -> Outcome | None:

@@ -37,18 +37,15 @@ DUELS = (
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Return a table in Markdown."""
     head = list(head)
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
 def main_methods(run: Run) -> list[str]:
-    """Return the methods that were trained on every scene."""
     return [method for method in run["methods"] if method in run["settings"]["methods"]]
 
 
 def in_both(run: Run, other: Run) -> list[str]:
-    """Return the methods that two runs have everywhere."""
     return [method for method in main_methods(run) if method in main_methods(other)]
 
 
@@ -66,7 +63,6 @@ def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str
 
 
 def scale(run: Run) -> str:
-    """State the scale at which the default run was measured, and its machine."""
     train, provenance, scene = run["settings"]["train"], run["provenance"], run["scenes"][0]
     network = f"{train['network']['depth']} × {train['network']['width']}"
     return (
@@ -78,7 +74,6 @@ def scale(run: Run) -> str:
 
 
 def result(run: Run, replicates: Run) -> str:
-    """State the answer, the printed gain, and who scores how much more than whom, asked twice."""
     gain = next(
         (claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None), None
     )
@@ -136,7 +131,6 @@ def changed(run: Run, before: Situation, after: Situation, words: str) -> str:
 
 
 def training(run: Run) -> str:
-    """State what a cell was given: steps, rays, optimiser."""
     train = run["settings"]["train"]
     optimiser = train["optimiser"]["name"]
     named = optimiser.upper() if optimiser == "soap" else optimiser.capitalize()
@@ -209,7 +203,6 @@ def scores(run: Run) -> str:
 
 
 def psnr_of(run: Run, scene: str, method: str) -> list[float]:
-    """Return the scores, one per seed."""
     cells = (cell for cell in run["cells"] if (cell["scene"], cell["method"]) == (scene, method))
     return [cell["psnr"] for cell in cells if cell["psnr"] is not None]
 
@@ -221,7 +214,6 @@ def spread(values: list[float]) -> str:
 
 
 def explained_scene(run: Run) -> str:
-    """Return the scene of the further methods; empty if there are none."""
     return next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
 
 
@@ -249,7 +241,6 @@ def density_of(run: Run, method: str) -> tuple[float, float | str | None]:
 
 
 def unit_of(run: Run, method: str) -> float:
-    """Return the unit of density of a method, per half of the longest side of the scene's box."""
     settings = run["settings"]
     if "density_units" in settings:  # a run from before it was a setting of the training
         return float(settings["density_units"][method]["scale"])
@@ -280,7 +271,6 @@ def ceiling(run: Run, late: Run) -> str:
 
 
 def failed(run: Run) -> str:
-    """State how often runs diverged or collapsed."""
     rates = run.get("failures", {}).get("rates", [])
     lost = [
         f"`{rate['method']}` in {rate['diverged'] + rate['collapsed']} of {counted(rate['runs'], 'run')} "
@@ -294,7 +284,6 @@ def failed(run: Run) -> str:
 
 
 def ledger(run: Run) -> str:
-    """State how many printed statements came out how."""
     many = Counter(claim["verdict"] for claim in run["claims"])
     verdicts = listed([f"{many[verdict]} {verdict}" for verdict in VERDICTS if many[verdict]])
     return f"Of {len(run['claims'])} statements of the paper: {verdicts}." if run["claims"] else ""
@@ -420,5 +409,4 @@ def _moved(run: Run) -> str:
 
 
 def target(measured: Check) -> str:
-    """Format `2 GB, met`, of a measurement with a target."""
     return f"{measured.limit:g} {measured.unit}, {'met' if measured.holds else '**missed**'}"
