@@ -322,7 +322,6 @@ class Roles(Record, frozen=True):
     baseline: str
     controls: tuple[str, ...] = ()
     claimed: tuple[tuple[str, str], ...] = ()
-    """The pairs of methods that claims compare."""
 
     def among(self, methods: Iterable[str]) -> "Roles":
         """Return the roles in a comparison of `methods`: without the baseline, the first one takes its place."""

@@ -58,9 +58,7 @@ class Statement(Record, frozen=True, kw_only=True):
     quantity: str
     """The kind of claim, a key of `QUANTITIES`."""
     where: tuple[str, ...] = ()
-    """The places that state it."""
     bound: Bound = ""
-    """Whether the number is a bound."""
     unit: str = ""
     of: dict[str, str] = field(default_factory=dict)
     """The subject: method, against, scene, metric, axis, table, column."""
@@ -94,7 +92,6 @@ class AblationRow(TypedDict):
     configuration: str
     method: str
     scores: dict[str, float]
-    """Metric → value."""
 
 
 class Tables(TypedDict, total=False):

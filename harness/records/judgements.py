@@ -57,7 +57,6 @@ class Ranking(Record, frozen=True):
     places: list[Place]
     pairs: list[Pair]
     family: int
-    """The number of comparisons that are looked at together."""
 
     @property
     def neighbours(self) -> list[Pair]:
@@ -84,7 +83,6 @@ class JudgementRecord(Record, frozen=True):
     unit: str
     higher_is_better: bool
     margin: float
-    """The smallest effect of interest."""
     baseline: str | None
     scenes: list[str]
     seeds: int

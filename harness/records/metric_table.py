@@ -15,7 +15,6 @@ class Metric(NamedTuple):
     label: str
     unit: str
     digits: int
-    """The decimals of a score."""
     digits_of_difference: int
     higher_is_better: bool
     smallest_of_interest: float

@@ -59,7 +59,6 @@ SCHEMA = 1
 LARGEST_BYTES = 512 * 1024 * 1024
 """A larger file is neither written nor read."""
 HEADER_BYTES = 1024 * 1024
-"""The part of them that is reserved for the header."""
 LARGEST_HALF = 65504.0
 """The largest float16, to which brighter values are clipped."""
 LISTING = "pictures"
@@ -68,7 +67,6 @@ REMEDY = "run again with --resume"
 
 Half = NDArray[np.float16]
 TURN = "turn"
-"""The name of the tensor of a `Turn`."""
 
 
 @dataclass(frozen=True)

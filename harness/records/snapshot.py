@@ -16,7 +16,6 @@ ENDED = ("done", "diverged")
 """The states without a snapshot; a cell with an error resumes from its own."""
 SCHEMA = 1
 LARGEST_BYTES = 4 << 30
-"""A larger file is not read."""
 
 
 @dataclass(frozen=True)

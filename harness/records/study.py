@@ -118,7 +118,6 @@ class Effect(Record, frozen=True, tag="effect"):
     scene: str
     """A scene's name, or `all`."""
     metric: str
-    """psnr, ssim, …"""
     budget: Budget
     difference: float | None
     interval: tuple[float, float] | None

@@ -20,7 +20,6 @@ from reports.data.wording import BUDGETS, counted, interval, listed, number, sig
 
 LOST = ("diverged", "error")
 FURTHER = 2
-"""The number of further contenders that sentences tell of."""
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,6 @@ class Bench:
 class Finding:
     verdict: Verdict
     how: str
-    """The way it is measured here."""
     measured: Number | Pair | None = None
     """The measurement, a range as a pair: from the worst to the best scene."""
     interval: Pair | None = None
@@ -60,14 +59,12 @@ class Claim(Finding):
     file: str
     """The id of the file that states it."""
     source: str
-    """The places that state it."""
     statement: str
     printed: Number | Pair | None
     kind: str
     """The kind of statement: a key of `reports.claims.claim_list.KINDS`."""
     unit: str
     digits: int
-    """The decimals of the printed number."""
     bound: Bound = ""
 
 
@@ -89,7 +86,6 @@ def claim_of(file: ClaimFile, entry: Statement, finding: Finding, kind: str, her
 
 
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
-"""The margins within which a level must lie."""
 LEAST_PAIRS = 3
 """The least pairs for a verdict: two seeds give none."""
 MOST_SEEDS = 1000

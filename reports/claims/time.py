@@ -17,7 +17,6 @@ from reports.data.wording import UNTESTED, count, counted, number
 
 WHAT = {"steps": "training steps", "seconds": "training seconds"}
 MARGIN = 5.0
-"""The margin in percentage points: the smallest saving of interest, as the harness declares it."""
 NEEDS_TARGETS = "need a record of when a score was reached: run again with --resume"
 NEEDS_MACHINE = "need the paper’s machine"
 NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never reaches 30 dB on three of eight"

@@ -22,7 +22,6 @@ class Kept:
     renders: dict[tuple[str, int], list[Render]] = field(default_factory=dict)
     """The renders by method and seed; at least one each."""
     missing: dict[tuple[str, int], str] = field(default_factory=dict)
-    """The reason for each cell without pictures."""
 
 
 def kept(records: Records, scene: str, seeds: tuple[int, ...] | None = None) -> Kept:

@@ -61,7 +61,6 @@ class Records:
     extra_cells: list[CellRecord] = field(default_factory=list)
     """The cells of methods that were planned on single scenes: they are in no table of all scenes."""
     extra_comparisons: list[Comparison] = field(default_factory=list)
-    """The comparisons of those methods."""
     guest_cells: list[CellRecord] = field(default_factory=list)
     """The cells of methods of other families, which are compared with nothing."""
 

@@ -26,7 +26,6 @@ class Entry:
     parts: Mapping[str, float | str | None] = field(default_factory=dict, compare=False)
     """The additional values in a file, by name: the ends of an interval, a standard deviation, a unit."""
     runs: Selection | None = field(default=None, compare=False)
-    """The runs behind it."""
     link: str = field(default="", compare=False)
     """The id of a place in the page that the text leads to."""
 

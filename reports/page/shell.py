@@ -58,7 +58,6 @@ def _written(attributes: dict[str, str]) -> Markup:
 
 RUN_PAGE = "report.html"
 Groups = list[tuple[str, list[tuple[str, str]]]]
-"""Groups of name and value, each with its title."""
 
 HERE = Path(__file__).parent
 SCRIPTS = (
@@ -68,7 +67,6 @@ SCRIPTS = (
 )
 """The scripts that every page needs to sort, filter and save, in this order."""
 START = "start.js"
-"""The last script of a page."""
 STYLES = ("page.css", "explore.css", "studies.css", "compare.css", "work.css", "judgement.css")
 
 

@@ -39,7 +39,6 @@ from reports.studies.study_page import ShelfShown, shelf_shown
 from scenes.files.atomic import write_atomically
 
 SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *pictures.SCRIPTS, shell.START)
-"""The scripts in this order, in one scope."""
 HEADING = Markup("<h3>{}</h3>")
 MUTED = Markup('<i class="swatch" style="background: var(--muted)"></i>')
 TABLES = {

@@ -13,11 +13,8 @@ from reports.run.density import is_histogram
 from reports.run.saving.replay import beside_it, replay
 
 RUN_SCRIPTS = ("density.js",)
-"""The further scripts that the page of a run needs."""
 CURVES = ("step", "seconds", "core_seconds", *METRICS, "alpha", "beta")
-"""The values of a checkpoint."""
 OF_A_VIEW = ("psnr", "ssim", "flip")
-"""The scores of a view that are shown."""
 TRACED = 30
 """The points of a small line over training."""
 DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside", "after_outside")

@@ -34,7 +34,6 @@ class Round(NamedTuple):
     views: int
     strips: list[Strip]
     missing: list[str]
-    """The methods without a strip."""
 
 
 def rounds(records: Records) -> list[Round]:

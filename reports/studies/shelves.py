@@ -11,7 +11,6 @@ class ShelfWords:
 
     title: str
     link: str
-    """What a link to its page says."""
     noun: tuple[str, str]
     check: tuple[str, str]
     """A check that the headline counts."""

@@ -225,7 +225,6 @@ class ResultTable:
     core_seconds: list[float | None]
     steps: list[float | None]
     notes: list[str]
-    """The notes for a reader on how it was read."""
 
 
 def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence[str] = ()) -> ResultTable:

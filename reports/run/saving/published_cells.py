@@ -13,7 +13,6 @@ from harness.verdicts.comparisons import compare
 from harness.verdicts.headline_family import SENSES, headline_budgets
 
 Run = dict[str, Any]
-"""The content of a summary.json."""
 
 
 def judged_again(run: Run) -> Run:
