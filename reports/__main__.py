@@ -35,7 +35,7 @@ def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
         description="Build report.html and summary.json from the records of a run, and a page from each record of "
         "studies: evidence.html, stability.html, speed.html, serving.html. The report shows all but speed as well.",
         epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
-        "stability check of what is ours failed, or a check of the evidence does not hold, 130 stopped.",
+        "stability check of this harness failed, or a check of the evidence does not hold, 130 stopped.",
     )
     made.add_argument(
         "out",
@@ -51,7 +51,7 @@ def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
         help="where the page of several outputs goes (default: outputs.html in the first)",
     )
     made.add_argument(
-        "--partial", action="store_true", help="of an unfinished or damaged run: report what is sound, and say so"
+        "--partial", action="store_true", help="of an unfinished or damaged run: report the valid parts, and say so"
     )
     made.add_argument("--quiet", action="store_true", help="print nothing but the paths of the pages")
     made.add_argument(
@@ -69,7 +69,7 @@ def main(arguments: list[str] | None = None, program: str = "python -m reports")
     places = Counter(given.resolve() for given in options.out)
     twice = sorted({str(given) for given in options.out if places[given.resolve()] > 1})
     refusals = {
-        "--page: goes with several outputs alone; give a second one, or leave it out": options.page and not several,
+        "--page: needs several outputs; give a second one, or leave it out": options.page and not several,
         "--publish: goes with one output alone": options.publish and several,
         "--export: goes with one output alone": options.export and several,
         "--partial: goes without --publish; finish the run first": options.publish and options.partial,

@@ -13,11 +13,11 @@ from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 SENSES = {"on_these_scenes": "on these scenes", "scenes_like_these": "on scenes like these"}
 FAMILY = (
     "Equal steps and equal core seconds of all pairs are one family: p is adjusted by Holm’s procedure and decides the "
-    "sign, the intervals are wide enough for all of them together (Bonferroni), and end at 0 where Holm alone decides."
+    "sign, the intervals are wide enough for all of them together (Bonferroni), and end at 0 where only Holm decides."
 )
 EXPLAINED = (
     "On these scenes asks what another run with other seeds would say of these scenes; its error "
-    "comes from the seeds alone. On scenes like these asks what to expect of a scene that was not tried; its error "
+    "comes only from the seeds. On scenes like these asks what to expect of a scene that was not tried; its error "
     "comes from how much the scenes differ."
 )
 

@@ -156,7 +156,7 @@ def _bandwidth(records: Records, method: str) -> str:
         encodings = [value_at(records.run.settings, "train", "own", name, "encoding") for name in (baseline, method)]
         if None in encodings or encodings[0] == encodings[1]:
             return ""
-        return f"No method with the bandwidth of {method} was run, so a difference may be an effect of bandwidth alone."
+        return f"No method with the bandwidth of {method} was run, so a difference may be only an effect of bandwidth."
     why = (
         f"{control} is {baseline} with nothing changed but its encoding, cut down to "
         f"the frequencies that the φ encoding reaches. "

@@ -22,7 +22,7 @@ from reports.data.scale import is_at_scale
 from reports.data.selection import Selection
 from reports.data.wording import UNTESTED, Verdict, counted
 
-OWN_FIGURES = "the printed figures alone"
+OWN_FIGURES = "only the printed figures"
 
 
 @dataclass(frozen=True)

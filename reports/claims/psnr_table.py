@@ -26,7 +26,7 @@ DISCOVERIES = (
 )
 SPENT = (
     "Gain of the last doubling: PSNR at the end less that at half of the steps, while the learning rate still falls; "
-    "the mean over scenes with its 95 % interval. Core seconds are processor time of all threads in training alone (on "
+    "the mean over scenes with its 95 % interval. Core seconds are processor time of all threads, only in training (on "
     "a GPU the host's), below them wall time."
 )
 FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}

@@ -149,7 +149,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
     left_out: list[str] | None = [] if partly else None
     cells = [cell for path in paths if (cell := if_sound(partial(read_cell, path), None, left_out)) is not None]
     if not cells:
-        raise NoRecords(f"{folder}: no finished cell is sound; {finish}")
+        raise NoRecords(f"{folder}: no finished cell is valid; {finish}")
     comparisons: list[Comparison] = if_sound(partial(read_comparisons, out, cells), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
     known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods

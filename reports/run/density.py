@@ -137,7 +137,7 @@ def amplifier_over_time(records: Records) -> list[Panel]:
 
 
 def separation(density: dict[str, list[float]]) -> float | None:
-    """Return how often a point inside true matter is denser than one outside (the area under the ROC curve), from the
+    """Return how often a point inside the true geometry is denser than one outside (the area under the ROC curve), from the
     histograms of both; 0.5 is chance. Points of one bin count as half. None where the truth is not known.
     """
     inside, outside = (np.asarray(density.get(f"after_{where}", ()), dtype=float) for where in ("inside", "outside"))
@@ -160,7 +160,7 @@ def separation_grid(records: Records) -> Grid:
             row.append(Entry(number(fmean(known), 3), value=fmean(known), runs=behind) if known else EMPTY)
         rows.append(row)
     note = (
-        "How often a point inside true matter is denser than one outside of it, of points on a grid over the box; 1 is "
+        "How often a point inside the true geometry is denser than one outside of it, of points on a grid over the box; 1 is "
         "perfect, 0.5 chance. What no camera sees, the inside of solid things, is learnt from nothing."
     )
     caption = "Density against the true geometry"

@@ -92,7 +92,7 @@ PROPERTY_NAMES = {
     "density_by_weight_90": "density up to which 90 % of it lies",
     "density_by_weight_99": "density up to which 99 % of it lies",
     "normal_error": "mean angle between learned and true normals, in degrees, where both are opaque",
-    "occupied_share": "share of the scene's box that holds matter",
+    "occupied_share": "share of the scene's box that holds geometry",
 }
 
 

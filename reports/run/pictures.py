@@ -214,7 +214,7 @@ def _beside(records: Records, budget: int) -> PictureData:
         shown.texts.clear()
         scenes.append(shown)
     beside = (
-        f"The pictures of this report lie in {FOLDER}/ beside it, "
+        f"The pictures of this report lie in {FOLDER}/ next to it, "
         f"{counted(len(files), 'file')} of {sum(map(len, files.values())) / 1e6:.0f} MB: "
         "whoever passes the report on must pass that folder on with it."
     )

@@ -53,7 +53,7 @@ TABLES = {
 CONVERGENCE = (
     "Thin: one seed. Thick: mean of the finished seeds. A cross: where a run diverged. Dashed: the floor (copying the "
     "nearest training view) and, where it is near, the ceiling (noise of the ground truth). "
-    "Core seconds: processor time of all threads in training alone, on a GPU the host's. Other programs on the "
+    "Core seconds: processor time of all threads, only in training, on a GPU the host's. Other programs on the "
     "machine make wall times too long, and change core seconds little."
 )
 WORK = (

@@ -126,7 +126,7 @@ def forest_key(effects: list[Effect]) -> str:
     )
     together = f"{family} hold together in 95 % of repetitions" if high > 1 else "each comparison stands for itself"
     return (
-        "Dot and thick bar: difference and its 95 % interval alone, which are the figures behind it. Thin bar: the "
+        "Dot and thick bar: difference and its own 95 % interval, which are the figures behind it. Thin bar: the "
         f"interval that the verdict is taken from, so wide that {together}. Filled dot, ▲ and ▼: above or below 0; "
         "hollow dot and ?: sign open; =: smaller than matters. Grey band: differences too small to matter."
     )

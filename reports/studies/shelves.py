@@ -34,7 +34,7 @@ class ShelfWords:
 WORDS = {
     "evidence": ShelfWords(
         title="Evidence",
-        link="the evidence alone",
+        link="only the evidence",
         noun=("study", "studies"),
         check=("check of the evidence", "checks of the evidence"),
         passes=("holds", "hold"),
@@ -42,7 +42,7 @@ WORDS = {
     ),
     "stability": ShelfWords(
         title="Numerical stability",
-        link="numerical stability alone",
+        link="only numerical stability",
         noun=("case", "cases"),
         check=("stability check of this harness", "stability checks of this harness"),
         passes=("passes", "pass"),
@@ -74,7 +74,7 @@ WORDS = {
     ),
     "serving": ShelfWords(
         title="View cache and attention (§8)",
-        link="view cache and attention alone",
+        link="only view cache and attention",
         noun=("study", "studies"),
         check=("target of serving", "targets of serving"),
         passes=("is met", "are met"),

@@ -299,7 +299,7 @@ def _chosen(rows: Rows, metrics: list[str], asked: str | None) -> str:
         return PRIMARY
     if not metrics:
         source = rows.stretches[0][0]
-        raise InputError(f"{source}: has no column of numbers beside {', '.join(KEYS)}: nothing to judge")
+        raise InputError(f"{source}: has no column of numbers other than {', '.join(KEYS)}: nothing to judge")
     return metrics[0]
 
 

@@ -142,7 +142,7 @@ def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]
         if sides[0] != sides[1]:
             raise InputError(f"{where}: {name} {', '.join(sides[0])} against {', '.join(sides[1])}; {remedy}")
     if alone := sorted(cells[0].keys() ^ cells[1].keys()):
-        raise InputError(f"{where}: {' '.join(map(str, alone[0]))} is in one alone; finish both with --resume")
+        raise InputError(f"{where}: {' '.join(map(str, alone[0]))} is in only one of them; finish both with --resume")
     settings = [dict(_flat(run.settings)) for run in runs]
     for name in sorted(settings[0].keys() | settings[1].keys()):
         values = [side.get(name) for side in settings]
