@@ -8,7 +8,7 @@ is its answer. This module imports no other library than msgspec, as reports rea
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack
 
 import msgspec
 from msgspec import field
@@ -254,6 +254,16 @@ class Studies(Record, frozen=True):
         return bool(self.settings.get("quick"))
 
 
+class CheckFacts(TypedDict, total=False):
+    """The fields of a `Check` beyond its figure, unit and limits."""
+
+    subject: str
+    owner: Owner
+    spread: tuple[float, float] | None
+    repeats: int
+    id: str
+
+
 def check(
     what: str,
     value: float | None,
@@ -261,12 +271,7 @@ def check(
     high: float | None = None,
     unit: str = "",
     why: str = "",
-    *,
-    subject: str = "",
-    owner: Owner = "ours",
-    spread: tuple[float, float] | None = None,
-    repeats: int = 1,
-    id: str = "",
+    **facts: Unpack[CheckFacts],
 ) -> Check:
     """Check `value` against its limits. One that is missing or not finite fails, whatever the limits."""
     if value is not None and not math.isfinite(value):
@@ -277,7 +282,7 @@ def check(
         status = "measured"
     else:
         status = "pass" if (low is None or value >= low) and (high is None or value <= high) else "fail"
-    return Check(what, value, low, high, unit, why, subject, owner, status, spread, repeats, id)
+    return Check(what, value, low, high, unit, why, status=status, **facts)
 
 
 def write_studies(path: Path, record: Studies) -> None:

@@ -47,8 +47,8 @@ def retrieval(bench: Bench, entry: Statement) -> Finding:
 def pose_key(bench: Bench, entry: Statement) -> Finding:
     """Judge the hash of the pose alone, as in Listing 5: what else may change without its noticing."""
     how = (
-        "kinds of change after which a key made only of the pose returns another picture than is asked for, where the same "
-        "views are asked for again"
+        "kinds of change after which a key made only of the pose returns another picture than is asked for, where the "
+        "same views are asked for again"
     )
     stale, ours = _check(bench, "key.pose"), _check(bench, "key.ours")
     if stale is None:

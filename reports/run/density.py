@@ -137,8 +137,8 @@ def amplifier_over_time(records: Records) -> list[Panel]:
 
 
 def separation(density: dict[str, list[float]]) -> float | None:
-    """Return how often a point inside the true geometry is denser than one outside (the area under the ROC curve), from the
-    histograms of both; 0.5 is chance. Points of one bin count as half. None where the truth is not known.
+    """Return how often a point inside the true geometry is denser than one outside (the area under the ROC curve), from
+    the histograms of both; 0.5 is chance. Points of one bin count as half. None where the truth is not known.
     """
     inside, outside = (np.asarray(density.get(f"after_{where}", ()), dtype=float) for where in ("inside", "outside"))
     if inside.size == 0 or inside.size != outside.size or inside.sum() == 0 or outside.sum() == 0:
@@ -160,8 +160,8 @@ def separation_grid(records: Records) -> Grid:
             row.append(Entry(number(fmean(known), 3), value=fmean(known), runs=behind) if known else EMPTY)
         rows.append(row)
     note = (
-        "How often a point inside the true geometry is denser than one outside of it, of points on a grid over the box; 1 is "
-        "perfect, 0.5 chance. What no camera sees, the inside of solid things, is learnt from nothing."
+        "How often a point inside the true geometry is denser than one outside of it, of points on a grid over the "
+        "box; 1 is perfect, 0.5 chance. What no camera sees, the inside of solid things, is learnt from nothing."
     )
     caption = "Density against the true geometry"
     return Grid(caption, columns, [row for row in rows if any(entry != EMPTY for entry in row[1:])], note=note)
