@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from functools import partial
 from statistics import fmean
-from typing import Any
+from typing import NamedTuple
 
 from harness.records.claims import STATED
 from harness.records.study import Studies
@@ -40,7 +40,16 @@ class Line:
     """The qualification of the verdict, and the scale if it is not the run's."""
 
 
-def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[str, Any]:
+class FirstScreen(NamedTuple):
+    question: str
+    lines: list[Line]
+    sure: list[str]
+    guests: str
+    untested: list[str]
+    tally: str
+
+
+def first_screen(records: Records, claims: list[Claim], beside: Beside) -> FirstScreen:
     shown, here, lines = principal(records, claims), in_a_line(records), []
     for words, claim in shown:
         if claim.verdict != UNTESTED:
@@ -49,14 +58,14 @@ def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[
             note = "; ".join(filter(None, [claim.note, elsewhere]))
             figures = printed_entry(claim), measured_entry(claim)
             lines.append(Line(words, claim.source, *figures, claim.verdict, *LOOKS[claim.verdict], note))
-    return {
-        "question": question(records, claims),
-        "lines": lines,
-        "sure": how_sure(records, beside.evidence),
-        "guests": guests(records),
-        "untested": [sentence for sentence, _ in by_cause([claim for _, claim in shown])],
-        "tally": in_a_sentence(claims),
-    }
+    return FirstScreen(
+        question(records, claims),
+        lines,
+        how_sure(records, beside.evidence),
+        guests(records),
+        [sentence for sentence, _ in by_cause([claim for _, claim in shown])],
+        in_a_sentence(claims),
+    )
 
 
 def principal(records: Records, claims: list[Claim]) -> list[tuple[str, Claim]]:

@@ -4,11 +4,11 @@ Any fault of a file is reported once, naming the file and the remedy: no traceba
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from msgspec import structs
 
@@ -39,7 +39,7 @@ class NotForPublishing(ValueError):
     """A record whose figures are too rough to be shown to others."""
 
 
-def refuse_quick(settings: dict[str, Any], path: Path) -> None:
+def refuse_quick(settings: Mapping[str, object], path: Path) -> None:
     if settings.get("quick"):
         raise NotForPublishing(
             f"{path}: a quick run, too rough to publish; measure again without --quick, or leave out --publish"

@@ -1,7 +1,6 @@
 """The runs behind a cell of a table or a point of a drawing, as a reader finds them."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from harness.records.cells import Comparison
 from harness.records.targets import TargetComparison
@@ -25,7 +24,7 @@ class Selection:
     seed: int | None = None
     step: int | None = None
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> dict[str, object]:
         return {name: value for name, value in vars(self).items() if value not in ("", None)}
 
 

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,7 +48,7 @@ def of_row(row: list[Entry]) -> Markup:
     return _written(attributes)
 
 
-def as_json(value: Any) -> str:
+def as_json(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
@@ -111,7 +111,7 @@ class Layout:
         files: bool = False,
         rules: str = "",
         fold_origins: bool = False,
-        **content: Any,
+        **content: object,
     ) -> str:
         """Return a page as text; sections without parts are left out. `files` lets it load script files that lie
         beside it, `rules` are further rules of style.
@@ -192,7 +192,7 @@ def variables() -> str:
     return f":root{{color-scheme:light;{light}}}{in_the_dark}"
 
 
-def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+def flat(data: Mapping[str, object], prefix: str = "") -> list[tuple[str, str]]:
     """Map nested settings as `a.b` → text."""
     rows = []
     for name, value in data.items():
@@ -203,7 +203,7 @@ def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
     return rows
 
 
-def plain(value: Any) -> str:
+def plain(value: object) -> str:
     if isinstance(value, list):
         return ", ".join(map(plain, value))
     if isinstance(value, bool):
@@ -211,6 +211,6 @@ def plain(value: Any) -> str:
     return wording.NOTHING if value is None else str(value)
 
 
-def groups_of(origin: dict[str, Any], settings: dict[str, Any], spent: list[tuple[str, str]]) -> Groups:
+def groups_of(origin: Mapping[str, object], settings: Mapping[str, object], spent: list[tuple[str, str]]) -> Groups:
     groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
     return [(title, rows) for title, rows in groups if rows]

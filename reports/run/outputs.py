@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -102,7 +101,7 @@ def against(first: Output, other: Output) -> Against:
     return Against(other, identical, len(pairs), sorted(alone), unlike, same_clock, rows)
 
 
-def results(cell: CellRecord) -> tuple[Any, ...]:
+def results(cell: CellRecord) -> tuple[object, ...]:
     """Return a cell's numbers: status, steps, scores, curve but for its clock, scores by view."""
     curve = [(point.step, point.network_evaluations, point.psnr, point.rmse_linear) for point in cell.curve]
     return cell.status, cell.steps, cell.scores, curve, cell.views

@@ -136,7 +136,7 @@ BRIGHT = 1.0 + 1 / 256
 @dataclass
 class SceneData:
     entry: dict[str, Any]
-    renders: list[tuple[int, dict[str, Any], dict[str, str]]] = field(default_factory=list)
+    renders: list[tuple[int, dict[str, object], dict[str, str]]] = field(default_factory=list)
     """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; the row is empty if
     it was not asked for.
     """
@@ -282,12 +282,12 @@ def _far(pictures: Kept, about: SceneRecord | None) -> float:
     return max([about.far if about else 0.0, *(float(depth.max()) for depth in depths)]) or 1.0
 
 
-def _put(packed: Packed, texts: dict[str, str]) -> dict[str, Any]:
+def _put(packed: Packed, texts: dict[str, str]) -> dict[str, object]:
     texts[packed.id] = packed.text
     return dict(packed.ref)
 
 
-def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, str]) -> dict[str, Any]:
+def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, str]) -> dict[str, object]:
     height, width = truth.opacity.shape
     bright = truth.linear is not None and float(truth.linear.max()) > BRIGHT
     return {
@@ -306,7 +306,9 @@ def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, 
     }
 
 
-def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, texts: dict[str, str]) -> dict[str, Any]:
+def _row(
+    cell: CellRecord, render: Render, last: bool, place: int, far: float, texts: dict[str, str]
+) -> dict[str, object]:
     of_view = next((score for score in cell.views if score.view == render.view), None)
     scored, ceiling = of_view if last else None, of_view.psnr_ceiling if of_view else None
     return {

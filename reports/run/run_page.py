@@ -247,10 +247,9 @@ def _amplifier(content: _Content) -> Section:
 def _claims(content: _Content) -> Iterator[Section]:
     records, parts, here = content.records, content.layout.parts, in_a_line(content.records)
     if tested := chapters(content.ledger, here):
-        judged = [HEADING.format(chapter["title"]) + parts.table(chapter["grid"], False) for chapter in tested]
+        judged = [HEADING.format(title) + parts.table(grid, False) for title, grid in tested]
         untested = [
-            parts.folded(shell.with_code(chapter["title"]), parts.bullets(chapter["claims"]))
-            for chapter in folds(content.ledger)
+            parts.folded(shell.with_code(cause), parts.bullets(lines)) for cause, lines in folds(content.ledger)
         ]
         subjects = "; ".join(dict.fromkeys(standing(records, file) for file in records.run.claims or []))
         rule = parts.paragraph(CLAIMS.format(subjects, here))

@@ -94,7 +94,7 @@ def _from_file(path: Path) -> Rows:
 
 
 def _rows(
-    path: Path, names: Iterable[Any], columns: list[list[Any]], first: int = 1, lower: frozenset[str] = frozenset()
+    path: Path, names: Iterable[object], columns: list[list[Any]], first: int = 1, lower: frozenset[str] = frozenset()
 ) -> Rows:
     """Return rows with column names in lower case, by one name each; raises `InputError` if two are the same."""
     known = [str(name).strip().lower() for name in names]
@@ -157,7 +157,7 @@ def _from_json(path: Path) -> Rows:
     return _rows(path, names, columns, lower=lower)
 
 
-def _is_plain(value: Any) -> bool:
+def _is_plain(value: object) -> bool:
     return value is None or isinstance(value, str | int | float)
 
 

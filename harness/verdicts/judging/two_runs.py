@@ -150,7 +150,7 @@ def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]
             raise InputError(f"{where}: {name} is {values[0]} against {values[1]}; {remedy}")
 
 
-def _flat(value: Any, name: str = "") -> Iterable[tuple[str, Any]]:
+def _flat(value: object, name: str = "") -> Iterable[tuple[str, object]]:
     if not isinstance(value, dict):
         yield name, value
         return

@@ -17,8 +17,7 @@ from pathlib import Path
 from harness.records.former.four_words import in_two_words
 from harness.records.study import Studies, read_studies
 from reports.run.saving import constants, run_blocks, study_blocks
-from reports.run.saving.published_cells import judged_again
-from reports.run.saving.run_blocks import Run
+from reports.run.saving.published_cells import Run, judged_again
 
 RUN = ("reduced/summary.json",)
 REPLICATES = "reduced/processors.json?"

@@ -3,18 +3,16 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from harness.records.former.four_words import NO_INTERVAL
 from harness.records.json_record import as_promised
 from harness.records.verdict import Verdict, common
 from reports.claims.headline import rising, title_of
 from reports.data.outcome import Outcome, clause
+from reports.run.saving.published_cells import Run
 
 BASELINE, CONTROL, FAVOURITE, REPAIRED = "nerf", "nerf_matched", "qnerf", "qnerf_repaired"
 """The methods that README and docs speak of."""
-Run = dict[str, Any]
-"""The content of a published JSON file that is no record of studies."""
 FORMER_HEADLINE = re.compile(r"([+-][\d.]+) dB \((\w+)\)")
 """A difference with its word, as `compare` wrote them in a sentence alone."""
 

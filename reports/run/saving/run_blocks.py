@@ -15,14 +15,13 @@ from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between
 from reports.data.outcome import doubts, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
-from reports.run.saving.published_cells import situation
+from reports.run.saving.published_cells import Run, situation
 from reports.run.saving.replicates import (
     BASELINE,
     CONTROL,
     FAVOURITE,
     REPAIRED,
     Replicated,
-    Run,
     answer,
     replicated,
     row,
