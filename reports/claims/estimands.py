@@ -1,7 +1,7 @@
 """Two questions about one difference, side by side, and how often runs fail: the context of every verdict."""
 
 from harness.records.cells import Comparison, Estimate
-from harness.records.verdict import phrase_with
+from harness.records.verdict import Verdict, phrase_with
 from harness.verdicts.failures import Failures, failures
 from reports.claims.psnr_table import lines
 from reports.data.load import Records
@@ -36,6 +36,11 @@ def difference_in_words(row: Comparison, scenes: list[str], seeds: list[int]) ->
 def between(pair: tuple[float, float], digits: int = 2) -> str:
     """Format an interval: `−7.89 to −3.25`."""
     return f"{signed(pair[0], digits)} to {signed(pair[1], digits)}"
+
+
+def judged_in_words(pair: tuple[float, float], verdict: Verdict) -> str:
+    """Format `−0.13 to +0.50: sign and size open`."""
+    return f"{between(pair)}: {phrase_with(verdict, pair)}"
 
 
 def senses_grid(records: Records) -> Grid:

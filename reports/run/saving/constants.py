@@ -13,9 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from harness.records.verdict import phrase_with
 from harness.verdicts.comparisons import judged
-from reports.claims.estimands import between
+from reports.claims.estimands import judged_in_words
 from reports.data.wording import listed, number, signed
 from reports.drawing.palette import MARKERS, OTHERS
 from reports.drawing.sheet import Drawing, key_of, save_sheet
@@ -134,7 +133,7 @@ def difference(search: Search, method: str, against: str) -> str:
     estimate = found.scenes_like_these
     if estimate is None or estimate.simultaneous is None:
         return ""
-    known = f"{between(estimate.simultaneous)}: {phrase_with(estimate.verdict, estimate.simultaneous)}"
+    known = judged_in_words(estimate.simultaneous, estimate.verdict)
     return f"`{method}` − `{against}` {signed(found.difference)} dB ({known})"
 
 

@@ -9,10 +9,9 @@ import numpy as np
 from harness.records.cells import Comparison
 from harness.records.json_record import as_promised
 from harness.records.study import Check, Studies
-from harness.records.verdict import phrase_with
 from harness.verdicts.changes import Situation, changes
 from harness.verdicts.comparisons import judged
-from reports.claims.estimands import SENSES, between
+from reports.claims.estimands import SENSES, between, judged_in_words
 from reports.data.outcome import doubts, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
 from reports.run.saving.published_cells import Run, situation
@@ -58,7 +57,7 @@ def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str
         return "–"
     if runs and sense == "scenes_like_these" and not runs.repeated:
         return f"{between(pair)}; {shared(runs.differences, runs.verdicts)}"
-    return f"{between(pair)}: {phrase_with(verdict_in(known), pair)}"
+    return judged_in_words(pair, verdict_in(known))
 
 
 def scale(run: Run) -> str:
@@ -73,31 +72,25 @@ def scale(run: Run) -> str:
 
 
 def result(run: Run, replicates: Run) -> str:
-    gain = next(
-        (claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None), None
-    )
-    printed = f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." if gain else ""
-    return f"**{answer(run, replicates)}.**{printed}\n\n{differences(run, replicates=replicates)}"
+    gains = [claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None]
+    printed = [f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." for gain in gains]
+    return f"**{answer(run, replicates)}.**{''.join(printed)}\n\n{differences(run, replicates=replicates)}"
 
 
 def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
     of_pairs = replicated(run, replicates or {})
+    duels = {pair: duel for pair in DUELS if (duel := row(run, "all", *pair, budget))}
     rows = [
         (
             f"`{pair[0]}` − `{pair[1]}`",
             f"{signed(duel['difference'])} dB",
             *(estimate(duel, name, of_pairs.get(pair)) for name in SENSES),
         )
-        for pair in DUELS
-        if (duel := row(run, "all", *pair, budget))
+        for pair, duel in duels.items()
     ]
     head = (f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values()))
-    notes = [words for pair in DUELS if (duel := row(run, "all", *pair, budget)) for words in doubts(_record(duel))]
+    notes = [words for duel in duels.values() for words in doubts(as_promised(duel, Comparison))]
     return "\n\n".join([table(head, rows), *notes])
-
-
-def _record(comparison: Run) -> Comparison:
-    return as_promised(comparison, Comparison)
 
 
 def equal_time(run: Run) -> str:
@@ -118,9 +111,7 @@ def changed(run: Run, before: Situation, after: Situation, words: str) -> str:
             continue
         size, scenes = change.judgement.difference or 0.0, change.by_scene.values()
         told = (
-            f"{between(known.simultaneous)}: {phrase_with(known.verdict, known.simultaneous)}"
-            if known and known.simultaneous
-            else "–"
+            judged_in_words(known.simultaneous, known.verdict) if known and known.simultaneous else "–"
             for known in (change.judgement.on_these_scenes, change.judgement.scenes_like_these)
         )
         same = f"{sum(moved * size > 0 for moved in scenes)} of {counted(len(scenes), 'scene')}"
@@ -212,13 +203,9 @@ def spread(values: list[float]) -> str:
     return f"{number(fmean(values))}{more}" if values else "–"
 
 
-def explained_scene(run: Run) -> str:
-    return next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
-
-
 def further(run: Run) -> str:
     """Tabulate the methods that were trained on one scene alone, without the ladder."""
-    scene = explained_scene(run)
+    scene = next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
     rows = [
         (f"`{method}`", title, f"{signed(duel['difference'])} dB, {estimate(duel, 'on_these_scenes')}")
         for method, title in run["methods"].items()
@@ -395,7 +382,7 @@ def _moved(run: Run) -> str:
     """State how far scores moved, and by how much the differences at equal steps did, where it was recorded."""
     told = [
         f"`{found['method']}` − `{found['against']}` by {signed(found['difference'])} dB"
-        f" ({between(known['simultaneous'])}: {verdict_in(known).phrase})"
+        f" ({judged_in_words(known['simultaneous'], verdict_in(known))})"
         for found in run.get("moved", ())
         if found["budget"] == "steps"
         and (known := found["scenes_like_these"] or found["on_these_scenes"])
