@@ -91,7 +91,7 @@ def source_of_baseline(bench: Bench, entry: Statement) -> Result | None:
     same = [scene for scene in known if abs(original[scene] - rows[scene][entry.of["method"]]) <= DIGIT_DB + 1e-9]
     note = (
         f"equal in {len(same)} of {len(known)} scenes{without}; the original trained with 4096 rays a step for "
-        "100 000 to 300 000 steps. Scores of a separate training would differ in some last digit, as seeds differ by "
+        "100 000 to 300 000 steps. Scores of a training of its own would differ in some last digit, as seeds differ by "
         "more; figures alone do not prove where they come from"
     )
     return ("inconclusive", len(same), note) if known else None

@@ -217,4 +217,5 @@ def _printed(records: Records, scene: str) -> dict[str, float]:
 def printed_gain(records: Records, scene: str, method: str, against: str) -> float | None:
     """Return the printed difference of two methods on a scene; None if it is not printed of both."""
     row = _printed(records, scene)
-    return row[method] - row[against] if {method, against} <= row.keys() else None
+    # rounded, as decimals are not binary fractions
+    return round(row[method] - row[against], 9) if {method, against} <= row.keys() else None

@@ -21,7 +21,7 @@ def retrieval(bench: Bench, entry: Statement) -> Finding:
     ]
     how = (
         "rendering a view takes as many times as long as a hit, of a method that is no longer trained (weights hashed "
-        f"once); “instant” is our threshold: {', '.join(bars)}"
+        f"once); “instant” is our bar: {', '.join(bars)}"
     )
     if not bars:
         return _untested(bench, "time of rendering a view against that of having it from the cache")
@@ -47,8 +47,8 @@ def retrieval(bench: Bench, entry: Statement) -> Finding:
 def pose_key(bench: Bench, entry: Statement) -> Finding:
     """Judge the hash of the pose alone, as in Listing 5: what else may change without its noticing."""
     how = (
-        "kinds of change after which a key made only of the pose returns another picture than is asked for, where the "
-        "same views are asked for again"
+        "kinds of change after which a key of the pose alone returns another picture than is asked for, where the same "
+        "views are asked for again"
     )
     stale, ours = _check(bench, "key.pose"), _check(bench, "key.ours")
     if stale is None:
