@@ -101,8 +101,8 @@ def data_of(panel: Panel, axes: Axes) -> dict[str, object]:
 
 def _axis(label: str, scale: str, limits: tuple[float, float], linear_below: float) -> dict[str, object]:
     low, high = rounded(limits)
-    further = {"linear_below": linear_below} if scale == "symlog" else {}
-    return {"label": label, "scale": scale, "low": low, "high": high} | further
+    data: dict[str, object] = {"label": label, "scale": scale, "low": low, "high": high}
+    return data | ({"linear_below": linear_below} if scale == "symlog" else {})
 
 
 def _trace(trace: Trace, earlier: list[Trace], runs: list[Selection]) -> dict[str, object]:
