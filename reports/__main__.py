@@ -35,7 +35,7 @@ def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
         description="Build report.html and summary.json from the records of a run, and a page from each record of "
         "studies: evidence.html, stability.html, speed.html, serving.html. The report shows all but speed as well.",
         epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
-        "stability check of what is ours failed, or a check of the evidence does not hold, 130 stopped.",
+        "stability check of this harness failed, or a check of the evidence does not hold, 130 stopped.",
     )
     made.add_argument(
         "out",
@@ -51,7 +51,7 @@ def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
         help="where the page of several outputs goes (default: outputs.html in the first)",
     )
     made.add_argument(
-        "--partial", action="store_true", help="of an unfinished or damaged run: report what is sound, and say so"
+        "--partial", action="store_true", help="of an unfinished or damaged run: report the valid parts, and say so"
     )
     made.add_argument("--quiet", action="store_true", help="print nothing but the paths of the pages")
     made.add_argument(
@@ -69,7 +69,7 @@ def main(arguments: list[str] | None = None, program: str = "python -m reports")
     places = Counter(given.resolve() for given in options.out)
     twice = sorted({str(given) for given in options.out if places[given.resolve()] > 1})
     refusals = {
-        "--page: goes with several outputs alone; give a second one, or leave it out": options.page and not several,
+        "--page: needs several outputs; give a second one, or leave it out": options.page and not several,
         "--publish: goes with one output alone": options.publish and several,
         "--export: goes with one output alone": options.export and several,
         "--partial: goes without --publish; finish the run first": options.publish and options.partial,
@@ -108,7 +108,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
     """Read, write and print, with `partly` of a damaged run what is valid; what is heavy is imported last."""
     from harness.records.cells import records_folder
     from harness.records.judgements import JUDGEMENT_FILE, read_judgement
-    from harness.records.study import SHELVES, FormerRecord
+    from harness.records.study import SHELVES
 
     if (out / JUDGEMENT_FILE).is_file():
         from reports.studies.judgement import write_judgement_page
@@ -125,11 +125,8 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
     damaged: list[str] | None = [] if partly else None
     studies: dict[str, Studies] = {}
     for shelf in SHELVES:
-        try:
-            if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
-                studies[shelf] = record
-        except FormerRecord as former:  # the rest is reported
-            _say(f"left out: {former}")
+        if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
+            studies[shelf] = record
     if publish is not None:
         refuse_unfit(out, list(studies.values()))
     if not studies and out.is_dir() and not records_folder(out).is_dir():
@@ -163,7 +160,6 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
 
 
 def refuse_unfit(out: Path, studies: "list[Studies]") -> None:
-    """Raise `NotForPublishing` for what is quick or not finished."""
     from harness.records.study import SHELVES, again
     from reports.data.load import NotForPublishing, refuse_quick
 
@@ -209,7 +205,6 @@ def build_shelf(
 def build_report(
     records: "Records", publish: Path | None, beside: "Beside", shown: "dict[str, ShelfShown]", show: Show
 ) -> bool:
-    """Build the page and the numbers of a run; returns whether a cell of it failed."""
     from reports.claims.headline import headline
     from reports.run.run_page import write_page
     from reports.run.saving.publish import write_published, write_summary

@@ -1,6 +1,4 @@
-"""What earlier versions wrote still opens, resumes and reports: `tests/former` was written by schema 1 of the studies
-and by the tree before its rooms.
-"""
+"""What earlier versions wrote still opens and reports: `tests/former` was written by the tree before its rooms."""
 
 import json
 import shutil
@@ -11,7 +9,6 @@ import pytest
 from harness.command.main import main
 from harness.playback.run_loader import FinishedRun
 from harness.records.cells import read_cells
-from harness.records.study import SHELVES, read_studies
 from reports.__main__ import main as report
 from scenes.view_sets.view_set import read_view_set
 
@@ -73,25 +70,3 @@ def test_view_set_and_checkpoint_open(former: Path) -> None:
     assert len(read_view_set(former / "ball").train.names) == 3
     run = FinishedRun.of(former / "run")
     assert run.methods(None) == ["nerf", "qnerf"]
-
-
-@pytest.mark.parametrize(
-    ("shelf", "kept_in"), [("evidence", "studies.checks"), ("stability", "cases.outcomes"), ("speed", "measurements")]
-)
-def test_studies_of_schema_1_are_read_figure_by_figure_and_have_a_page(former: Path, shelf: str, kept_in: str) -> None:
-    file = former / SHELVES[shelf]
-    text = file.read_text()
-    outer, _, inner = kept_in.partition(".")
-    rows = [one for study in json.loads(text)[outer] for one in (study[inner] if inner else [study])]
-    record = read_studies(file)
-    assert record.shelf == shelf
-    assert len(list(record.checks())) == len(rows) > 10
-    for _, one in record.checks():
-        for number in (one.value, one.low, one.high, *(one.spread or ())):
-            assert number is None or json.dumps(number) in text
-        assert one.status != "measured" or one.limit is None
-    assert record.broken == []
-    (former / "out").mkdir()
-    shutil.copy(file, former / "out")
-    assert report(["out", "--quiet"]) == 0
-    assert (former / "out" / f"{shelf}.html").is_file()

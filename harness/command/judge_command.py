@@ -96,7 +96,7 @@ def run_score(options: argparse.Namespace, show: "Progress") -> int:
     scores = (f"{metric.label} {getattr(row, metric.name):.{metric.digits}f}" for metric in known)
     show.line(f"{row.scene} {row.method} seed {row.seed}, {len(row.views)} views of {row.made['width']} px: "
               f"{', '.join(scores)}")  # fmt: skip
-    worst = min(row.views, key=lambda view: view.psnr)
+    worst = min(row.views, key=lambda view: view.psnr or 0.0)
     show.line(f"worst view {worst.view}: {worst.psnr:.2f} dB; table {options.to} ({len(table.cells)} rows before)")
     return 0
 

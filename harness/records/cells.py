@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from msgspec import defstruct, field
+from msgspec import field
 from msgspec.structs import asdict, replace
 
 from harness.records.claims import ClaimFile
@@ -20,7 +20,7 @@ from harness.records.json_record import (
     without_gaps,
     write_record,
 )
-from harness.records.metric_table import METRICS, POSSIBLE
+from harness.records.metric_table import POSSIBLE
 from harness.records.verdict import Verdict
 
 Budget = Literal["steps", "seconds", "core_seconds"]
@@ -105,14 +105,11 @@ class Comparison(Record, frozen=True):
 
     @property
     def p(self) -> float | None:
-        """Return the p-value of the estimate that speaks for the row."""
         chosen = self.scenes_like_these or self.on_these_scenes
         return chosen.p if chosen else None
 
 
 class Comparisons(Record, frozen=True):
-    """All comparisons of a run."""
-
     rows: list[Comparison]
     digests: dict[str, str] = field(default_factory=dict)
     """The digest of each cell's record that was compared, by the name of its file; empty in an older run."""
@@ -124,11 +121,23 @@ SCHEMA = 1
 Status = Literal["done", "diverged", "error", "not_available"]
 
 
-Scores: Any = defstruct("Scores", [(metric, float | None, None) for metric in METRICS], bases=(Record,), kw_only=True)
-"""A struct with a field for every metric; None where a view or a run has no such score."""
+class Scores(Record, frozen=True, kw_only=True):
+    """A score by every metric of `METRICS`, in its order; None where a view or a run has no such score."""
+
+    psnr: float | None = None
+    ssim: float | None = None
+    rmse_linear: float | None = None
+    flip: float | None = None
+    delta_e: float | None = None
+    depth_rmse: float | None = None
+    opacity_iou: float | None = None
+    rel_mse: float | None = None
+    smape: float | None = None
+    hdr_flip: float | None = None
+    lpips: float | None = None
 
 
-class Checkpoint(Scores):
+class Checkpoint(Scores, frozen=True):
     """One scoring of the whole fixed test set, by every metric."""
 
     step: int
@@ -155,7 +164,7 @@ class Checkpoint(Scores):
     field does not tell, and in older records."""
 
 
-class ViewScore(Scores):
+class ViewScore(Scores, frozen=True):
     """The scores of one test view at the end of training, by every metric."""
 
     view: str
@@ -252,7 +261,6 @@ class CellRecord(Record, frozen=True):
 
     @property
     def waited(self) -> bool:
-        """Tell whether its wall seconds are longer than its own work accounts for."""
         return (self.wall_per_core_second or 0.0) > WAITED or self.spun
 
     @property
@@ -314,7 +322,6 @@ class Roles(Record, frozen=True):
     baseline: str
     controls: tuple[str, ...] = ()
     claimed: tuple[tuple[str, str], ...] = ()
-    """The pairs of methods that claims compare."""
 
     def among(self, methods: Iterable[str]) -> "Roles":
         """Return the roles in a comparison of `methods`: without the baseline, the first one takes its place."""
@@ -344,8 +351,6 @@ USUAL = Roles("nerf", ("nerf_matched",))
 
 
 class RunRecord(Record, frozen=True):
-    """The run as a whole."""
-
     profile: str
     command: str
     scenes: list[SceneRecord]
@@ -419,7 +424,6 @@ def require_unchanged(path: Path, digests: dict[str, str], cells: Iterable[CellR
 
 
 def write_comparisons(out: Path, comparisons: list[Comparison], digests: dict[str, str] | None = None) -> None:
-    """Write comparisons of the cells that have these `digests_of`."""
     write_record(records_folder(out) / "comparisons.json", Comparisons(comparisons, digests or {}))
 
 

@@ -50,8 +50,6 @@ STATED = "stated"
 
 
 class Statement(Record, frozen=True, kw_only=True):
-    """One claim."""
-
     id: str
     printed: Number | Pair | None = None
     """The number, a range as a pair; None if it is claimed in words alone."""
@@ -60,9 +58,7 @@ class Statement(Record, frozen=True, kw_only=True):
     quantity: str
     """The kind of claim, a key of `QUANTITIES`."""
     where: tuple[str, ...] = ()
-    """The places that state it."""
     bound: Bound = ""
-    """Whether the number is a bound."""
     unit: str = ""
     of: dict[str, str] = field(default_factory=dict)
     """The subject: method, against, scene, metric, axis, table, column."""
@@ -71,7 +67,6 @@ class Statement(Record, frozen=True, kw_only=True):
 
     @property
     def digits(self) -> int:
-        """Return the decimals as printed."""
         least = {"dB": 1, "h": 1}.get(self.unit, 3 if self.of.get("metric") == "ssim" else 0)
         numbers = self.printed if isinstance(self.printed, tuple) else (self.printed or 0,)
         return max(least, *map(_decimals, numbers)) if "metric" in self.of else least
@@ -94,12 +89,9 @@ class Scale(Record, frozen=True, kw_only=True):
 
 
 class AblationRow(TypedDict):
-    """A configuration and its scores."""
-
     configuration: str
     method: str
     scores: dict[str, float]
-    """Metric → value."""
 
 
 class Tables(TypedDict, total=False):
@@ -115,8 +107,6 @@ class Tables(TypedDict, total=False):
 
 
 class Measured(TypedDict, total=False):
-    """What is measured without training."""
-
     weights: dict[str, int]
     """Component → number of weights at the printed size."""
     sloc: int

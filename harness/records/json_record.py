@@ -32,7 +32,7 @@ def finite_or_none(value: float | None) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def write_record(path: Path, record: Any) -> None:
+def write_record(path: Path, record: object) -> None:
     """Write a `Record` or plain data as `write_json` does, with the digest of everything else as the last key."""
     data = plain(record)
     if DIGEST in data:
@@ -69,13 +69,13 @@ def load_json(path: Path) -> Any:
         raise ValueError("is nested too deeply") from error
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """Return a value for a message, cut to a readable length."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}…"
 
 
-def digest_of(data: Any) -> str:
+def digest_of(data: object) -> str:
     """Return the SHA-256 of keys and values in their order; raises `ValueError` on NaN or Infinity."""
     try:
         text = json.dumps(data, allow_nan=False, ensure_ascii=True, separators=(",", ":"))
@@ -100,7 +100,7 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def write_json(path: Path, data: Any) -> None:
+def write_json(path: Path, data: object) -> None:
     """Write atomically, also under `kill -9`; raises `ValueError` on NaN or Infinity."""
     write_atomically(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False))
 
@@ -137,12 +137,12 @@ def read_record(
         raise DamagedRecord(f"{path}: {error}; {remedy}") from error
 
 
-def plain(record: Any) -> Any:
+def plain(record: object) -> Any:
     """Return the content of `record` in the types of JSON."""
     return msgspec.to_builtins(record, enc_hook=_plain_scalar)
 
 
-def _plain_scalar(value: Any) -> float | str:
+def _plain_scalar(value: object) -> float | str:
     """Return a number or name of numpy, which is a subclass of Python's, as Python's own."""
     return float(value) if isinstance(value, float) else str.__str__(value)
 

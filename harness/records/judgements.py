@@ -57,7 +57,6 @@ class Ranking(Record, frozen=True):
     places: list[Place]
     pairs: list[Pair]
     family: int
-    """The number of comparisons that are looked at together."""
 
     @property
     def neighbours(self) -> list[Pair]:
@@ -79,14 +78,11 @@ class Suspect(Record, frozen=True):
 
 
 class JudgementRecord(Record, frozen=True):
-    """The judgement of a table of results."""
-
     source: str
     metric: str
     unit: str
     higher_is_better: bool
     margin: float
-    """The smallest effect of interest."""
     baseline: str | None
     scenes: list[str]
     seeds: int

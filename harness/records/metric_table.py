@@ -15,7 +15,6 @@ class Metric(NamedTuple):
     label: str
     unit: str
     digits: int
-    """The decimals of a score."""
     digits_of_difference: int
     higher_is_better: bool
     smallest_of_interest: float
@@ -48,7 +47,7 @@ METRICS: dict[str, Metric] = {
                error="FLIP"),
         Metric("delta_e", "ΔE₀₀", "", 2, 2, False, 0.1, "CIEDE2000 colour difference"),
         Metric("depth_rmse", "depth RMSE", "", 3, 4, False, 0.02,
-               "in scene units, along the ray, where there is matter", "depth", error="depth RMSE (scene units)"),
+               "in scene units, along the ray, where there is geometry", "depth", error="depth RMSE (scene units)"),
         Metric("opacity_iou", "opacity IoU", "", 3, 4, True, 0.005, "overlap of the opaque silhouettes",
                "opacity"),
         Metric("rel_mse", "relMSE", "", 4, 4, False, 0.01,

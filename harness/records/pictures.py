@@ -46,7 +46,6 @@ def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
 
 
 def digest_of(listing: dict[str, Any], tensors: Tensors) -> str:
-    """Return 64 hexadecimal digits of listing and tensors."""
     state = hashlib.blake2b(json.dumps(listing, sort_keys=True).encode(), digest_size=32)
     for name, tensor in sorted(tensors.items()):
         state.update(f"{name} {tensor.dtype} {tensor.shape}\n".encode())
@@ -60,7 +59,6 @@ SCHEMA = 1
 LARGEST_BYTES = 512 * 1024 * 1024
 """A larger file is neither written nor read."""
 HEADER_BYTES = 1024 * 1024
-"""The part of them that is reserved for the header."""
 LARGEST_HALF = 65504.0
 """The largest float16, to which brighter values are clipped."""
 LISTING = "pictures"
@@ -69,7 +67,6 @@ REMEDY = "run again with --resume"
 
 Half = NDArray[np.float16]
 TURN = "turn"
-"""The name of the tensor of a `Turn`."""
 
 
 @dataclass(frozen=True)
@@ -126,8 +123,6 @@ class ListedPicture(Record, frozen=True, kw_only=True):
 
 
 class PicturesListing(Record, frozen=True):
-    """The listing of the tensors of a file."""
-
     schema: int
     kind: str
     pictures: list[ListedPicture]
@@ -148,7 +143,6 @@ def cell_pictures(scene: str, method: str, seed: int) -> str:
 
 
 def truth_pictures(scene: str) -> str:
-    """Return the path relative to `OUT/records`."""
     return f"pictures/{scene}.safetensors"
 
 
@@ -182,7 +176,6 @@ def read_turn(path: Path, kind: Literal["truth", "renders"]) -> Turn | None:
 
 
 def last_of(renders: list[Render]) -> list[Render]:
-    """Return the renders of the last checkpoint."""
     step = max((render.step for render in renders), default=0)
     return [render for render in renders if render.step == step]
 
@@ -239,7 +232,6 @@ def _frames(tensor: NDArray[Any], views: int) -> NDArray[np.uint8]:
 def _parts(
     place: int, row: ListedPicture, tensors: dict[str, Any], channels: dict[str, int | None], needed: set[str]
 ) -> dict[str, Half]:
-    """Return the tensors of one picture, all of one size."""
     if (row.step is UNSET) is (channels is RENDER):
         raise ValueError("a checkpoint without a step, or a truth with one")
     if not needed <= set(row.parts) <= set(channels):

@@ -13,7 +13,7 @@ SCHEMA = 1
 REMEDY = "delete it, or name another --to"
 
 
-class ScoredPictures(Scores):
+class ScoredPictures(Scores, frozen=True):
     """The means of one method's pictures of one scene; None for what was not scored."""
 
     scene: str

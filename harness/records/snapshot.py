@@ -16,13 +16,10 @@ ENDED = ("done", "diverged")
 """The states without a snapshot; a cell with an error resumes from its own."""
 SCHEMA = 1
 LARGEST_BYTES = 4 << 30
-"""A larger file is not read."""
 
 
 @dataclass(frozen=True)
 class Unfinished:
-    """The state of a cell."""
-
     listing: dict[str, Any]
     tensors: Tensors
 
@@ -58,12 +55,10 @@ def read_unfinished(path: Path) -> Unfinished:
 
 
 def drop_ended(out: Path, cell: CellRecord) -> None:
-    """Remove the snapshot of a cell whose record is written."""
     if cell.status in ENDED:
         unfinished_path(out, cell.scene, cell.method, cell.seed).unlink(missing_ok=True)
 
 
 def drop_folder(out: Path) -> None:
-    """Remove the folder if it is empty."""
     with suppress(OSError):
         (out / FOLDER).rmdir()

@@ -8,7 +8,7 @@ is its answer. This module imports no other library than msgspec, as reports rea
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack
 
 import msgspec
 from msgspec import field
@@ -95,7 +95,6 @@ class Check(Record, frozen=True, tag="check"):
 
     @property
     def must_hold(self) -> bool:
-        """Return whether it would fail the run."""
         return self.owner == "ours"
 
     @property
@@ -119,7 +118,6 @@ class Effect(Record, frozen=True, tag="effect"):
     scene: str
     """A scene's name, or `all`."""
     metric: str
-    """psnr, ssim, …"""
     budget: Budget
     difference: float | None
     interval: tuple[float, float] | None
@@ -165,8 +163,6 @@ class Table(Record, frozen=True, tag="table"):
 
 
 class Picture(Record, frozen=True, tag="picture"):
-    """An image beside the record."""
-
     item: int
     title: str
     caption: str
@@ -178,8 +174,6 @@ Finding = Answer | Check | Effect | Series | Table | Picture
 
 
 class StudyInfo(Record, frozen=True):
-    """A study as the report introduces it."""
-
     id: str
     title: str
     question: str = ""
@@ -247,7 +241,6 @@ class Studies(Record, frozen=True):
 
     @property
     def broken(self) -> list[tuple[StudyRecord, Check]]:
-        """Return the checks that must hold and do not."""
         return [(study, check) for study, check in self.checks() if check.is_broken]
 
     @property
@@ -261,6 +254,16 @@ class Studies(Record, frozen=True):
         return bool(self.settings.get("quick"))
 
 
+class CheckFacts(TypedDict, total=False):
+    """The fields of a `Check` beyond its figure, unit and limits."""
+
+    subject: str
+    owner: Owner
+    spread: tuple[float, float] | None
+    repeats: int
+    id: str
+
+
 def check(
     what: str,
     value: float | None,
@@ -268,12 +271,7 @@ def check(
     high: float | None = None,
     unit: str = "",
     why: str = "",
-    *,
-    subject: str = "",
-    owner: Owner = "ours",
-    spread: tuple[float, float] | None = None,
-    repeats: int = 1,
-    id: str = "",
+    **facts: Unpack[CheckFacts],
 ) -> Check:
     """Check `value` against its limits. One that is missing or not finite fails, whatever the limits."""
     if value is not None and not math.isfinite(value):
@@ -284,7 +282,7 @@ def check(
         status = "measured"
     else:
         status = "pass" if (low is None or value >= low) and (high is None or value <= high) else "fail"
-    return Check(what, value, low, high, unit, why, subject, owner, status, spread, repeats, id)
+    return Check(what, value, low, high, unit, why, status=status, **facts)
 
 
 def write_studies(path: Path, record: Studies) -> None:
@@ -306,10 +304,6 @@ def _in_words(value: str | float | None) -> str | float | None:
     return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value
 
 
-class FormerRecord(DamagedRecord):
-    """A record of an earlier version, in a form that is not read any more: what it says has to be measured again."""
-
-
 def again(shelf: str, out: Path) -> str:
     """Return the command that measures a shelf again."""
     own = {"serving": f"python -m harness study serving {out}", "history": "python -m harness history"}
@@ -317,22 +311,14 @@ def again(shelf: str, out: Path) -> str:
 
 
 def read_studies(path: Path) -> Studies:
-    """Read studies. Raises `DamagedRecord` if the file is not what this version or the one before it writes."""
-    from harness.records.former.study_of_schema_1 import converted
-
+    """Read studies. Raises `DamagedRecord` if the file is not what this version writes."""
     shelf = path.stem
     try:
         data = load_record(path)
-        if shelf == "serving" and "cache" in data:
-            raise FormerRecord(f"{path}: measured by an earlier version; {again(shelf, path.parent)}")
-        if data.get("schema") == 1:
-            data = converted(shelf, data)
         if data.get("schema") != SCHEMA:
             raise ValueError(f"not a record of studies of schema {SCHEMA}")
         return as_promised(in_two_words(data), Studies)
-    except FormerRecord:
-        raise
     except OSError as error:
         raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise DamagedRecord(f"{path}: {error}; {again(shelf, path.parent)}") from error

@@ -19,7 +19,6 @@ from harness.records.metric_table import METRICS
 from scenes.files.errors import InputError
 
 PRINTED = Path(__file__).parent / "printed"
-"""The folder of the claim files that come with the program."""
 BOUNDS: dict[str, Bound] = {">=": "at least", "<=": "at most", "=": ""}
 SIGNS = {"at least": "≥ ", "at most": "≤ ", "": ""}
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
@@ -35,7 +34,6 @@ WORDS = {
 }
 """Kind of claim → its statement, for one without words of its own."""
 DEFAULTS = {"scene": "all", "metric": "psnr", "axis": "steps"}
-"""What a claim is about, where a file does not say it."""
 PLURAL = {"method": "methods", "against": "methods", "scene": "scenes"}
 NOT_RUN = "is no part of this run"
 OWN = ("id", "where", "statement", "quantity", "printed", "unit", "bound", "leaves_open")
@@ -43,7 +41,6 @@ OWN = ("id", "where", "statement", "quantity", "printed", "unit", "bound", "leav
 
 @cache
 def known_claims() -> tuple[ClaimFile, ...]:
-    """Return the files that come with the program."""
     return tuple(read_claims(file) for file in sorted(PRINTED.glob("*.toml")))
 
 
@@ -81,7 +78,6 @@ def read_claims(file: Path) -> ClaimFile:
 
 
 def _statement(row: dict[str, Any], place: int, at: str) -> Statement:
-    """Return a claim of a file; what is not said of it takes its usual value."""
     row = dict(row)
     quantity = row.setdefault("quantity", "gain" if "against" in row else "score")
     if quantity not in QUANTITIES:

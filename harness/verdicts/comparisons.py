@@ -62,7 +62,6 @@ class Judgement:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """The fields of `Comparison` and of `Effect` that hold it."""
         names = ("difference", "pairs", "unpaired", "on_these_scenes")
         return {name: getattr(self, name) for name in names} | fields_of(self.chosen)
 
@@ -126,7 +125,6 @@ def robust_of(table: dict[str, np.ndarray], scene: str = "all") -> Robust | None
 
 
 def flagged(table: dict[str, np.ndarray], seeds: list[int], least: float) -> list[Flagged]:
-    """Return the pairs of cells whose difference lies off all others of `table`."""
     places = outliers(table, least)
     usual = float(np.median(np.concatenate([row[np.isfinite(row)] for row in table.values()]))) if places else 0.0
     return [Flagged(scene, seeds[place], float(table[scene][place]), usual) for scene, place in places]

@@ -24,8 +24,6 @@ Failure = Literal["diverged", "empty collapse"]
 
 @dataclass(frozen=True)
 class FailureRate:
-    """The number of a method's runs that failed."""
-
     method: str
     runs: int
     diverged: int
@@ -41,7 +39,7 @@ class FailureRate:
 
 @dataclass(frozen=True)
 class FailureComparison:
-    """Return whether two methods fail equally often, paired by scene and seed (McNemar, exact)."""
+    """How often one method fails and another does not, paired by scene and seed (McNemar, exact)."""
 
     method: str
     against: str
@@ -72,7 +70,6 @@ def failure_of(cell: CellRecord) -> Failure | None:
 
 
 def judgeable(cell: CellRecord) -> bool:
-    """Return whether a run's scores may be compared with another's."""
     return cell.status == "done" and failure_of(cell) is None
 
 

@@ -55,7 +55,6 @@ def _decided(known: Estimate, adjusted: float, difference: float) -> Estimate:
 
 
 def _with(row: Comparison, sense: str, known: Estimate) -> Comparison:
-    """Return the row with an estimate, and with what it repeats of that which speaks for it."""
     changes: dict[str, object] = {sense: known}
     if sense == "scenes_like_these" or row.scenes_like_these is None:
         changes |= {"simultaneous": known.simultaneous, "verdict": known.verdict}

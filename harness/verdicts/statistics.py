@@ -47,9 +47,7 @@ class PairedDifference:
     """The interval that a verdict is taken from: of all the family's intervals of this kind, every one holds the truth
     in 95 % of repetitions (Bonferroni). Equal to `interval` for a family of one."""
     error: float | None = None
-    """The standard error of the mean."""
     freedom: float | None = None
-    """The degrees of freedom of `error`."""
     family: int = 1
     effect: float | None = None
     """The standardised effect: the mean in standard deviations of one of the differences that `error` was made from, of

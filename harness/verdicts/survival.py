@@ -285,13 +285,11 @@ def _paired(
 
 
 def scored(cell: CellRecord, axis: Axis) -> list[tuple[float, float]]:
-    """Return (steps or seconds, PSNR) of the checkpoints that have both, in the order of training."""
     points = [(getattr(point, AT[axis]), point.psnr) for point in cell.curve]
     return sorted((float(time), psnr) for time, psnr in points if time and psnr is not None)
 
 
 def _cut(full: Reach, horizon: float) -> Reach:
-    """Return what is known of a time that is watched until `horizon`."""
     if full.known != "never" and full.time <= horizon:
         return full
     return replace(full, time=horizon, known="never")

@@ -175,7 +175,6 @@ def weights(bench: Bench, entry: Statement) -> Finding:
 
 
 def run_setting(bench: Bench, entry: Statement) -> Finding:
-    """Show a setting, which is taken over and not tested; the run's own stands beside it."""
     value = number_at(bench.records.run.settings, *entry.of["at"].split("."))
     note = "are settings, taken over or named under Deviations, not results"
     return Finding(UNTESTED, "the settings of this run", value, note=note)

@@ -73,6 +73,5 @@ def _claim(bench: Bench, entry: Statement, here: str) -> Claim:
 
 
 def tally(claimed: list[Claim]) -> list[tuple[Verdict, int]]:
-    """Count how many claims have each verdict; verdicts without a claim are left out."""
     many = Counter(claim.verdict for claim in claimed)
     return [(verdict, many[verdict]) for verdict in VERDICTS if many[verdict]]

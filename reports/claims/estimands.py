@@ -1,7 +1,7 @@
 """Two questions about one difference, side by side, and how often runs fail: the context of every verdict."""
 
 from harness.records.cells import Comparison, Estimate
-from harness.records.verdict import phrase_with
+from harness.records.verdict import Verdict, phrase_with
 from harness.verdicts.failures import Failures, failures
 from reports.claims.psnr_table import lines
 from reports.data.load import Records
@@ -13,11 +13,11 @@ from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 SENSES = {"on_these_scenes": "on these scenes", "scenes_like_these": "on scenes like these"}
 FAMILY = (
     "Equal steps and equal core seconds of all pairs are one family: p is adjusted by Holm’s procedure and decides the "
-    "sign, the intervals are wide enough for all of them together (Bonferroni), and end at 0 where Holm alone decides."
+    "sign, the intervals are wide enough for all of them together (Bonferroni), and end at 0 where only Holm decides."
 )
 EXPLAINED = (
     "On these scenes asks what another run with other seeds would say of these scenes; its error "
-    "comes from the seeds alone. On scenes like these asks what to expect of a scene that was not tried; its error "
+    "comes only from the seeds. On scenes like these asks what to expect of a scene that was not tried; its error "
     "comes from how much the scenes differ."
 )
 
@@ -36,6 +36,11 @@ def difference_in_words(row: Comparison, scenes: list[str], seeds: list[int]) ->
 def between(pair: tuple[float, float], digits: int = 2) -> str:
     """Format an interval: `−7.89 to −3.25`."""
     return f"{signed(pair[0], digits)} to {signed(pair[1], digits)}"
+
+
+def judged_in_words(pair: tuple[float, float], verdict: Verdict) -> str:
+    """Format `−0.13 to +0.50: sign and size open`."""
+    return f"{between(pair)}: {phrase_with(verdict, pair)}"
 
 
 def senses_grid(records: Records) -> Grid:
@@ -87,7 +92,6 @@ def found_failures(records: Records) -> Failures:
 
 
 def rates_grid(records: Records) -> Grid:
-    """Tabulate how often each method failed; empty if no run did."""
     failed = found_failures(records)
     rates = failed.rates if any(rate.failed for rate in failed.rates) else []
     words = {"below 0": "fails less often", "above 0": "fails more often", "open": "not distinguished"}
@@ -106,7 +110,7 @@ def rates_grid(records: Records) -> Grid:
         rows.append(
             [
                 Entry(rate.method),
-                *(Entry(str(many)) for many in (rate.runs, rate.diverged, rate.collapsed)),
+                *(Entry(str(many), value=many) for many in (rate.runs, rate.diverged, rate.collapsed)),
                 Entry(share, f"{low} to {high}{NARROW}%", value=100 * rate.rate),
                 Entry("\n".join(duels_of) or "–"),
             ]

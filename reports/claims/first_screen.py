@@ -7,12 +7,11 @@ import re
 from dataclasses import dataclass
 from functools import partial
 from statistics import fmean
-from typing import Any
+from typing import NamedTuple
 
 from harness.records.claims import STATED
 from harness.records.study import Studies
 from reports.claims.estimands import SENSES, between, difference_in_words
-from reports.claims.headline import roles
 from reports.claims.ledger import Claim, by_cause
 from reports.claims.table import LOOKS, in_a_sentence, measured_entry, printed_entry, printed_text
 from reports.data.beside import Beside
@@ -29,8 +28,6 @@ MOST = 8
 
 @dataclass(frozen=True)
 class Line:
-    """One principal claim."""
-
     words: str
     source: str
     printed: Entry
@@ -43,8 +40,16 @@ class Line:
     """The qualification of the verdict, and the scale if it is not the run's."""
 
 
-def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[str, Any]:
-    """Return the question, a line per tested claim, how sure the answer is, what was not tested, and the tally."""
+class FirstScreen(NamedTuple):
+    question: str
+    lines: list[Line]
+    sure: list[str]
+    guests: str
+    untested: list[str]
+    tally: str
+
+
+def first_screen(records: Records, claims: list[Claim], beside: Beside) -> FirstScreen:
     shown, here, lines = principal(records, claims), in_a_line(records), []
     for words, claim in shown:
         if claim.verdict != UNTESTED:
@@ -53,14 +58,14 @@ def first_screen(records: Records, claims: list[Claim], beside: Beside) -> dict[
             note = "; ".join(filter(None, [claim.note, elsewhere]))
             figures = printed_entry(claim), measured_entry(claim)
             lines.append(Line(words, claim.source, *figures, claim.verdict, *LOOKS[claim.verdict], note))
-    return {
-        "question": question(records, claims),
-        "lines": lines,
-        "sure": how_sure(records, beside.evidence),
-        "guests": guests(records),
-        "untested": [sentence for sentence, _ in by_cause([claim for _, claim in shown])],
-        "tally": in_a_sentence(claims),
-    }
+    return FirstScreen(
+        question(records, claims),
+        lines,
+        how_sure(records, beside.evidence),
+        guests(records),
+        [sentence for sentence, _ in by_cause([claim for _, claim in shown])],
+        in_a_sentence(claims),
+    )
 
 
 def principal(records: Records, claims: list[Claim]) -> list[tuple[str, Claim]]:
@@ -82,10 +87,10 @@ def question(records: Records, claims: list[Claim]) -> str:
         if file.id == STATED and len(file.claims) == 1:
             (claim,) = file.claims
             return f"Does it hold that {claim.statement} is {own[claim.id]}?"
-    cast = roles(records)
-    if not cast.contenders:
-        return f"How does {cast.baseline} do?"
-    return f"How {'do' if len(cast.contenders) > 1 else 'does'} {listed(cast.contenders)} compare with {cast.baseline}?"
+    baseline, contenders = records.baseline, records.contenders
+    if not contenders:
+        return f"How does {baseline} do?"
+    return f"How {'do' if len(contenders) > 1 else 'does'} {listed(contenders)} compare with {baseline}?"
 
 
 def _number(texts: dict[str, str], found: re.Match[str]) -> str:
@@ -115,8 +120,8 @@ def guests(records: Records) -> str:
 
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:
     """State the interval of the answer, what could have gone unnoticed, and how often the comparer itself errs."""
-    sentences, cast = [], roles(records)
-    row = records.comparison("all", cast.contenders[0], cast.baseline) if cast.contenders else None
+    sentences, contenders = [], records.contenders
+    row = records.comparison("all", contenders[0], records.baseline) if contenders else None
     if row is not None and row.difference is not None:
         like, here = row.scenes_like_these, row.on_these_scenes
         sense = SENSES["scenes_like_these" if like else "on_these_scenes"]
@@ -131,7 +136,6 @@ def how_sure(records: Records, evidence: Studies | None) -> list[str]:
 
 
 def calibration(evidence: Studies | None) -> list[str]:
-    """State what the study of the intervals found, and each check that does not hold; or that there was no study."""
     study = evidence.study("calibration") if evidence else None
     if study is None:
         return ["The intervals' own error rate was not checked in this run (`nox -s evidence` does)."]

@@ -20,17 +20,6 @@ from reports.data.wording import BUDGETS, counted, interval, listed, number, sig
 
 LOST = ("diverged", "error")
 FURTHER = 2
-"""The number of further contenders that sentences tell of."""
-
-
-@dataclass(frozen=True)
-class Roles:
-    """The roles of the methods in the comparison."""
-
-    baseline: str
-    control: str | None
-    contenders: list[str]
-    """The tested methods; the headline is of the first."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +40,6 @@ class Headline:
     duels: list[Duel]
 
 
-def roles(records: Records) -> Roles:
-    methods = records.methods
-    cast = records.run.roles.among(methods)
-    control = next((name for name in cast.controls if name != cast.baseline), None)
-    return Roles(cast.baseline, control, cast.contenders(methods))
-
-
 def tabulated(records: Records) -> list[tuple[Budget, str]]:
     """Return the budgets of the headline with their words: equal steps, and equal core seconds if they were counted."""
     known: list[Budget] = [row.budget for row in records.comparisons]
@@ -65,23 +47,21 @@ def tabulated(records: Records) -> list[tuple[Budget, str]]:
 
 
 def duels(records: Records, scene: str = "all") -> list[Duel]:
-    """Return every contender against the baseline and against the control."""
-    cast, budgets = roles(records), [budget for budget, _ in tabulated(records)]
+    budgets = [budget for budget, _ in tabulated(records)]
     return [
         Duel(method, rival, *(records.comparison(scene, method, rival, budget=budget) for budget in budgets))
-        for method in cast.contenders
-        for rival in (cast.baseline, cast.control)
-        if rival is not None and method != rival
+        for method in records.contenders
+        for rival in records.rivals
+        if method != rival
     ]
 
 
 def headline(records: Records) -> Headline:
-    cast, fought = roles(records), duels(records)
-    if not cast.contenders:
-        return Headline(f"Only {cast.baseline} was run: there is nothing to compare it with", [], [])
-    method = cast.contenders[0]
-    title = _title(records, cast, method, [duel for duel in fought if duel.method == method])
-    sentences = [_means(records), _others(records, method, fought), _bandwidth(records, cast, method)]
+    if not records.contenders:
+        return Headline(f"Only {records.baseline} was run: there is nothing to compare it with", [], [])
+    method, fought = records.contenders[0], duels(records)
+    title = _title(records, method, [duel for duel in fought if duel.method == method])
+    sentences = [_means(records), _others(records, method, fought), _bandwidth(records, method)]
     sentences += from_steps_to_time(records, method)
     sentences += [words for duel in fought for row in (duel.steps, duel.time) for words in doubts(row)]
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
@@ -107,7 +87,6 @@ def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: s
 
 
 def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
-    """Return the difference over all scenes as its sentence needs it; None without any."""
     if row is None or row.difference is None:
         return None
     of_scenes = (records.comparison(scene, row.method, row.against, budget=row.budget) for scene in records.scenes)
@@ -115,7 +94,8 @@ def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
     return Outcome(row.method, row.against, (row.difference,), row.verdict, by_scene)
 
 
-def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> str:
+def _title(records: Records, method: str, fought: list[Duel]) -> str:
+    baseline, control = records.baseline, records.control
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in LOST for cell in cells)
     if cells and all(cell.status == "not_available" for cell in cells):
@@ -123,22 +103,18 @@ def _title(records: Records, cast: Roles, method: str, fought: list[Duel]) -> st
     if cells and lost == len(cells):
         return f"{method} did not finish a single run: nothing can be said of its quality"
     found = {duel.against: outcome for duel in fought if (outcome := outcome_of(records, duel.steps))}
-    losses = [words for name in (method, cast.baseline) if (words := _lost(records, name))]
-    if losses and cast.baseline not in found:
-        return f"{' and '.join(losses)}: {method} and {cast.baseline} cannot be compared"
-    title = title_of(found.get(cast.baseline), found.get(cast.control or ""), cast.control)
-    title = title or f"No comparison of {method} with {cast.baseline} could be made"
+    losses = [words for name in (method, baseline) if (words := _lost(records, name))]
+    if losses and baseline not in found:
+        return f"{' and '.join(losses)}: {method} and {baseline} cannot be compared"
+    title = title_of(found.get(baseline), found.get(control or ""), control)
+    title = title or f"No comparison of {method} with {baseline} could be made"
     how = ["at equal steps"] if any(duel.time for duel in fought) else []
     if found:  # the question that they answer (`reports.claims.estimands`)
         like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
         how.append("on scenes like these" if like else "on these scenes")
-    rising = [_rising(records, [method, cast.baseline])] if found else []
-    return "; ".join(filter(None, [f"{title} ({', '.join(how)})" if how else title, *rising, *losses]))
-
-
-def _rising(records: Records, methods: list[str]) -> str:
-    """State that training was not finished, by the method that rises more; nothing near convergence."""
-    return rising(row.gain for row in last_doublings(records.cells, methods))
+    gains = (row.gain for row in last_doublings(records.cells, [method, baseline]))
+    unfinished = [rising(gains)] if found else []
+    return "; ".join(filter(None, [f"{title} ({', '.join(how)})" if how else title, *unfinished, *losses]))
 
 
 def rising(gains: Iterable[float | None]) -> str:
@@ -148,14 +124,12 @@ def rising(gains: Iterable[float | None]) -> str:
 
 
 def _lost(records: Records, method: str) -> str:
-    """Return `qnerf lost 1 of its 6 runs`, or nothing."""
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in LOST for cell in cells)
     return f"{method} lost {lost} of its {counted(len(cells), 'run')}" if lost else ""
 
 
 def _means(records: Records) -> str:
-    """State the mean test PSNR of every method over the scenes that all have; of the survivors, if some are lost."""
     frame = cells_frame(records)
     scenes = shared_scenes(frame, "psnr")
     if not scenes:
@@ -169,28 +143,26 @@ def _means(records: Records) -> str:
 
 
 def _others(records: Records, method: str, fought: list[Duel]) -> str:
-    """State the differences of the next contenders after `method`, at equal steps; the table has those of all."""
     further = [name for name in dict.fromkeys(duel.method for duel in fought) if name != method][:FURTHER]
     found = [outcome_of(records, duel.steps) for duel in fought if duel.method in further]
     told = [clause(outcome) for outcome in found if outcome]
     return f"At equal steps, {'; '.join(told)}." if told else ""
 
 
-def _bandwidth(records: Records, cast: Roles, method: str) -> str:
+def _bandwidth(records: Records, method: str) -> str:
     """Explain the control and its own gain: the size of the bandwidth effect."""
-    if cast.control is None:
-        encodings = [
-            value_at(records.run.settings, "train", "own", name, "encoding") for name in (cast.baseline, method)
-        ]
+    baseline, control = records.baseline, records.control
+    if control is None:
+        encodings = [value_at(records.run.settings, "train", "own", name, "encoding") for name in (baseline, method)]
         if None in encodings or encodings[0] == encodings[1]:
             return ""
-        return f"No method with the bandwidth of {method} was run, so a difference may be an effect of bandwidth alone."
+        return f"No method with the bandwidth of {method} was run, so a difference may be only an effect of bandwidth."
     why = (
-        f"{cast.control} is {cast.baseline} with nothing changed but its encoding, cut down to "
+        f"{control} is {baseline} with nothing changed but its encoding, cut down to "
         f"the frequencies that the φ encoding reaches. "
         f"Its own gain comes from bandwidth, not from the parts of the new method"
     )
-    row = records.comparison("all", cast.control, cast.baseline)
+    row = records.comparison("all", control, baseline)
     if row is None or row.difference is None:
         return f"{why}."
     known = f"{signed(row.difference)} dB {interval(row.simultaneous)}".rstrip()

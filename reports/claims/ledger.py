@@ -22,13 +22,11 @@ from reports.data.scale import is_at_scale
 from reports.data.selection import Selection
 from reports.data.wording import UNTESTED, Verdict, counted
 
-OWN_FIGURES = "the printed figures alone"
+OWN_FIGURES = "only the printed figures"
 
 
 @dataclass(frozen=True)
 class Bench:
-    """The material that the claims of a file are judged by."""
-
     records: Records
     file: ClaimFile
     evidence: Studies | None
@@ -36,17 +34,13 @@ class Bench:
     serving: Studies | None = None
 
     def at_scale(self, scene: str) -> bool:
-        """Return whether a measurement on a scene, or over `all`, is comparable with the claimed numbers."""
         return is_at_scale(self.records, self.file, scene)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A judge's finding on a printed number."""
-
     verdict: Verdict
     how: str
-    """The way it is measured here."""
     measured: Number | Pair | None = None
     """The measurement, a range as a pair: from the worst to the best scene."""
     interval: Pair | None = None
@@ -61,20 +55,16 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class Claim(Finding):
-    """A printed number with its finding."""
-
     id: str
     file: str
     """The id of the file that states it."""
     source: str
-    """The places that state it."""
     statement: str
     printed: Number | Pair | None
     kind: str
     """The kind of statement: a key of `reports.claims.claim_list.KINDS`."""
     unit: str
     digits: int
-    """The decimals of the printed number."""
     bound: Bound = ""
 
 
@@ -96,7 +86,6 @@ def claim_of(file: ClaimFile, entry: Statement, finding: Finding, kind: str, her
 
 
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
-"""The margins within which a level must lie."""
 LEAST_PAIRS = 3
 """The least pairs for a verdict: two seeds give none."""
 MOST_SEEDS = 1000

@@ -8,7 +8,7 @@ from harness.records.metric_table import metric_of
 from harness.records.verdict import phrase_with
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.last_doubling import LastDoubling, last_doublings
-from reports.claims.headline import roles, tabulated
+from reports.claims.headline import tabulated
 from reports.data.load import Records
 from reports.data.outcome import robust_in_words
 from reports.data.selection import Selection, behind_difference
@@ -26,7 +26,7 @@ DISCOVERIES = (
 )
 SPENT = (
     "Gain of the last doubling: PSNR at the end less that at half of the steps, while the learning rate still falls; "
-    "the mean over scenes with its 95 % interval. Core seconds are processor time of all threads in training alone (on "
+    "the mean over scenes with its 95 % interval. Core seconds are processor time of all threads, only in training (on "
     "a GPU the host's), below them wall time."
 )
 FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
@@ -41,7 +41,6 @@ def scores_grid(records: Records) -> Grid:
     columns += [Column(name, small="printed") for _, name in printed]
 
     def row(title: str, scenes: list[str], scene: str = "") -> list[Entry]:
-        """Return the row of one scene, or that of the averages over several."""
         about = [records.scene(name) for name in scenes]
         floors, ceilings = ([getattr(each, name, None) for each in about] for name in ("psnr_floor", "psnr_ceiling"))
         entries = [Entry(title), _level(floors)]
@@ -77,7 +76,6 @@ def scores_grid(records: Records) -> Grid:
 
 
 def gain_entry(row: LastDoubling) -> Entry:
-    """Return what the last doubling of the steps brought a method, with its interval."""
     low, high = row.interval or (None, None)
     behind = Selection("", row.method, metric="psnr")
     return Entry(signed(row.gain), interval(row.interval), "", row.gain, {"low": low, "high": high}, behind)
@@ -95,9 +93,11 @@ def spent_entry(cells: list[CellRecord]) -> Entry:
 
 
 def _level(values: list[float | None]) -> Entry:
-    """Return the mean, if none is missing."""
     there = [value for value in values if value is not None]
-    return Entry(number(sum(there) / len(there), 1), tone="muted") if there and len(there) == len(values) else EMPTY
+    if not there or len(there) < len(values):
+        return EMPTY
+    mean = fmean(there)
+    return Entry(number(mean, 1), tone="muted", value=mean)
 
 
 def score_entry(
@@ -123,7 +123,6 @@ def tone_of(cells: list[CellRecord]) -> str:
 
 
 def reason_of(cells: list[CellRecord]) -> str:
-    """Return why a method was not available, if that is the same for all cells."""
     reasons = {cell.reason or "" for cell in cells if cell.status == "not_available"}
     return reasons.pop() if len(reasons) == 1 else ""
 
@@ -136,17 +135,16 @@ def losses(cells: list[CellRecord]) -> str:
 
 def differences_grids(records: Records) -> list[Grid]:
     """Tabulate for each contender its difference to baseline and control, at equal steps and equal time."""
-    cast, grids = roles(records), []
-    rivals = [rival for rival in (cast.baseline, cast.control) if rival]
-    for method in cast.contenders:
+    grids = []
+    for method in records.contenders:
         pairs = [
             (rival, name, words)
             for name, words in tabulated(records)
-            for rival in rivals
+            for rival in records.rivals
             if any(records.comparison(scene, method, rival, budget=name) for scene in [*records.scenes, "all"])
         ]
         if pairs:
-            grids.append(_differences(records, method, pairs, cast.control))
+            grids.append(_differences(records, method, pairs, records.control))
     return grids
 
 
@@ -171,7 +169,7 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, Budget, s
             difference_entry(records.comparison(scene, method, rival, budget=name), q.get((scene, rival, name)))
             for rival, name, _ in pairs
         ]
-        rows.append(row + [Entry(signed(gain, 1), tone="muted")] * printed)
+        rows.append(row + [Entry(signed(gain, 1), tone="muted", value=gain)] * printed)
     note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and its sign and size. "
     note += "A scene's interval is over seeds, that of all scenes on scenes like these."
     note += f" {DISCOVERIES}" if any(each is not None for each in q.values()) else ""
@@ -219,4 +217,5 @@ def _printed(records: Records, scene: str) -> dict[str, float]:
 def printed_gain(records: Records, scene: str, method: str, against: str) -> float | None:
     """Return the printed difference of two methods on a scene; None if it is not printed of both."""
     row = _printed(records, scene)
-    return row[method] - row[against] if {method, against} <= row.keys() else None
+    # rounded, as decimals are not binary fractions
+    return round(row[method] - row[against], 9) if {method, against} <= row.keys() else None

@@ -12,7 +12,6 @@ from harness.records.json_record import finite_or_none
 from harness.records.metric_table import METRICS
 from harness.records.study import Effect, Studies
 from harness.verdicts.statistics import on_one_scene, on_these_scenes
-from reports.claims.headline import roles
 from reports.claims.ledger import (
     LEAST_PAIRS,
     MARGINS,
@@ -43,7 +42,6 @@ def unpaired(row: Comparison | Effect) -> str:
 
 
 def gain(bench: Bench, entry: Statement) -> Finding:
-    """Judge a gain of one method over another, on a scene or over all."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     row = bench.records.comparison(scene, method, against, metric)
     how = PAIRED.format(metric=metric.upper(), units="scene and seed" if scene == "all" else "seed")
@@ -59,7 +57,7 @@ def gain(bench: Bench, entry: Statement) -> Finding:
     notes = [unpaired(row), f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""]
     if "beside" in entry.of:  # another reading of the method, and what is left once bandwidth is matched
         notes.append(_beside(bench, entry, entry.of["beside"], against))
-        notes.append(_beside(bench, entry, method, roles(bench.records).control or ""))
+        notes.append(_beside(bench, entry, method, bench.records.control or ""))
     return Finding(verdict, how, row.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(row))
 
 
@@ -140,7 +138,6 @@ def each_row(bench: Bench, entry: Statement) -> Finding:
 def _gain_of(
     ours: str, theirs: str, bench: Bench, name: str, scene: str, column: str, printed: float, metric: str, family: int
 ) -> Part | None:
-    """Judge a row of a column of gains."""
     row = bench.records.comparison(scene, ours, theirs, metric)
     if row is None or row.difference is None:
         return None
@@ -152,7 +149,6 @@ def _gain_of(
 def _level_of(
     bench: Bench, name: str, scene: str, method: str, printed: float, metric: str, family: int
 ) -> Part | None:
-    """Judge the level that a method reaches on a scene, one of `family`."""
     table = _scores(bench, method, metric)
     if scene not in table:
         return None
@@ -180,7 +176,6 @@ def score(bench: Bench, entry: Statement) -> Finding:
 
 
 def _scores(bench: Bench, method: str, metric: str) -> dict[str, np.ndarray]:
-    """Map scene → scores of its finished cells [seeds], if there are any."""
     table = {}
     for scene in bench.records.scenes:
         scores = [finite_or_none(cell.scores.get(metric)) for cell in bench.records.cells_of(scene, method)]
@@ -219,7 +214,6 @@ def added_part(bench: Bench, entry: Statement) -> Finding:
 
 
 def doubts(evidence: Studies) -> str:
-    """State what speaks against taking the study's effects as they stand; nothing if nothing does."""
     failed = [
         f"{sum(not check.holds for check in study.checks)} of {counted(len(study.checks), 'check')} of {study.info.id}"
         for study in (evidence.study(STUDY), evidence.study("calibration"))

@@ -86,7 +86,6 @@ def factor_of_priorities(bench: Bench, entry: Statement) -> Finding:
 
 
 def _checks(bench: Bench, prefix: str) -> list[Check]:
-    """Return the figures whose id begins so, if they were measured and mean anything."""
     if bench.serving is None or bench.serving.is_quick:
         return []
     return [check for _, check in bench.serving.checks() if check.id.startswith(prefix) and check.value is not None]
@@ -102,6 +101,5 @@ def _untested(bench: Bench, how: str) -> Finding:
 
 
 def _ends(checks: list[Check]) -> Pair:
-    """Return the range from the worst to the best."""
     values = [check.value or 0.0 for check in checks]
     return min(values), max(values)

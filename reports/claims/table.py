@@ -1,7 +1,5 @@
 """The ledger as tables: the printed number, the measurement, the verdict, and its method and scale."""
 
-from typing import Any
-
 from harness.records.claims import Bound, Number, Pair
 from reports.claims.claim_list import KINDS, tally
 from reports.claims.ledger import Claim, by_cause
@@ -20,24 +18,22 @@ LOOKS = {
 """Map verdict → its mark and tone."""
 
 
-def chapters(claims: list[Claim], here: str) -> list[dict[str, Any]]:
+def chapters(claims: list[Claim], here: str) -> list[tuple[str, Grid]]:
     """Return title and grid of the tested claims of each kind; `here` is the run's scale, which stands above them."""
     of_kind = {kind: [claim for claim in claims if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
     return [
-        {"title": f"{KINDS[kind]} ({len(some)})", "grid": claims_grid(some, here, KINDS[kind])}
-        for kind, some in of_kind.items()
-        if some
+        (f"{KINDS[kind]} ({len(some)})", claims_grid(some, here, KINDS[kind])) for kind, some in of_kind.items() if some
     ]
 
 
-def folds(claims: list[Claim]) -> list[dict[str, Any]]:
+def folds(claims: list[Claim]) -> list[tuple[str, list[str]]]:
     """Gather untested claims by what they need, each in a line: `Layers of the MLP (Table 1): 8, here 6`."""
 
     def line(claim: Claim) -> str:
         here = f", here {measured_text(claim)}" if claim.measured is not None else ""
         return f"{claim.statement} ({claim.source}): {printed_text(claim)}{here}"
 
-    return [{"title": sentence, "claims": [line(claim) for claim in some]} for sentence, some in by_cause(claims)]
+    return [(sentence, [line(claim) for claim in some]) for sentence, some in by_cause(claims)]
 
 
 def in_a_sentence(claims: list[Claim]) -> str:
@@ -72,7 +68,6 @@ def printed_entry(claim: Claim, small: str = "") -> Entry:
 
 
 def measured_entry(claim: Claim) -> Entry:
-    """Return the measurement, below it its interval."""
     value, parts = _numbers(claim.measured)
     pair = claim.interval if claim.measured is not None else None
     low, high = pair or (None, None)
@@ -93,7 +88,6 @@ def printed_text(claim: Claim) -> str:
 
 
 def measured_text(claim: Claim) -> str:
-    """Format a measurement, as a range if one was asked for."""
     as_printed = isinstance(claim.measured, tuple) and not _is_difference(claim)
     return _text(claim, claim.measured, claim.digits if as_printed else _finer(claim))
 
@@ -107,7 +101,6 @@ def _text(claim: Claim, value: Number | Pair | None, digits: int) -> str:
 
 
 def _is_difference(claim: Claim) -> bool:
-    """Return whether the number takes a sign."""
     return claim.kind == "gains" and claim.unit != "%"
 
 

@@ -17,14 +17,12 @@ from reports.data.wording import UNTESTED, count, counted, number
 
 WHAT = {"steps": "training steps", "seconds": "training seconds"}
 MARGIN = 5.0
-"""The margin in percentage points: the smallest saving of interest, as the harness declares it."""
 NEEDS_TARGETS = "need a record of when a score was reached: run again with --resume"
 NEEDS_MACHINE = "need the paper’s machine"
 NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never reaches 30 dB on three of eight"
 
 
 def saving(bench: Bench, entry: Statement) -> Finding:
-    """Judge the saving of steps or seconds to the target in per cent."""
     method, against, axis = (entry.of[name] for name in ("method", "against", "axis"))
     targets = bench.targets
     how = (
@@ -85,7 +83,6 @@ def _note(row: TargetComparison, targets: TargetsRecord, names: dict[str, str]) 
 
 
 def bound(row: TargetComparison) -> str:
-    """Describe the saving if some times are only known to be longer or shorter."""
     larger, smaller = _sides(row)
     if larger and smaller:
         return "the saving is of the time watched alone"

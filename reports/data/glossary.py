@@ -14,7 +14,7 @@ WORDS = (
     ),
     (
         "core second",
-        "A second of one processor core, used by this training alone, the making of its batches included. Other "
+        "A second of one processor core, used only by this training, the making of its batches included. Other "
         "programs on the machine make wall times too long, and change core seconds little. They too are too long where "
         "several threads wait for each other actively; a cell then carries a warning.",
     ),

@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from harness.records.cells import CellRecord
 from harness.records.json_record import DamagedRecord
@@ -17,14 +16,11 @@ NOT_KEPT = "no picture was kept"
 
 @dataclass(frozen=True)
 class Kept:
-    """The saved pictures of one scene."""
-
     truth: dict[str, Truth]
     """The truth by view, in the order of the file."""
     renders: dict[tuple[str, int], list[Render]] = field(default_factory=dict)
     """The renders by method and seed; at least one each."""
     missing: dict[tuple[str, int], str] = field(default_factory=dict)
-    """The reason for each cell without pictures."""
 
 
 def kept(records: Records, scene: str, seeds: tuple[int, ...] | None = None) -> Kept:
@@ -49,7 +45,7 @@ def damaged(records: Records) -> list[str]:
     lines: list[str] = []
     for scene in records.scenes:
         paths = [cell.pictures for cell in records.cells if cell.scene == scene and cell.pictures]
-        files: list[tuple[str, Callable[[Path], Any]]] = [(truth_pictures(scene), read_truth)] if paths else []
+        files: list[tuple[str, Callable[[Path], object]]] = [(truth_pictures(scene), read_truth)] if paths else []
         for relative, read in [*files, *((path, read_renders) for path in paths)]:
             path = inside(records.folder, relative)
             if path is None:

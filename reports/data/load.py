@@ -4,11 +4,11 @@ Any fault of a file is reported once, naming the file and the remedy: no traceba
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from msgspec import structs
 
@@ -39,8 +39,7 @@ class NotForPublishing(ValueError):
     """A record whose figures are too rough to be shown to others."""
 
 
-def refuse_quick(settings: dict[str, Any], path: Path) -> None:
-    """Raise `NotForPublishing` for the record of a quick run."""
+def refuse_quick(settings: Mapping[str, object], path: Path) -> None:
     if settings.get("quick"):
         raise NotForPublishing(
             f"{path}: a quick run, too rough to publish; measure again without --quick, or leave out --publish"
@@ -62,7 +61,6 @@ class Records:
     extra_cells: list[CellRecord] = field(default_factory=list)
     """The cells of methods that were planned on single scenes: they are in no table of all scenes."""
     extra_comparisons: list[Comparison] = field(default_factory=list)
-    """The comparisons of those methods."""
     guest_cells: list[CellRecord] = field(default_factory=list)
     """The cells of methods of other families, which are compared with nothing."""
 
@@ -82,12 +80,26 @@ class Records:
 
     @property
     def baseline(self) -> str:
-        """Return the method that the others are compared with."""
         return self.run.roles.among(self.methods).baseline
 
     @property
+    def control(self) -> str | None:
+        """Return the method that explains a difference from the baseline, if one was run."""
+        cast = self.run.roles.among(self.methods)
+        return next((name for name in cast.controls if name != cast.baseline), None)
+
+    @property
+    def rivals(self) -> list[str]:
+        """Return baseline and control, with which contenders are compared."""
+        return [self.baseline, *([self.control] if self.control else [])]
+
+    @property
+    def contenders(self) -> list[str]:
+        """Return the tested methods; the headline is about the first."""
+        return self.run.roles.among(self.methods).contenders(self.methods)
+
+    @property
     def failed(self) -> list[CellRecord]:
-        """Return cells that diverged or ended in an error."""
         every = (*self.cells, *self.extra_cells, *self.guest_cells)
         return [cell for cell in every if cell.status in ("diverged", "error")]
 
@@ -137,7 +149,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
     left_out: list[str] | None = [] if partly else None
     cells = [cell for path in paths if (cell := if_sound(partial(read_cell, path), None, left_out)) is not None]
     if not cells:
-        raise NoRecords(f"{folder}: no finished cell is sound; {finish}")
+        raise NoRecords(f"{folder}: no finished cell is valid; {finish}")
     comparisons: list[Comparison] = if_sound(partial(read_comparisons, out, cells), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
     known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods

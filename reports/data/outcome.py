@@ -37,7 +37,6 @@ class Outcome:
 
 
 def counted_runs(many: int) -> str:
-    """Format `three runs`."""
     return f"{NUMBERS.get(many, str(many))} run{'' if many == 1 else 's'}"
 
 

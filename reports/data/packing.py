@@ -11,7 +11,6 @@ import json
 import zlib
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -26,9 +25,7 @@ LIGHT_STEPS = 16383
 
 @dataclass(frozen=True)
 class Packed:
-    """A picture in base64, and its description for the page."""
-
-    ref: dict[str, Any]
+    ref: dict[str, object]
     """The description: channels, bits, low, high, id, and log if the values are logarithms."""
     text: str
 
@@ -84,7 +81,7 @@ def planes(levels: np.ndarray) -> bytes:
     return coded
 
 
-def as_data(value: Any) -> Markup:
+def as_data(value: object) -> Markup:
     """Return JSON for a `<script type="application/json">`: no text in it can end the element or open another."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

@@ -1,9 +1,8 @@
 """The scale of a run: the facts without which no number of it means anything."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from statistics import median
-from typing import Any
 
 from harness.records.claims import ClaimFile, Scale
 from reports.data.load import Records
@@ -44,7 +43,6 @@ def facts(records: Records) -> list[Fact]:
 
 
 def compared_with(records: Records) -> ClaimFile | None:
-    """Return the source whose settings stand beside those of the run."""
     return next((file for file in records.run.claims or [] if file.facts), None)
 
 
@@ -123,7 +121,6 @@ def _between(values: Iterable[int]) -> str:
 
 
 def _views(records: Records) -> str:
-    """Return the number of views by split, if all scenes agree; otherwise the range."""
     many = {split: [scene.views.get(split, 0) for scene in records.run.scenes] for split in ("train", "test")}
     return ", ".join(f"{_between(values)} {split}" for split, values in many.items() if any(values))
 
@@ -138,19 +135,18 @@ def _network(records: Records) -> str:
 
 
 def _layers(records: Records) -> str:
-    """Return depth × width of the density network."""
     depth, width = (setting(records.run.settings, "train", "network", name) for name in ("depth", "width"))
     return f"{depth} × {width}" if depth and width else ""
 
 
-def _samples(settings: dict[str, Any]) -> str:
+def _samples(settings: Mapping[str, object]) -> str:
     coarse, fine = (setting(settings, "train", name) for name in ("bins", "fine_bins"))
     cells = setting(settings, "train", "grid", "cells")
     words = f"{coarse} coarse + {fine} fine" if fine not in ("", "0") else f"up to {coarse}" if coarse else ""
     return f"{words}, empty space skipped ({cells}³ grid)" if words and cells not in ("", "0") else words
 
 
-def setting(settings: dict[str, Any], *path: str) -> str:
+def setting(settings: Mapping[str, object], *path: str) -> str:
     """Return a nested setting in words; nothing if the run does not state it."""
     value = value_at(settings, *path)
     if isinstance(value, bool) or value is None:
@@ -160,15 +156,14 @@ def setting(settings: dict[str, Any], *path: str) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def number_at(settings: dict[str, Any], *path: str) -> int | float | None:
+def number_at(settings: Mapping[str, object], *path: str) -> int | float | None:
     """Return a nested setting that is a number; None if the run does not state it."""
     value = value_at(settings, *path)
     return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def value_at(settings: dict[str, Any], *path: str) -> Any:
-    """Return a nested setting; None if the run does not state it."""
-    value: Any = settings
+def value_at(settings: Mapping[str, object], *path: str) -> object:
+    value: object = settings
     for name in path:
-        value = value.get(name) if isinstance(value, dict) else None
+        value = value.get(name) if isinstance(value, Mapping) else None
     return value

@@ -1,7 +1,6 @@
 """The runs behind a cell of a table or a point of a drawing, as a reader finds them."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from harness.records.cells import Comparison
 from harness.records.targets import TargetComparison
@@ -25,16 +24,13 @@ class Selection:
     seed: int | None = None
     step: int | None = None
 
-    def data(self) -> dict[str, Any]:
-        """Return the restrictions, for JSON."""
+    def data(self) -> dict[str, object]:
         return {name: value for name, value in vars(self).items() if value not in ("", None)}
 
 
 def behind_difference(row: Comparison) -> Selection:
-    """Select the pairs of runs that a difference is taken over."""
     return Selection("" if row.scene == "all" else row.scene, row.method, row.against, row.metric, row.budget)
 
 
 def behind_saving(row: TargetComparison) -> Selection:
-    """Select the pairs of runs that a saving is taken over."""
     return Selection("" if row.scene == "all" else row.scene, row.method, row.against, TARGET, row.axis)

@@ -75,7 +75,6 @@ def _times(many: int, each: float | str | None) -> float | None:
 
 
 def spread(values: pd.Series, seeds: int) -> Spread:
-    """Return mean, sample standard deviation and range of the available `values`."""
     there = values.dropna()
     if there.empty:
         return Spread(None, None, None, None, 0, seeds)

@@ -28,7 +28,6 @@ def mark_of(verdict: TwoWords) -> str:
 BUDGETS = {"steps": "equal steps", "seconds": "equal training time", "core_seconds": "equal core seconds"}
 """Map budget of a comparison → what the compared methods had the same of."""
 NOTHING = "–"
-"""The text for a missing number."""
 MINUS = "−"
 NARROW = "\u202f"
 """The space between a number and its unit."""
@@ -98,7 +97,6 @@ def bare(value: float) -> str:
 
 
 def after(unit: str) -> str:
-    """Format a unit as it stands behind a number."""
     return unit if unit in ("", "×", "°") else f"{NARROW}{unit}"
 
 

@@ -16,7 +16,6 @@ from reports.drawing.palette import Pen, key, pens_of
 from reports.drawing.traces import Panel, Trace
 
 WIDE = (5.8, 3.6)
-"""The size of a chart of many lines."""
 MARKED = 14
 """The number of points of a line up to which all are marked."""
 FOOT = 10.0
@@ -34,7 +33,6 @@ class Point(NamedTuple):
 class Chart(NamedTuple):
     title: str
     keys: list[tuple[str, Markup]]
-    """The name and a sample of each line."""
     svg: Markup
     notes: list[str]
     """The meaning of its special marks, if there are any."""
@@ -132,7 +130,6 @@ def _traces(name: str, pen: Pen, line: list[Point], foot: float | None, top: flo
 
 
 def _description(title: str, group: list[Series], lines: list[list[Point]]) -> str:
-    """Describe the chart for those who do not see it: where each line begins and ends."""
     ends = []
     for series, line in zip(group, lines, strict=True):
         path = " to ".join(

@@ -41,7 +41,6 @@ def key_of(panel: Panel) -> Key:
 
 
 def key_of_pens(pens: dict[str, Pen]) -> Key:
-    """Return the key of lines that are drawn with pens."""
     return {
         name: {
             "marker": pen.marker,

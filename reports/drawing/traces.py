@@ -11,7 +11,7 @@ per point. Numbers have six significant digits.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 from markupsafe import Markup
 from matplotlib.axes import Axes
@@ -83,14 +83,13 @@ def as_element(panel: Panel, axes: Axes) -> Markup:
     return Markup('<script type="application/json" class="drawn">{}</script>').format(as_data(data_of(panel, axes)))
 
 
-def data_of(panel: Panel, axes: Axes) -> dict[str, Any]:
-    """Return the data of the page's script on a drawing whose axes have been painted."""
+def data_of(panel: Panel, axes: Axes) -> dict[str, object]:
     width, height = (72.0 * inches for inches in panel.size)  # in points
     left, bottom, wide, high = axes.get_position().bounds
     runs = list(dict.fromkeys(selection for trace in panel.traces for selection in trace.runs))
     traces = [trace for trace in panel.traces if trace.kind != "area"]  # drawn around points of others
     y = _axis(panel.y_label, panel.y_scale, axes.get_ylim(), panel.linear_below)
-    data: dict[str, Any] = {
+    data: dict[str, object] = {
         "title": panel.title,
         "box": rounded((left * width, (1 - bottom - high) * height, wide * width, high * height)),
         "x": _axis(panel.x_label, panel.x_scale, axes.get_xlim(), panel.linear_below),
@@ -100,15 +99,15 @@ def data_of(panel: Panel, axes: Axes) -> dict[str, Any]:
     return data | ({"runs": [selection.data() for selection in runs]} if runs else {})
 
 
-def _axis(label: str, scale: str, limits: tuple[float, float], linear_below: float) -> dict[str, Any]:
+def _axis(label: str, scale: str, limits: tuple[float, float], linear_below: float) -> dict[str, object]:
     low, high = rounded(limits)
-    further = {"linear_below": linear_below} if scale == "symlog" else {}
-    return {"label": label, "scale": scale, "low": low, "high": high} | further
+    data: dict[str, object] = {"label": label, "scale": scale, "low": low, "high": high}
+    return data | ({"linear_below": linear_below} if scale == "symlog" else {})
 
 
-def _trace(trace: Trace, earlier: list[Trace], runs: list[Selection]) -> dict[str, Any]:
+def _trace(trace: Trace, earlier: list[Trace], runs: list[Selection]) -> dict[str, object]:
     same = next((place for place, before in enumerate(earlier) if before.x == trace.x), None)
-    data: dict[str, Any] = {
+    data: dict[str, object] = {
         "label": trace.label,
         "kind": trace.kind,
         "colour": next((colour.variable for colour in palette.EVERY if colour.light == trace.colour), "--ink"),

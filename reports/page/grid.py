@@ -20,13 +20,12 @@ class Entry:
     tone: str = ""
     """The tone: `above gain`, `below loss`, … of a sign, `open`, `failed`, `muted`, or nothing."""
     value: float | str | None = field(default=None, compare=False)
-    """The value it is sorted by and saved as, if its text differs: a number before it was rounded, the scene if its
-    name is not repeated.
+    """The value it is sorted by and saved as: a number before it was rounded, the scene if its name is not repeated;
+    None for a text, which is sorted as one.
     """
     parts: Mapping[str, float | str | None] = field(default_factory=dict, compare=False)
     """The additional values in a file, by name: the ends of an interval, a standard deviation, a unit."""
     runs: Selection | None = field(default=None, compare=False)
-    """The runs behind it."""
     link: str = field(default="", compare=False)
     """The id of a place in the page that the text leads to."""
 

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,50 +12,17 @@ from markupsafe import Markup, escape
 
 from reports.data import wording
 from reports.data.selection import Selection
-from reports.data.wording import MINUS, NARROW, RAISED
 from reports.drawing import palette
 from reports.page.grid import Entry
 from reports.page.script import content_policy, script
 
-LEVELLED = {level: plain for plain, level in RAISED.items()}
-FIGURE = re.compile(
-    rf"[+~≈]?(?P<sign>[{MINUS}-]?)(?:10(?P<bare>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)"
-    rf"|(?P<digits>\d[\d{NARROW}]*(?:\.\d+)?)(?:·10(?P<power>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?)(?P<rest>.*)",
-    re.DOTALL,
-)
-UNITS = {
-    "ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0,
-    "B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12, "k": 1e3, "M": 1e6, "G": 1e9,
-}  # fmt: skip
-"""The units that change within a column."""
 
-
-def value_of(text: str) -> float | None:
-    """Return the number at the beginning of a text of ours, in seconds or bytes if it is a time or a size; None if
-    there is none, or it only counts lost cells, as in `2 of 3 diverged`, or it is the end of a range.
-    """
-    figure = FIGURE.fullmatch(text.strip())
-    if figure is None:
-        return None
-    power = figure["power"] or figure["bare"] or ""
-    digits = (figure["digits"] or "1").replace(NARROW, "")
-    value = float(f"{digits}e{power.translate(LEVELLED) or '0'}")
-    rest = figure["rest"].replace(NARROW, " ").replace("\u00a0", " ")
-    if re.match(rf"\s+of\s+(\d|the)|\s+to\s+[+{MINUS}]?\d|\s*[–/x]\s*\d|\d|[.,]", rest) or re.match(r"\w{4,}", rest):
-        return None
-    scale = UNITS.get(rest.split()[0], 1.0) if rest.split() else 1.0
-    second = re.match(r" (min|h) (\d\d) (s|min)\b", rest)  # the second part of a time: 3 min *20 s*, 2 h *05 min*
-    return (-value if figure["sign"] else value) * scale + (float(second[2]) * UNITS[second[3]] if second else 0.0)
-
-
-def of_entry(entry: Entry, numeric: bool) -> Markup:
-    """Return the attributes of a table cell."""
+def of_entry(entry: Entry) -> Markup:
     attributes: dict[str, str] = {}
-    value = value_of(entry.text) if entry.value is None and numeric else entry.value
-    if isinstance(value, str):
-        attributes["said"] = value
-    elif value is not None and math.isfinite(value):
-        attributes["value"] = f"{value:.7g}"
+    if isinstance(entry.value, str):
+        attributes["said"] = entry.value
+    elif entry.value is not None and math.isfinite(entry.value):
+        attributes["value"] = f"{entry.value:.7g}"
     parts = {
         name: part if isinstance(part, str) else float(f"{part:.7g}")
         for name, part in entry.parts.items()
@@ -81,7 +48,7 @@ def of_row(row: list[Entry]) -> Markup:
     return _written(attributes)
 
 
-def as_json(value: Any) -> str:
+def as_json(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
@@ -91,7 +58,6 @@ def _written(attributes: dict[str, str]) -> Markup:
 
 RUN_PAGE = "report.html"
 Groups = list[tuple[str, list[tuple[str, str]]]]
-"""Groups of name and value, each with its title."""
 
 HERE = Path(__file__).parent
 SCRIPTS = (
@@ -101,7 +67,6 @@ SCRIPTS = (
 )
 """The scripts that every page needs to sort, filter and save, in this order."""
 START = "start.js"
-"""The last script of a page."""
 STYLES = ("page.css", "explore.css", "studies.css", "compare.css", "work.css", "judgement.css")
 
 
@@ -118,7 +83,6 @@ class Section(NamedTuple):
 
 
 def section(name: str, title: str, *parts: Markup, question: str | None = None, folded: bool = False) -> Section:
-    """Return a section without the parts that turned out empty."""
     return Section(name, title, [part for part in parts if part.strip()], question, folded)
 
 
@@ -147,7 +111,7 @@ class Layout:
         files: bool = False,
         rules: str = "",
         fold_origins: bool = False,
-        **content: Any,
+        **content: object,
     ) -> str:
         """Return a page as text; sections without parts are left out. `files` lets it load script files that lie
         beside it, `rules` are further rules of style.
@@ -214,7 +178,6 @@ def with_code(sentence: str, plain: Callable[[str], Markup] = escape) -> Markup:
 
 
 def style() -> Markup:
-    """Return all style sheets, with the palette."""
     text = "".join((HERE / "style" / name).read_text(encoding="utf-8") for name in STYLES)
     return Markup(text.replace("/* palette */", variables()))
 
@@ -229,7 +192,7 @@ def variables() -> str:
     return f":root{{color-scheme:light;{light}}}{in_the_dark}"
 
 
-def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+def flat(data: Mapping[str, object], prefix: str = "") -> list[tuple[str, str]]:
     """Map nested settings as `a.b` → text."""
     rows = []
     for name, value in data.items():
@@ -240,8 +203,7 @@ def flat(data: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
     return rows
 
 
-def plain(value: Any) -> str:
-    """Return a setting as a reader writes it."""
+def plain(value: object) -> str:
     if isinstance(value, list):
         return ", ".join(map(plain, value))
     if isinstance(value, bool):
@@ -249,7 +211,6 @@ def plain(value: Any) -> str:
     return wording.NOTHING if value is None else str(value)
 
 
-def groups_of(origin: dict[str, Any], settings: dict[str, Any], spent: list[tuple[str, str]]) -> Groups:
-    """Return the origin of a record, as groups of name and value; empty ones are left out."""
+def groups_of(origin: Mapping[str, object], settings: Mapping[str, object], spent: list[tuple[str, str]]) -> Groups:
     groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
     return [(title, rows) for title, rows in groups if rows]

@@ -34,15 +34,11 @@ ENDS = {"diverged": "diverged", "error": "failed", "not_available": "not availab
 
 
 class Choice(NamedTuple):
-    """An axis that a reader may choose."""
-
     name: str
     label: str
 
 
 class Level(NamedTuple):
-    """A dashed line across a panel."""
-
     label: str
     height: float | None
     colour: Colour = MUTED

@@ -137,8 +137,8 @@ def amplifier_over_time(records: Records) -> list[Panel]:
 
 
 def separation(density: dict[str, list[float]]) -> float | None:
-    """Return how often a point inside true matter is denser than one outside (the area under the ROC curve), from the
-    histograms of both; 0.5 is chance. Points of one bin count as half. None where the truth is not known.
+    """Return how often a point inside the true geometry is denser than one outside (the area under the ROC curve), from
+    the histograms of both; 0.5 is chance. Points of one bin count as half. None where the truth is not known.
     """
     inside, outside = (np.asarray(density.get(f"after_{where}", ()), dtype=float) for where in ("inside", "outside"))
     if inside.size == 0 or inside.size != outside.size or inside.sum() == 0 or outside.sum() == 0:
@@ -160,39 +160,35 @@ def separation_grid(records: Records) -> Grid:
             row.append(Entry(number(fmean(known), 3), value=fmean(known), runs=behind) if known else EMPTY)
         rows.append(row)
     note = (
-        "How often a point inside true matter is denser than one outside of it, of points on a grid over the box; 1 is "
-        "perfect, 0.5 chance. What no camera sees, the inside of solid things, is learnt from nothing."
+        "How often a point inside the true geometry is denser than one outside of it, of points on a grid over the "
+        "box; 1 is perfect, 0.5 chance. What no camera sees, the inside of solid things, is learnt from nothing."
     )
     caption = "Density against the true geometry"
     return Grid(caption, columns, [row for row in rows if any(entry != EMPTY for entry in row[1:])], note=note)
 
 
-PRINTED = "qnerf_printed"
-
-
 def explained_scene(records: Records) -> str:
-    """Return the scene on which further methods were trained; empty if there are none."""
     return next((cell.scene for cell in records.extra_cells), "")
 
 
 def scores(cells: list[CellRecord]) -> list[float]:
-    """Return the test PSNR of the cells that have one."""
     return [value for cell in cells if (value := cell.scores.get("psnr")) is not None]
 
 
 def printed_form(records: Records) -> str:
-    """State the result of the printed form, and its reason; empty if it was not trained."""
-    scene = next((cell.scene for cell in records.extra_cells if cell.method == PRINTED), None)
-    baseline = records.baseline
-    comparison = records.comparison(scene, PRINTED, baseline) if scene else None
+    """State the result of another reading of a method, which a claim names next to it; empty if none was trained."""
+    readings = {claim.of.get("beside") for file in records.run.claims or [] for claim in file.claims}
+    cell = next((cell for cell in records.extra_cells if cell.method in readings), None)
+    comparison = records.comparison(cell.scene, cell.method, records.baseline) if cell else None
     if comparison is None or comparison.difference is None:
         return ""
+    method, title = comparison.method, records.run.methods[comparison.method]
     known = f"95{NARROW}% interval {interval(comparison.interval)}; " if comparison.interval else ""
     return (
-        f"With density at most 1 per scene unit, as Listing 2 reads word for word, {PRINTED} − {baseline} = "
-        f"{signed(comparison.difference)} dB on {scene} ({known}{counted(comparison.pairs, 'seed')}). Listing 2 caps "
-        f"density, so how opaque a surface can be depends on the unit of length, which the paper does not name; "
-        "Alpha Invariance (arXiv 2404.02155) is about this dependence."
+        f"{title}: {method} − {comparison.against} = {signed(comparison.difference)} dB on {comparison.scene} "
+        f"({known}{counted(comparison.pairs, 'seed')}). Where a method caps density, as Listing 2 does, how opaque a "
+        "surface can be depends on the unit of length, which the paper does not name; Alpha Invariance (arXiv "
+        "2404.02155) is about this dependence."
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from harness.records.verdict import phrase_with
-from reports.claims.headline import roles, tabulated
+from reports.claims.headline import tabulated
 from reports.claims.psnr_table import printed_gain
 from reports.data.load import Records
 from reports.data.selection import behind_difference
@@ -21,13 +21,12 @@ def difference_panels(records: Records) -> list[Panel]:
     """Draw for the contender of the headline one panel per budget and rival, one row per scene, the mean at the
     bottom.
     """
-    cast = roles(records)
-    rivals = [rival for rival in (cast.baseline, cast.control) if rival and rival not in cast.contenders[:1]]
     drawn = [
         _differences_panel(records, method, rival, budget, words)
-        for method in cast.contenders[:1]
+        for method in records.contenders[:1]
         for budget, words in tabulated(records)
-        for rival in rivals
+        for rival in records.rivals
+        if rival != method
     ]
     return with_common_limits([panel for panel in drawn if panel is not None], "x")
 

@@ -19,7 +19,6 @@ from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 
 def metrics_grid(records: Records) -> Grid:
-    """Tabulate one row for each scene and method: means over the finished seeds."""
     frame = cells_frame(records)
     shown = [metric for metric in METRICS.values() if frame[metric.name].notna().any()]
     columns = [Column("scene", numeric=False), Column("method", numeric=False)]
@@ -45,7 +44,6 @@ def metrics_grid(records: Records) -> Grid:
 
 
 def score(mean: float | None, metric: Metric, behind: Selection) -> Entry:
-    """Return a mean with the runs that it is taken over."""
     if mean is None:
         return EMPTY
     return Entry(number(mean, metric.digits), value=mean, runs=replace(behind, metric=metric.name))
@@ -68,7 +66,8 @@ def comparisons_grid(records: Records) -> Grid:
             BUDGETS[comparison.budget].removeprefix("equal "),
         ]
         detected = Entry(number(least, metric.digits_of_difference), value=least)
-        rows.append([*map(Entry, words), difference_entry(comparison), _q(q), detected, Entry(str(comparison.pairs))])
+        pairs = Entry(str(comparison.pairs), value=comparison.pairs)
+        rows.append([*map(Entry, words), difference_entry(comparison), _q(q), detected, pairs])
     note = (
         "Smallest detectable: the true difference whose sign a comparison with just this spread finds in "
         "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
@@ -93,7 +92,7 @@ PROPERTY_NAMES = {
     "density_by_weight_90": "density up to which 90 % of it lies",
     "density_by_weight_99": "density up to which 99 % of it lies",
     "normal_error": "mean angle between learned and true normals, in degrees, where both are opaque",
-    "occupied_share": "share of the scene's box that holds matter",
+    "occupied_share": "share of the scene's box that holds geometry",
 }
 
 
@@ -154,7 +153,7 @@ def parameters_grid(records: Records) -> Grid:
 
 
 def _weights(value: object) -> Entry:
-    return Entry(count(round(value))) if isinstance(value, int | float) else EMPTY
+    return Entry(count(round(value)), value=value) if isinstance(value, int | float) else EMPTY
 
 
 BYTES = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
@@ -205,7 +204,6 @@ def mean_weights(cells: list[CellRecord]) -> float | None:
 
 
 def _cost(over: Callable[[list[float]], float], cells: list[CellRecord], name: str) -> float | None:
-    """Return the mean or the maximum of a cost `over` the cells that have it; None if none has."""
     known = [cell.costs[name] for cell in cells if name in cell.costs]
     return over(known) if known else None
 
@@ -244,7 +242,6 @@ def waiting(records: Records) -> str:
 
 
 def failures_grid(records: Records) -> Grid:
-    """Tabulate cells without a score, each with its reason."""
     columns = [Column(name, numeric=False) for name in ("cell", "state", "why")]
     rows = []
     for cell in records.cells:
@@ -307,7 +304,7 @@ def left_out_grid(records: Records) -> Grid:
             if omission.seconds_saved is None
             else Entry(duration(omission.seconds_saved), omission.clock, "", omission.seconds_saved),
             _change(omission),
-            Entry(f"{significant(omission.bound)} {omission.unit}") if omission.bound else EMPTY,
+            Entry(f"{significant(omission.bound)} {omission.unit}", value=omission.bound) if omission.bound else EMPTY,
             Entry(omission.verdict, omission.study, VERDICT_TONES.get(omission.verdict, ""))
             if omission.verdict
             else EMPTY,

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -102,7 +101,7 @@ def against(first: Output, other: Output) -> Against:
     return Against(other, identical, len(pairs), sorted(alone), unlike, same_clock, rows)
 
 
-def results(cell: CellRecord) -> tuple[Any, ...]:
+def results(cell: CellRecord) -> tuple[object, ...]:
     """Return a cell's numbers: status, steps, scores, curve but for its clock, scores by view."""
     curve = [(point.step, point.network_evaluations, point.psnr, point.rmse_linear) for point in cell.curve]
     return cell.status, cell.steps, cell.scores, curve, cell.views
@@ -146,7 +145,6 @@ def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[
 
 
 def headline(first: Output, others: list[Against]) -> str:
-    """State what the others change of the first, in one sentence each."""
     return "; ".join(_sentence(first, versus) for versus in others)
 
 
@@ -182,7 +180,6 @@ def scenes_of(outputs: list[Output]) -> list[str]:
 
 
 def sentences(first: Output, others: list[Against]) -> list[str]:
-    """Return the notes that a reader needs before the tables."""
     notes = []
     for versus in others:
         name, cells = versus.other.name, counted(versus.shared, "cell")
@@ -224,7 +221,7 @@ def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Gr
         for output, frame in zip(outputs, frames, strict=True):
             cells, spread = output.records.cells_of(scene, method), spread_of(frame, scene, method, "psnr")
             text = number(spread.mean) + (f" ± {number(spread.sd)}" if spread.sd is not None else "")
-            row.append(Entry(text, losses(cells), tone_of(cells)) if cells else EMPTY)
+            row.append(Entry(text, losses(cells), tone_of(cells), spread.mean) if cells else EMPTY)
         rows.append([*row, *changes(scene)])
     total = [Entry("all scenes"), *([EMPTY] * len(outputs)), *changes(EVERYWHERE)]
     return Grid(f"{method}: test PSNR (dB)", columns, rows, [total] if len(rows) > 1 else [])
@@ -242,11 +239,10 @@ def difference_entry(row: Judgement | None, metric: Metric) -> Entry:
     together = f"together: {interval(wide, digits)}" if wide else ""
     tone = tone_of_sign(chosen.verdict.sign, metric.higher_is_better)
     verdict = f"{interval(chosen.interval, digits)} {chosen.verdict.phrase}".strip()
-    return Entry(signed(row.difference, digits), lines(verdict, together, aside), tone)
+    return Entry(signed(row.difference, digits), lines(verdict, together, aside), tone, row.difference)
 
 
 def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
-    """Tabulate every metric over all scenes, at equal steps."""
     columns = [Column("method", numeric=False), Column("metric", numeric=False)]
     columns += [Column(f"{versus.other.letter} − {outputs[0].letter}") for versus in others]
     rows = []
@@ -262,7 +258,6 @@ def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
 def _by_output(
     caption: str, label: str, outputs: list[Output], rows: list[list[Entry]], numeric: bool = False, note: str = ""
 ) -> Grid:
-    """Return a table with a column per output."""
     columns = [Column(label, numeric=False), *(Column(output.letter, numeric=numeric) for output in outputs)]
     return Grid(caption, columns, rows, note=note)
 
@@ -299,6 +294,7 @@ def verdicts_grid(outputs: list[Output]) -> Grid:
                     signed(comparison.difference),
                     lines(interval(comparison.interval), comparison.verdict.phrase),
                     tone_of_sign(comparison.verdict.sign),
+                    comparison.difference,
                 )
                 if comparison
                 else EMPTY
@@ -385,7 +381,6 @@ def outputs_page(runs: list[Records]) -> tuple[str, str]:
 
 
 def write_outputs_page(runs: list[Records], path: Path) -> str:
-    """Write the page atomically; returns its headline."""
     title, text = outputs_page(runs)
     write_atomically(path, text, fsync=False)
     return title

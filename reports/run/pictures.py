@@ -135,10 +135,8 @@ BRIGHT = 1.0 + 1 / 256
 
 @dataclass
 class SceneData:
-    """One scene's entry and its pictures."""
-
     entry: dict[str, Any]
-    renders: list[tuple[int, dict[str, Any], dict[str, str]]] = field(default_factory=list)
+    renders: list[tuple[int, dict[str, object], dict[str, str]]] = field(default_factory=list)
     """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; the row is empty if
     it was not asked for.
     """
@@ -168,8 +166,6 @@ class SceneData:
 
 
 class PictureData(NamedTuple):
-    """The picture data of the page."""
-
     data: dict[str, Any]
     inline: dict[str, str]
     """Map element's id → base64."""
@@ -178,7 +174,6 @@ class PictureData(NamedTuple):
 
 
 def picture_data(records: Records, budget: int = INLINE_BYTES, file_budget: int = FILE_BYTES) -> PictureData | None:
-    """Return the picture data; None if no cell has pictures."""
     if not any(cell.pictures for cell in records.cells):
         return None
     return _inline(records, budget) or _beside(records, file_budget)
@@ -219,7 +214,7 @@ def _beside(records: Records, budget: int) -> PictureData:
         shown.texts.clear()
         scenes.append(shown)
     beside = (
-        f"The pictures of this report lie in {FOLDER}/ beside it, "
+        f"The pictures of this report lie in {FOLDER}/ next to it, "
         f"{counted(len(files), 'file')} of {sum(map(len, files.values())) / 1e6:.0f} MB: "
         "whoever passes the report on must pass that folder on with it."
     )
@@ -287,12 +282,12 @@ def _far(pictures: Kept, about: SceneRecord | None) -> float:
     return max([about.far if about else 0.0, *(float(depth.max()) for depth in depths)]) or 1.0
 
 
-def _put(packed: Packed, texts: dict[str, str]) -> dict[str, Any]:
+def _put(packed: Packed, texts: dict[str, str]) -> dict[str, object]:
     texts[packed.id] = packed.text
     return dict(packed.ref)
 
 
-def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, str]) -> dict[str, Any]:
+def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, str]) -> dict[str, object]:
     height, width = truth.opacity.shape
     bright = truth.linear is not None and float(truth.linear.max()) > BRIGHT
     return {
@@ -311,7 +306,9 @@ def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, 
     }
 
 
-def _row(cell: CellRecord, render: Render, last: bool, place: int, far: float, texts: dict[str, str]) -> dict[str, Any]:
+def _row(
+    cell: CellRecord, render: Render, last: bool, place: int, far: float, texts: dict[str, str]
+) -> dict[str, object]:
     of_view = next((score for score in cell.views if score.view == render.view), None)
     scored, ceiling = of_view if last else None, of_view.psnr_ceiling if of_view else None
     return {

@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from markupsafe import Markup
 
 from harness.records.study import SHELVES
+from harness.records.targets import TargetsRecord
 from harness.records.verdict import phrase_with
 from reports.claims.claim_list import claims
 from reports.claims.estimands import rates_grid, senses_grid
@@ -39,7 +41,6 @@ from reports.studies.study_page import ShelfShown, shelf_shown
 from scenes.files.atomic import write_atomically
 
 SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *pictures.SCRIPTS, shell.START)
-"""The scripts in this order, in one scope."""
 HEADING = Markup("<h3>{}</h3>")
 MUTED = Markup('<i class="swatch" style="background: var(--muted)"></i>')
 TABLES = {
@@ -54,7 +55,7 @@ TABLES = {
 CONVERGENCE = (
     "Thin: one seed. Thick: mean of the finished seeds. A cross: where a run diverged. Dashed: the floor (copying the "
     "nearest training view) and, where it is near, the ceiling (noise of the ground truth). "
-    "Core seconds: processor time of all threads in training alone, on a GPU the host's. Other programs on the "
+    "Core seconds: processor time of all threads, only in training, on a GPU the host's. Other programs on the "
     "machine make wall times too long, and change core seconds little."
 )
 WORK = (
@@ -95,7 +96,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
     return layout.page(
         "page.html",
         answer.title,
-        _sections(records, layout, ledger, shelves, pixels, work),
+        _sections(_Content(records, layout, ledger, shelves, pixels, work)),
         provenance(records),
         fold_origins=True,
         scripts=SCRIPTS,
@@ -128,19 +129,23 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
     )
 
 
-def _sections(
-    records: Records,
-    layout: Layout,
-    ledger: list[Claim],
-    shelves: dict[str, ShelfShown],
-    pixels: PictureData | None,
-    work: list[Diagram],
-) -> Iterator[Section]:
-    """Yield the sections in the order of the page; an empty one is left out."""
-    parts, named, run = layout.parts, layout.named, records.run
-    keys = [(parts.swatch(method), method) for method in records.methods]
+class _Content(NamedTuple):
+    """What the sections of the page are made of."""
 
-    def figures(name: str) -> Markup:
+    records: Records
+    layout: Layout
+    ledger: list[Claim]
+    shelves: dict[str, ShelfShown]
+    pixels: PictureData | None
+    work: list[Diagram]
+
+    @property
+    def keys(self) -> list[tuple[Markup, str]]:
+        return [(self.layout.parts.swatch(method), method) for method in self.records.methods]
+
+    def figures(self, name: str) -> Markup:
+        """Lay out the figures of a section: panels of all scenes together first, those of single scenes folded."""
+        parts, records = self.layout.parts, self.records
         shown, together, by_scene = Markup(""), [], Markup("")
         for figure in FIGURES:
             if figure.section != name or not (drawn := plots(figure.panels(records), figure.name)):
@@ -150,67 +155,41 @@ def _sections(
                 by_scene += parts.folded(f"{figure.title}, scene by scene", parts.figures(drawn[1:]))
                 continue
             shown += HEADING.format(figure.title) if figure.title else ""
-            shown += parts.legend(keys, figure.legend) if figure.legend else ""
+            shown += parts.legend(self.keys, figure.legend) if figure.legend else ""
             shown += parts.figures(drawn, "pairs" if figure.wide else "")
-            shown += parts.paragraph(named(figure.note), "note")
+            shown += parts.paragraph(self.layout.named(figure.note), "note")
         return (parts.figures(together) if together else "") + by_scene + shown
 
-    def folded(name: str, title: str, *content: Markup) -> Section:
-        return section(name, title, *content, folded=True)
+    def shelf(self, name: str) -> Section:
+        shown = filter(None, [self.shelves.get(name)])
+        return folded(name, WORDS[name].title, *map(self.layout.study_parts.shelf, shown))
 
-    def shelf(name: str) -> Section:
-        return folded(name, WORDS[name].title, *map(layout.study_parts.shelf, filter(None, [shelves.get(name)])))
 
+def folded(name: str, title: str, *content: Markup) -> Section:
+    return section(name, title, *content, folded=True)
+
+
+def _sections(content: _Content) -> Iterator[Section]:
+    """Yield the sections in the order of the page; an empty one is left out."""
+    records, parts = content.records, content.layout.parts
     scores = [scores_grid(records), senses_grid(records), *differences_grids(records)]
-    yield section("psnr", "PSNR", *map(parts.table, scores), figures("psnr"))
-    printed = parts.paragraph(named(sentence)) if (sentence := printed_form(records)) else Markup("")
-    yield folded("further", "Further methods", printed, parts.table(further_grid(records)))
-    yield shelf("evidence")
-    if converging := figures("convergence"):
-        guests = [(parts.swatch(guest), guest) for guest in records.run.guests]
-        yield section("convergence", "Convergence", parts.legend([*keys, *guests], CONVERGENCE), converging)
-    if work:
-        chooser = parts.chooser(work, [plots(diagram.panels, diagram.name) for diagram in work])
-        yield section("work", "Error against run time", parts.legend(keys, WORK), chooser)
-    yield section("costs", "Costs", parts.table(metrics_table.costs_grid(records), False))
+    yield section("psnr", "PSNR", *map(parts.table, scores), content.figures("psnr"))
+    printed = printed_form(records)
+    reading = parts.paragraph(content.layout.named(printed)) if printed else Markup("")
+    yield folded("further", "Further methods", reading, parts.table(further_grid(records)))
+    yield content.shelf("evidence")
+    yield from _training(content)
     if (targets := records.targets) is not None:
-        by_scene = [figures("reaching_scenes")]
-        by_scene += [parts.table(savings_grid(targets, records.scenes), own="own")] if by_scene[0] else []
-        yield section(
-            "reaching",
-            target_title(targets),
-            parts.paragraph(named(targets.declared)),
-            parts.table(savings_grid(targets, ["all"])),
-            figures("reaching"),
-            parts.folded("Numbers at risk", parts.table(at_risk_grid(targets), False)),
-            *(parts.paragraph(named(sentence), "note") for sentence in notes(targets)),
-            parts.folded("Scene by scene", Markup("").join(by_scene)) if by_scene[0] else Markup(""),
-        )
-    if still := views(records):
-        beside = parts.paragraph(pixels.data["beside"], "alert mild") if pixels else Markup("")
-        around = rounds(records)
-        turn = parts.folded("A turn around each scene", parts.turn(around)) if around else Markup("")
-        yield section("pictures", "Pictures", beside, parts.comparer(still), turn)
+        yield _time_to_target(content, targets)
+    yield from _pictures(content)
     yield folded("metrics", "Other scores", parts.table(metrics_table.metrics_grid(records), False))
-    density = figures("amplifier")
-    after = [(parts.swatch(method), f"density after it, {method}") for method in amplified_methods(records)]
-    legend = parts.legend([(MUTED, "density before the amplifier"), *after], AMPLIFIER) if density else Markup("")
-    yield folded("amplifier", "Amplifier", legend, density, figures("learned"), parts.table(separation_grid(records)))
-    yield shelf("stability")
-    if tested := chapters(ledger, in_a_line(records)):
-        judged = [HEADING.format(chapter["title"]) + parts.table(chapter["grid"], False) for chapter in tested]
-        untested = folds(ledger)
-        unread = [
-            parts.folded(shell.with_code(chapter["title"]), parts.bullets(chapter["claims"])) for chapter in untested
-        ]
-        subjects = "; ".join(dict.fromkeys(standing(records, file) for file in run.claims or []))
-        rule = parts.paragraph(CLAIMS.format(subjects, in_a_line(records)))
-        heading = HEADING.format("Not tested") if untested else Markup("")
-        yield folded("claims", "Claims", rule, *judged, heading, *unread)
+    yield _amplifier(content)
+    yield content.shelf("stability")
+    yield from _claims(content)
     for title, (name, grid) in TABLES.items():
         yield folded(name, title, parts.table(grid(records), False))
-    yield shelf("serving")
-    yield folded("deviations", "Deviations from the paper", parts.bullets(run.deviations))
+    yield content.shelf("serving")
+    yield folded("deviations", "Deviations from the paper", parts.bullets(records.run.deviations))
     yield folded("words", "Words used here", parts.terms("provenance", glossary.WORDS))
     how = "`python -m reports OUT --export FILE.zip` writes all figures (PDF, SVG, PNG) and tables (CSV, LaTeX)."
     cited = Markup('<pre class="cite">{}</pre>').format(bibtex(records))
@@ -219,6 +198,63 @@ def _sections(
     many = f"{len(compared.rows)} paired comparisons with intervals and smallest detectable differences"
     every = parts.folded(many, parts.table(compared, False)) if compared.rows else Markup("")
     yield folded("comparisons", "Every comparison", every)
+
+
+def _training(content: _Content) -> Iterator[Section]:
+    records, parts = content.records, content.layout.parts
+    if converging := content.figures("convergence"):
+        guests = [(parts.swatch(guest), guest) for guest in records.run.guests]
+        yield section("convergence", "Convergence", parts.legend([*content.keys, *guests], CONVERGENCE), converging)
+    if content.work:
+        chooser = parts.chooser(content.work, [plots(diagram.panels, diagram.name) for diagram in content.work])
+        yield section("work", "Error against run time", parts.legend(content.keys, WORK), chooser)
+    yield section("costs", "Costs", parts.table(metrics_table.costs_grid(records), False))
+
+
+def _time_to_target(content: _Content, targets: TargetsRecord) -> Section:
+    parts, named, scenes = content.layout.parts, content.layout.named, content.records.scenes
+    by_scene = [content.figures("reaching_scenes")]
+    by_scene += [parts.table(savings_grid(targets, scenes), own="own")] if by_scene[0] else []
+    return section(
+        "reaching",
+        target_title(targets),
+        parts.paragraph(named(targets.declared)),
+        parts.table(savings_grid(targets, ["all"])),
+        content.figures("reaching"),
+        parts.folded("Numbers at risk", parts.table(at_risk_grid(targets), False)),
+        *(parts.paragraph(named(sentence), "note") for sentence in notes(targets)),
+        parts.folded("Scene by scene", Markup("").join(by_scene)) if by_scene[0] else Markup(""),
+    )
+
+
+def _pictures(content: _Content) -> Iterator[Section]:
+    parts, pixels = content.layout.parts, content.pixels
+    if still := views(content.records):
+        beside = parts.paragraph(pixels.data["beside"], "alert mild") if pixels else Markup("")
+        around = rounds(content.records)
+        turn = parts.folded("A turn around each scene", parts.turn(around)) if around else Markup("")
+        yield section("pictures", "Pictures", beside, parts.comparer(still), turn)
+
+
+def _amplifier(content: _Content) -> Section:
+    records, parts, density = content.records, content.layout.parts, content.figures("amplifier")
+    after = [(parts.swatch(method), f"density after it, {method}") for method in amplified_methods(records)]
+    legend = parts.legend([(MUTED, "density before the amplifier"), *after], AMPLIFIER) if density else Markup("")
+    learned, truth = content.figures("learned"), parts.table(separation_grid(records))
+    return folded("amplifier", "Amplifier", legend, density, learned, truth)
+
+
+def _claims(content: _Content) -> Iterator[Section]:
+    records, parts, here = content.records, content.layout.parts, in_a_line(content.records)
+    if tested := chapters(content.ledger, here):
+        judged = [HEADING.format(title) + parts.table(grid, False) for title, grid in tested]
+        untested = [
+            parts.folded(shell.with_code(cause), parts.bullets(lines)) for cause, lines in folds(content.ledger)
+        ]
+        subjects = "; ".join(dict.fromkeys(standing(records, file) for file in records.run.claims or []))
+        rule = parts.paragraph(CLAIMS.format(subjects, here))
+        heading = HEADING.format("Not tested") if untested else Markup("")
+        yield folded("claims", "Claims", rule, *judged, heading, *untested)
 
 
 def provenance(records: Records) -> shell.Groups:

@@ -1,7 +1,5 @@
 """Every run of the report as one piece of data, with which the page shows the runs behind a figure."""
 
-from typing import Any
-
 from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS
 from reports.data.load import Records, of_whole_groups
@@ -13,17 +11,14 @@ from reports.run.density import is_histogram
 from reports.run.saving.replay import beside_it, replay
 
 RUN_SCRIPTS = ("density.js",)
-"""The further scripts that the page of a run needs."""
 CURVES = ("step", "seconds", "core_seconds", *METRICS, "alpha", "beta")
-"""The values of a checkpoint."""
 OF_A_VIEW = ("psnr", "ssim", "flip")
-"""The scores of a view that are shown."""
 TRACED = 30
 """The points of a small line over training."""
 DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside", "after_outside")
 
 
-def runs_data(records: Records) -> dict[str, Any]:
+def runs_data(records: Records) -> dict[str, object]:
     """Return scores and curves in columns, one list per name, so that no name is repeated a thousand times."""
     differing = settings_that_differ(records.cells)
     compared = {(cell.scene, cell.seed) for cell in of_whole_groups(records.cells, records.run.main_methods)}
@@ -51,21 +46,21 @@ def runs_data(records: Records) -> dict[str, Any]:
     }
 
 
-def _targets(records: Records) -> dict[str, Any]:
+def _targets(records: Records) -> dict[str, object]:
     """Return how soon each run reached the target: scene → method → seed → axis of time → time and what is known of
     it.
     """
     record = records.targets
     if record is None or record.target is None:
         return {}
-    reached: dict[str, Any] = {}
+    reached: dict[str, dict[str, dict[str, dict[str, object]]]] = {}
     for reach in record.reaches:
         by_seed = reached.setdefault(reach.scene, {}).setdefault(reach.method, {})
         by_seed.setdefault(str(reach.seed), {})[reach.axis] = [*rounded([reach.time]), reach.known]
     return {"target": record.target, "reached": reached}
 
 
-def _cell(records: Records, cell: CellRecord, differing: set[str]) -> dict[str, Any]:
+def _cell(records: Records, cell: CellRecord, differing: set[str]) -> dict[str, object]:
     curve = sorted(cell.curve, key=lambda point: point.step)
     columns = {name: [_number(getattr(point, name)) for point in curve] for name in CURVES}
     # the largest of the layers: one that is dead cuts off all before it
@@ -105,7 +100,6 @@ def _trace(cell: CellRecord) -> dict[str, list[float | None]]:
 
 
 def settings_that_differ(cells: list[CellRecord]) -> dict[str, set[str]]:
-    """Map scene → names of the settings that differ among its runs."""
     by_scene: dict[str, list[set[tuple[str, str]]]] = {}
     for cell in cells:
         by_scene.setdefault(cell.scene, []).append(set(flat(cell.settings)))
@@ -115,7 +109,7 @@ def settings_that_differ(cells: list[CellRecord]) -> dict[str, set[str]]:
     }
 
 
-def density_data(records: Records) -> list[dict[str, Any]]:
+def density_data(records: Records) -> list[dict[str, object]]:
     """Return histograms of density of each run at its checkpoints, `after` where it is not the same as `before`."""
     histograms = []
     for cell in records.cells:
@@ -136,9 +130,11 @@ def density_data(records: Records) -> list[dict[str, Any]]:
     return histograms
 
 
-def _shares(density: dict[str, Any]) -> dict[str, Any]:
+def _shares(density: dict[str, list[int | float]]) -> dict[str, object]:
     bins = len(density["edges"]) - 1
-    known = {side: rounded(density[side]) for side in DENSITY if len(density.get(side) or ()) == bins}
+    known: dict[str, object] = {
+        side: rounded(density[side]) for side in DENSITY if len(density.get(side) or ()) == bins
+    }
     for side in DENSITY[1::2]:
         if known.get(side) == known.get(side.replace("after", "before")):
             known.pop(side, None)

@@ -103,7 +103,6 @@ def at_risk_grid(record: TargetsRecord) -> Grid | None:
 
 
 def watched_at(curve: ReachCurve, time: float) -> int:
-    """Return the number of runs at risk just before `time`."""
     place = bisect_left(curve.time, time)
     return curve.at_risk[place] if place < len(curve.time) else 0
 

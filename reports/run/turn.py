@@ -29,14 +29,11 @@ class Strip(NamedTuple):
 
 
 class Round(NamedTuple):
-    """One scene."""
-
     scene: str
     title: str
     views: int
     strips: list[Strip]
     missing: list[str]
-    """The methods without a strip."""
 
 
 def rounds(records: Records) -> list[Round]:

@@ -38,6 +38,8 @@ LOOKS: dict[Tone, Look] = {
 """Tone → its look. Of several outcomes in one cell of the matrix the first of these is shown."""
 OWNERS = {"ours": "ours", "paper": "the paper’s form as printed", "usual": "the field’s usual form"}
 COLUMNS = ("study", "subject", "figure", "measured", "wanted", "outcome")
+SCALES = {"ms": 1e-3, "min": 60.0, "h": 3600.0, "kB": 1e3, "MB": 1e6, "GB": 1e9}
+"""Unit → its seconds or bytes, as a column may hold figures of several units."""
 SMALL_FACTOR = 2.0
 """The largest factor that is shown as a percentage."""
 
@@ -173,9 +175,9 @@ def _measured(check: Check) -> Entry:
     if check.value is None:
         return EMPTY
     ends = zip(("low", "high"), check.spread or (), strict=False)
-    return Entry(figure_of(check), spread_of(check), parts=dict(ends))
+    value = check.value * SCALES.get(check.unit, 1.0)
+    return Entry(figure_of(check), spread_of(check), value=value, parts=dict(ends))
 
 
 def anchor(study: StudyRecord) -> str:
-    """Return the id of a study in a page."""
     return shell.anchor("study", study.info.id)

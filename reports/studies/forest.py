@@ -120,14 +120,13 @@ def row_name(effect: Effect) -> str:
 
 
 def forest_key(effects: list[Effect]) -> str:
-    """Return what the marks of the forests of these effects mean."""
     low, high = min(effect.family for effect in effects), max(effect.family for effect in effects)
     family = (
         f"all of a family of {low if low < high else ''}{' to ' if low < high else ''}{counted(high, 'comparison')}"
     )
     together = f"{family} hold together in 95 % of repetitions" if high > 1 else "each comparison stands for itself"
     return (
-        "Dot and thick bar: difference and its 95 % interval alone, which are the figures behind it. Thin bar: the "
+        "Dot and thick bar: difference and its own 95 % interval, which are the figures behind it. Thin bar: the "
         f"interval that the verdict is taken from, so wide that {together}. Filled dot, ▲ and ▼: above or below 0; "
         "hollow dot and ?: sign open; =: smaller than matters. Grey band: differences too small to matter."
     )
@@ -138,7 +137,6 @@ def scene_words(scene: str) -> str:
 
 
 def effects_grid(effects: list[Effect]) -> Grid:
-    """Return every effect with all facts about it."""
     labels = ("effect", "against", "scene", "metric", "budget")
     figures = ("difference", "95 % interval", "simultaneous", "of", "detectable", "pairs", "unpaired")
     columns = [
@@ -160,10 +158,10 @@ def effects_grid(effects: list[Effect]) -> Grid:
                 Entry(f"{signed(effect.difference, metric.digits)}{unit}", value=effect.difference),
                 _interval(effect.interval, metric.digits),
                 _interval(effect.simultaneous, metric.digits),
-                Entry(str(effect.family), tone="muted"),
-                Entry(number(effect.smallest_detectable, metric.digits)),
-                Entry(str(effect.pairs), tone="muted"),
-                Entry(str(effect.unpaired), tone="fails" if effect.unpaired else "muted"),
+                Entry(str(effect.family), tone="muted", value=effect.family),
+                Entry(number(effect.smallest_detectable, metric.digits), value=effect.smallest_detectable),
+                Entry(str(effect.pairs), tone="muted", value=effect.pairs),
+                Entry(str(effect.unpaired), tone="fails" if effect.unpaired else "muted", value=effect.unpaired),
                 Entry(
                     phrase_with(effect.verdict, effect.simultaneous),
                     tone=tone_of_sign(effect.verdict.sign, metric.higher_is_better),

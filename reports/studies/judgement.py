@@ -34,8 +34,6 @@ name.
 
 
 class Square(NamedTuple):
-    """One pair in the matrix: the row's method against the column's."""
-
     tone: str
     mark: str
     title: str
@@ -70,19 +68,19 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         rows.append(
             [
                 Entry(place.method),
-                Entry(number(record, place.mean)),
-                Entry(str(place.scenes)),
+                Entry(number(record, place.mean), value=place.mean),
+                Entry(str(place.scenes), value=place.scenes),
                 Entry(shown_groups(place.groups)) if everything else EMPTY,
                 difference(record, pair, estimate),
                 Entry(estimate.verdict.phrase, tone=tone(record, estimate.verdict)) if estimate else EMPTY,
-                Entry(f"{q[pair]:.3f}") if pair in q else EMPTY,
-                Entry(number(record, least)) if least is not None else EMPTY,
+                Entry(f"{q[pair]:.3f}", value=q[pair]) if pair in q else EMPTY,
+                Entry(number(record, least), value=least) if least is not None else EMPTY,
                 difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
                 *(
-                    Entry(duration(spent)) if spent is not None else EMPTY
+                    Entry(duration(spent), value=spent) if spent is not None else EMPTY
                     for spent in (place.seconds, place.core_seconds)
                 ),
-                Entry(f"{place.steps:,.0f}") if place.steps is not None else EMPTY,
+                Entry(f"{place.steps:,.0f}", value=place.steps) if place.steps is not None else EMPTY,
             ]
         )
     note = (
@@ -142,9 +140,9 @@ def suspects_grid(record: JudgementRecord) -> Grid:
     rows = [
         [
             Entry(f"{suspect.method} on {suspect.scene}", f"seed {suspect.seed}" if suspect.seed else ""),
-            Entry(number(record, suspect.value), tone="failed"),
-            Entry(number(record, suspect.expected)),
-            Entry(f"{suspect.deviation:.0f}".replace("-", "−")),
+            Entry(number(record, suspect.value), tone="failed", value=suspect.value),
+            Entry(number(record, suspect.expected), value=suspect.expected),
+            Entry(f"{suspect.deviation:.0f}".replace("-", "−"), value=suspect.deviation),
         ]
         for suspect in record.suspects
     ]
@@ -232,7 +230,6 @@ def _panel(
 
 
 def judgement_page(record: JudgementRecord) -> str:
-    """Return the complete page as text."""
     layout = Layout()
     parts, clean = layout.parts, record.without_suspects
     better = "higher" if record.higher_is_better else "lower"

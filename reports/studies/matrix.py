@@ -111,7 +111,6 @@ def _row(study: StudyRecord, columns: list[str]) -> Row:
 
 
 def cells_of(checks: list[Check]) -> dict[str, Cell]:
-    """Map subject → its cell."""
     by_subject: dict[str, list[Check]] = {}
     for check in checks:
         by_subject.setdefault(check.subject, []).append(check)

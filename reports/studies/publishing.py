@@ -31,7 +31,6 @@ def write_published(record: Studies, folder: Path) -> list[Path]:
 
 
 def without(record: Studies, kind: type) -> Studies:
-    """Return the record without its findings of one kind."""
     kept = [
         msgspec.structs.replace(
             study, findings=[finding for finding in study.findings if not isinstance(finding, kind)]
@@ -51,7 +50,6 @@ def charts_of_study(record: Studies, name: str) -> list[Drawing]:
 
 
 def first_charts(record: Studies) -> list[Drawing]:
-    """Return the first chart of each chosen chapter."""
     series = [line for study in record.studies for line in study.series]
     return [
         drawing for item in CHAPTERS_DRAWN for drawing in charts_of([line for line in series if line.item == item])[:1]

@@ -11,7 +11,6 @@ class ShelfWords:
 
     title: str
     link: str
-    """What a link to its page says."""
     noun: tuple[str, str]
     check: tuple[str, str]
     """A check that the headline counts."""
@@ -35,7 +34,7 @@ class ShelfWords:
 WORDS = {
     "evidence": ShelfWords(
         title="Evidence",
-        link="the evidence alone",
+        link="only the evidence",
         noun=("study", "studies"),
         check=("check of the evidence", "checks of the evidence"),
         passes=("holds", "hold"),
@@ -43,7 +42,7 @@ WORDS = {
     ),
     "stability": ShelfWords(
         title="Numerical stability",
-        link="numerical stability alone",
+        link="only numerical stability",
         noun=("case", "cases"),
         check=("stability check of this harness", "stability checks of this harness"),
         passes=("passes", "pass"),
@@ -75,7 +74,7 @@ WORDS = {
     ),
     "serving": ShelfWords(
         title="View cache and attention (§8)",
-        link="view cache and attention alone",
+        link="only view cache and attention",
         noun=("study", "studies"),
         check=("target of serving", "targets of serving"),
         passes=("is met", "are met"),
@@ -104,5 +103,4 @@ WORDS = {
 
 
 def page_of(shelf: str) -> str:
-    """Return the name of the page of a shelf, beside its record."""
     return SHELVES[shelf].replace(".json", ".html")

@@ -35,8 +35,6 @@ SMALL = 200
 
 
 class Shown(NamedTuple):
-    """A picture; its source is a data URI, or None if the file is missing or no picture."""
-
     title: str
     caption: str
     source: str | None
@@ -251,7 +249,6 @@ def _tables(record: Studies) -> list[Grid]:
 
 
 def name_of(study: StudyRecord, words: ShelfWords) -> str:
-    """Return the title, behind the id where readers know the study by that."""
     return f"{study.info.id} {study.info.title}" if words.groups else study.info.title
 
 

@@ -1,4 +1,4 @@
-"""The page about adding a metric: its two pieces of code, put where it says, are all that a metric needs."""
+"""The page about adding a metric: its three pieces of code, put where it says, are all that a metric needs."""
 
 import re
 import shutil
@@ -47,17 +47,20 @@ assert "MAE ↓" in text and "0.1250" in text and "mean absolute difference of d
 
 
 @pytest.mark.slow
-def test_a_metric_is_a_function_and_a_line(tmp_path: Path) -> None:
+def test_a_metric_is_a_function_a_line_and_a_field(tmp_path: Path) -> None:
     for package in ("harness", "reports", "scenes", "baselines"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     text = (ROOT / "docs/add-a-metric.md").read_text(encoding="utf-8")
-    function, line = (textwrap.dedent(code) for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL))
+    function, line, field = (textwrap.dedent(code) for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL))
     metrics = tmp_path / "harness/training/scoring/metrics.py"
     metrics.write_text(f"{metrics.read_text(encoding='utf-8')}\n\n{function}", encoding="utf-8")
     table = tmp_path / "harness/records/metric_table.py"
     before, after = table.read_text(encoding="utf-8").split("    )\n}  # fmt: skip")
     table.write_text(f"{before}        {line.strip()},\n    )\n}}  # fmt: skip{after}", encoding="utf-8")
+    cells = tmp_path / "harness/records/cells.py"
+    before, after = cells.read_text(encoding="utf-8").split("    lpips: float | None = None\n")
+    cells.write_text(f"{before}    lpips: float | None = None\n    {field}{after}", encoding="utf-8")
     ended = subprocess.run(
         [sys.executable, "-c", USE, str(tmp_path / "run")], cwd=tmp_path, capture_output=True, text=True, check=False
     )

@@ -9,63 +9,58 @@ from markupsafe import Markup
 from msgspec.structs import replace
 
 from harness.records.cells import cell_path
-from harness.records.study import check
+from harness.records.study import StudyInfo, StudyRecord, check
 from reports.claims.psnr_table import scores_grid
+from reports.data.beside import ALONE
 from reports.data.load import read_records
 from reports.data.selection import Selection
-from reports.data.wording import count, number, signed, significant
 from reports.drawing.figure import svg
 from reports.drawing.traces import Panel, Trace, rounded
 from reports.page.grid import Entry
-from reports.page.shell import of_entry, of_row, value_of
+from reports.page.shell import of_entry, of_row
 from reports.run.metrics_table import comparisons_grid, metrics_grid
 from reports.run.runs_data import density_data, runs_data
-from reports.studies.check_words import figure_of
+from reports.run.saving.export import tables
+from reports.studies.check_words import checks_grid
 from tests.reports.fake_run import write_fake_run
 
 HOSTILE = '"><img src=x onerror=alert(1)>'
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("27.31", 27.31), ("−0.5", -0.5), ("+0.82", 0.82), ("27.31 ± 0.12", 27.31), ("493\u202f056", 493056.0),
-        ("2.13·10⁻⁷", 2.13e-7), ("10⁻⁸", 1e-8), ("−3·10⁴", -3e4), ("18.0\u202f%", 18.0), ("7.42×", 7.42),
-        ("3 min 20 s", 200.0), ("2 h 05 min", 7500.0), ("42 s", 42.0), ("12\u202fms", 0.012), ("1.5\u202fGB", 1.5e9),
-        ("–", None), ("", None), ("2 of 3 diverged", None), ("lego", None), ("✓ holds", None), ("0 – 3", None),
-        ("100 train", 100.0), ("8 × 256", 8.0),
-    ],
-)  # fmt: skip
-def test_a_text_is_sorted_by_its_number(text, value):
-    assert value_of(text) == (None if value is None else pytest.approx(value, rel=1e-12))
+def test_every_number_of_a_table_carries_its_value(records):
+    for grid in tables(records, ALONE):
+        for row in [*grid.rows, *grid.totals]:
+            for column, entry in zip(grid.columns, row, strict=True):
+                if column.numeric and re.fullmatch(r"[+−]?\d[\d.\u202f]*( ?\D{0,8})?", entry.text):
+                    assert isinstance(entry.value, int | float), (grid.caption, column.label, entry.text)
 
 
-@pytest.mark.parametrize("value", [0.0, 1.5, -2.25, 123456.0, 3.2e-7, -4.56e-5, 8.9e7])
-def test_what_is_worded_is_read_back(value):
-    for text in (significant(value, 6), number(value, 9), signed(value, 9), figure_of(check("", value, unit="dB"))):
-        assert value_of(text) == pytest.approx(value, rel=6e-3, abs=1e-9), text
-    assert value_of(count(round(value))) == round(value)
+@pytest.mark.parametrize(("unit", "value"), [("s", 12.0), ("ms", 0.012), ("GB", 12e9), ("million samples/s", 12.0)])
+def test_figures_of_several_units_are_sorted_in_seconds_and_bytes(unit, value):
+    study = StudyRecord(StudyInfo("1", "One"), findings=[check("time", 12.0, unit=unit)])
+    (row,) = checks_grid("Checks", [(study, study.checks[0])]).rows
+    assert row[-1].value == pytest.approx(value)
 
 
 def test_a_cell_carries_its_value_its_further_numbers_and_its_runs():
     entry = Entry("27.31 ± 0.12", value=27.3123456789, parts={"sd": 0.12, "low": None}, runs=Selection("lego", seed=0))
-    assert of_entry(entry, True) == Markup(
+    assert of_entry(entry) == Markup(
         ' data-value="27.31235" data-parts="{&#34;sd&#34;:0.12}"'
         ' data-runs="{&#34;scene&#34;:&#34;lego&#34;,&#34;seed&#34;:0}"'
     )
-    assert of_entry(Entry("", value="lego"), False) == ' data-said="lego"'
-    assert of_entry(Entry("lego"), False) == ""
+    assert of_entry(Entry("", value="lego")) == ' data-said="lego"'
+    assert of_entry(Entry("lego")) == ""
 
 
 def test_hostile_names_stay_within_their_attribute():
     entry = Entry(HOSTILE, value=HOSTILE, runs=Selection(HOSTILE, "'"))
-    for text in (of_entry(entry, False), of_row([entry])):
+    for text in (of_entry(entry), of_row([entry])):
         assert re.findall(r"<|>", text) == []
         assert len(re.findall(r'"', text)) % 2 == 0
 
 
 def test_a_number_that_is_not_finite_is_no_value():
-    assert of_entry(Entry("–", value=math.nan, parts={"sd": math.inf}), True) == ""
+    assert of_entry(Entry("–", value=math.nan, parts={"sd": math.inf})) == ""
 
 
 def test_a_row_belongs_to_a_scene_only_where_all_of_it_does():

@@ -1,7 +1,6 @@
 """Past runs → a record of studies: for each class of machine its figures over the runs, and when they changed."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ COLUMNS = ["figure", "unit", "between the commits", "runs", "before", "after", "
 
 
 def figures_over_runs(
-    runs: Sequence[PastRun], damaged: Sequence[str], settings: dict[str, Any], provenance: dict[str, Any]
+    runs: Sequence[PastRun], damaged: Sequence[str], settings: dict[str, object], provenance: dict[str, object]
 ) -> Studies:
     """Return a study for each machine, those with most runs first."""
     machines: dict[str, list[PastRun]] = {}

@@ -15,13 +15,11 @@ from scenes.files.errors import InputError
 
 
 def headline(record: JudgementRecord) -> str:
-    """State the table's facts, as given."""
     many = f"{len(record.given.places)} methods on {len(record.scenes)} scenes"
     return f"{many}: {in_words(record, record.given)}"
 
 
 def in_words(record: JudgementRecord, ranking: Ranking) -> str:
-    """State how many pairs are distinguished."""
     if record.baseline is not None:
         verdicts = Counter(pair.verdict.phrase for pair in ranking.pairs)
         known = [f"{many} {phrase}" for phrase, many in verdicts.items()]
@@ -51,7 +49,6 @@ def suspect_line(record: JudgementRecord, suspect: Suspect) -> str:
 
 
 def without_line(record: JudgementRecord) -> str:
-    """State the verdicts without the suspect results."""
     if record.without_suspects is None:
         return ""
     many, them = len(changed_pairs(record)), "it" if len(record.suspects) == 1 else "them"
@@ -199,7 +196,6 @@ def adjusted_means(cells: np.ndarray) -> np.ndarray:
 
 
 def _pair(method: str, against: str, differences: np.ndarray, family: int, margin: float) -> Pair:
-    """Compare by `differences` [scenes, seeds], NaN where there is no pair."""
     means = scene_means(differences[None])[0]
     there = means[np.isfinite(means)]
     if not there.size:

@@ -94,7 +94,7 @@ def _from_file(path: Path) -> Rows:
 
 
 def _rows(
-    path: Path, names: Iterable[Any], columns: list[list[Any]], first: int = 1, lower: frozenset[str] = frozenset()
+    path: Path, names: Iterable[object], columns: list[list[Any]], first: int = 1, lower: frozenset[str] = frozenset()
 ) -> Rows:
     """Return rows with column names in lower case, by one name each; raises `InputError` if two are the same."""
     known = [str(name).strip().lower() for name in names]
@@ -157,12 +157,11 @@ def _from_json(path: Path) -> Rows:
     return _rows(path, names, columns, lower=lower)
 
 
-def _is_plain(value: Any) -> bool:
+def _is_plain(value: object) -> bool:
     return value is None or isinstance(value, str | int | float)
 
 
 def _json_rows(data: Any, path: Path) -> list[Any]:
-    """Return the rows of each known form; none of any other."""
     if isinstance(data, list):
         nested = data and all(isinstance(each, dict) and isinstance(each.get("scenes"), dict) for each in data)
         return [row for each in data for row in _of_method(each)] if nested else data
@@ -212,8 +211,6 @@ LARGEST = 1e12
 
 @dataclass(frozen=True)
 class ResultTable:
-    """One metric of a user's results."""
-
     source: str
     metric: str
     higher_is_better: bool
@@ -228,7 +225,6 @@ class ResultTable:
     core_seconds: list[float | None]
     steps: list[float | None]
     notes: list[str]
-    """The notes for a reader on how it was read."""
 
 
 def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence[str] = ()) -> ResultTable:
@@ -289,7 +285,6 @@ def table_of(rows: Rows, metric: str | None = None, lower: Sequence[str] = ()) -
 
 
 def _holds_numbers(values: list[Any]) -> bool:
-    """Return whether the first entry that is not empty is a number."""
     first = next((value for value in values if value not in (None, "")), None)
     return first is not None and _number(first) is not None
 
@@ -304,7 +299,7 @@ def _chosen(rows: Rows, metrics: list[str], asked: str | None) -> str:
         return PRIMARY
     if not metrics:
         source = rows.stretches[0][0]
-        raise InputError(f"{source}: has no column of numbers beside {', '.join(KEYS)}: nothing to judge")
+        raise InputError(f"{source}: has no column of numbers other than {', '.join(KEYS)}: nothing to judge")
     return metrics[0]
 
 
@@ -345,7 +340,6 @@ def _numbers(rows: Rows, name: str) -> np.ndarray:
 
 
 def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
-    """Raise `InputError` at the first score that no two images have, by a metric that we know."""
     low, high = POSSIBLE.get(name, (-math.inf, math.inf))
     wrong = np.flatnonzero((scores < low) | (scores > high))
     if wrong.size:
@@ -357,7 +351,6 @@ def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
 
 
 def _number(value: Any) -> float | None:
-    """Return `value` as a number of at most `LARGEST`, None if it is none."""
     if isinstance(value, bool):
         return None
     try:

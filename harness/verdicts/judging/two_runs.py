@@ -142,7 +142,7 @@ def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]
         if sides[0] != sides[1]:
             raise InputError(f"{where}: {name} {', '.join(sides[0])} against {', '.join(sides[1])}; {remedy}")
     if alone := sorted(cells[0].keys() ^ cells[1].keys()):
-        raise InputError(f"{where}: {' '.join(map(str, alone[0]))} is in one alone; finish both with --resume")
+        raise InputError(f"{where}: {' '.join(map(str, alone[0]))} is in only one of them; finish both with --resume")
     settings = [dict(_flat(run.settings)) for run in runs]
     for name in sorted(settings[0].keys() | settings[1].keys()):
         values = [side.get(name) for side in settings]
@@ -150,7 +150,7 @@ def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]
             raise InputError(f"{where}: {name} is {values[0]} against {values[1]}; {remedy}")
 
 
-def _flat(value: Any, name: str = "") -> Iterable[tuple[str, Any]]:
+def _flat(value: object, name: str = "") -> Iterable[tuple[str, object]]:
     if not isinstance(value, dict):
         yield name, value
         return
@@ -177,7 +177,6 @@ def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
 
 
 def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[Moved]:
-    """Return the changes between methods that were trained on every scene, at each budget that both have counted."""
     budgets = [budget for budget in budgets_of(first) if budget in budgets_of(second)]
     return [
         Moved(
@@ -199,7 +198,6 @@ def as_json(runs: TwoRuns) -> dict[str, Any]:
 
 
 def lines_of(runs: TwoRuns) -> list[str]:
-    """Return the lines of a table for the terminal."""
     lines = [f"{name}: {', '.join(ours)} | {', '.join(theirs)}" for name, (ours, theirs) in runs.origins.items()]
     total = runs.all.cells if runs.all else 0
     lines += [f"{runs.identical} of {total + len(runs.lost)} cells are the same to the last bit", *runs.lost]
@@ -214,7 +212,6 @@ def lines_of(runs: TwoRuns) -> list[str]:
 
 
 def _lines_of_changes(runs: TwoRuns) -> Iterable[str]:
-    """Yield what each pair of methods differs by in both outputs, and by how much that changed."""
     before = {(found.method, found.against): found for found in runs.over_all}
     yield "\nhow much differences of test PSNR changed, second less first (95 %, of all pairs together):"
     for found in runs.moved:

@@ -13,9 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from harness.records.verdict import phrase_with
 from harness.verdicts.comparisons import judged
-from reports.claims.estimands import between
+from reports.claims.estimands import judged_in_words
 from reports.data.wording import listed, number, signed
 from reports.drawing.palette import MARKERS, OTHERS
 from reports.drawing.sheet import Drawing, key_of, save_sheet
@@ -45,7 +44,6 @@ def means(search: Search, method: str, steps: int) -> dict[Pair, float]:
 
 
 def budgets(search: Search) -> tuple[int, int]:
-    """Return the steps of the first trainings and of the finalists."""
     steps = [row["steps"] for row in search["rows"]]
     return min(steps), max(steps)
 
@@ -135,19 +133,17 @@ def difference(search: Search, method: str, against: str) -> str:
     estimate = found.scenes_like_these
     if estimate is None or estimate.simultaneous is None:
         return ""
-    known = f"{between(estimate.simultaneous)}: {phrase_with(estimate.verdict, estimate.simultaneous)}"
+    known = judged_in_words(estimate.simultaneous, estimate.verdict)
     return f"`{method}` − `{against}` {signed(found.difference)} dB ({known})"
 
 
 def chosen_scores(search: Search, method: str) -> dict[str, float]:
-    """Map scene → validation PSNR after all steps with the constants that were chosen."""
     wanted, (_, full) = search["chosen"][method], budgets(search)
     rows = [row for row in search["rows"] if (row["method"], row["steps"], row["constants"]) == (method, full, wanted)]
     return {row["scene"]: row["psnr_val"] for row in rows}
 
 
 def best(search: Search, method: str, steps: int) -> dict[str, float | None]:
-    """Return the pair with the best mean after `steps`."""
     scores = means(search, method, steps)
     unit, start = max(scores, key=lambda pair: scores[pair])
     return {"unit": unit, "start": start}
@@ -161,7 +157,6 @@ def on_complete_scenes(search: Search) -> Search:
 
 
 def main(record: str, picture: str) -> int:
-    """Draw the surface; returns 0."""
     search = on_complete_scenes(json.loads(Path(record).read_text(encoding="utf-8")))
     save_sheet(Path(picture), drawings(search), 4)
     return 0

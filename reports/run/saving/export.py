@@ -57,7 +57,7 @@ def tables(records: Records, beside: Beside) -> Iterator[Grid]:
     if targets is not None:
         grids += [savings_grid(targets, ["all"]), savings_grid(targets, records.scenes), at_risk_grid(targets)]
     grids += [metrics_table.metrics_grid(records), *(grid(records) for _, grid in TABLES.values())]
-    grids += [*(chapter["grid"] for chapter in chapters(claims(records, beside), in_a_line(records)))]
+    grids += [grid for _, grid in chapters(claims(records, beside), in_a_line(records))]
     grids.append(metrics_table.comparisons_grid(records))
     yield from (grid for grid in grids if grid is not None and grid.rows)
 

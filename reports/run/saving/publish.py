@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import matplotlib.image
@@ -38,7 +37,7 @@ CLAIM = (
 """What summary.json tells of a claim: how it was judged, then what explains it."""
 
 
-def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
+def summary(records: Records, beside: Beside = ALONE) -> dict[str, object]:
     """Return plain data, JSON-ready: a number that is not finite is None and the cell's status says why.
 
     `serving` is None if it was not measured.
@@ -73,7 +72,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, Any]:
     }
 
 
-def _cell(cell: CellRecord) -> dict[str, Any]:
+def _cell(cell: CellRecord) -> dict[str, object]:
     scores = [*METRICS, "psnr_train", "psnr_ceiling", *(name for name in cell.scores if name not in METRICS)]
     curve = {
         "steps": [point.step for point in cell.curve],
@@ -97,7 +96,6 @@ def _cell(cell: CellRecord) -> dict[str, Any]:
 
 
 def write_summary(records: Records, path: Path, beside: Beside = ALONE) -> None:
-    """Write atomically; NaN and Infinity are refused."""
     write_json(path, summary(records, beside))
 
 

@@ -17,8 +17,7 @@ from pathlib import Path
 from harness.records.former.four_words import in_two_words
 from harness.records.study import Studies, read_studies
 from reports.run.saving import constants, run_blocks, study_blocks
-from reports.run.saving.published_cells import judged_again
-from reports.run.saving.run_blocks import Run
+from reports.run.saving.published_cells import Run, judged_again
 
 RUN = ("reduced/summary.json",)
 REPLICATES = "reduced/processors.json?"
@@ -87,7 +86,6 @@ def _judged(text: str) -> Run:
 
 
 def pages(root: Path) -> list[Path]:
-    """Return the pages that may hold blocks."""
     return [root / "README.md", *sorted((root / "docs").glob("*.md"))]
 
 
@@ -102,7 +100,6 @@ def rewritten(text: str, docs: Path) -> str:
 
 
 def main(root: Path = Path()) -> int:
-    """Print the pages that changed."""
     for page in pages(root):
         text = page.read_text(encoding="utf-8")
         new = rewritten(text, root / "docs")

@@ -13,7 +13,7 @@ from harness.verdicts.comparisons import compare
 from harness.verdicts.headline_family import SENSES, headline_budgets
 
 Run = dict[str, Any]
-"""The content of a summary.json."""
+"""The content of a published JSON file other than a record of studies."""
 
 
 def judged_again(run: Run) -> Run:

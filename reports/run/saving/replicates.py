@@ -3,18 +3,16 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from harness.records.former.four_words import NO_INTERVAL
 from harness.records.json_record import as_promised
 from harness.records.verdict import Verdict, common
 from reports.claims.headline import rising, title_of
 from reports.data.outcome import Outcome, clause
+from reports.run.saving.published_cells import Run
 
 BASELINE, CONTROL, FAVOURITE, REPAIRED = "nerf", "nerf_matched", "qnerf", "qnerf_repaired"
 """The methods that README and docs speak of."""
-Run = dict[str, Any]
-"""The content of a published JSON file that is no record of studies."""
 FORMER_HEADLINE = re.compile(r"([+-][\d.]+) dB \((\w+)\)")
 """A difference with its word, as `compare` wrote them in a sentence alone."""
 
@@ -27,7 +25,6 @@ def row(run: Run, scene: str, method: str, against: str, budget: str = "steps") 
 
 
 def verdict_in(known: Run) -> Verdict:
-    """Return the verdict of a comparison or of an estimate."""
     return as_promised(known["verdict"], Verdict)
 
 
@@ -66,7 +63,6 @@ def _of_replicates(replicates: Run) -> Iterator[tuple[str, str, list[float], lis
 
 
 def answer(run: Run, replicates: Run) -> str:
-    """State the published headline, with words that its replicates repeat."""
     of_pairs = replicated(run, replicates)
 
     def found(first: str, second: str) -> Outcome | None:

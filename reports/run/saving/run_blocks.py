@@ -9,20 +9,18 @@ import numpy as np
 from harness.records.cells import Comparison
 from harness.records.json_record import as_promised
 from harness.records.study import Check, Studies
-from harness.records.verdict import phrase_with
 from harness.verdicts.changes import Situation, changes
 from harness.verdicts.comparisons import judged
-from reports.claims.estimands import SENSES, between
+from reports.claims.estimands import SENSES, between, judged_in_words
 from reports.data.outcome import doubts, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
-from reports.run.saving.published_cells import situation
+from reports.run.saving.published_cells import Run, situation
 from reports.run.saving.replicates import (
     BASELINE,
     CONTROL,
     FAVOURITE,
     REPAIRED,
     Replicated,
-    Run,
     answer,
     replicated,
     row,
@@ -37,18 +35,15 @@ DUELS = (
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Return a table in Markdown."""
     head = list(head)
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
 def main_methods(run: Run) -> list[str]:
-    """Return the methods that were trained on every scene."""
     return [method for method in run["methods"] if method in run["settings"]["methods"]]
 
 
 def in_both(run: Run, other: Run) -> list[str]:
-    """Return the methods that two runs have everywhere."""
     return [method for method in main_methods(run) if method in main_methods(other)]
 
 
@@ -62,11 +57,10 @@ def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str
         return "–"
     if runs and sense == "scenes_like_these" and not runs.repeated:
         return f"{between(pair)}; {shared(runs.differences, runs.verdicts)}"
-    return f"{between(pair)}: {phrase_with(verdict_in(known), pair)}"
+    return judged_in_words(pair, verdict_in(known))
 
 
 def scale(run: Run) -> str:
-    """State the scale at which the default run was measured, and its machine."""
     train, provenance, scene = run["settings"]["train"], run["provenance"], run["scenes"][0]
     network = f"{train['network']['depth']} × {train['network']['width']}"
     return (
@@ -78,32 +72,25 @@ def scale(run: Run) -> str:
 
 
 def result(run: Run, replicates: Run) -> str:
-    """State the answer, the printed gain, and who scores how much more than whom, asked twice."""
-    gain = next(
-        (claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None), None
-    )
-    printed = f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." if gain else ""
-    return f"**{answer(run, replicates)}.**{printed}\n\n{differences(run, replicates=replicates)}"
+    gains = [claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None]
+    printed = [f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." for gain in gains]
+    return f"**{answer(run, replicates)}.**{''.join(printed)}\n\n{differences(run, replicates=replicates)}"
 
 
 def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
     of_pairs = replicated(run, replicates or {})
+    duels = {pair: duel for pair in DUELS if (duel := row(run, "all", *pair, budget))}
     rows = [
         (
             f"`{pair[0]}` − `{pair[1]}`",
             f"{signed(duel['difference'])} dB",
             *(estimate(duel, name, of_pairs.get(pair)) for name in SENSES),
         )
-        for pair in DUELS
-        if (duel := row(run, "all", *pair, budget))
+        for pair, duel in duels.items()
     ]
     head = (f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values()))
-    notes = [words for pair in DUELS if (duel := row(run, "all", *pair, budget)) for words in doubts(_record(duel))]
+    notes = [words for duel in duels.values() for words in doubts(as_promised(duel, Comparison))]
     return "\n\n".join([table(head, rows), *notes])
-
-
-def _record(comparison: Run) -> Comparison:
-    return as_promised(comparison, Comparison)
 
 
 def equal_time(run: Run) -> str:
@@ -124,9 +111,7 @@ def changed(run: Run, before: Situation, after: Situation, words: str) -> str:
             continue
         size, scenes = change.judgement.difference or 0.0, change.by_scene.values()
         told = (
-            f"{between(known.simultaneous)}: {phrase_with(known.verdict, known.simultaneous)}"
-            if known and known.simultaneous
-            else "–"
+            judged_in_words(known.simultaneous, known.verdict) if known and known.simultaneous else "–"
             for known in (change.judgement.on_these_scenes, change.judgement.scenes_like_these)
         )
         same = f"{sum(moved * size > 0 for moved in scenes)} of {counted(len(scenes), 'scene')}"
@@ -136,7 +121,6 @@ def changed(run: Run, before: Situation, after: Situation, words: str) -> str:
 
 
 def training(run: Run) -> str:
-    """State what a cell was given: steps, rays, optimiser."""
     train = run["settings"]["train"]
     optimiser = train["optimiser"]["name"]
     named = optimiser.upper() if optimiser == "soap" else optimiser.capitalize()
@@ -209,7 +193,6 @@ def scores(run: Run) -> str:
 
 
 def psnr_of(run: Run, scene: str, method: str) -> list[float]:
-    """Return the scores, one per seed."""
     cells = (cell for cell in run["cells"] if (cell["scene"], cell["method"]) == (scene, method))
     return [cell["psnr"] for cell in cells if cell["psnr"] is not None]
 
@@ -220,14 +203,9 @@ def spread(values: list[float]) -> str:
     return f"{number(fmean(values))}{more}" if values else "–"
 
 
-def explained_scene(run: Run) -> str:
-    """Return the scene of the further methods; empty if there are none."""
-    return next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
-
-
 def further(run: Run) -> str:
     """Tabulate the methods that were trained on one scene alone, without the ladder."""
-    scene = explained_scene(run)
+    scene = next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
     rows = [
         (f"`{method}`", title, f"{signed(duel['difference'])} dB, {estimate(duel, 'on_these_scenes')}")
         for method, title in run["methods"].items()
@@ -249,7 +227,6 @@ def density_of(run: Run, method: str) -> tuple[float, float | str | None]:
 
 
 def unit_of(run: Run, method: str) -> float:
-    """Return the unit of density of a method, per half of the longest side of the scene's box."""
     settings = run["settings"]
     if "density_units" in settings:  # a run from before it was a setting of the training
         return float(settings["density_units"][method]["scale"])
@@ -280,7 +257,6 @@ def ceiling(run: Run, late: Run) -> str:
 
 
 def failed(run: Run) -> str:
-    """State how often runs diverged or collapsed."""
     rates = run.get("failures", {}).get("rates", [])
     lost = [
         f"`{rate['method']}` in {rate['diverged'] + rate['collapsed']} of {counted(rate['runs'], 'run')} "
@@ -294,7 +270,6 @@ def failed(run: Run) -> str:
 
 
 def ledger(run: Run) -> str:
-    """State how many printed statements came out how."""
     many = Counter(claim["verdict"] for claim in run["claims"])
     verdicts = listed([f"{many[verdict]} {verdict}" for verdict in VERDICTS if many[verdict]])
     return f"Of {len(run['claims'])} statements of the paper: {verdicts}." if run["claims"] else ""
@@ -407,7 +382,7 @@ def _moved(run: Run) -> str:
     """State how far scores moved, and by how much the differences at equal steps did, where it was recorded."""
     told = [
         f"`{found['method']}` − `{found['against']}` by {signed(found['difference'])} dB"
-        f" ({between(known['simultaneous'])}: {verdict_in(known).phrase})"
+        f" ({judged_in_words(known['simultaneous'], verdict_in(known))})"
         for found in run.get("moved", ())
         if found["budget"] == "steps"
         and (known := found["scenes_like_these"] or found["on_these_scenes"])
@@ -420,5 +395,4 @@ def _moved(run: Run) -> str:
 
 
 def target(measured: Check) -> str:
-    """Format `2 GB, met`, of a measurement with a target."""
     return f"{measured.limit:g} {measured.unit}, {'met' if measured.holds else '**missed**'}"

@@ -9,7 +9,8 @@ from harness.records.metric_table import METRICS
 from harness.records.study import Studies
 from harness.verdicts.statistics import paired_difference, verdict
 from reports.data.wording import counted, interval, listed, number, signed, significant
-from reports.run.saving.run_blocks import Run, table, target
+from reports.run.saving.published_cells import Run
+from reports.run.saving.run_blocks import table, target
 
 FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 
@@ -61,7 +62,6 @@ def families(searched: Run) -> str:
 
 
 def leaders(record: Studies) -> str:
-    """State who is best at which budget, with the picture, for the README."""
     who = [answer for study in record.studies if study.info.id == "front" for answer in study.answers]
     amount = record.settings["amount"]
     scale = f"{counted(len(amount['scenes']), 'scene')}, {counted(len(amount['seeds']), 'seed')}"
@@ -70,7 +70,6 @@ def leaders(record: Studies) -> str:
 
 
 def stability(record: Studies) -> str:
-    """State how many checks came out how, by whose formula it is."""
     many = Counter((check.owner, check.status) for _, check in record.checks())
     tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
     return (
@@ -83,7 +82,6 @@ def stability(record: Studies) -> str:
 
 
 def speed(record: Studies) -> str:
-    """Tabulate ratios and memory, with their targets; none of them depends on what is trained."""
     by_id = {check.id: check for _, check in record.checks()}
     rows = [
         (
@@ -99,7 +97,6 @@ def speed(record: Studies) -> str:
 
 
 def serving(record: Studies) -> str:
-    """State what the view cache and attention bring (§8)."""
     by_id = {check.id: check for _, check in record.checks() if check.value is not None}
     hits = [
         f"{number(min(ratios), 0)} to {number(max(ratios), 0)} × from {where}"
@@ -160,7 +157,6 @@ def omission(effect: Run) -> str:
 
 
 def environment(installed: Run) -> str:
-    """State the disk space of the installation."""
     size, gpus = (installed[name] / 1e9 for name in ("bytes", "bytes_for_gpus"))
     return (
         f"The environment takes {size:.1f} GB, {gpus:.1f} GB of it for NVIDIA GPUs, which "

@@ -21,6 +21,7 @@ from harness.records.cells import (
     Roles,
     RunRecord,
     SceneRecord,
+    Scores,
     ViewScore,
     cell_path,
     digests_of,
@@ -57,6 +58,10 @@ def one_cell() -> CellRecord:
     density = {"edges": [0.0, 0.5, 1.0], "before": [0.25, 0.75], "after": [1.0, 0.0], "points": [3, 4]}
     curve = [checkpoint(10, 1.5, None), replace(checkpoint(20, 3.0, 21.5), density=density, alpha=0.618)]
     return cell("lego", "qnerf", 2, curve)
+
+
+def test_scores_have_a_field_for_every_metric_in_the_order_of_the_table() -> None:
+    assert Scores.__struct_fields__ == tuple(METRICS)
 
 
 HERE = Estimate((0.0, 0.2), (-0.1, 0.3), 48, Verdict("open", "open"), 0.1, None)

@@ -89,7 +89,7 @@ def test_a_former_word_behind_no_interval_is_left_to_the_reader_to_refuse(pair: 
 
 
 def test_records_of_an_earlier_version_are_read() -> None:
-    rows = [*read_comparisons(FORMER / "run"), *read_studies(FORMER / "evidence.json").studies[0].effects]
+    rows = [*read_comparisons(FORMER / "run"), *read_studies(PUBLISHED.parent / "evidence.json").studies[0].effects]
     targets = read_targets(FORMER / "run")
     assert targets is not None
     verdicts = [each.verdict for each in (*rows, *targets.comparisons)]

@@ -217,18 +217,18 @@ def test_weights_are_counted_and_settings_and_their_code_never_pass(whole: Recor
 
 def test_claims_as_tables(whole: Records):
     judged, here = claims(whole), in_a_line(whole)
-    shown, lines = chapters(judged, here), {fold["title"]: fold["claims"] for fold in folds(judged)}
+    shown, lines = chapters(judged, here), dict(folds(judged))
     assert sum(many for _, many in tally(judged)) == len(LEDGER)
-    assert sum(len(chapter["grid"].rows) for chapter in shown) + sum(map(len, lines.values())) == len(LEDGER)
+    assert sum(len(grid.rows) for _, grid in shown) + sum(map(len, lines.values())) == len(LEDGER)
     start = f"Of {len(LEDGER)} statements in the ledger: 9 reproduced, 3 not reproduced, 1 not seen at "
     assert in_a_sentence(judged).startswith(start)
-    rows = {row[0].text: row for chapter in shown for row in chapter["grid"].rows}
+    rows = {row[0].text: row for _, grid in shown for row in grid.rows}
     gain, weights = rows["Q-NeRF gains over NeRF on average"], rows["The network has this many weights"]
     assert [entry.text for entry in gain[1:4]] == ["+1.5 dB", "+0.81 dB", "✕ not seen at this scale"]
     assert gain[3].small == "", "the run's scale stands above the table"
     assert [entry.text for entry in weights[1:4]] == ["1\u202f370\u202f000", "546\u202f566", "✕ not reproduced"]
     assert rows["The φ skip follows layer ⌊φ·8/2⌋"][3].small == OWN_FIGURES
-    assert shown[-1]["title"].startswith("Our readings"), "apart from what is printed"
+    assert shown[-1][0].startswith("Our readings"), "apart from what is printed"
     assert here not in {row[3].small for row in rows.values()}
     assert "6 claims need the ablation study: `nox -s evidence -- --out out/latest`." in lines
     settings = lines["15 claims are settings, taken over or named under Deviations, not results."]

@@ -1,7 +1,5 @@
 """The question, the answer, how sure, and what was not tested: each made from figures."""
 
-from types import SimpleNamespace
-
 import pytest
 
 from harness.records.study import Check, Studies, StudyInfo, StudyRecord, check
@@ -21,7 +19,7 @@ from tests.reports.fake_run import PAPER, write_fake_run
 
 def shown(records: Records, evidence: Studies | None = None):
     beside = Beside(evidence=evidence)
-    return SimpleNamespace(**first_screen(records, claims(records, beside), beside))
+    return first_screen(records, claims(records, beside), beside)
 
 
 def calibrated(*checks: Check) -> Studies:

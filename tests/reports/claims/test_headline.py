@@ -4,7 +4,7 @@ import pytest
 
 from harness.records.cells import Roles
 from harness.records.verdict import OPEN, Verdict
-from reports.claims.headline import headline, roles, title_of
+from reports.claims.headline import headline, title_of
 from reports.data.load import Records, read_records
 from reports.data.outcome import Outcome, clause
 from tests.replacing import replace
@@ -165,9 +165,9 @@ def test_other_casts(whole: Records, tmp_path):
     assert played("nerf").title == "Only nerf was run: there is nothing to compare it with"
     methods = {"nerf": "", "nerf_matched": "", "qnerf_theorem": "", "qnerf": ""}
     run = replace(whole.run, methods=methods)
-    cast = roles(replace(whole, run=run))
+    cast = replace(whole, run=run)
     assert (cast.baseline, cast.control, cast.contenders) == ("nerf", "nerf_matched", ["qnerf_theorem", "qnerf"])
-    cast = roles(replace(whole, run=replace(run, roles=Roles("qnerf"))))
+    cast = replace(whole, run=replace(run, roles=Roles("qnerf")))
     assert (cast.baseline, cast.control, cast.contenders) == ("qnerf", None, ["nerf", "nerf_matched", "qnerf_theorem"])
 
 

@@ -59,7 +59,7 @@ def test_the_first_screen_says_what_it_reaches_in_nerfs_core_seconds(visited: Re
         "20 core seconds a cell; one seed, not judged)"
     )
     beside = Beside()
-    assert first_screen(visited, claims(visited, beside), beside)["guests"] == guests(visited)
+    assert first_screen(visited, claims(visited, beside), beside).guests == guests(visited)
     assert guests(whole) == ""
     assert "splats</" in page(visited)
     assert "<dt>Other methods</dt>" not in page(whole)

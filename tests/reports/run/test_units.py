@@ -11,9 +11,10 @@ from harness.records.cells import write_comparisons as write_rows
 from harness.records.json_record import load_record, write_record
 from harness.verdicts.comparisons import compare
 from reports.data.load import Records, read_records
-from reports.run.density import PRINTED, further_grid, printed_form, separation
+from reports.run.density import further_grid, printed_form, separation
 from reports.run.run_page import page
 
+PRINTED = "qnerf_printed"
 FURTHER = {"nerf_phi_encoding": 20.0, "nerf_no_shift": 24.0}
 
 

@@ -12,7 +12,7 @@ const runs = (() => {
     core_seconds: ["core seconds", "core_seconds", "core_seconds"],
   };
   const WORDS = { done: "finished", diverged: "diverged", error: "failed", not_available: "not available" };
-  const APART = "not compared: the group is not whole";
+  const APART = "not compared: the group is not complete";
   const body = element("div", { class: "content" });
   const close = element.button("close", "✕", () => shut(), { "aria-label": "Close" });
   const panel = element("aside", { class: "panel", id: "runs", hidden: true, tabindex: "-1", "aria-label": "The runs behind it" }, close, body);
