@@ -57,4 +57,4 @@ STUDIES: dict[str, Study] = catalogue(
         1,
     ),
 )
-SHELF = Shelf("serving", "studies", STUDIES, beside=True)
+SHELF = Shelf("serving", "studies", STUDIES, beside=True, anew=True)

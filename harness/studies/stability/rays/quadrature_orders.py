@@ -14,6 +14,7 @@ from baselines.numerics.quadrature import QUADRATURES, Rule
 from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
 from harness.records.study import Owner, Series, check
 from harness.studies.framework import Found
+from harness.studies.power_laws import fitted_power
 from harness.studies.stability.rays.exact_rays import (
     MOST_SLOPE,
     Profile,
@@ -69,7 +70,7 @@ def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
     seen = [(count, error) for count, error in zip(counts, errors, strict=True) if error > FLOOR]
     if len(seen) < 3:
         return None
-    return -float(np.polyfit(np.log([count for count, _ in seen]), np.log([error for _, error in seen]), 1)[0])
+    return -fitted_power(*zip(*seen, strict=True))[0]
 
 
 def orders(context: StabilityContext) -> Iterator[Found]:

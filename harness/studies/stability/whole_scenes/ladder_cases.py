@@ -131,7 +131,7 @@ def omissions(context: StabilityContext) -> Iterator[Found]:
     plan = _plan(context)
     folders = view_set_folders(plan, context.view_sets, context.show)
     omitted, controls = verified(
-        plan, folders, context.scratch, context.workers, context.show.line, controls=not context.quick
+        plan, folders, context.scratch, context.machine.workers, context.show.line, controls=not context.quick
     )
     for name in dict.fromkeys(omission.name for omission in omitted):
         yield _worst([omission for omission in omitted if omission.name == name])

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from harness.execution.ground_truth import read_views, render_view_sets
-from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
 from harness.records.json_record import DamagedRecord
 from harness.records.pictures import Render, last_of, read_renders
@@ -165,7 +164,7 @@ def trained(context: StabilityContext, profile: str, scenes: Iterable[str], fold
     complete = all(cell_path(folder, *cell).exists() for cell in plan.cells())
     if not (complete and before and before.finished and before.settings == json.loads(json.dumps(plan.settings()))):
         folder.mkdir(parents=True, exist_ok=True)
-        machine = Machine("cpu", context.workers, 1)
+        machine = replace(context.machine, threads=1)
         execution.run(plan, folder, context.view_sets, machine, "nox -s stability", context.show)
     cells: dict[tuple[str, str], list[CellRecord]] = {}
     for cell in read_cells(folder):
