@@ -24,8 +24,6 @@ from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, StudyConte
 
 @dataclass(frozen=True)
 class StudyRun:
-    """The results of a training."""
-
     plan: Plan
     scenes: list[SceneRecord]
     cells: list[CellRecord]
@@ -33,8 +31,6 @@ class StudyRun:
 
 @dataclass(frozen=True)
 class TrainedContext(StudyContext):
-    """One run of studies that train."""
-
     command: ClassVar[str]
     """The command that a record of a training names."""
     as_planned: bool
@@ -112,7 +108,6 @@ class TrainedContext(StudyContext):
 
 
 def folder_of(out: Path, training: str) -> Path:
-    """Return the folder in which the run of a training lies."""
     return out / TRAININGS_FOLDER / training
 
 

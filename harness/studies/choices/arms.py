@@ -69,8 +69,6 @@ class Arm:
 
 @dataclass(frozen=True)
 class CellTask:
-    """One cell, to be trained once per arm."""
-
     scene: str
     method: str
     seed: int
@@ -98,8 +96,6 @@ class Rerendered:
 
 @dataclass(frozen=True)
 class Ended:
-    """A trained cell."""
-
     psnr: float | None
     """The mean over the views that are scored; None if training diverged."""
     train_seconds: float = 0.0
@@ -115,8 +111,6 @@ class Ended:
 
 @dataclass(frozen=True)
 class CellArms:
-    """A cell with all its arms."""
-
     scene: str
     method: str
     seed: int
@@ -171,7 +165,6 @@ def weigh(pairs: Iterable[tuple[float | None, float | None]]) -> PairedDifferenc
 
 
 def settings_of(train: TrainSettings, arm: Arm) -> TrainSettings:
-    """Return the settings of a training as an arm changes them."""
     if arm.precision is not None:
         train = replace(train, precision=arm.precision)
     if arm.position_bands is not None:

@@ -29,8 +29,6 @@ USUAL = PROFILES["reduced"].train
 
 @dataclass(frozen=True)
 class Trial:
-    """What a training has in place of the usual."""
-
     what: str = "as the frontier trains it"
     own: Any = None
     """The family's own settings; None: the usual."""
@@ -102,8 +100,6 @@ TRIALS: dict[str, dict[str, Trial]] = {
 
 @dataclass(frozen=True)
 class FamilyRow:
-    """One trial of a family on one scene."""
-
     family: str
     trial: str
     scene: str

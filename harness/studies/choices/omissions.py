@@ -164,7 +164,6 @@ def too_costly(omissions: list[Omission]) -> list[Omission]:
 
 
 def filled(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
-    """Return the `rows` of one scene with what was measured on it."""
     measured = {one.name: {name: getattr(one, name, blank) for name, blank in UNMEASURED.items()} for one in omissions}
     return [structs.replace(row, **measured.get(row.name, {})) for row in rows]
 
@@ -263,7 +262,6 @@ def omissions_of(cells: list[CellArms]) -> list[Omission]:
 
 
 def controls_of(cells: list[CellArms]) -> list[Omission]:
-    """Return what leaving out costs if the part is needed."""
     return [
         replace(_of_training(alike, name, arm, PLANNED), what=what)
         for alike in _by_method(cells)
@@ -273,13 +271,11 @@ def controls_of(cells: list[CellArms]) -> list[Omission]:
 
 
 def _by_method(cells: list[CellArms]) -> list[list[CellArms]]:
-    """Return the cells of each scene and method."""
     keys = dict.fromkeys((cell.scene, cell.method) for cell in cells)
     return [[cell for cell in cells if (cell.scene, cell.method) == key] for key in keys]
 
 
 def _of_training(cells: list[CellArms], name: str, without: str, with_it: str) -> Omission:
-    """Compare the arms named by `without`, which lack the part, and `with_it`, which have it."""
     pairs = [(cell.ended[without], cell.ended[with_it]) for cell in cells]
     result = weigh((a.psnr, b.psnr) for a, b in pairs)
     verdict = judged(weigh((b.psnr, a.psnr) for a, b in pairs), PARTS[name].bound)

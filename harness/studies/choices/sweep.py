@@ -31,8 +31,6 @@ ARMS = (
 
 @dataclass(frozen=True)
 class Tried:
-    """The settings of an arm."""
-
     optimiser: OptimiserName
     learning_rate: float
     last_learning_rate: float
@@ -73,7 +71,6 @@ def sweep(
 
 
 def tried_in(plan: Plan, arm: Arm) -> Tried:
-    """Return the settings with which an arm trains."""
     train = settings_of(plan.train, arm)
     optimiser = train.optimiser
     rates = train.learning_rate, train.last_learning_rate
@@ -90,7 +87,6 @@ def means(rows: list[SweepRow]) -> dict[Tried, float]:
 
 
 def best_of_each(rows: list[SweepRow]) -> dict[str, Tried]:
-    """Map method → the settings with its best mean over scenes."""
     methods = dict.fromkeys(row.method for row in rows)
     return {method: next(iter(means([row for row in rows if row.method == method]))) for method in methods}
 

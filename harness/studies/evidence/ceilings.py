@@ -85,7 +85,6 @@ class Agreement:
 
 
 def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halves: Sequence[float]) -> Agreement:
-    """Return the agreement computed from the mean square errors that noise causes in each of at least two views."""
     levels = [[psnr_from_mse(mse) for mse in values] for values in (stated, again, halves)]
     apart = [a - b for a, b in zip(levels[0], levels[1], strict=True)]
     error = statistics.stdev(apart) / len(apart) ** 0.5
@@ -94,7 +93,6 @@ def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halve
 
 
 def ceilings(context: EvidenceContext) -> Iterator[Found]:
-    """Yield sentences, three checks, and a table of the scenes."""
     plan = replace(context.plan(TRAINING), scenes=tuple(CLASSICS)[: 2 if context.quick else None])
     folders = view_set_folders(plan, context.view_sets, context.show)
     items = [str(folders[name]) for name in plan.scenes]
@@ -113,7 +111,6 @@ def ceilings(context: EvidenceContext) -> Iterator[Found]:
 
 
 def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:
-    """Yield the answer, its checks and its table."""
     within = sum(abs(scene.difference) <= TOLERANCE_DB for scene in scenes)
     mean = statistics.fmean(scene.difference for scene in scenes)
     error = math.hypot(*(scene.error for scene in scenes)) / len(scenes)

@@ -87,8 +87,6 @@ TRAININGS: dict[str, Training] = {
 
 @dataclass(frozen=True)
 class EvidenceContext(TrainedContext):
-    """One run of the studies."""
-
     command = "nox -s evidence"
 
     def settings(self) -> dict[str, Any]:

@@ -16,7 +16,6 @@ SURE = 0.95
 
 
 def front(context: FrontierContext) -> Iterator[Found]:
-    """Yield the probabilities, the crossings and the rank correlations."""
     frontier = context.frontier()
     families, budgets = frontier.trained, frontier.budgets
     tables = [frontier.table(budget, families) for budget in budgets]
@@ -40,7 +39,6 @@ def front(context: FrontierContext) -> Iterator[Found]:
 
 
 def answer(families: tuple[str, ...], budgets: list[float], best: list[np.ndarray]) -> str:
-    """Return who is best when, with the probability."""
     parts = []
     for budget, shares in zip(budgets, best, strict=True):
         leader = families[int(np.argmax(shares))]
@@ -49,7 +47,6 @@ def answer(families: tuple[str, ...], budgets: list[float], best: list[np.ndarra
 
 
 def early_and_late(families: tuple[str, ...], budgets: list[float], tables: list[np.ndarray]) -> str:
-    """Return whether the winner of the shortest budget is that of the longest."""
     early, late = (families[int(np.nanargmax(table.mean(axis=1)))] for table in (tables[0], tables[-1]))
     tau = rank_correlation(tables[0].mean(axis=1), tables[-1].mean(axis=1))
     ends = f"The winner at {budgets[0]:g} core seconds, {early}, is"
@@ -58,7 +55,6 @@ def early_and_late(families: tuple[str, ...], budgets: list[float], tables: list
 
 
 def _not_distinguished(budget: float, families: tuple[str, ...], table: np.ndarray) -> Iterator[str]:
-    """Yield which families are not distinguished from the best by paired differences over scenes."""
     known = [place for place in range(len(families)) if not np.isnan(table[place]).any()]
     if len(known) < 2 or table.shape[1] < 2:
         return

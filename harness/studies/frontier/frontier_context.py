@@ -29,8 +29,6 @@ LONG_BUDGETS = (4.0, 8.0, 15.0, 30.0, 60.0, 120.0, 600.0)
 
 @dataclass(frozen=True)
 class Amount:
-    """What is trained, and for how long."""
-
     scenes: tuple[str, ...] = tuple(CLASSICS)
     families: tuple[str, ...] = FAMILIES
     budgets: tuple[float, ...] = BUDGETS
@@ -70,8 +68,6 @@ def settings_for(budget: float, train: TrainSettings) -> TrainSettings:
 
 @dataclass(frozen=True)
 class FrontierContext(TrainedContext):
-    """One run of the frontier."""
-
     command = "nox -s frontier"
     amount: Amount
 
@@ -113,8 +109,6 @@ class FrontierContext(TrainedContext):
 
 @dataclass(frozen=True)
 class Frontier:
-    """The cells of every budget."""
-
     amount: Amount
     cells: dict[float, list[CellRecord]]
 
@@ -124,11 +118,9 @@ class Frontier:
 
     @property
     def trained(self) -> tuple[str, ...]:
-        """Return the families with any score."""
         return tuple(name for name in self.amount.families if any(self.of(budget, name) for budget in self.cells))
 
     def of(self, budget: float, family: str) -> list[CellRecord]:
-        """Return the cells that ended with a picture."""
         return [cell for cell in self.cells[budget] if cell.method == family and judgeable(cell)]
 
     def values(self, budget: float, family: str, name: str) -> Float[np.ndarray, "scenes seeds"]:

@@ -68,7 +68,6 @@ class Confusion:
 
 @study
 def confusions(context: ServingContext) -> Iterator[Found]:
-    """Yield how many kinds of change each key does not notice."""
     cells = cells_of(context)
     rows = confused(context, cells[0], variants(context, cells[0])) if cells else []
     for cell in cells[1:]:

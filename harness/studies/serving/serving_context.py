@@ -118,7 +118,6 @@ class ServingContext(StudyContext):
         return QUICK if self.quick else FULL
 
     def leave_out(self, what: str, why: str, id: str = "left_out") -> None:
-        """Note once what cannot be measured."""
         gap = Check(what, None, why=why, owner="machine", status="not_available", id=id)
         if gap not in self.gaps:
             self.gaps.append(gap)

@@ -79,7 +79,6 @@ SIZE, QUICK_SIZE = (4096, 192), (64, 16)
 
 
 def by_autograd(sigma: Tensor, t: Tensor, t_edges: Tensor) -> tuple[Tensor, Tensor]:
-    """Evaluate the rule of `midpoint`, differentiated operation by operation."""
     del t
     tau = sigma * torch.diff(t_edges, dim=-1)
     through = torch.cumsum(tau, dim=-1)

@@ -233,7 +233,6 @@ def measured(
 def ratio(
     id: str, title: str, slow: Sequence[float], fast: Sequence[float], detail: str = "", low: float | None = None
 ) -> Check:
-    """Return how many times faster `fast` is."""
     return measured(f"{id}.ratio", title, quotients(slow, fast), "×", detail, low=low)
 
 

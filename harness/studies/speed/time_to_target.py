@@ -113,7 +113,6 @@ class PixelSubset:
     """Colours [pixels, 3], display colour over white."""
 
     def psnr(self, colours: Tensor) -> float:
-        """Return the PSNR in dB of the mean squared error over all pixels."""
         error = torch.mean((colours.double() - self.colours.double()) ** 2)
         return float(-10.0 * torch.log10(error.clamp(min=1e-10)))
 
@@ -189,7 +188,6 @@ def follow(
 
 
 def measure(context: SpeedContext) -> Iterator[Check | Series]:
-    """Yield the ratios to reach what plain training reached at each of `SHARES`, and the curves."""
     views, device, budget = views_of(context), context.device, context.plain_seconds
     plan, settings = reduced_plan(context), paper_settings(context, "float32")
     batches, pixels = batches_of(views, device), pixels_of(views, device)

@@ -22,8 +22,6 @@ Rows = list[list[str | float | None]]
 
 @dataclass(frozen=True)
 class StabilityContext(StudyContext):
-    """One run of the catalogue."""
-
     methods: tuple[str, ...]
     cases: tuple[str, ...] = ()
     """The cases of this run, so that cases which share a training request all of it at once."""
@@ -53,7 +51,6 @@ def whose(method: str) -> Owner:
 
 
 def error_of(kind: type[_Error], attempt: Callable[..., object], *arguments: object) -> _Error | None:
-    """Return the error of that kind which an attempt raises; None if it is accepted."""
     try:
         attempt(*arguments)
     except kind as error:

@@ -76,7 +76,6 @@ class Noise:
 
     @property
     def psnr(self) -> list[float | None]:
-        """Return the ceiling at each number of samples, dB."""
         return [None if mse is None else psnr_from_mse(mse) for mse in self.mse]
 
     def _fitted(self, x: Sequence[float], y: Sequence[float | None], least: float = 0.0) -> Line:
@@ -109,7 +108,6 @@ def noise_of(scene: str, rows: Sequence[dict[str, Any]]) -> Noise:
 
 
 def ground_truth_work(context: EvidenceContext) -> Iterator[Found]:
-    """Yield sentences, a check of the slopes, lines of every scene and two tables."""
     scenes = list(CLASSICS)[: 2 if context.quick else None]
     spp, reference, resolution = ((4, 16, 32), 256, 16) if context.quick else (SPP, REFERENCE_SPP, RESOLUTION)
     options = ["--resolution", resolution, "--reference-spp", reference, "--repeats", REPEATS, "--spp", *spp]
@@ -131,7 +129,6 @@ def ground_truth_work(context: EvidenceContext) -> Iterator[Found]:
 
 
 def sentences(noises: Sequence[Noise], how: str) -> Iterator[Found]:
-    """Yield how fast noise falls with samples, and with time."""
     by_samples = {noise.scene: noise.by_samples for noise in noises}
     by_spp = {scene: slope for scene, slope in by_samples.items() if slope is not None}
     by_time = {noise.scene: slope for noise in noises if (slope := noise.by_seconds) is not None}
@@ -158,7 +155,6 @@ def sentences(noises: Sequence[Noise], how: str) -> Iterator[Found]:
 
 
 def _span(slopes: dict[str, float]) -> str:
-    """Return the steepest and the flattest slope, each with its scene."""
     steep, flat = (pick(slopes, key=lambda name: slopes[name]) for pick in (min, max))
     return " to ".join(f"{slopes[scene]:.2f} ({scene})".replace("-", "−", 1) for scene in (steep, flat))
 
@@ -216,7 +212,6 @@ def room(noises: Sequence[Noise], scores: dict[str, float]) -> Iterator[Found]:
 
 
 def charts(noises: Sequence[Noise], floor: dict[str, float]) -> Iterator[Series]:
-    """Yield RMSE against seconds and against samples, and PSNR against samples."""
     spp = [float(count) for count in noises[0].spp]
     time, samples, error = "seconds a view", "samples a pixel", "RMSE, linear light"
     for noise in noises:
@@ -231,7 +226,6 @@ def charts(noises: Sequence[Noise], floor: dict[str, float]) -> Iterator[Series]
 
 
 def tabled(noises: Sequence[Noise], floor: dict[str, float]) -> Table:
-    """Return slopes, times and errors of every scene."""
     rows: list[list[str | float | None]] = [
         [noise.scene, noise.by_samples, noise.by_seconds, floor[noise.scene], *noise.seconds, *noise.psnr]
         for noise in noises

@@ -124,8 +124,6 @@ class Frame:
 
 @dataclass
 class Line:
-    """One rule and sampler over growing numbers of samples."""
-
     rule: str
     sampler: str
     samples: list[int] = field(default_factory=list)
@@ -259,7 +257,6 @@ def fastest(lines: Sequence[Line], target: float) -> tuple[Line, float] | None:
 
 
 def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[str]:
-    """Yield which combination is first, when that changes, and the error that the paper's rule and the grid leave."""
     first = []
     for target in NAMED_TARGETS:
         if best := fastest(lines, target):
@@ -305,7 +302,6 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
 
 
 def _charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) -> Iterator[Series]:
-    """Yield rules with one sampler and samplers with one rule, against seconds and against evaluations."""
     labels = {rule: f"{rule} (the paper's)" if QUADRATURES[rule].of_the_paper else rule for rule in QUADRATURES}
     views = (
         (f"Rules, sampler: {BY_RULE}", {labels[line.rule]: line for line in lines if line.sampler == BY_RULE}),
@@ -325,7 +321,6 @@ def _charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) 
 
 
 def tabled(lines: Sequence[Line], own: dict[str, float], rays: int) -> Table:
-    """Return every combination: orders, the error that remains at the end, and the cost of 1e-2 and 1e-3."""
     columns = ["rule", "sampler", "order of colour", "order of opacity", "least error of colour", "of opacity",
                "s to 1e-2", "evaluations a ray", "s to 1e-3", "evaluations a ray"]  # fmt: skip
     rows: list[list[str | float | None]] = []

@@ -30,7 +30,6 @@ FEW = 40
 
 
 def float64_twin(context: StabilityContext) -> Iterator[Found]:
-    """O5: rounding, and what becomes of it over a training."""
     methods, others = with_parts(context)
     here = setup(context)
     rows: Rows = []
@@ -74,7 +73,6 @@ def in_dtype(trainer: Trainer, dtype: torch.dtype) -> Trainer:
 
 
 def doubled(context: StabilityContext) -> Callable[[int], Batch]:
-    """Return the common stream of batches in float64."""
     here = setup(context)
     batch_at = here.batches.stream(STREAM, here.settings.rays)
 

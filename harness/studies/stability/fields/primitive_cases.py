@@ -22,7 +22,6 @@ STEP = 1e-5
 
 
 def gaussians(context: StabilityContext) -> Iterator[Found]:
-    """G1: what one Gaussian shows against its closed form, then many in another order, then the gradient."""
     errors = [
         abs(_opacity(_ball(scale, opacity), distance)[0] / opacity - 1.0)
         for distance in (2.0, 20.0, 200.0)
@@ -89,7 +88,6 @@ def _compared(
     learnt: list[Tensor],
     x: Tensor,
 ) -> Iterator[Found]:
-    """Yield the largest errors of features and of their gradient, by the largest."""
     ours = [values.clone().requires_grad_() for values in learnt]
     exact = [values.double().requires_grad_() for values in learnt]
     features, expected = compiled(ours, x), composed(exact, x.double())

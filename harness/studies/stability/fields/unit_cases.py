@@ -44,7 +44,6 @@ OTHER_POINTS = "other points"
 
 
 def chunks(context: StabilityContext) -> Iterator[Found]:
-    """A2: every method of this run, trained, then evaluated on the same view in many ways."""
     by_subject: dict[str, dict[str, float]] = {}
     methods, others = with_parts(context)
     for method in methods:
@@ -179,7 +178,6 @@ SIZES = ((1, 1), (9, 1), (1, 9), (5, 3), (12, 11))
 
 
 def odd_sizes(context: StabilityContext) -> Iterator[Found]:
-    """C2: pictures of odd sizes through the renderer of every run against a loop over rays, and their scores."""
     methods, others = with_parts(context)
     for method in methods:
         trainer = trained(context, method).trainer
@@ -204,7 +202,6 @@ def _odd(context: StabilityContext, trainer: Trainer, width: int, height: int) -
 
 
 def scores_of(width: int, height: int) -> list[float]:
-    """Return scores of a random picture against another and, if defined, against itself."""
     generator = np.random.default_rng(width * 100 + height)
     first, second = generator.uniform(size=(2, height, width, 3)).astype(np.float32)
     pairs = [(first, second), (first, first)]
@@ -235,7 +232,6 @@ def rescaled(views: ViewSet, k: float) -> ViewSet:
 
 
 def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
-    """Return the test PSNR after the small training on rescaled views; NaN if a view has none."""
     views = rescaled(setup(context).views, k)
     trainer = new_trainer(context, method, box=box_of(views, CPU))
     batches = Batches(cameras_of(views, views.train, CPU), views.train.rgba)
@@ -244,7 +240,6 @@ def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
 
 
 def units_of_length(context: StabilityContext) -> Iterator[Found]:
-    """S8: every method, trained on the same images in five units of length."""
     for method in METHODS:
         psnr = {k: psnr_in_unit(context, method, k) for k in (1.0, EXACT, *UNITS)}
         owner: Owner = "paper" if method == "qnerf_printed" else "ours"

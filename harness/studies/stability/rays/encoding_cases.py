@@ -45,7 +45,6 @@ def band_of(features: Tensor, band: int) -> Tensor:
 
 
 def top_frequency(context: StabilityContext) -> Iterator[Found]:
-    """E1: the top band at L = 10 and 14: as every field computes it, as Listing 1 does, and in reduced precision."""
     generator = generator_for("stability", "E1")
     points = 2.0 * torch.rand(300 if context.quick else 3000, generator=generator) - 1.0
     x = torch.cat([points, torch.tensor([1.0, -1.0, 0.0, 0.99999994, 0.9594049, 0.83292031])])
@@ -76,7 +75,6 @@ POSITIONS = (0.0, 1e-45, -1e-38, 1e-10, 1e-4, 1.0, 1.00009, 1e2, 1e4, 1e38, math
 
 
 def positions(context: StabilityContext) -> Iterator[Found]:
-    """E2: ten bands of base 2 at each position, behind the check and without it."""
     bar = BARS["2^k", 10]
     places = {value: torch.tensor([[value]]) for value in POSITIONS}
     inside = {value for value in POSITIONS if abs(value) <= REACH}
@@ -125,7 +123,6 @@ def _straight(panel: str, name: str, x_label: str, y_label: str, x: Tensor, y: T
 
 
 def ghosts(context: StabilityContext) -> Iterator[Found]:
-    """E3: the kernel of each ladder, what a trained network puts into a gap, and neutral gratings."""
     d = torch.linspace(0.0, 2.0, 801, dtype=torch.float64)
     for bands in (10, 14):
         for name, (base, _) in RATIOS.items():

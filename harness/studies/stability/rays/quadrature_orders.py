@@ -56,7 +56,6 @@ TIMED = "ms for 16 rays of a 3 × 64 network, float32"
 
 @cache
 def _errors(name: str, profile: Profile, bins: int) -> tuple[float, float]:
-    """Return the errors of opacity and of colour before a black background."""
     rule = QUADRATURES[name]
     posts = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).unsqueeze(0)
     t, t_edges = rule.place(posts, None)
@@ -74,7 +73,6 @@ def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
 
 
 def orders(context: StabilityContext) -> Iterator[Found]:
-    """Q2: the order of each rule."""
     for name, rule in QUADRATURES.items():
         declared = rule.orders
         gaps, fits = [], {}
@@ -138,7 +136,6 @@ def _milliseconds(counts: tuple[int, ...], enough: float) -> dict[str, list[floa
 
 
 def stiff(context: StabilityContext) -> Iterator[Found]:
-    """Q4: stiff profiles."""
     counts, depths = ((64,), (15.0,)) if context.quick else ((64, 256), (15.0, 100.0, 1000.0))
     profiles = [(make(depth * bins), bins) for make in (homogeneous, exponential) for depth in depths
                 for bins in counts]  # fmt: skip

@@ -78,7 +78,6 @@ OTHER_GRADIENTS: dict[str, tuple[Owner, Weights]] = {
 
 
 def homogeneous(context: StabilityContext) -> Iterator[Found]:
-    """Q1: rounding of a homogeneous ray."""
     counts = (1, 64) if context.quick else (1, 64, 10**6)
     exponents = EXPONENTS[::8] if context.quick else EXPONENTS
     what = "largest relative error of colour, opacity and transmittance, float32"
@@ -160,7 +159,6 @@ def _error_against_depth(exponents: list[float]) -> Iterator[Series]:
 
 
 def _line(panel: str, item: int, name: str, x_label: str, y_label: str, points: dict[float, float]) -> Iterator[Series]:
-    """Yield the line of the finite points, if there are any."""
     shown = {x: max(y, LEAST) for x, y in points.items() if math.isfinite(y)}
     if shown:
         yield Series(panel, item, name, x_label, y_label, list(shown), list(shown.values()))
@@ -176,7 +174,6 @@ SHAPES: dict[str, Callable[[Tensor], Tensor]] = {
 
 
 def gradients(context: StabilityContext) -> Iterator[Found]:
-    """Q3: rounding of gradients."""
     depths = BIN_DEPTHS[::7] if context.quick else BIN_DEPTHS
     bins = 2 if context.quick else 8
     what = "error of ∂C/∂σ over its largest entry"

@@ -43,8 +43,6 @@ measured: 1, 5, 5, 5 and 5, of which thinness and dynamic range explain little m
 
 
 class RungScore(NamedTuple):
-    """The performance of a method on one rung."""
-
     share: float | None
     """The share of the variance that it explains; None if it has no scores."""
     broken: str
@@ -52,7 +50,6 @@ class RungScore(NamedTuple):
 
 
 def ladders(context: StabilityContext) -> Iterator[Found]:
-    """L1: train every rung, then judge by the test views alone."""
     names = [scene for ladder in LADDERS.values() for scene in ladder.scenes]
     run = trained(context, PROFILE, names, context.out / "ladders")
     for ladder in LADDERS.values():
@@ -95,7 +92,6 @@ def worst(of_seeds: list[RungScore]) -> RungScore:
 
 
 def rungs_climbed(scores: list[RungScore]) -> int:
-    """Count the rungs before the first on which it breaks."""
     return next((place for place, score in enumerate(scores) if score.broken), len(scores))
 
 
@@ -124,7 +120,6 @@ FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16
 
 
 def omissions(context: StabilityContext) -> Iterator[Found]:
-    """N1: small cells, three seeds, every omission that concerns model, sampling or rendering."""
     from harness.execution.ground_truth import view_set_folders
     from harness.studies.choices.omissions import compared_integrators, omission_of_integrators, verified
 
@@ -192,7 +187,6 @@ def _line_of(omission: Omission) -> str:
 
 
 def _cost(omission: Omission) -> float | None:
-    """Return how much worse it became; None if nothing was measured."""
     if omission.difference is None:
         return None
     return -omission.difference if omission.unit == "dB" else abs(omission.difference)

@@ -92,7 +92,6 @@ def silhouette(scene: StressScene, cell: CellRecord) -> float | None:
 
 
 def above_the_copy(scene: StressScene, cell: CellRecord) -> float | None:
-    """Return the score above the copy; a method that paints its training images before the cameras falls below it."""
     test, floor = cell.scores.get("psnr"), cell.scores.get("psnr_floor")
     return None if test is None or floor is None else test - floor
 
@@ -145,8 +144,6 @@ def display(linear: np.ndarray) -> np.ndarray:
 
 
 class Figure(NamedTuple):
-    """A figure of each method on a scene, and its limits."""
-
     what: str
     of: Callable[[StressScene, CellRecord], float | None]
     low: float | None = None
@@ -471,7 +468,6 @@ LARGEST_APART_DB = 1.5
 
 
 def scaled(context: StabilityContext) -> Iterator[Found]:
-    """S7: far too small or large."""
     run = stress(context, "S7")
     unit = views_beside(view_set_of(context, "scale_1"), nothing)
     for scene in ("tiny", "huge"):

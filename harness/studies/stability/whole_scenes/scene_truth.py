@@ -126,8 +126,6 @@ def colour_variance(pixels: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class SceneRun:
-    """The results of a run of the ordinary benchmark."""
-
     out: Path
     view_sets: Path
     run: RunRecord
@@ -139,7 +137,6 @@ class SceneRun:
         return (cell for method in self.run.methods for cell in self.cells.get((scene, method), []))
 
     def folder(self, scene: str) -> Path:
-        """Return its view set."""
         return self.view_sets / next(record.view_set for record in self.run.scenes if record.name == scene)
 
     def view_set(self, context: StabilityContext, scene: str) -> ViewSet:
@@ -215,13 +212,11 @@ SCENES: dict[str, tuple[str, ...]] = {
 
 
 def stress(context: StabilityContext, case: str) -> SceneRun:
-    """Return the scenes of all cases of this run, trained once."""
     chosen = [name for name in SCENES if name in context.cases] or list(SCENES)
     return trained(context, PROFILE, [scene for name in {case, *chosen} for scene in SCENES[name]], context.out)
 
 
 def views_of(run: SceneRun, scene: str, count: int | None = None) -> Views:
-    """Return the scene's test views beside their closed form."""
     truth = scene_named(scene).truth
     assert truth is not None, f"scene {scene} has no closed form"
     return views_beside(run.folder(scene), truth, count)
