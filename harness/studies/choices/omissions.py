@@ -241,14 +241,23 @@ def cell_tasks(
         parts = CATALOG[method].parts
         if controls and parts is not None:
             bands = useful_bands(pixels_across(views[scene]) / 2, LADDERS[parts.encoding].base)
-            arms |= {"Nyquist": Arm(position_bands=bands), "half the bins": Arm(bins=0.5)}
+            arms |= {"Nyquist": with_bands(plan, bands), "half the bins": with_half_the_bins(plan)}
         if controls and parts is not None and scene == plan.scenes[0]:
-            arms["no bands"] = Arm(position_bands=0)
+            arms["no bands"] = with_bands(plan, 0)
             direction = needs_of(views[scene]).get("view_direction")
             if direction is not None and direction.needed:
                 arms["no view_direction"] = Arm(no_need=("view_direction",))
         tasks.append(CellTask(scene, method, seed, folders[scene], scratch, plan, arms, device))
     return tasks
+
+
+def with_bands(plan: Plan, bands: int) -> Arm:
+    return Arm({"network": replace(plan.train.network, position_bands=bands)})
+
+
+def with_half_the_bins(plan: Plan) -> Arm:
+    per_pixel = plan.train.bins_per_pixel
+    return Arm({"bins": round(0.5 * plan.train.bins), "bins_per_pixel": per_pixel and 0.5 * per_pixel})
 
 
 def omissions_of(cells: list[CellArms]) -> list[Omission]:

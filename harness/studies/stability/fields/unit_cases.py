@@ -36,7 +36,7 @@ from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import Split, ViewSet
 
 BAR = 2e-6
-"""The largest difference of a colour; measured 1.8e-7 for methods whose density is that of the point alone."""
+"""The largest difference of a colour."""
 EVERYTHING = 1 << 20
 """More rays than a view has, so that it is one chunk."""
 OTHER_POINTS = "other points"

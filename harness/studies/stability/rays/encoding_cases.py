@@ -18,7 +18,7 @@ from harness.studies.stability.stability_context import Rows, StabilityContext, 
 
 DIGITS = 60
 BARS = {("2^k", 10): 1.2e-4, ("2^k", 14): 1.9e-3, ("φ^k", 10): 2.5e-5, ("φ^k", 14): 1.6e-4}
-"""(ladder, bands) → largest error in float32; measured 1.0e-4, 1.7e-3, 2.2e-5, 1.1e-4."""
+"""(ladder, bands) → largest error in float32."""
 SINE_BARS = {**BARS, ("φ^k", 10): 1.2e-5}
 """The bars of a sine of its own for each band. At ten bands of φ ours follow from those below (`encode`), which takes
 less time and doubles the error: 2.2e-5 against 1.1e-5, the worst of any float.
@@ -109,7 +109,6 @@ DISTANCES = (2.0 * PHI / math.sqrt(5.0), 2.0 / math.sqrt(5.0), 1.0)
 BURST = 0.05
 """The standard deviation of the burst's envelope."""
 GHOST_BAR = 0.1
-"""The largest share; measured: 0.05 for the control, and up to 0.07 at distances where a ladder has no lobe."""
 
 
 def kernel(base: float, bands: int, distance: Float[Tensor, " points"]) -> Float[Tensor, " points"]:

@@ -32,7 +32,7 @@ is free of bias, and what the two differ by is the noise of their mean. Even gri
 alignment with straight edges: beneath fields half a pixel wide by four standard errors of six views.
 """
 LARGEST_EXCESS = 1.5
-"""The largest mean square difference of pixels over what noise explains; measured: 0.92 to 1.35."""
+"""The largest mean square difference of pixels over what noise explains."""
 
 
 @dataclass(frozen=True)
