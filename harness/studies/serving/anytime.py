@@ -124,7 +124,7 @@ def anytime(context: ServingContext) -> Iterator[Found]:
         yield NOTHING
         return
     yield from compared(cases_of(seen))
-    yield from examples(context.run.out, seen[0])
+    yield from examples(context.out, seen[0])
 
 
 def compared(cases: Sequence[Case]) -> Iterator[Found]:

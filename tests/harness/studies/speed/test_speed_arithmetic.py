@@ -13,6 +13,7 @@ from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
 from harness.execution.progress import Quiet
 from harness.machine.peak_memory import peak_bytes
+from harness.plan.profiles import Machine
 from harness.studies.speed import throughput
 from harness.studies.speed.growth import exponent
 from harness.studies.speed.kernels import by_autograd, by_product, largest_error
@@ -62,7 +63,7 @@ def test_of_an_emulated_type_the_smallest_product_alone_is_timed(
     seconds: float, chunks: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(throughput, "interleaved", lambda sides, *_: {name: [seconds] for name in sides})
-    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), torch.device("cpu"), 1, 1.0)
+    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), 1.0)
     assert list(throughput._product_rates(context, 8, torch.float32)) == chunks
 
 
