@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +9,10 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from baselines.amplifiers import Amplifier, CallMeanAmplifier
 from baselines.contract import Rays
 from baselines.rendering import Sampling, render_rays
 from harness.plan.seeds import generator_for
-from harness.records.study import Check, Owner, Series, Table, check
+from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import (
     CPU,
@@ -48,12 +46,11 @@ def chunks(context: StabilityContext) -> Iterator[Found]:
     methods, others = with_parts(context)
     for method in methods:
         trainer = trained(context, method).trainer
-        by_subject[method] = differences(context, trainer)
-        yield _outcome(method, whose(method), by_subject[method])
-        if not trainer.field.pointwise:
-            held = f"{method}, mean held"
-            by_subject[held] = differences(context, with_mean_held(trainer), with_reload=False)
-            yield _outcome(held, "ours", by_subject[held])
+        by_subject[method] = apart = differences(context, trainer)
+        worst = _largest(apart)
+        of = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
+        what, why = f"largest difference of {of} in other company", f"worst: {worst}"
+        yield check(what, apart[worst], high=BAR, why=why, subject=method, owner=whose(method))
     yield from others
     ways = list(dict.fromkeys(way for apart in by_subject.values() for way in apart))
     rows: Rows = [[subject, *map(apart.get, ways)] for subject, apart in by_subject.items()]
@@ -65,18 +62,11 @@ def _largest(apart: dict[str, float]) -> str:
     return max(apart, key=lambda name: apart[name] if math.isfinite(apart[name]) else math.inf)
 
 
-def _outcome(subject: str, owner: Owner, apart: dict[str, float]) -> Check:
-    worst = _largest(apart)
-    of = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
-    what = f"largest difference of {of} in other company"
-    return check(what, apart[worst], high=BAR, why=f"worst: {worst}", subject=subject, owner=owner)
-
-
 def _apart(a: Tensor, b: Tensor) -> float:
     return float((a - b).abs().max())
 
 
-def differences(context: StabilityContext, trainer: Trainer, with_reload: bool = True) -> dict[str, float]:
+def differences(context: StabilityContext, trainer: Trainer) -> dict[str, float]:
     """Return way → largest difference from the complete view in one chunk."""
     rays = setup(context).test.all_rays(0)
     whole = trainer.render(rays, EVERYTHING).colour
@@ -85,7 +75,7 @@ def differences(context: StabilityContext, trainer: Trainer, with_reload: bool =
     order = torch.randperm(len(rays), generator=generator_for("stability", "order"))
     origins, directions = (torch.cat([values[few], values.flip(0)[:300]]) for values in (rays.origins, rays.directions))
     padded = Rays(origins, directions, rays.near, rays.far)
-    apart = {
+    return {
         "calls of 1": _apart(trainer.render(some, 1).colour, whole[few]),
         "calls of 16": _apart(trainer.render(rays, 16).colour, whole),
         "calls of 256": _apart(trainer.render(rays, 256).colour, whole),
@@ -93,10 +83,8 @@ def differences(context: StabilityContext, trainer: Trainer, with_reload: bool =
         "padded": _apart(trainer.render(padded, EVERYTHING).colour[: len(whole[few])], whole[few]),
         OTHER_POINTS: opacity_in_other_company(trainer),
         "training mode": recorded_or_not(trainer, some),
+        "reloaded": _apart(reloaded(context, trainer).render(rays, EVERYTHING).colour, whole),
     }
-    if with_reload:
-        apart["reloaded"] = _apart(reloaded(context, trainer).render(rays, EVERYTHING).colour, whole)
-    return apart
 
 
 @torch.no_grad()
@@ -140,37 +128,6 @@ def reloaded(context: StabilityContext, trainer: Trainer) -> Trainer:
         fresh.grid.occupied = read.pop("occupied")
     fresh.fields.load_state_dict(read)
     return fresh
-
-
-class MeanHeld(Amplifier):
-    """A reading of the amplifier about a mean that stays as it is, whatever shares the chunk: density is a field again.
-
-    This removes the dependence on statistics of a batch; what it does to scores is another question, which no case here
-    answers.
-    """
-
-    pointwise = True
-
-    def __init__(self, source: CallMeanAmplifier, mean: Tensor) -> None:
-        super().__init__()
-        self.bounded = source.bounded
-        self.source = source
-        self.register_buffer("mean", mean)
-
-    def before_and_after(self, raw: Tensor) -> tuple[Tensor, Tensor]:
-        quantity = self.source.quantity(raw)
-        return quantity, self.source.about(quantity, self.get_buffer("mean"))
-
-
-@torch.no_grad()
-def with_mean_held(trainer: Trainer) -> Trainer:
-    """Return a copy whose amplifier keeps the mean that training rendered with last."""
-    copy = deepcopy(trainer)
-    for field in copy.fields.children():
-        source = field.amplifier
-        assert isinstance(source, CallMeanAmplifier), "an amplifier without a mean of the chunk has none to hold"
-        field.amplifier = MeanHeld(source, source.mean.value.clone())
-    return copy
 
 
 SIZES = ((1, 1), (9, 1), (1, 9), (5, 3), (12, 11))

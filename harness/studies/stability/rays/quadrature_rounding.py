@@ -13,6 +13,7 @@ from harness.records.study import Check, Owner, Series, check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import DIGITS, OURS, colour, weights_in_digits
 from harness.studies.stability.stability_context import StabilityContext, error_of
+from harness.studies.usual_quadrature import depths, running_product, stock_expm1
 
 SHADE = 0.75
 """The colour of the homogeneous ray, a number of every precision."""
@@ -27,34 +28,13 @@ Weights = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 """Densities and lengths of bins → weights and T_end."""
 
 
-def running_product(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Take α = 1 − exp(−σδ) and transmittance as a running product of 1 − α + 1e-10, in any precision."""
-    alpha = 1.0 - torch.exp(-sigma * lengths)
-    through = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1)
-    return alpha * through[:, :-1], through[:, -1]
-
-
-def _depths(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Return τ of each bin, τ in front of it by a running sum, and T_end."""
-    tau = sigma * lengths
-    through = torch.cumsum(tau, dim=-1)
-    before = torch.cat([torch.zeros_like(through[:, :1]), through[:, :-1]], dim=-1)
-    return tau, before, torch.exp(-through[:, -1])
-
-
 def running_sum(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    tau, before, T_end = _depths(sigma, lengths)
+    tau, before, T_end = depths(sigma, lengths)
     return torch.exp(-before) * (1.0 - torch.exp(-tau)), T_end
 
 
-def stock_expm1(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Run our own forward pass, differentiated by autograd: the gradient of torch.expm1 is grad · (result + 1)."""
-    tau, before, T_end = _depths(sigma, lengths)
-    return torch.exp(-before) * -torch.expm1(-tau), T_end
-
-
 def log_space(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    tau, before, T_end = _depths(sigma, lengths)
+    tau, before, T_end = depths(sigma, lengths)
     return torch.exp(-before + torch.log(-torch.expm1(-tau))), T_end
 
 
