@@ -23,7 +23,7 @@ from harness.playback.run_loader import FinishedRun
 from harness.records.study import Series, Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
-from harness.studies.stability.rays.quadrature_orders import fitted_order
+from harness.studies.power_laws import fitted_power
 from harness.studies.trained_context import folder_of
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
@@ -145,7 +145,7 @@ class Line:
         """Return the order, fitted over the finer half of the errors well above the reference's own."""
         clear = [(n, e) for n, e in zip(self.samples, self.error[measure], strict=True) if e > 3.0 * floor]
         finer = clear[len(clear) // 2 :] if len(clear) >= 6 else clear[-3:]
-        return fitted_order([e for _, e in finer], tuple(n for n, _ in finer))
+        return -fitted_power(*zip(*finer, strict=True))[0] if len(finer) >= 3 else None
 
 
 def rms(difference: Tensor) -> float:
