@@ -60,16 +60,6 @@ def encodings(context: SpeedContext) -> Iterator[Check]:
         yield ratio(id, title, seconds["direct"], seconds["recurrence"], detail, low)
         title = f"Encoding {what}, `encode` without recurrence against direct"
         yield ratio(f"{id}.sines", title, seconds["direct"], seconds["sines"], detail)
-        for side in ("direct", "recurrence"):
-            error = largest_error(sides[side](), x, base, bands)
-            title = f"Largest error of {what} against float64, {side}"
-            yield measured(f"{id}.{side}.error", title, [error], "", f"{points} random points in [−1, 1]³")
-
-
-def largest_error(features: Tensor, x: Tensor, base: float, bands: int) -> float:
-    """Return the largest absolute error, against sines and cosines in float64 of the very same float32 coordinates."""
-    ladder = torch.tensor([base**k for k in range(bands)], dtype=torch.float64, device=x.device)
-    return float((features.double() - fourier_features(x.double(), ladder)).abs().max())
 
 
 Rule = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]

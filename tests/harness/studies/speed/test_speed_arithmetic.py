@@ -8,7 +8,6 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from baselines.contract import Box, NetworkSize
-from baselines.numerics.encoding import PHI, fourier_features, frequency_ladder
 from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
 from harness.execution.progress import Quiet
@@ -16,7 +15,7 @@ from harness.machine.peak_memory import peak_bytes
 from harness.plan.profiles import Machine
 from harness.studies.speed import throughput
 from harness.studies.speed.growth import exponent
-from harness.studies.speed.kernels import RULES, largest_error
+from harness.studies.speed.kernels import RULES
 from harness.studies.speed.memory import session_bytes
 from harness.studies.speed.speed_context import SpeedContext, interleaved
 from harness.studies.speed.throughput import step_flops
@@ -69,14 +68,6 @@ def test_of_an_emulated_type_the_smallest_product_alone_is_timed(
 
 def test_growth_is_the_slope_of_logarithms() -> None:
     assert exponent([1.0, 2.0, 4.0], [3.0, 12.0, 24.0]) == pytest.approx((1.5, 1.0, 2.0))
-
-
-def test_the_error_of_an_encoding_is_against_float64() -> None:
-    x = 2.0 * torch.rand(200, 3, generator=torch.Generator().manual_seed(1)) - 1.0
-    features = fourier_features(x, frequency_ladder(PHI, 10))
-    assert 1e-7 < largest_error(features, x, PHI, 10) < 1.2e-5
-    features[17, 40] += 0.25
-    assert largest_error(features, x, PHI, 10) == pytest.approx(0.25, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", ["autograd", "product"])

@@ -102,8 +102,18 @@ def test_the_kernel_has_its_lobes_where_lucas_numbers_put_them() -> None:
     assert at(PHI, 10, 0.0) == 1.0
 
 
-def test_a_grating_on_a_ladder_or_on_two_of_its_members_is_found() -> None:
-    near = encoding_cases.nearest_member
+def near(cycles: float) -> float:
+    """Return the relative distance of a grating to the nearest frequency of any ladder, or sum or difference of two of
+    them.
+
+    The frequency f_k π x has f_k cycles on [−1, 1].
+    """
+    ladders = [[0.0, *(base**k for k in range(20))] for base in {base for base, _ in encoding_cases.LADDERS.values()}]
+    made = {abs(a + sign * b) for ladder in ladders for a in ladder for b in ladder for sign in (1.0, -1.0)}
+    return min(abs(cycles / frequency - 1.0) for frequency in made if frequency > 0.1)
+
+
+def test_no_grating_lies_on_a_ladder_or_on_two_of_its_members() -> None:
     assert max(near(64.0), near(PHI**9), near(1.65**8), near(128.0 + 32.0), near(256.0 - 16.0)) < 1e-12
     assert min(map(near, encoding_cases.GRATINGS)) >= 0.01
     assert max(encoding_cases.GRATINGS) > encoding_cases.POINTS / 2
