@@ -64,11 +64,13 @@ class Shelf:
     """The folders under OUT that belong to this shelf only and tell whose OUT is."""
     beside: bool = False
     """Whether OUT may hold a run, in whose report the shelf then appears."""
-    package: str = "harness.studies"
     anew: bool = False
     """Whether a record that is there is replaced if it is not to be resumed."""
     resumes: bool = True
     """Whether what was kept when it was stopped can be resumed, and reported."""
+
+    package: str = ""
+    """The package of its studies; empty: `harness.studies.<name>`."""
 
     @property
     def file(self) -> str:
@@ -76,15 +78,13 @@ class Shelf:
 
     def measure_of(self, name: str) -> Callable[[Any], Iterator[Found]]:
         """Return the generator behind a study; what is heavy is imported here, one study at a time."""
-        measure: Callable[[Any], Iterator[Found]] = resolve_name(f"{self.package}.{self.studies[name].measure}")
+        package = self.package or f"harness.studies.{self.name}"
+        measure: Callable[[Any], Iterator[Found]] = resolve_name(f"{package}.{self.studies[name].measure}")
         return measure
 
 
-def asking(
-    shelf: str, name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str
-) -> Study:
-    """Return a study of a question; `measure` is `module:function` in the shelf's own package."""
-    return Study(StudyInfo(name, title, question, method), f"{shelf}.{measure}", seconds, trainings)
+def asking(name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str) -> Study:
+    return Study(StudyInfo(name, title, question, method), measure, seconds, trainings)
 
 
 def catalogue(*studies: Study) -> dict[str, Study]:

@@ -12,8 +12,6 @@ from harness.studies.frontier.frontier_context import Frontier, FrontierContext
 from harness.verdicts.pareto import best_shares, crossing, front_shares, rank_correlation
 from harness.verdicts.statistics import paired_difference
 
-SURE = 0.95
-
 
 def front(context: FrontierContext) -> Iterator[Found]:
     frontier = context.frontier()

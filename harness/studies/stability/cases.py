@@ -7,7 +7,7 @@ from harness.studies.framework import Shelf, Study, catalogue
 def _case(id: str, title: str, measure: str, seconds: float, given: str, danger: str, reference: str) -> Study:
     """Return a case; what it must hold is taken from its checks once it is measured (`framework.with_bar`)."""
     facts = {"input": given, "danger": danger, "reference": reference}
-    return Study(StudyInfo(id, title, facts=facts), f"stability.{measure}", seconds)
+    return Study(StudyInfo(id, title, facts=facts), measure, seconds)
 
 
 # fmt: off
