@@ -38,8 +38,8 @@ class Noise:
     """Medians, without compilation."""
     rmse: list[float | None]
     """The error in linear light over white; None if the reference is no better than the render."""
-    mse: list[float | None]
-    """The mean square error of display colour over white."""
+    psnr: list[float | None]
+    """The ceiling in dB that its noise is for display colour over white."""
 
     @property
     def by_samples(self) -> float | None:
@@ -52,10 +52,6 @@ class Noise:
         below that, time is overhead.
         """
         return self._slope(self.seconds, 2.0 * min(self.seconds))
-
-    @property
-    def psnr(self) -> list[float | None]:
-        return [None if mse is None else psnr_from_mse(mse) for mse in self.mse]
 
     def _slope(self, x: Sequence[float], least: float = 0.0) -> float | None:
         """Return the slope over x where the error is known, samples suffice, and x is at least `least`."""
@@ -78,7 +74,7 @@ def noise_of(scene: str, rows: Sequence[dict[str, Any]]) -> Noise:
         [row["spp"] for row in rows],
         [statistics.median(row["seconds"]) for row in rows],
         [math.sqrt(error) if error > 0.0 else None for error in linear],
-        [error if error > 0.0 else None for error in display],
+        [psnr_from_mse(error) if error > 0.0 else None for error in display],
     )
 
 

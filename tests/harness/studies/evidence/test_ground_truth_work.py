@@ -36,14 +36,14 @@ def test_independent_samples_have_the_slope_of_monte_carlo() -> None:
     assert noise_of("lego", rows("lego", overhead=1.0)).by_seconds is None
     assert -0.75 < (noise_of("lego", rows("lego", overhead=0.01)).by_seconds or 0.0) <= -0.5
     assert noise.rmse[0] == pytest.approx(0.2)
-    assert noise.mse[0] == pytest.approx(0.01)
+    assert noise.psnr[0] == pytest.approx(20.0)
 
 
 def test_an_error_below_that_of_the_reference_is_a_gap() -> None:
     printed = rows("lego")
     printed[-1]["mse"] = {"display": [-1e-9, 0.0, -1e-9], "linear": [-1e-9, 0.0, -1e-9]}
     noise = noise_of("lego", printed)
-    assert (noise.rmse[-1], noise.mse[-1]) == (None, None)
+    assert (noise.rmse[-1], noise.psnr[-1]) == (None, None)
     assert noise.by_samples == pytest.approx(-0.5)
     drawn = list(charts([noise], FLOOR))
     assert all(len(line.x) == len(line.y) for line in drawn)
