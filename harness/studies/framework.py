@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -119,7 +119,7 @@ class StudyContext(ABC):
     def settings(self) -> dict[str, Any]:
         """Return everything that the figures depend on but the machine, as JSON: a record of others is not resumed."""
 
-    def within(self, scratch: Path, missing: tuple[str, ...]) -> Self:
+    def within(self, scratch: Path, missing: tuple[str, ...]) -> "StudyContext":
         """Return the context in which the studies `missing` are measured, one after the other."""
         return replace(self, scratch=scratch)
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 from harness.plan.profiles import Plan, planned
 from harness.records.study import Check, Owner, Status, check
@@ -29,7 +29,7 @@ class StabilityContext(StudyContext):
     def settings(self) -> dict[str, Any]:
         return {"methods": list(self.methods), "quick": self.quick, "precision": "float32"}
 
-    def within(self, scratch: Path, missing: tuple[str, ...]) -> Self:
+    def within(self, scratch: Path, missing: tuple[str, ...]) -> "StabilityContext":
         return replace(self, scratch=scratch, cases=missing)
 
     def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
