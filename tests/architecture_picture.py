@@ -80,7 +80,7 @@ def picture_of(house: House) -> str:
     parts = [
         *_frame(height),
         *_packages(rooms, cell),
-        *_legend(TOP + cell * 12.5),
+        *_legend(TOP + cell * 16),
         *_wires(house, middle, cell),
         *_counts(house, middle, cell),
         *_boxes(house, middle, cell),
@@ -173,14 +173,14 @@ def _boxes(house: House, middle: dict[str, tuple[float, float]], cell: float) ->
     largest = max(100, *house.rooms.values())
     shapes = []
     for room, lines in house.rooms.items():
-        package, _, name = room.partition(".")
+        package, name = room.partition(".")[0], room.rpartition(".")[2]
         right, y, tall = middle[room][0] + cell / 2, middle[room][1], cell - 5
         left, top = right - BOX, y - tall / 2
         shapes.append(
             f'<g data-room="{room}" data-lines="{lines}"><title>{room}</title>'
             f"{_rect(left, top, BOX, tall, COLOURS[package], rx=4)}"
             f"{_rect(left + 7, top + tall - 5, (BOX - 14) * lines / largest, 2.5, PAPER, opacity=0.6)}"
-            f"{_text(left + 7, y + 2.5, name or package, size=12.5, weight=600, fill=PAPER)}"
+            f"{_text(left + 7, y + 2.5, name, size=12.5, weight=600, fill=PAPER)}"
             f"{_text(right - 7, y + 2.5, _amount(lines), size=10.5, fill=PAPER, anchor='end')}"
             "</g>"
         )

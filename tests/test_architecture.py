@@ -28,6 +28,13 @@ FLOORS = (
     "harness.__main__",
     "harness.command",
     "harness.gate",
+    "harness.studies.stability",
+    "harness.studies.choices",
+    "harness.studies.frontier",
+    "harness.studies.evidence",
+    "harness.studies.speed",
+    "harness.studies.serving",
+    "harness.studies.conformance",
     "harness.studies",
     "harness.viewer",
     "harness.execution",
@@ -46,7 +53,9 @@ FLOORS = (
     "scenes.view_sets",
     "scenes.files",
 )
-"""Every room, from the top: a room imports itself and rooms below it."""
+"""Every room, from the top: a room imports itself and rooms below it. A folder that lies in another one is named above
+it; what else the other one holds is its own floor.
+"""
 LEAVES = {
     "reports": ("reports", "harness.records", "harness.verdicts", "scenes.files"),
     "harness.verdicts": ("harness.verdicts", "harness.records", "scenes.files"),
@@ -217,6 +226,9 @@ TYPED = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    "
         (wrong_arrows, {"reports/run/a.py": "import scenes.view_sets"}, "reports.run.a imports scenes.view_sets"),
         (wrong_arrows, {"harness/training/a.py": LAZY + "import harness.viewer.b"}, "harness.training.a imports"),
         (wrong_arrows, {"harness/plan/a.py": TYPED + "from harness.execution.b import C"}, "harness.plan.a imports"),
+        (wrong_arrows, {"harness/studies/evidence/a.py": LAZY + "from harness.studies.stability.b import c"},
+         "harness.studies.evidence.a imports"),
+        (wrong_arrows, {"harness/studies/a.py": "import harness.studies.speed.b"}, "harness.studies.a imports"),
         (wrong_arrows, {"scenes/view_sets/a.py": "from ..catalog import b"}, "scenes.view_sets.a imports"),
         (wrong_arrows, {"harness/verdicts/a.py": "import baselines.b"}, "harness.verdicts.a imports baselines.b"),
         (wrong_arrows, {"harness/cellar/a.py": ""}, "harness.cellar.a is in no room"),

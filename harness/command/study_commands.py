@@ -16,12 +16,12 @@ from harness.plan.defaults import PLAIN_SECONDS, QUICK_PLAIN_SECONDS
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
-    from harness.studies.framework import Shelf
+    from harness.studies.framework import Shelf, StudyContext
 
 
 PUBLISHED_FRONTIER = Path("docs/frontier")
-Measure = Callable[[list[str], Path], int]
-"""The work of a shelf: studies and output folder → exit code."""
+ContextOf = Callable[[Path], "StudyContext"]
+"""Output folder → the context of a shelf."""
 
 
 def _add_shelf_options(
@@ -44,7 +44,7 @@ def _add_shelf_options(
     add_shared(command, "--resume", "--list", "--quiet")
 
 
-def _run_shelf(options: argparse.Namespace, shelf: "Shelf", show: "Progress", prepare: Callable[[], Measure]) -> int:
+def _run_shelf(options: argparse.Namespace, shelf: "Shelf", show: "Progress", prepare: Callable[[], ContextOf]) -> int:
     """List the studies of `shelf`, or have those that `options` name measured into a locked folder; returns the exit
     code. `prepare` checks the shelf's own options before a folder is made. Raises `InputError`.
     """
@@ -56,16 +56,17 @@ def _run_shelf(options: argparse.Namespace, shelf: "Shelf", show: "Progress", pr
     from harness.plan.profiles import known_names
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
+    from harness.studies import framework
     from scenes.files.errors import InputError
 
     if options.resume and options.out is None:
         raise InputError("--resume: name the folder to go on with, --out DIR")
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
     studies = [name for name in shelf.studies if name in chosen]
-    measure = prepare()
-    out = options.out or fresh_folder(shelf.name, resume=False)
+    context_of = prepare()
+    options.out = out = options.out or fresh_folder(shelf.name, resume=False)
     with locked_folder(out):
-        code = measure(studies, out)
+        code = framework.run(shelf, studies, context_of(out), options.resume)
     show.line(f"{shelf.noun} in {out / shelf.file}")
     return code
 
@@ -83,15 +84,15 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
 
     require_between(options, workers=(1, 256))
 
-    def prepare() -> Measure:
-        from harness.machine.device import available_cores, chosen_device
+    def prepare() -> ContextOf:
+        from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
         from harness.plan.profiles import Machine
-        from harness.studies.evidence.evidence_context import run
+        from harness.studies.evidence.evidence_context import EvidenceContext
 
         device, cores = chosen_device(options.device), available_cores()
         machine = Machine(device.type, options.workers or (cores if device.type == "cpu" else 1), 1)
-        sets = options.view_sets
-        return lambda studies, out: run(studies, out, sets, machine, options.quick, options.resume, show)
+        sets, as_planned = options.view_sets, multiplies_bfloat16(device)
+        return lambda out: EvidenceContext(out, sets, out, options.quick, show, machine, as_planned)
 
     return _run_shelf(options, SHELF, show, prepare)
 
@@ -127,13 +128,15 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
         print(pick(record.study("needs"), options.pick, options.seconds))
         return 0
 
-    def prepare() -> Measure:
+    def prepare() -> ContextOf:
         from dataclasses import replace
 
+        import torch
+
         from baselines.catalog import CATALOG
-        from harness.machine.device import available_cores
+        from harness.machine.device import available_cores, multiplies_bfloat16
         from harness.plan.profiles import Machine, known_names
-        from harness.studies.frontier.frontier_context import AMOUNTS, run
+        from harness.studies.frontier.frontier_context import AMOUNTS, FrontierContext
         from scenes.catalog.entries import CATALOG as SCENES
 
         amount = AMOUNTS["quick" if options.quick else "long" if options.long else "default"]
@@ -148,8 +151,8 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
             amount = replace(amount, seeds=seeds, phi_seeds=seeds)
         if options.resolution:
             amount = replace(amount, resolution=options.resolution)
-        machine = Machine("cpu", available_cores(), 1)
-        return lambda studies, out: run(studies, amount, out, options.view_sets, machine, options.resume, show)
+        machine, as_planned = Machine("cpu", available_cores(), 1), multiplies_bfloat16(torch.device("cpu"))
+        return lambda out: FrontierContext(out, options.view_sets, out, False, show, machine, as_planned, amount)
 
     return _run_shelf(options, SHELF, show, prepare)
 
@@ -163,14 +166,16 @@ def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     """Return 0, or 3 if a case that must pass failed; raises `InputError` for invalid options."""
     from harness.studies.stability.cases import SHELF
 
-    def prepare() -> Measure:
+    def prepare() -> ContextOf:
         from baselines.catalog import CATALOG
-        from harness.plan.profiles import known_names
-        from harness.studies.stability.stability_context import METHODS, run
+        from harness.machine.device import available_cores
+        from harness.plan.profiles import Machine, known_names
+        from harness.studies.stability.stability_context import METHODS, StabilityContext
 
         methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
-        sets = options.view_sets
-        return lambda studies, out: run(studies, methods, out, sets, options.quick, options.resume, show)
+        sets, cores = options.view_sets, available_cores()
+        machine = Machine("cpu", cores, cores)
+        return lambda out: StabilityContext(out, sets, out, options.quick, show, machine, methods)
 
     return _run_shelf(options, SHELF, show, prepare)
 
@@ -189,24 +194,23 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
 
     require_between(options, plain_seconds=(1, 86400))
 
-    def prepare() -> Measure:
-        from harness.machine.device import chosen_device
-        from harness.machine.processor_class import class_here
-        from harness.studies.speed.speed_run import run
+    def prepare() -> ContextOf:
+        from harness.machine.device import available_cores, chosen_device
+        from harness.plan.profiles import Machine
+        from harness.studies.speed.speed_context import SpeedContext
 
         seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
-        device = chosen_device(options.device)
+        # sizes of `quick` gain nothing from threads, which wait for each other on a machine that does something else
+        machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
         sets = options.view_sets
+        return lambda out: SpeedContext(out, sets, out, options.quick, show, machine, seconds)
 
-        def measured(studies: list[str], out: Path) -> int:
-            code = run(studies, out, device, sets, seconds, options.quick, options.resume, show)
-            if not options.quick:
-                remember(options.history, out / SHELF.file, class_here(), show)
-            return code
+    code = _run_shelf(options, SHELF, show, prepare)
+    if not options.list and not options.quick:
+        from harness.machine.processor_class import class_here
 
-        return measured
-
-    return _run_shelf(options, SHELF, show, prepare)
+        remember(options.history, options.out / SHELF.file, class_here(), show)
+    return code
 
 
 def add_serving_options(command: argparse.ArgumentParser) -> None:
@@ -225,11 +229,11 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
 
     require_between(options, width=(8, 4096), threads=(1, 256))
 
-    def prepare() -> Measure:
+    def prepare() -> ContextOf:
         from harness.machine.device import chosen_device
+        from harness.plan.profiles import Machine
         from harness.playback.run_loader import FinishedRun
-        from harness.studies.serving.serving_context import ServingRequest
-        from harness.studies.serving.serving_run import run
+        from harness.studies.serving.serving_context import ServingContext
         from scenes.files.errors import InputError
 
         finished = FinishedRun.of(options.out)
@@ -237,18 +241,11 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
         if options.seed not in finished.run.seeds:
             known = " ".join(map(str, finished.run.seeds))
             raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
-        asked = ServingRequest(
-            finished,
-            scenes,
-            methods,
-            options.seed,
-            options.width,
-            options.quick,
-            chosen_device(options.device),
-            options.view_sets,
-            options.threads,
-        )
-        return lambda studies, out: run(asked, studies, options.resume, show)
+        machine = Machine(chosen_device(options.device).type, 1, options.threads)
+        return lambda out: ServingContext(
+            out, options.view_sets, out, options.quick, show, machine,
+            finished, scenes, methods, options.seed, options.width,
+        )  # fmt: skip
 
     return _run_shelf(options, SHELF, show, prepare)
 
@@ -314,7 +311,7 @@ def add_scaling_options(command: argparse.ArgumentParser) -> None:
 def run_scaling(options: argparse.Namespace, show: "Progress") -> int:
     """Print the page; raises `DamagedRecord` or `InputError` for a file that does not say enough."""
     from harness.records.study import read_studies
-    from harness.studies.full_setting import page
+    from harness.studies.speed.full_setting import page
 
     sys.stdout.write(page(read_studies(options.speed)))
     return 0

@@ -4,31 +4,30 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
+from typing import Any
 
-from harness.execution.progress import Progress
 from harness.gate.gates import Gate, Kind
 from harness.gate.limits import LimitsFile, judge, unfit
 from harness.gate.references import Courses, References
+from harness.machine.processor_class import class_here
 from harness.records.study import Answer, Check, Finding
+from harness.studies.framework import StudyContext
 from scenes.files.errors import InputError
 
 
 @dataclass(frozen=True)
-class GateContext:
+class GateContext(StudyContext):
     """One run of the gates, or one renewal."""
 
     gates: tuple[Gate, ...]
     limits: LimitsFile
     references: References
     limits_file: Path
-    view_sets: Path
-    out: Path
-    scratch: Path
-    """A folder on a disk that is removed after the run."""
-    workers: int
-    show: Progress
     first_steps: Callable[[], Courses]
     """Trains the first steps, once for a run: `changed` compares them, and `worse` asks whether they have changed."""
+
+    def settings(self) -> dict[str, Any]:
+        return {"class": class_here(), "gates": [gate.name for gate in self.gates]}
 
     @property
     def images(self) -> Path:

@@ -20,6 +20,7 @@ from harness.gate.references import REFERENCES_FILE, Quotients, References
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
 from harness.machine.processor_class import class_here
 from harness.machine.provenance import committed, provenance
+from harness.plan.profiles import Machine
 from harness.records.json_record import file_digest
 from harness.records.study import Check, Studies, StudyInfo, read_studies
 from harness.run_folder.folder_lock import scratch_folder
@@ -69,8 +70,9 @@ def context_for(
     fresh = renewing and not references_file.exists()
     references = References() if fresh else read_stored(references_file, References)
     context = GateContext(
-        chosen, limits, references, limits_file, view_sets, out, out, available_cores(), show, cache(early.first_steps)
-    )
+        out, view_sets, out, False, show, Machine("cpu", available_cores(), 1),
+        chosen, limits, references, limits_file, cache(early.first_steps),
+    )  # fmt: skip
     if not renewing:
         images.references_for(context)
     return context
@@ -78,18 +80,11 @@ def context_for(
 
 def run(context: GateContext, replay: str) -> int:
     """Measure and judge; returns 0, or 4 if a gate failed, whose name is added to the command `replay`."""
-    use_threads(1)
-    keep_freed_memory()
     began = time.monotonic()
     out, show = context.out, context.show
     show.line(f"{len(context.gates)} of {len(gates())} gates, processor of class {class_here()}")
     kinds: list[str] = [kind for kind in KINDS if context.of_kind(kind)]
-    settings = {"class": class_here(), "gates": [gate.name for gate in context.gates]}
-
-    def within(scratch: Path, _: tuple[str, ...]) -> GateContext:
-        return replace(context, scratch=scratch)
-
-    framework.run(SHELF, kinds, out, False, settings, provenance(CPU), within, show)
+    framework.run(SHELF, kinds, context, resume=False)
     record = read_studies(out / SHELF.file)
     write_junit(out / JUNIT_FILE, record, replay)
     for _, check in record.broken:

@@ -33,7 +33,7 @@ PICTURES_FOLDER = "stability"
 
 CHAPTERS: dict[int, str] = {
     1: "Rounding: error against optical depth",
-    2: "Truncation: error against samples and time",
+    2: "Truncation: error against samples",
     3: "Gradients",
     4: "Does a picture depend on how it is cut into calls?",
     5: "Opacity that a scene can reach",

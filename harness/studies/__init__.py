@@ -1,1 +1,1 @@
-"""Questions answered by measurement, one shelf each; imports `viewer` and the rooms below it."""
+"""How a question is measured, and a shelf for each kind of question; imports `viewer` and the rooms below it."""

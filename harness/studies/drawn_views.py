@@ -43,7 +43,6 @@ def write_disc(folder: Path, size: int, train: int, test: int, seed: int) -> Non
 
 
 def disc_views(size: int, train: int, test: int, seed: int) -> ViewSet:
-    """Return such a view set, with nothing left on disk."""
     with tempfile.TemporaryDirectory() as folder:
         write_disc(Path(folder) / "views", size, train, test, seed)
         return read_view_set(Path(folder) / "views")

@@ -5,14 +5,16 @@ A study is a generator of findings and one line in the catalogue of its shelf. T
 
 import json
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from harness.records.json_record import DamagedRecord
 from harness.records.study import (
     Answer,
     Check,
@@ -26,7 +28,10 @@ from harness.records.study import (
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
+    import torch
+
     from harness.execution.progress import Progress
+    from harness.plan.profiles import Machine
 
 TRAININGS_FOLDER = "studies"
 """The folder under OUT in which the runs of studies that train lie."""
@@ -56,12 +61,16 @@ class Shelf:
     """`studies`, `cases`, `questions`."""
     studies: dict[str, Study]
     folders: tuple[str, ...] = ()
-    """The folders under OUT that are this shelf's alone and tell whose OUT is."""
+    """The folders under OUT that belong to this shelf only and tell whose OUT is."""
     beside: bool = False
     """Whether OUT may hold a run, in whose report the shelf then appears."""
-    package: str = "harness.studies"
+    anew: bool = False
+    """Whether a record that is there is replaced if it is not to be resumed."""
     resumes: bool = True
     """Whether what was kept when it was stopped can be resumed, and reported."""
+
+    package: str = ""
+    """The package of its studies; empty: `harness.studies.<name>`."""
 
     @property
     def file(self) -> str:
@@ -69,15 +78,13 @@ class Shelf:
 
     def measure_of(self, name: str) -> Callable[[Any], Iterator[Found]]:
         """Return the generator behind a study; what is heavy is imported here, one study at a time."""
-        measure: Callable[[Any], Iterator[Found]] = resolve_name(f"{self.package}.{self.studies[name].measure}")
+        package = self.package or f"harness.studies.{self.name}"
+        measure: Callable[[Any], Iterator[Found]] = resolve_name(f"{package}.{self.studies[name].measure}")
         return measure
 
 
-def asking(
-    shelf: str, name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str
-) -> Study:
-    """Return a study of a question; `measure` is `module:function` in the shelf's own package."""
-    return Study(StudyInfo(name, title, question, method), f"{shelf}.{measure}", seconds, trainings)
+def asking(name: str, title: str, question: str, method: str, measure: str, seconds: float, *trainings: str) -> Study:
+    return Study(StudyInfo(name, title, question, method), measure, seconds, trainings)
 
 
 def catalogue(*studies: Study) -> dict[str, Study]:
@@ -85,43 +92,63 @@ def catalogue(*studies: Study) -> dict[str, Study]:
 
 
 @dataclass(frozen=True)
-class StudyContext:
-    """What the studies of every shelf work with in one run; each shelf adds its own."""
+class StudyContext(ABC):
+    """What the studies of every shelf work with in one run; each shelf adds its own, and what its figures depend on."""
 
     out: Path
     view_sets: Path
     """The cache of rendered view sets."""
     scratch: Path
-    """A folder for temporary files on a disk, removed after the run."""
+    """A folder for temporary files on a disk: while studies are measured it is one of their own, removed afterwards."""
     quick: bool
     """Whether to use sizes at which no figure means anything, to try the studies themselves."""
     show: "Progress"
+    machine: "Machine"
+
+    @property
+    def device(self) -> "torch.device":
+        import torch
+
+        return torch.device(self.machine.device)
+
+    @property
+    def threads(self) -> int:
+        return self.machine.threads
+
+    @abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """Return everything that the figures depend on but the machine, as JSON: a record of others is not resumed."""
+
+    def within(self, scratch: Path, missing: tuple[str, ...]) -> "StudyContext":
+        """Return the context in which the studies `missing` are measured, one after the other."""
+        return replace(self, scratch=scratch)
+
+    def valid(self, record: Studies, shelf: Shelf, asked: list[str]) -> Studies:
+        """Return a record that is resumed without the studies that have to be measured again."""
+        return record
+
+    def scale(self, study: Study) -> str:
+        return ""
+
+    def seconds(self, study: Study, asked: list[Study]) -> float:
+        """Return the estimated duration of one of the studies `asked`."""
+        return study.seconds
 
 
-def run(
-    shelf: Shelf,
-    asked: list[str],
-    out: Path,
-    resume: bool,
-    settings: dict[str, Any],
-    provenance: dict[str, Any],
-    context_of: Callable[[Path, tuple[str, ...]], Any],
-    show: "Progress",
-    seconds_of: Callable[[str], float] | None = None,
-    repaired: Callable[[Studies, Any], Studies] | None = None,
-    scale_of: Callable[[Study, Any], str] = lambda study, context: "",
-) -> int:
-    """Measure the studies `asked` into `out`; with `resume` only those that are not complete there.
+def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> int:
+    """Measure the studies `asked` into OUT; with `resume` only those that are not complete there.
 
-    `context_of` makes what they work with from a scratch folder and the names of what is missing; `repaired` takes out
-    of the record what has to be measured again. Returns 0, or 3 if a check of ours fails. Raises `InputError` before
-    anything is measured if `out` cannot be used.
+    Returns 0, or 3 if a check of ours fails. Raises `InputError` before anything is measured if OUT cannot be used.
     """
+    from harness.machine.device import keep_freed_memory, use_threads
     from harness.machine.stopping import ON, told_when_stopped
     from harness.run_folder.folder_lock import scratch_folder
 
+    out, show = context.out, context.show
+    use_threads(context.threads)
+    keep_freed_memory()
     path = out / shelf.file
-    record = _claimed(shelf, out, resume, settings, provenance, show)
+    record = _claimed(shelf, context, resume)
 
     def kept() -> str:
         complete = sum(study.info.id in asked for study in record.studies)
@@ -129,20 +156,20 @@ def run(
         return f"{complete} of {len(asked)} {shelf.noun} are kept{then}"
 
     with told_when_stopped(kept), scratch_folder(out) as scratch:
-        if resume and repaired is not None:
-            record = repaired(record, context_of(scratch, ()))
+        if resume:
+            record = context.valid(record, shelf, asked)
             # before anything is measured: from then on nothing tells that figures were of something else
             write_studies(path, record)
-        missing = [name for name in asked if record.study(name) is None]
-        context = context_of(scratch, tuple(missing))
-        costs = [seconds_of(name) if seconds_of else shelf.studies[name].seconds for name in missing]
-        show.line(f"{shelf.name}: {len(missing)} {shelf.noun}, about {sum(costs) / 60:.0f} min")
-        for place, name in enumerate(missing):
-            study = shelf.studies[name]
-            show.line(f"[{place + 1}/{len(missing)}] {name}: {study.info.question or study.info.title}")
+        missing = [shelf.studies[name] for name in asked if record.study(name) is None]
+        here = context.within(scratch, tuple(study.info.id for study in missing))
+        seconds = sum(context.seconds(study, [shelf.studies[name] for name in asked]) for study in missing)
+        show.line(f"{shelf.name}: {len(missing)} {shelf.noun}, about {seconds / 60:.0f} min")
+        for place, study in enumerate(missing):
+            info = study.info
+            show.line(f"[{place + 1}/{len(missing)}] {info.id}: {info.question or info.title}")
             began = time.monotonic()
-            findings = measure(shelf.measure_of(name)(context), show)
-            measured = StudyRecord(study.info, scale_of(study, context), findings, time.monotonic() - began)
+            findings = measure(shelf.measure_of(info.id)(here), show)
+            measured = StudyRecord(with_bar(info, findings), here.scale(study), findings, time.monotonic() - began)
             studies = sorted([*record.studies, measured], key=lambda done: list(shelf.studies).index(done.info.id))
             record = msgspec.structs.replace(record, studies=studies)
             write_studies(path, record)
@@ -166,15 +193,30 @@ def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
     return complete
 
 
+def with_bar(info: StudyInfo, findings: list[Finding]) -> StudyInfo:
+    """Return the facts about a study with those of its limits that a run can fail by, in words."""
+    bars = [
+        f"{check.what} {limits_of(check)}{check.unit and f' {check.unit}'}"
+        for check in findings
+        if isinstance(check, Check) and check.must_hold and limits_of(check)
+    ]
+    if not info.facts or not bars:
+        return info
+    return msgspec.structs.replace(info, facts={**info.facts, "bar": "; ".join(dict.fromkeys(bars))})
+
+
+def limits_of(check: Check) -> str:
+    """Return `at least 0.5, at most 1e-06`; empty without limits."""
+    ends = (("at least", check.low), ("at most", check.high))
+    return ", ".join(f"{word} {end:.3g}" for word, end in ends if end is not None)
+
+
 def line_of(check: Check) -> str:
     """Return a line such as `midpoint: pass: largest relative error 2.1e-07 (at most 1e-06)`."""
     status = check.status.replace("_", " ")
     if check.status == "fail":
         status = "FAIL" if check.must_hold else "missed" if check.owner == "machine" else "fails, a property of it"
-    limits = [
-        f"{word} {end:.3g}" for word, end in (("at least", check.low), ("at most", check.high)) if end is not None
-    ]
-    between = f" ({', '.join(limits)})" if limits else ""
+    between = f" ({limits})" if (limits := limits_of(check)) else ""
     if check.value is not None:
         unit = check.unit and f" {check.unit}"
         spread = f" [{check.spread[0]:.3g}, {check.spread[1]:.3g}]" if check.spread else ""
@@ -188,24 +230,32 @@ def line_of(check: Check) -> str:
 
 def list_lines(shelf: Shelf) -> list[str]:
     """Return a line per study: its id, how long it takes, and what it asks."""
-    asks = {name: study.info.question or study.info.facts.get("bar", "") for name, study in shelf.studies.items()}
+    asks = {name: study.info.question or study.info.facts.get("danger", "") for name, study in shelf.studies.items()}
     return [
         f"{name:18} {study.seconds / 60:4.0f} min  " + ": ".join(filter(None, (study.info.title, asks[name])))
         for name, study in shelf.studies.items()
     ]
 
 
-def _claimed(
-    shelf: Shelf, out: Path, resume: bool, settings: dict[str, Any], provenance: dict[str, Any], show: "Progress"
-) -> Studies:
+def _claimed(shelf: Shelf, context: StudyContext, resume: bool) -> Studies:
     """Return the record to resume, or a fresh one; raises `InputError`."""
+    from harness.machine.provenance import provenance
+    from harness.run_folder.integrity import aside
     from harness.run_folder.output_folder import gone_on_with
 
-    record = gone_on_with(out, shelf.file, resume, read_studies, show.line, beside=shelf.beside, folders=shelf.folders)
+    out, settings = context.out, json.loads(json.dumps(context.settings()))
+    say = context.show.line
+    if shelf.anew and not resume:
+        try:
+            read_studies(out / shelf.file)
+            (out / shelf.file).unlink()
+        except DamagedRecord:
+            aside(out, shelf.file)
+    record = gone_on_with(out, shelf.file, resume, read_studies, say, beside=shelf.beside, folders=shelf.folders)
     if record is None:
-        record = Studies(shelf.name, provenance, json.loads(json.dumps(settings)))
+        record = Studies(shelf.name, provenance(context.device), settings)
         write_studies(out / shelf.file, record)
-    if record.settings != json.loads(json.dumps(settings)):
+    if record.settings != settings:
         raise InputError(f"--resume: {out} was made with other options; use the same or a new folder")
     known = [study for study in record.studies if study.info.id in shelf.studies]
     return msgspec.structs.replace(record, studies=known, finished=False)

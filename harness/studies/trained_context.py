@@ -5,42 +5,36 @@ resumed, repaired, or trained again where its plan has changed.
 import json
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 import msgspec
-import torch
 
 from harness.execution import run as execution
 from harness.machine.provenance import provenance
-from harness.plan.profiles import Machine, Plan
+from harness.plan.profiles import Plan
 from harness.records.cells import CellRecord, SceneRecord, cell_path, read_cells, read_cells_of, read_run
 from harness.records.json_record import DamagedRecord
 from harness.records.study import Studies
 from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells
-from harness.studies import framework
-from harness.studies.framework import TRAININGS_FOLDER, Study
+from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, StudyContext
 
 
 @dataclass(frozen=True)
 class StudyRun:
-    """The results of a training."""
-
     plan: Plan
     scenes: list[SceneRecord]
     cells: list[CellRecord]
 
 
 @dataclass(frozen=True)
-class TrainedContext(framework.StudyContext):
-    """One run of studies that train."""
-
+class TrainedContext(StudyContext):
     command: ClassVar[str]
     """The command that a record of a training names."""
-    machine: Machine
+    as_planned: bool
+    """Whether this processor has the profile's bfloat16 matrix multiplications."""
 
     @abstractmethod
     def plan(self, name: str) -> Plan:
@@ -74,16 +68,34 @@ class TrainedContext(framework.StudyContext):
         mend(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
         return lacks_cells(folder, plan)
 
-    def scale(self, *names: str) -> str:
+    def trainings(self, *studies: Study) -> list[str]:
+        return list(dict.fromkeys(name for study in studies for name in study.trainings))
+
+    def valid(self, record: Studies, shelf: Shelf, asked: list[str]) -> Studies:
+        """Return the record without the studies, requested now or not, on a training of `asked` that has to be resumed,
+        as other cells are other figures. Trainings of none of `asked` stay as they are, and so do their figures.
+        """
+        trainings = sorted(self.trainings(*(shelf.studies[name] for name in asked)))
+        resumed = {name for name in trainings if self.repaired(name)}
+        kept = []
+        for study in record.studies:
+            if lost := sorted(resumed & set(self.trainings(shelf.studies[study.info.id]))):
+                self.show.line(f"{study.info.id}: its figures are dropped, as {', '.join(lost)} has to be resumed")
+            else:
+                kept.append(study)
+        return msgspec.structs.replace(record, studies=kept)
+
+    def scale(self, study: Study) -> str:
         """Return the scale of trainings, in one line, and whether the code may have changed since they were done: cells
         of another commit, or of a tree with changes, are used all the same, as the plan decides what is compatible.
         """
+        names = self.trainings(study)
         lines = [
             f"{', '.join(plan.scenes)}; {len(plan.seeds)} seed{'s' * (len(plan.seeds) > 1)}; {plan.budget.in_words}; "
             f"{plan.views.train} training views of {plan.views.resolution} px"
             for plan in map(self.plan, names)
         ]
-        scale, here = " | ".join(dict.fromkeys(lines)), provenance(torch.device(self.machine.device))["commit"]
+        scale, here = " | ".join(dict.fromkeys(lines)), provenance(self.device)["commit"]
         commits = Counter(
             cell.provenance.get("commit", "unknown")
             for name in names
@@ -96,7 +108,6 @@ class TrainedContext(framework.StudyContext):
 
 
 def folder_of(out: Path, training: str) -> Path:
-    """Return the folder in which the run of a training lies."""
     return out / TRAININGS_FOLDER / training
 
 
@@ -117,20 +128,3 @@ def is_of_another_plan(folder: Path, plan: Plan) -> bool:
     with suppress(DamagedRecord):
         return bool(read_run(folder).settings != json.loads(json.dumps(plan.settings())))
     return bool(plan_of_cells(folder, plan))
-
-
-def with_valid_trainings(
-    record: Studies, studies: list[str], table: Mapping[str, Study], context: TrainedContext
-) -> Studies:
-    """Return the record without the studies, requested now or not, on a training of `studies` that has to be resumed,
-    as other cells are other figures. Trainings of none of `studies` stay as they are, and so do their figures.
-    """
-    trainings = {name for study in studies for name in table[study].trainings}
-    resumed = {name for name in sorted(trainings) if context.repaired(name)}
-    kept = []
-    for study in record.studies:
-        if lost := sorted(resumed & set(table[study.info.id].trainings)):
-            context.show.line(f"{study.info.id}: its figures are dropped, as {', '.join(lost)} has to be gone on with")
-        else:
-            kept.append(study)
-    return msgspec.structs.replace(record, studies=kept)

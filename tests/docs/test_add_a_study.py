@@ -8,8 +8,8 @@ import pytest
 
 from harness.command.main import main
 from harness.records.study import read_studies
-from harness.studies.evidence.evidence_studies import STUDIES, _study
-from harness.studies.framework import Shelf
+from harness.studies.evidence.evidence_studies import STUDIES
+from harness.studies.framework import Shelf, asking
 from reports.__main__ import main as report
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -17,10 +17,10 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 def test_the_example_runs_by_its_line_and_has_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = (DOCS / "add-a-study.md").read_text(encoding="utf-8")
-    line = re.search(r"```python\n(_study\(.*?\))\n```", text, re.DOTALL)
+    line = re.search(r"```python\n(asking\(.*?\))\n```", text, re.DOTALL)
     assert line is not None
-    study = eval(line[1], {"_study": _study})
-    file, _, function = study.measure.removeprefix("evidence.").partition(":")
+    study = eval(line[1], {"asking": asking})
+    file, _, function = study.measure.partition(":")
     spec = importlib.util.spec_from_file_location(file, DOCS / "examples" / f"{file}.py")
     assert spec is not None
     assert spec.loader is not None

@@ -175,10 +175,7 @@ def _value(random: Random, action: argparse.Action) -> str:
 WORK = {
     "harness.execution.run": ("run",),
     "harness.execution.ground_truth": ("view_set_folders",),
-    "harness.studies.speed.speed_run": ("run",),
-    "harness.studies.stability.stability_context": ("run",),
-    "harness.studies.evidence.evidence_context": ("run",),
-    "harness.studies.serving.serving_run": ("run",),
+    "harness.studies.framework": ("run",),
     "harness.gate.gate_run": ("run", "renew"),
     "harness.viewer.film.film_making": ("filmed",),
     "harness.execution.cost": ("estimate_apart",),

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from harness.execution.progress import Quiet
+from harness.plan.profiles import Machine
 from harness.records.study import Check
 from harness.studies.stability.rays import reference_cases
 from harness.studies.stability.rays.reference_cases import (
@@ -127,7 +128,7 @@ def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch:
         raise InputError(f"Mitsuba variant {name} does not work here")
 
     monkeypatch.setattr(reference_cases, "choose_variant", refuse)
-    context = StabilityContext(tmp_path, tmp_path, tmp_path, True, Quiet(), ("nerf",), 1)
+    context = StabilityContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), ("nerf",))
     outcomes = [check for check in reference_cases.independent(context) if isinstance(check, Check)]
     missing = [check for check in outcomes if check.status == "not_available"]
     assert {check.why for check in missing} == {"Mitsuba variant llvm_ad_rgb does not work here"}

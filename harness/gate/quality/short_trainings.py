@@ -55,7 +55,7 @@ def trained(
         )
         for scene, seed in plan.groups()
     ]
-    many = min(context.workers, len(tasks))
+    many = min(context.machine.workers, len(tasks))
     return [cell for cells in in_workers([partial(train_one, task, draw) for task in tasks], many) for cell in cells]
 
 

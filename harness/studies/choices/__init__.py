@@ -1,1 +1,1 @@
-"""What a setting changes: learning rates, the repair, accelerations, what is left out."""
+"""What a setting changes: searches, accelerations, omissions; imports `frontier` and the rooms below it."""

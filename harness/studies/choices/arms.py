@@ -14,16 +14,12 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from baselines.contract import Precision
-from baselines.numerics.optimisers import OptimiserName
 from harness.execution.ground_truth import read_views
 from harness.machine.provenance import versions
 from harness.machine.stopping import in_workers
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import kept
-from harness.plan.profiles import TUNED, Plan
-from harness.plan.schedule import Decay
-from harness.plan.settings import TrainSettings
+from harness.plan.profiles import Plan
 from harness.records.json_record import as_promised, digest_of, load_record, write_record
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
@@ -43,34 +39,18 @@ PLANNED = "as planned"
 class Arm:
     """One way to train a cell."""
 
-    need: tuple[str, ...] = ()
-    no_need: tuple[str, ...] = ()
-    precision: Precision | None = None
-    """None: as planned."""
-    position_bands: int | None = None
-    """None: as planned; 0: raw coordinates alone."""
-    bins: float = 1.0
-    """The factor of the bins of training, a share of a pixel or a number."""
-    optimiser: OptimiserName | None = None
-    """None: as planned; else with the rates of `harness.plan.profiles.TUNED`."""
-    rate: float = 1.0
-    """The factor of the learning rates, first and last alike."""
-    betas: tuple[float, float] | None = None
-    """None: those that the optimiser has."""
-    decay: Decay | None = None
-    """None: as planned."""
-    covered_share: float | None = None
-    """None: as planned."""
+    train: Mapping[str, Any] = field(default_factory=dict)
+    """Field of the settings of training → its value in place of the planned one."""
     own: Any = None
     """The method's own settings; None: as planned."""
+    need: tuple[str, ...] = ()
+    no_need: tuple[str, ...] = ()
     rendered_with: tuple[str, ...] = ()
     """The needs that are put back, one at a time, to render the same weights again."""
 
 
 @dataclass(frozen=True)
 class CellTask:
-    """One cell, to be trained once per arm."""
-
     scene: str
     method: str
     seed: int
@@ -98,8 +78,6 @@ class Rerendered:
 
 @dataclass(frozen=True)
 class Ended:
-    """A trained cell."""
-
     psnr: float | None
     """The mean over the views that are scored; None if training diverged."""
     train_seconds: float = 0.0
@@ -115,8 +93,6 @@ class Ended:
 
 @dataclass(frozen=True)
 class CellArms:
-    """A cell with all its arms."""
-
     scene: str
     method: str
     seed: int
@@ -170,27 +146,6 @@ def weigh(pairs: Iterable[tuple[float | None, float | None]]) -> PairedDifferenc
     return paired_difference(np.array(differences)) if differences else None
 
 
-def settings_of(train: TrainSettings, arm: Arm) -> TrainSettings:
-    """Return the settings of a training as an arm changes them."""
-    if arm.precision is not None:
-        train = replace(train, precision=arm.precision)
-    if arm.position_bands is not None:
-        train = replace(train, network=replace(train.network, position_bands=arm.position_bands))
-    if arm.bins != 1.0:
-        per_pixel = train.bins_per_pixel
-        train = replace(train, bins=round(train.bins * arm.bins), bins_per_pixel=per_pixel and per_pixel * arm.bins)
-    if arm.optimiser is not None:
-        train = replace(train, **TUNED[arm.optimiser])
-    if arm.betas is not None:
-        train = replace(train, optimiser=replace(train.optimiser, betas=arm.betas))
-    if arm.decay is not None:
-        train = replace(train, decay=arm.decay)
-    if arm.covered_share is not None:
-        train = replace(train, covered_share=arm.covered_share)
-    rates = {name: getattr(train, name) * arm.rate for name in ("learning_rate", "last_learning_rate")}
-    return kept(replace(train, **rates), arm.need)
-
-
 def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
     plan, device = task.plan, torch.device(task.device)
     views = with_needs(views, arm.need, arm.no_need)
@@ -205,7 +160,7 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
             yield view
 
     own = plan.own_settings([task.method]) if arm.own is None else {task.method: arm.own}
-    settings = replace(settings_of(plan.train, arm), own=own)
+    settings = replace(kept(replace(plan.train, **arm.train), arm.need), own=own)
     try:
         trainer = trained_alone(task.method, views, stream, settings, plan.budget, device)
         psnr = evaluate.quick_scores(rendered(trainer), split)["psnr"]

@@ -37,7 +37,7 @@ def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
     """Return the arms: as planned, and with each change, which is no grid or the other precision."""
     other: dict[Change, Arm] = {
         "grid": Arm(need=("empty_space",)),
-        "precision": Arm(precision="bfloat16" if plan.train.precision == "float32" else "float32"),
+        "precision": Arm({"precision": "bfloat16" if plan.train.precision == "float32" else "float32"}),
     }
     return {PLANNED: Arm()} | {change: other[change] for change in changes}
 

@@ -16,8 +16,8 @@ from baselines.catalog import CATALOG
 from baselines.methods.explicit import GaussianSettings, geometric
 from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
-from harness.studies.choices.arms import PLANNED, Arm, CellTask, trained_cells
-from harness.studies.choices.sweep import SEED
+from harness.studies.choices.arms import PLANNED, Arm
+from harness.studies.choices.sweep import SEED, searched
 from harness.studies.frontier.frontier_context import settings_for
 
 SEARCHED = ("chair", "ship")
@@ -29,60 +29,53 @@ USUAL = PROFILES["reduced"].train
 
 @dataclass(frozen=True)
 class Trial:
-    """What a training has in place of the usual."""
-
     what: str = "as the frontier trains it"
-    own: Any = None
-    """The family's own settings; None: the usual."""
-    settings: dict[str, Any] = field(default_factory=dict)
-    """Field of the training's settings → value."""
+    arm: Arm = field(default_factory=Arm)
 
 
 def _rates(factor: float) -> Trial:
     rates = {name: factor * getattr(USUAL, name) for name in ("learning_rate", "last_learning_rate")}
-    return Trial(" to ".join(f"{rate:g}" for rate in rates.values()), settings=rates)
+    return Trial(" to ".join(f"{rate:g}" for rate in rates.values()), Arm(rates))
 
 
 def _gaussian_rates(family: str) -> Callable[[float], Trial]:
     usual: GaussianSettings = CATALOG[family].settings
     return lambda factor: Trial(
         f"positions {factor * usual.faster * usual.position:g}, the others alike",
-        replace(usual, faster=factor * usual.faster),
+        Arm(own=replace(usual, faster=factor * usual.faster)),
     )
 
 
 def _width(width: int) -> Trial:
     network = replace(USUAL.network, width=width, colour_width=width // 2)
-    return Trial(f"{network.depth} × {width}", settings={"network": network})
+    return Trial(f"{network.depth} × {width}", Arm({"network": network}))
+
+
+def _own(what: str, family: str, **changes: Any) -> Trial:
+    usual = USUAL.own.get(family, CATALOG[family].settings)
+    return Trial(what, Arm(own=replace(usual, **changes)))
 
 
 def _planes(*nodes: int) -> Trial:
-    return Trial(", ".join(f"{count}²" for count in nodes), replace(CATALOG["planes"].settings, nodes=nodes))
+    return _own(", ".join(f"{count}²" for count in nodes), "planes", nodes=nodes)
 
 
 def _tables(finest: int, levels: int, entries: int) -> Trial:
     what = f"{levels} levels to {finest}, {entries} entries"
-    cells = geometric(16, finest, levels)
-    return Trial(what, replace(CATALOG["hash_grid"].settings, cells=cells, entries=entries))
+    return _own(what, "hash_grid", cells=geometric(16, finest, levels), entries=entries)
 
 
 def _gaussians(family: str, first: int, most: int) -> Trial:
-    return Trial(f"{first} to {most}", replace(CATALOG[family].settings, first=first, most=most))
+    return _own(f"{first} to {most}", family, first=first, most=most)
 
 
 def _voxels(finest: int) -> Trial:
-    return Trial(f"{finest}³", replace(USUAL.own["voxels_drjit"], finest=finest, bins=finest * 3 // 2))
+    return _own(f"{finest}³", "voxels_drjit", finest=finest, bins=finest * 3 // 2)
 
 
 def _trials(rates: Callable[[float], Trial], smaller: Trial, larger: Trial) -> dict[str, Trial]:
-    halved, doubled = rates(0.5), rates(2.0)
-    return {
-        PLANNED: Trial(),
-        "half the rates": halved,
-        "double the rates": doubled,
-        "smaller": smaller,
-        "larger": larger,
-    }
+    halved, doubled = {"half the rates": rates(0.5)}, {"double the rates": rates(2.0)}
+    return {PLANNED: Trial(), **halved, **doubled, "smaller": smaller, "larger": larger}
 
 
 NETWORKS = _trials(_rates, _width(48), _width(96))
@@ -102,8 +95,6 @@ TRIALS: dict[str, dict[str, Trial]] = {
 
 @dataclass(frozen=True)
 class FamilyRow:
-    """One trial of a family on one scene."""
-
     family: str
     trial: str
     scene: str
@@ -131,23 +122,13 @@ def search_plan(as_planned: bool, quick: bool = False) -> Plan:
 def search(
     plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
 ) -> Iterator[FamilyRow]:
-    """Train every trial of every method of `plan` on every scene; decoded images go to `scratch`, a folder on a disk,
-    and finished cells to `kept`.
+    """Train every trial of every method of `plan` on every scene, as `searched` does."""
 
-    Raises `InputError` for a view set without validation views.
-    """
-    tasks = []
-    for family in plan.methods:
-        for words, trial in TRIALS[family].items():
-            changed = replace(plan, train=replace(plan.train, **trial.settings))
-            arms = {words: Arm(own=trial.own)}
-            tasks += [
-                CellTask(scene, family, SEED, folder, scratch, changed, arms, device, "val", kept)
-                for scene, folder in folders.items()
-            ]
-    for cell in trained_cells(tasks, workers):
-        for words, ended in cell.ended.items():
-            yield FamilyRow(cell.method, words, cell.scene, ended.psnr, ended.core_seconds, ended.steps, ended.why)
+    def arms_of(family: str) -> dict[str, Arm]:
+        return {words: trial.arm for words, trial in TRIALS[family].items()}
+
+    for family, words, scene, ended in searched(plan, arms_of, folders, scratch, workers, device, kept):
+        yield FamilyRow(family, words, scene, ended.psnr, ended.core_seconds, ended.steps, ended.why)
 
 
 def means(rows: list[FamilyRow], family: str) -> dict[str, float | None]:

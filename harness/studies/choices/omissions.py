@@ -164,7 +164,6 @@ def too_costly(omissions: list[Omission]) -> list[Omission]:
 
 
 def filled(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
-    """Return the `rows` of one scene with what was measured on it."""
     measured = {one.name: {name: getattr(one, name, blank) for name, blank in UNMEASURED.items()} for one in omissions}
     return [structs.replace(row, **measured.get(row.name, {})) for row in rows]
 
@@ -242,14 +241,23 @@ def cell_tasks(
         parts = CATALOG[method].parts
         if controls and parts is not None:
             bands = useful_bands(pixels_across(views[scene]) / 2, LADDERS[parts.encoding].base)
-            arms |= {"Nyquist": Arm(position_bands=bands), "half the bins": Arm(bins=0.5)}
+            arms |= {"Nyquist": with_bands(plan, bands), "half the bins": with_half_the_bins(plan)}
         if controls and parts is not None and scene == plan.scenes[0]:
-            arms["no bands"] = Arm(position_bands=0)
+            arms["no bands"] = with_bands(plan, 0)
             direction = needs_of(views[scene]).get("view_direction")
             if direction is not None and direction.needed:
                 arms["no view_direction"] = Arm(no_need=("view_direction",))
         tasks.append(CellTask(scene, method, seed, folders[scene], scratch, plan, arms, device))
     return tasks
+
+
+def with_bands(plan: Plan, bands: int) -> Arm:
+    return Arm({"network": replace(plan.train.network, position_bands=bands)})
+
+
+def with_half_the_bins(plan: Plan) -> Arm:
+    per_pixel = plan.train.bins_per_pixel
+    return Arm({"bins": round(0.5 * plan.train.bins), "bins_per_pixel": per_pixel and 0.5 * per_pixel})
 
 
 def omissions_of(cells: list[CellArms]) -> list[Omission]:
@@ -263,7 +271,6 @@ def omissions_of(cells: list[CellArms]) -> list[Omission]:
 
 
 def controls_of(cells: list[CellArms]) -> list[Omission]:
-    """Return what leaving out costs if the part is needed."""
     return [
         replace(_of_training(alike, name, arm, PLANNED), what=what)
         for alike in _by_method(cells)
@@ -273,13 +280,11 @@ def controls_of(cells: list[CellArms]) -> list[Omission]:
 
 
 def _by_method(cells: list[CellArms]) -> list[list[CellArms]]:
-    """Return the cells of each scene and method."""
     keys = dict.fromkeys((cell.scene, cell.method) for cell in cells)
     return [[cell for cell in cells if (cell.scene, cell.method) == key] for key in keys]
 
 
 def _of_training(cells: list[CellArms], name: str, without: str, with_it: str) -> Omission:
-    """Compare the arms named by `without`, which lack the part, and `with_it`, which have it."""
     pairs = [(cell.ended[without], cell.ended[with_it]) for cell in cells]
     result = weigh((a.psnr, b.psnr) for a, b in pairs)
     verdict = judged(weigh((b.psnr, a.psnr) for a, b in pairs), PARTS[name].bound)

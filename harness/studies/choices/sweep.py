@@ -3,36 +3,45 @@
 No method may get tuning that the others did not: what a profile sets for all must not be one method's favourite.
 """
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 from baselines.numerics.optimisers import OptimiserName
 from harness.plan.profiles import TUNED, Plan
 from harness.plan.schedule import Decay
-from harness.studies.choices.arms import Arm, CellTask, settings_of, trained_cells
+from harness.studies.choices.arms import Arm, CellTask, Ended, trained_cells
 
 SEED = 1_000
 """A seed that no verdict uses."""
 FACTORS = (0.5, 1.0, 2.0)
 """The factors of the rates of each optimiser (`harness.plan.profiles.TUNED`), first and last alike."""
+
+
+def _tuned(name: OptimiserName, rate: float = 1.0, betas: tuple[float, float] | None = None, **others: Any) -> Arm:
+    train = {**TUNED[name], **others}
+    train |= {rates: train[rates] * rate for rates in ("learning_rate", "last_learning_rate")}
+    if betas is not None:
+        train["optimiser"] = replace(train["optimiser"], betas=betas)
+    return Arm(train)
+
+
 ARMS = (
-    *(Arm(optimiser=name, rate=factor) for name in TUNED for factor in FACTORS),
-    Arm(optimiser="adam", betas=(0.9, 0.999)),
-    Arm(optimiser="soap", betas=(0.95, 0.95)),
-    Arm(optimiser="soap", betas=(0.9, 0.999)),
-    Arm(optimiser="muon", betas=(0.9, 0.99)),
-    *(Arm(optimiser=name, decay="exponential") for name in ("adam", "soap")),
-    *(Arm(optimiser=name, covered_share=0.0) for name in ("adam", "soap")),
+    *(_tuned(name, factor) for name in TUNED for factor in FACTORS),
+    _tuned("adam", betas=(0.9, 0.999)),
+    _tuned("soap", betas=(0.95, 0.95)),
+    _tuned("soap", betas=(0.9, 0.999)),
+    _tuned("muon", betas=(0.9, 0.99)),
+    *(_tuned(name, decay="exponential") for name in ("adam", "soap")),
+    *(_tuned(name, covered_share=0.0) for name in ("adam", "soap")),
 )
 """Every optimiser at three rates, then one other setting at a time at the middle one."""
 
 
 @dataclass(frozen=True)
 class Tried:
-    """The settings of an arm."""
-
     optimiser: OptimiserName
     learning_rate: float
     last_learning_rate: float
@@ -52,29 +61,42 @@ class SweepRow:
     core_seconds: float
 
 
-def sweep(
-    plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
-) -> Iterator[SweepRow]:
-    """Train every method in every arm on every scene; decoded images go to `scratch`, a folder on a disk, and finished
+def searched(
+    plan: Plan,
+    arms_of: Callable[[str], Mapping[str, Arm]],
+    folders: dict[str, Path],
+    scratch: Path,
+    workers: int,
+    device: str,
+    kept: Path | None = None,
+) -> Iterator[tuple[str, str, str, Ended]]:
+    """Train every method of `plan` in each of its arms on every scene, with a seed that no verdict uses; yield method,
+    arm, scene and what came of it on validation views. Decoded images go to `scratch`, a folder on a disk, and finished
     cells to `kept`.
 
     Raises `InputError` for a view set without validation views.
     """
-    arms = {str(number): arm for number, arm in enumerate(ARMS)}
     tasks = [
-        CellTask(scene, method, SEED, folder, scratch, plan, arms, device, "val", kept)
-        for scene, folder in folders.items()
+        CellTask(scene, method, SEED, folder, scratch, plan, {name: arm}, device, "val", kept)
         for method in plan.methods
+        for name, arm in arms_of(method).items()
+        for scene, folder in folders.items()
     ]
     for cell in trained_cells(tasks, workers):
-        for name, arm in arms.items():
-            ended = cell.ended[name]
-            yield SweepRow(cell.scene, cell.method, tried_in(plan, arm), ended.psnr, ended.core_seconds)
+        yield from ((cell.method, name, cell.scene, ended) for name, ended in cell.ended.items())
+
+
+def sweep(
+    plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
+) -> Iterator[SweepRow]:
+    """Train every method in every arm on every scene, as `searched` does."""
+    arms = {str(number): arm for number, arm in enumerate(ARMS)}
+    for method, name, scene, ended in searched(plan, lambda method: arms, folders, scratch, workers, device, kept):
+        yield SweepRow(scene, method, tried_in(plan, arms[name]), ended.psnr, ended.core_seconds)
 
 
 def tried_in(plan: Plan, arm: Arm) -> Tried:
-    """Return the settings with which an arm trains."""
-    train = settings_of(plan.train, arm)
+    train = replace(plan.train, **arm.train)
     optimiser = train.optimiser
     rates = train.learning_rate, train.last_learning_rate
     return Tried(optimiser.name, *rates, train.decay, optimiser.betas, train.covered_share)
@@ -90,7 +112,6 @@ def means(rows: list[SweepRow]) -> dict[Tried, float]:
 
 
 def best_of_each(rows: list[SweepRow]) -> dict[str, Tried]:
-    """Map method → the settings with its best mean over scenes."""
     methods = dict.fromkeys(row.method for row in rows)
     return {method: next(iter(means([row for row in rows if row.method == method]))) for method in methods}
 

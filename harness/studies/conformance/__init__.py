@@ -1,1 +1,1 @@
-"""Checks of the contract that every method of the catalogue keeps."""
+"""Checks of the contract that every method keeps; imports `studies` itself and the rooms below it."""

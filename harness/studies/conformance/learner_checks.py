@@ -87,7 +87,6 @@ def picture(learner: Learner) -> torch.Tensor:
 
 
 def error(learner: Learner) -> float:
-    """Return the mean squared error of the test view."""
     views, _ = drawn()
     rgba = np.asarray(views.test.rgba[0], dtype=np.float32)
     truth = torch.from_numpy(rgba[..., :3] * rgba[..., 3:] + 1.0 - rgba[..., 3:]).reshape(-1, 3)

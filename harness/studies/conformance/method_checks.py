@@ -38,8 +38,6 @@ CHECKS = {**FIELD_CHECKS, **LEARNER_CHECKS}
 
 @dataclass(frozen=True)
 class CheckOutcome:
-    """The outcome of one check of one method."""
-
     method: str
     check: str
     verdict: Literal["held", "broken", "not applicable"]

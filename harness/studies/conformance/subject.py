@@ -28,8 +28,6 @@ class Broken(Exception):
 
 @dataclass(frozen=True)
 class Subject:
-    """A method by name."""
-
     name: str
 
     @cached_property
@@ -37,7 +35,6 @@ class Subject:
         return method_named(self.name)
 
     def field(self, depth: int = SMALL.depth, seed: int | str = 0, view_dependent: bool = True, box: Box = BOX) -> Any:
-        """Return a fresh field (`baselines.field.field_of`)."""
         size = replace(SMALL, depth=depth)
         return field_of(self.method, FieldSpec(size, box, "float32", seed, view_dependent, self.method.settings))
 

@@ -1,1 +1,1 @@
-"""The studies that a verdict rests on."""
+"""The studies that a verdict rests on; imports `speed` and the rooms below it."""

@@ -157,13 +157,11 @@ def _direction(cases: list[Effect]) -> str:
 
 
 def _over_scenes(some: list[Effect], name: str, against: str = "") -> str:
-    """Return the effect of that name on PSNR at equal steps, over all scenes."""
     (effect,) = chosen(some, scene="all", name=name, against=against)
     return in_words(effect)
 
 
 def _table(run: StudyRun, px: int) -> Table:
-    """Return each ladder in figures, and its scores."""
     columns, scores = score_table(run.cells, LADDERS)
     rows: list[list[str | float | None]] = []
     for method in LADDERS:
@@ -177,7 +175,6 @@ def _table(run: StudyRun, px: int) -> Table:
 
 
 def _lines(cells: dict[int, list[CellRecord]]) -> Iterator[Series]:
-    """Yield differences from NeRF, and reach and base, over resolution and over training steps, over all scenes."""
     ladders = {method: (duel(method, "nerf"), (method,)) for method in OTHERS}
     factors = {factor: (LADDER_DESIGN, (factor,)) for factor in FACTORS}
     for what, lines in (("Difference from NeRF", ladders), ("Reach and base", factors)):

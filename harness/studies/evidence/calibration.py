@@ -147,8 +147,6 @@ NOISE = CHECKED | {ONE_BAD: _one_bad}
 
 @dataclass(frozen=True)
 class DesignPoint:
-    """One kind of study, and the results of many of that kind."""
-
     noise: str
     scenes: int
     seeds: int
@@ -163,7 +161,6 @@ class DesignPoint:
 
 
 def calibration(context: EvidenceContext) -> Iterator[Found]:
-    """Yield the coverage over the complete grid and the power at the scatter of the published run."""
     count, scatter = 1000 if context.quick else STUDIES, published_scatter()
     sds = (0.0, scatter.scene_sd, LARGE_SD)
     grid = [simulated(*point, scatter, count) for point in product(NOISE, SCENES, SEEDS, sds)]
@@ -252,7 +249,6 @@ def false_signs(scatter: Scatter, count: int) -> dict[str, float]:
 def checks(
     grid: list[DesignPoint], default: DesignPoint, bad: DesignPoint, wrong: dict[str, float], count: int
 ) -> Iterator[Check]:
-    """Yield checks of each kind of interval from below and from above, of false signs, and of power."""
     judged = [point for point in grid if point.noise in CHECKED]
     for kind, (scenes, limits) in product(KINDS, COVERAGE.items()):
         # of the estimate that one bad cell must not move, with that cell too

@@ -85,7 +85,6 @@ class Agreement:
 
 
 def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halves: Sequence[float]) -> Agreement:
-    """Return the agreement computed from the mean square errors that noise causes in each of at least two views."""
     levels = [[psnr_from_mse(mse) for mse in values] for values in (stated, again, halves)]
     apart = [a - b for a, b in zip(levels[0], levels[1], strict=True)]
     error = statistics.stdev(apart) / len(apart) ** 0.5
@@ -94,7 +93,6 @@ def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halve
 
 
 def ceilings(context: EvidenceContext) -> Iterator[Found]:
-    """Yield sentences, three checks, and a table of the scenes."""
     plan = replace(context.plan(TRAINING), scenes=tuple(CLASSICS)[: 2 if context.quick else None])
     folders = view_set_folders(plan, context.view_sets, context.show)
     items = [str(folders[name]) for name in plan.scenes]
@@ -113,7 +111,6 @@ def ceilings(context: EvidenceContext) -> Iterator[Found]:
 
 
 def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:
-    """Yield the answer, its checks and its table."""
     within = sum(abs(scene.difference) <= TOLERANCE_DB for scene in scenes)
     mean = statistics.fmean(scene.difference for scene in scenes)
     error = math.hypot(*(scene.error for scene in scenes)) / len(scenes)
@@ -124,33 +121,23 @@ def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:
         f"stated ceiling is {_signed(mean)} dB off ± {error:.3f}, at most {_signed(worst.difference)} dB "
         f"± {worst.error:.3f} ({worst.scene})."
     )
-    yield check(
-        "ceiling stated less ceiling from new renders, mean over scenes",
-        mean,
-        -TOLERANCE_DB,
-        TOLERANCE_DB,
-        "dB",
-        f"standard error {error:.3f} dB",
-    )
+    what, why = "ceiling stated less ceiling from new renders, mean over scenes", f"standard error {error:.3f} dB"
+    yield check(what, mean, -TOLERANCE_DB, TOLERANCE_DB, "dB", why)
     # Student's limit for as many scenes as there are, with the fewest views that any of them has
     limit = critical(min(scene.views for scene in scenes) - 1, len(scenes))
-    yield check(
-        f"largest excess of a scene's difference over {TOLERANCE_DB} dB",
-        max(scene.excess for scene in scenes),
-        high=limit,
-        unit="standard errors",
-        why=f"of the scene itself, from the spread of its views; larger by chance in at most 5 % of all studies. A "
+    what = f"largest excess of a scene's difference over {TOLERANCE_DB} dB"
+    why = (
+        "of the scene itself, from the spread of its views; larger by chance in at most 5 % of all studies. A "
         f"difference passes up to {TOLERANCE_DB} dB and so many standard errors, "
-        f"{TOLERANCE_DB + limit * poorest.error:.2f} dB where they are largest",
+        f"{TOLERANCE_DB + limit * poorest.error:.2f} dB where they are largest"
     )
-    yield check(
-        "largest standard error of a scene's difference",
-        poorest.error,
-        high=TOLERANCE_DB,
-        unit="dB",
-        why=f"{poorest.scene}; with a larger one {TOLERANCE_DB} dB would not be told, and that a scene is not called "
-        "wrong would mean nothing",
+    yield check(what, max(scene.excess for scene in scenes), high=limit, unit="standard errors", why=why)
+    what = "largest standard error of a scene's difference"
+    why = (
+        f"{poorest.scene}; with a larger one {TOLERANCE_DB} dB would not be told, and that a scene is not called wrong "
+        "would mean nothing"
     )
+    yield check(what, poorest.error, high=TOLERANCE_DB, unit="dB", why=why)
     columns = ["scene", "stated, dB", "new renders, dB", "difference, dB", "standard error, dB",
                "formula on new renders, dB", "views"]  # fmt: skip
     rows: list[list[str | float | None]] = [

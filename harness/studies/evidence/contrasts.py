@@ -39,13 +39,11 @@ class Design:
     """All 2^k corners."""
 
     def terms(self) -> list[Term]:
-        """Return the main effects first, then interactions of two, and so on."""
         sizes = range(1, len(self.factors) + 1)
         return [term for size in sizes for term in combinations(self.factors, size)]
 
 
 def duel(method: str, against: str) -> Design:
-    """Return the design of one factor: to take `method` instead of `against`."""
     return Design((method,), {(False,): against, (True,): method})
 
 
@@ -163,7 +161,6 @@ def chosen(some: Iterable[Effect], **facts: str) -> list[Effect]:
 
 
 def by_scene(some: Iterable[Effect], **facts: str) -> list[Effect]:
-    """Return those of the `chosen` that are not over all scenes."""
     return [effect for effect in chosen(some, **facts) if effect.scene != "all"]
 
 
@@ -183,7 +180,6 @@ def line(tables: dict[float, Tables], panel: str, name: str, x_label: str) -> Se
 
 
 def along_training(design: Design, term: Term, cells: list[CellRecord], panel: str, name: str) -> Series:
-    """Return the contrast of PSNR at every checkpoint as a line."""
     tables = {float(at): contrast_tables(design, term, cells, "psnr", "steps", at) for at in common_steps(cells)}
     return line(tables, panel, name, "training step")
 
@@ -229,7 +225,6 @@ def number(value: float, metric: str, sign: bool = True) -> str:
 
 
 def amount(value: float | None, metric: str, sign: bool = True) -> str:
-    """Return the difference as `+0.81 dB`."""
     if value is None:
         return "no figure"
     return f"{number(value, metric, sign)} {metric_table.METRICS[metric].unit}".strip()
@@ -257,6 +252,5 @@ def in_brief(effect: Effect) -> str:
 
 
 def listed(parts: Iterable[str]) -> str:
-    """Return the items as `a, b and c`."""
     *first, last = parts
     return f"{', '.join(first)} and {last}" if first else last

@@ -1,20 +1,13 @@
-"""The context of the evidence studies, one literal table of what they train, and their run."""
+"""The context of the evidence studies, and one literal table of what they train."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
+from typing import Any
 
-import torch
-
-from harness.execution.progress import Progress
-from harness.machine.device import keep_freed_memory, multiplies_bfloat16, use_threads
-from harness.machine.provenance import provenance
 from harness.plan.needed import kept
-from harness.plan.profiles import PROFILES, Machine, Plan
+from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
 from harness.records.metric_table import METRICS
-from harness.studies import framework
-from harness.studies.evidence.evidence_studies import SHELF, STUDIES
-from harness.studies.trained_context import TrainedContext, with_valid_trainings
+from harness.studies.trained_context import TrainedContext
 from scenes.catalog.entries import CLASSICS
 from scenes.view_sets.source import Region
 
@@ -94,11 +87,11 @@ TRAININGS: dict[str, Training] = {
 
 @dataclass(frozen=True)
 class EvidenceContext(TrainedContext):
-    """One run of the studies."""
-
     command = "nox -s evidence"
-    precision_as_planned: bool
-    """Whether this processor has the profile's bfloat16 matrix multiplications."""
+
+    def settings(self) -> dict[str, Any]:
+        interest = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
+        return {"quick": self.quick, "device": self.machine.device, "smallest_of_interest": interest}
 
     def plan(self, name: str) -> Plan:
         """Return the profile `reduced` with what the training of that name changes; in float32 if the processor has no
@@ -109,7 +102,7 @@ class EvidenceContext(TrainedContext):
         views = replace(profile.views, resolution=size, train=training.train_views, test=training.test_views)
         if (half := training.half_side) is not None:
             views = replace(views, region=Region((-half, -half, -half, half, half, half)))
-        train = profile.train if self.precision_as_planned else replace(profile.train, precision="float32")
+        train = profile.train if self.as_planned else replace(profile.train, precision="float32")
         views, train = replace(views, need=training.need), kept(train, training.need)
         if self.quick:
             views = replace(views, resolution=12 + size // 25, train=6, val=2, test=2, spp_train=4, spp_test=4)
@@ -124,29 +117,3 @@ class EvidenceContext(TrainedContext):
             views=views,
             train=train,
         )
-
-
-def run(
-    studies: list[str], out: Path, view_sets: Path, machine: Machine, quick: bool, resume: bool, show: Progress
-) -> int:
-    """Run `studies` into `out`; with `resume` only those that are not complete there, or whose trainings hold cells
-    that failed without a chance. Returns 0, or 3 if a check fails.
-
-    Raises `InputError` before anything is measured if `out` cannot be used.
-    """
-    device = torch.device(machine.device)
-    use_threads(machine.threads)
-    keep_freed_memory()
-    interest = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
-    return framework.run(
-        SHELF,
-        studies,
-        out,
-        resume,
-        {"quick": quick, "device": machine.device, "smallest_of_interest": interest},
-        provenance(device),
-        lambda scratch, _: EvidenceContext(out, view_sets, scratch, quick, show, machine, multiplies_bfloat16(device)),
-        show,
-        repaired=lambda record, context: with_valid_trainings(record, studies, STUDIES, context),
-        scale_of=lambda study, context: context.scale(*study.trainings),
-    )

@@ -1,58 +1,53 @@
 """The one table of studies that a verdict rests on. A new study is a generator of findings and one entry here."""
 
-from functools import partial
-
 from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, asking, catalogue
 
-_study = partial(asking, "evidence")
-
-
 STUDIES: dict[str, Study] = catalogue(
-    _study("calibration", "Are the intervals calibrated?",
+    asking("calibration", "Are the intervals calibrated?",
            "How often do the intervals hold the truth, and how often is an effect found that is there?",
            "Simulated studies of known truth, judged by the functions that judge a run: 4 to 16 scenes, 3 to 10 seeds, "
            "effects that differ by 0 to 0.6 dB from scene to scene, normal noise, heavy tails, and runs that collapse.",
            "calibration:calibration", 15),
-    _study("positive_controls", "Does it find what is known?",
+    asking("positive_controls", "Does it find what is known?",
            "Does the comparer find the losses that the original NeRF's ablation found?",
            "NeRF without positional encoding, without view direction, with half and with a quarter of the training "
            "views where these are few, and with 7 and 15 % fewer steps, each against NeRF, judged like Q-NeRF.",
            "positive_controls:positive_controls", 5400,
            "no_encoding", "no_direction", "images", "half_images", "quarter_images", "objections", "steps_850",
            "steps_930"),
-    _study("ceilings", "Is the noise ceiling right?",
+    asking("ceilings", "Is the noise ceiling right?",
            "Does the PSNR ceiling that follows from the ground truth's own variance agree with an independent render?",
            "Every test view is rendered once more with other random numbers; half of the mean square difference of two "
            "renders is the noise of one.",
            "ceilings:ceilings", 90),
-    _study("factorial", "What does each part do?",
+    asking("factorial", "What does each part do?",
            "What do the φ encoding, the amplifier and the φ skip contribute, alone and together?",
            "All eight combinations of the three parts, under both readings of the amplifier: main effects, "
            "interactions, and the cumulative rows of Table 4.",
            "factorial:factorial", 540, "factorial"),
-    _study("bandwidth", "The golden ratio, or bandwidth?",
+    asking("bandwidth", "The golden ratio, or bandwidth?",
            "Is what the φ encoding changes owed to φ, or to how far its frequencies reach?",
            "φ with NeRF's reach, another base with φ's reach, and 2^k with φ's reach, beside both, at three "
            "resolutions and along training, on all eight scenes with one seed, as intervals over scenes need no "
            "repeats.",
            "bandwidth:bandwidth", 2000, "bandwidth_100", "bandwidth_200", "bandwidth_300"),
-    _study("objections", "What if it were compared otherwise?",
+    asking("objections", "What if it were compared otherwise?",
            "Does the verdict change with the start of the field, the encoding of NeRF, the paper's quadrature, without "
            "silhouettes, or without the amplifier?",
            "Pairs of methods that differ in what is objected to, on all eight scenes, judged like the headline; they "
            "are rendered again with Eq. 4 taken out.",
            "objections:objections", 6000, "objections", "no_silhouettes"),
-    _study("collapse", "Does a training end without a picture?",
+    asking("collapse", "Does a training end without a picture?",
            "How often does a training diverge, end empty, or score below a copy of the nearest training view?",
            "Five readings of density with ten seeds in the scenes' own boxes, and thin scenes in cubes of up to "
            "twice their size; short trainings, as what collapses does so early.",
            "collapse:collapse", 2000, "box_own", "box_1_5", "box_1_8", "box_2_4"),
-    _study("rendering", "Error against time of rendering",
+    asking("rendering", "Error against time of rendering",
            "Which quadrature rule and which sampler reach an error first?",
            "One trained field, rendered with every rule and sampler at growing numbers of samples, against a rendering "
            "so fine that its own error does not show.",
            "work.rendering_work:rendering_work", 120, "no_encoding"),
-    _study("ground_truth", "Error against time of the ground truth",
+    asking("ground_truth", "Error against time of the ground truth",
            "How much time does Mitsuba need for how little noise?",
            "One view of every scene at growing numbers of samples a pixel, against a render with many more.",
            "work.ground_truth_work:ground_truth_work", 120),

@@ -30,7 +30,6 @@ TABLE4_SCENE = "lego"
 
 
 def factorial(context: EvidenceContext) -> Iterator[Found]:
-    """Yield main effects, interactions and Table 4's cumulative rows, for each reading."""
     cells = context.trained("factorial").cells
     designs = {reading: design_of(reading) for reading in READINGS}
     by_reading = {reading: contrast_effects(design, cells, f"({reading})") for reading, design in designs.items()}
@@ -62,7 +61,6 @@ def factorial(context: EvidenceContext) -> Iterator[Found]:
 
 
 def design_of(reading: str) -> Design:
-    """Return which combination belongs to which corner, under a reading of the amplifier."""
     amplifier, complete = READINGS[reading]
     words = [amplifier if part == "amplifier" else part for part in PARTS.values()]
     methods = {}
@@ -105,7 +103,6 @@ def _answer(by_reading: dict[str, list[Effect]]) -> str:
 
 
 def _in_figures(of_reading: list[Effect], reading: str) -> Iterator[str]:
-    """Yield what the parts do over all scenes, alone and together."""
     for budget, start in (("steps", "At equal steps over all scenes"), ("seconds", "At equal training time")):
         main = zip(PARTS, chosen(of_reading, scene="all", note="", budget=budget), strict=True)
         yield f"{start} ({reading}): {listed(f'{part} {in_words(effect)}' for part, effect in main)}."
@@ -122,7 +119,6 @@ def _in_figures(of_reading: list[Effect], reading: str) -> Iterator[str]:
 
 
 def _densest(cells: list[CellRecord], reading: str) -> Iterator[str]:
-    """Yield what bounds an effect or may explain it."""
     amplified = [method for corner, method in design_of(reading).methods.items() if corner[1]]
     fields = [cell.properties for cell in cells if cell.method in amplified and cell.status == "done"]
     if fields:

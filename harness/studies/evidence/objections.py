@@ -39,7 +39,6 @@ OBJECTIONS = (
 
 
 def objections(context: EvidenceContext) -> Iterator[Found]:
-    """Yield what the amplifier is after training, then each objection with its difference."""
     runs = {name: context.trained(name) for name in dict.fromkeys(each.training for each in OBJECTIONS)}
     cells = runs["objections"].cells
     yield amplifier_after_training(cells)
@@ -77,7 +76,6 @@ def amplifier_after_training(cells: list[CellRecord]) -> str:
 
 
 def values_of(cells: list[CellRecord], name: str) -> list[float]:
-    """Return a property of all cells that have it."""
     return [value for cell in cells if isinstance(value := cell.properties.get(name), float)]
 
 
@@ -95,7 +93,6 @@ def octaves(run: StudyRun) -> str:
 
 
 def taken_out(cells: list[CellRecord]) -> Table:
-    """Tabulate α φ and the change of PSNR without Eq. 4: means over seeds."""
     rows: list[list[str | float | None]] = []
     for method in dict.fromkeys(cell.method for cell in cells):
         for scene in dict.fromkeys(cell.scene for cell in cells):

@@ -50,7 +50,6 @@ class Control:
 
     @property
     def loss(self) -> float | None:
-        """Return the difference of PSNR in dB in the original's ablation."""
         return None if self.original is None else self.original - ORIGINAL
 
 
@@ -67,8 +66,6 @@ CONTROLS = (
 
 @dataclass(frozen=True)
 class Loss:
-    """The effects of a control."""
-
     control: Control
     every: list[Effect]
     """All effects, of other scores and at equal time included; empty if no scene needs what is missing."""
@@ -87,7 +84,6 @@ class Loss:
 
 
 def positive_controls(context: EvidenceContext) -> Iterator[Found]:
-    """Yield each control against nerf: found or not, and how large."""
     names = dict.fromkeys(name for control in CONTROLS for name in (control.baseline, control.training))
     trained = {name: context.trained(name) for name in names}
     losses = [_loss(control, trained[control.baseline], trained[control.training]) for control in CONTROLS]

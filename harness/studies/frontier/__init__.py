@@ -1,1 +1,1 @@
-"""Families of radiance fields at budgets of core seconds: error against time, and who is ahead how surely."""
+"""Families of radiance fields at budgets of core seconds: who is ahead how surely; imports `evidence` and below."""

@@ -29,7 +29,6 @@ TARGETS = (25.0, 28.0, 30.0)
 
 
 def costs(context: FrontierContext) -> Iterator[Found]:
-    """Yield the costs of each family, and when it reaches 25, 28 and 30 dB."""
     frontier = context.frontier()
     last, scene, seed = frontier.budgets[-1], frontier.amount.scenes[-1], frontier.amount.seeds[0]
     families = [
@@ -79,7 +78,6 @@ def costs(context: FrontierContext) -> Iterator[Found]:
 
 
 def drawing(cell: TrainedCell, camera_to_world: np.ndarray) -> list[float]:
-    """Return the median seconds of drawing a view, by width."""
     camera = cell.camera(camera_to_world)
     seconds = []
     cell.learner.render(camera.resized(16).rays(cell.learner.device), cell.chunk)  # kernels are compiled here

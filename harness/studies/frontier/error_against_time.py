@@ -22,7 +22,6 @@ def error_of(psnr: float) -> float:
 
 
 def error_against_time(context: FrontierContext) -> Iterator[Found]:
-    """Yield the means with intervals over scenes, the table of all scores, and log–log curves."""
     frontier = context.frontier()
     families, last = frontier.trained, frontier.budgets[-1]
     means = {family: frontier.table(last, (family,)).mean() for family in families}
@@ -71,7 +70,6 @@ def over_scenes(frontier: Frontier) -> Table:
 
 
 def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
-    """Yield the curve of each family, of one scene or of all, and the floor and ceiling of a scene."""
     names = frontier.amount.scenes
     chosen = [names.index(scene)] if scene else list(range(len(names)))
     panel = f"Error against {AXES[axis]}, {scene or EVERY}"
@@ -99,7 +97,6 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
 
 
 def place_of(frontier: Frontier, budget: float, family: str, axis: str) -> float:
-    """Return the median of what its cells took of that budget."""
     values = {
         "core_seconds": lambda cell: cell.train_core_seconds,
         "seconds": lambda cell: cell.train_seconds,

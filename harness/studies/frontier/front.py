@@ -12,11 +12,8 @@ from harness.studies.frontier.frontier_context import Frontier, FrontierContext
 from harness.verdicts.pareto import best_shares, crossing, front_shares, rank_correlation
 from harness.verdicts.statistics import paired_difference
 
-SURE = 0.95
-
 
 def front(context: FrontierContext) -> Iterator[Found]:
-    """Yield the probabilities, the crossings and the rank correlations."""
     frontier = context.frontier()
     families, budgets = frontier.trained, frontier.budgets
     tables = [frontier.table(budget, families) for budget in budgets]
@@ -40,7 +37,6 @@ def front(context: FrontierContext) -> Iterator[Found]:
 
 
 def answer(families: tuple[str, ...], budgets: list[float], best: list[np.ndarray]) -> str:
-    """Return who is best when, with the probability."""
     parts = []
     for budget, shares in zip(budgets, best, strict=True):
         leader = families[int(np.argmax(shares))]
@@ -49,7 +45,6 @@ def answer(families: tuple[str, ...], budgets: list[float], best: list[np.ndarra
 
 
 def early_and_late(families: tuple[str, ...], budgets: list[float], tables: list[np.ndarray]) -> str:
-    """Return whether the winner of the shortest budget is that of the longest."""
     early, late = (families[int(np.nanargmax(table.mean(axis=1)))] for table in (tables[0], tables[-1]))
     tau = rank_correlation(tables[0].mean(axis=1), tables[-1].mean(axis=1))
     ends = f"The winner at {budgets[0]:g} core seconds, {early}, is"
@@ -58,7 +53,6 @@ def early_and_late(families: tuple[str, ...], budgets: list[float], tables: list
 
 
 def _not_distinguished(budget: float, families: tuple[str, ...], table: np.ndarray) -> Iterator[str]:
-    """Yield which families are not distinguished from the best by paired differences over scenes."""
     known = [place for place in range(len(families)) if not np.isnan(table[place]).any()]
     if len(known) < 2 or table.shape[1] < 2:
         return

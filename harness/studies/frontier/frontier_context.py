@@ -1,22 +1,18 @@
-"""The context of the frontier: the families, the budgets, one plan for each, and their run."""
+"""The context of the frontier: the families, the budgets, and one plan for each."""
 
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
-from harness.execution.progress import Progress
-from harness.machine.device import keep_freed_memory, multiplies_bfloat16, use_threads
-from harness.machine.provenance import provenance
-from harness.plan.profiles import PROFILES, Machine, Plan
+from harness.plan.profiles import PROFILES, Plan
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord
-from harness.studies import framework
-from harness.studies.frontier.frontier_studies import AT_BUDGETS, SHELF, STUDIES
-from harness.studies.trained_context import TrainedContext, with_valid_trainings
+from harness.studies.framework import Study
+from harness.studies.frontier.frontier_studies import AT_BUDGETS
+from harness.studies.trained_context import TrainedContext
 from harness.verdicts.failures import judgeable
 from scenes.catalog.entries import CLASSICS
 
@@ -33,8 +29,6 @@ LONG_BUDGETS = (4.0, 8.0, 15.0, 30.0, 60.0, 120.0, 600.0)
 
 @dataclass(frozen=True)
 class Amount:
-    """What is trained, and for how long."""
-
     scenes: tuple[str, ...] = tuple(CLASSICS)
     families: tuple[str, ...] = FAMILIES
     budgets: tuple[float, ...] = BUDGETS
@@ -74,30 +68,27 @@ def settings_for(budget: float, train: TrainSettings) -> TrainSettings:
 
 @dataclass(frozen=True)
 class FrontierContext(TrainedContext):
-    """One run of the frontier."""
-
     command = "nox -s frontier"
-    precision_as_planned: bool
-    """Whether this processor has the profile's bfloat16 matrix multiplications."""
     amount: Amount
 
-    def named(self, *trainings: str) -> list[str]:
+    def settings(self) -> dict[str, Any]:
+        return {"amount": asdict(self.amount), "device": self.machine.device}
+
+    def trainings(self, *studies: Study) -> list[str]:
         """Return the names of trainings, with one for each budget."""
         budgets = [f"{CORE_SECONDS}{budget:g}" for budget in self.amount.budgets]
-        return [name for training in trainings for name in (budgets if training == AT_BUDGETS else [training])]
+        names = super().trainings(*studies)
+        return [each for name in names for each in (budgets if name == AT_BUDGETS else [name])]
 
-    def repaired(self, name: str) -> bool:
-        resumed = [
-            super(FrontierContext, self).repaired(one) for one in self.named(name)
-        ]  # each of them, not the first
-        return any(resumed)
-
-    def scale(self, *names: str) -> str:
-        return super().scale(*self.named(*names))
+    def seconds(self, study: Study, asked: list[Study]) -> float:
+        """Return wall seconds, with a sixth more for scoring; what an earlier study trained is trained."""
+        first = {training: other.info.id for other in reversed(asked) for training in other.trainings}
+        work = sum(self.amount.core_seconds[training] for training, id in first.items() if id == study.info.id)
+        return study.seconds + work * 7 / 6 / (self.machine.workers * self.machine.threads)
 
     def plan(self, name: str) -> Plan:
         profile, amount, is_phi = PROFILES["reduced"], self.amount, name == "phi"
-        train = profile.train if self.precision_as_planned else replace(profile.train, precision="float32")
+        train = profile.train if self.as_planned else replace(profile.train, precision="float32")
         budget = amount.phi_budget if is_phi else float(name.removeprefix(CORE_SECONDS))
         return replace(
             profile.alone(),
@@ -118,8 +109,6 @@ class FrontierContext(TrainedContext):
 
 @dataclass(frozen=True)
 class Frontier:
-    """The cells of every budget."""
-
     amount: Amount
     cells: dict[float, list[CellRecord]]
 
@@ -129,11 +118,9 @@ class Frontier:
 
     @property
     def trained(self) -> tuple[str, ...]:
-        """Return the families with any score."""
         return tuple(name for name in self.amount.families if any(self.of(budget, name) for budget in self.cells))
 
     def of(self, budget: float, family: str) -> list[CellRecord]:
-        """Return the cells that ended with a picture."""
         return [cell for cell in self.cells[budget] if cell.method == family and judgeable(cell)]
 
     def values(self, budget: float, family: str, name: str) -> Float[np.ndarray, "scenes seeds"]:
@@ -145,36 +132,3 @@ class Frontier:
     def table(self, budget: float, families: tuple[str, ...]) -> Float[np.ndarray, "methods scenes"]:
         """Return PSNR, each the mean over seeds; NaN where a seed has none."""
         return np.array([self.values(budget, family, "psnr").mean(axis=1) for family in families])
-
-
-def run(
-    studies: list[str], amount: Amount, out: Path, view_sets: Path, machine: Machine, resume: bool, show: Progress
-) -> int:
-    """Run `studies` into `out`; with `resume` only those that are not complete there. Returns 0, or 3 if a check fails.
-
-    Raises `InputError` before anything is measured if `out` cannot be used.
-    """
-    device = torch.device(machine.device)
-    use_threads(machine.threads)
-    keep_freed_memory()
-    as_planned = multiplies_bfloat16(device)
-
-    def seconds(name: str) -> float:
-        """Return the wall seconds, with a sixth more for scoring; what an earlier study trained is trained."""
-        first = {training: study for study in reversed(studies) for training in STUDIES[study].trainings}
-        work = sum(amount.core_seconds[training] for training, study in first.items() if study == name)
-        return STUDIES[name].seconds + work * 7 / 6 / (machine.workers * machine.threads)
-
-    return framework.run(
-        SHELF,
-        studies,
-        out,
-        resume,
-        {"amount": asdict(amount), "device": machine.device},
-        provenance(device),
-        lambda scratch, _: FrontierContext(out, view_sets, scratch, False, show, machine, as_planned, amount),
-        show,
-        repaired=lambda record, here: with_valid_trainings(record, studies, STUDIES, here),
-        scale_of=lambda study, here: here.scale(*study.trainings),
-        seconds_of=seconds,
-    )

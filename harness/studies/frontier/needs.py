@@ -21,7 +21,6 @@ COLUMNS = ["scene", "core s", "best", "PSNR, dB", "second", "ahead by, dB", "95 
 
 
 def needs(context: FrontierContext) -> Iterator[Found]:
-    """Yield the best two families of every scene, budget and kind of scene."""
     frontier = context.frontier()
     last = frontier.budgets[-1]
     kinds = {kind: [name for name in names if name in frontier.amount.scenes] for kind, names in KINDS.items()}

@@ -23,7 +23,6 @@ CONTROLS = {"same_ends": "the same coarsest and finest level", "same_size": "as 
 
 
 def phi(context: FrontierContext) -> Iterator[Found]:
-    """Yield the effects, in the core seconds that all have alike, and the scores."""
     cells = context.trained("phi").cells
     effects = [
         effect

@@ -65,7 +65,6 @@ class Allocation(NamedTuple):
 
 @study
 def samples(context: ServingContext) -> Iterator[Found]:
-    """Yield errors and costs of samples by attention against those of the even picture with as many a ray."""
     rows: list[Allocation] = []
     for attended in attended_views(context):
         if attended.number:

@@ -66,7 +66,6 @@ class Refined:
     """Seconds [repeats, points] since the view was requested: of the first frame, and of each part."""
 
     def after(self, limit: float) -> View:
-        """Return what is shown after so many seconds, by the median of the repeats; the first frame at least."""
         done = int((np.median(self.seconds, axis=0) <= limit).sum()) - 1
         height, width = self.first.opacity.shape
         canvas = Canvas(height, width, self.first)
@@ -77,8 +76,6 @@ class Refined:
 
 @dataclass(frozen=True)
 class Seen:
-    """All measurements of one view."""
-
     of: AttendedView
     finished: View
     runs: dict[Run, Refined]
@@ -111,27 +108,23 @@ Times = dict[str, Reaching | None]
 
 @dataclass(frozen=True)
 class Case:
-    """A scene and a map of attention, in every order."""
-
     scene: str
     kind: str
     curves: dict[str, Curve]
 
     def times(self, measure: str) -> Times:
-        """Return when each order has come down to a share of the coarse frame's error."""
         limit = SHARE_OF_ERROR * self.curves["raster"].errors[measure][0]
         return {order: reaching(curve, measure, limit) for order, curve in self.curves.items()}
 
 
 @study
 def anytime(context: ServingContext) -> Iterator[Found]:
-    """Yield which order is first to a useful picture, with curves and example pictures."""
     seen = list(_seen(context))
     if not seen:
         yield NOTHING
         return
     yield from compared(cases_of(seen))
-    yield from examples(context.run.out, seen[0])
+    yield from examples(context.out, seen[0])
 
 
 def compared(cases: Sequence[Case]) -> Iterator[Found]:
@@ -235,7 +228,6 @@ def errors_along(run: Refined, finished: View, *where: np.ndarray) -> Iterator[l
 
 
 def cases_of(seen: Sequence[Seen]) -> list[Case]:
-    """Return every scene with every map that attends to something more on some view."""
     cases = []
     for scene in dict.fromkeys(view.of.scene for view in seen):
         for kind in KINDS:
@@ -311,7 +303,6 @@ def _earlier_check(cases: Sequence[Case], measure: str) -> Check:
 
 
 def _against_others(cases: Sequence[Case]) -> Iterator[Check]:
-    """Yield how much later raster order is useful, and the seconds until all is there."""
     attended = [case.times("attended") for case in cases]
     sooner = [
         raster.seconds / mine.seconds for at in attended if (raster := at["raster"]) and (mine := at["attention"])

@@ -149,7 +149,6 @@ def least_bins(bins: int) -> int:
 
 @study
 def priorities(context: ServingContext) -> Iterator[Found]:
-    """Yield what the factor φ of Eq. 7 changes, for every map."""
     effects = [
         without_phi(attention, seen.view.regions.rays, seen.view.bins, least_bins(seen.view.bins))
         for seen in attended_views(context)

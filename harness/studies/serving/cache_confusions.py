@@ -68,7 +68,6 @@ class Confusion:
 
 @study
 def confusions(context: ServingContext) -> Iterator[Found]:
-    """Yield how many kinds of change each key does not notice."""
     cells = cells_of(context)
     rows = confused(context, cells[0], variants(context, cells[0])) if cells else []
     for cell in cells[1:]:
@@ -221,17 +220,8 @@ def _further(context: ServingContext, learner: Trainer, views: ViewSet) -> Train
 
 def copied(learner: Trainer, settings: Any = None) -> Trainer:
     """Return an independent copy of the method in the same state."""
-    made = learner_for(
-        Job(
-            learner.method,
-            learner.box,
-            settings or learner.settings,
-            learner.budget,
-            learner.seed,
-            learner.device,
-            learner.view_dependent,
-        )
-    )
+    job = Job(learner.method, learner.box, settings or learner.settings, learner.budget, learner.seed, learner.device)
+    made = learner_for(replace(job, view_dependent=learner.view_dependent))
     assert isinstance(made, Trainer)
     made.restore({name: value.clone() for name, value in tensors_of(learner).items()}, learner.step)
     return made

@@ -45,7 +45,6 @@ class WrongHit(RuntimeError):
 
 @study
 def latency(context: ServingContext) -> Iterator[Found]:
-    """Yield how many times as long as a hit rendering takes, for two methods on one scene."""
     checks: list[Check] = []
     for cell in cells_of(context):
         if context.is_over(f"latencies of {cell.learner.method}"):
@@ -159,7 +158,6 @@ def dropped(folder: Path) -> bool:
 
 
 def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
-    """Return the method of a disk cache with nothing in memory and the weights hashed already."""
     cached = CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk)
     cached.key(camera)
     return cached

@@ -3,24 +3,25 @@ out.
 """
 
 import functools
+import hashlib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import torch
+from msgspec import structs
 
-from harness.execution.progress import Progress
+from harness.machine.provenance import PROGRAM, versions
 from harness.playback.camera_paths import orbit
 from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.records.cells import SceneRecord
 from harness.records.json_record import DamagedRecord
-from harness.records.study import Check
-from harness.studies.framework import Found
+from harness.records.study import Check, Studies
+from harness.studies.framework import Found, Shelf, Study, StudyContext
 from harness.training.batches import Camera
+from harness.training.checkpoints import checkpoint_path
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
 from harness.training.scoring.metrics import mse
@@ -31,6 +32,8 @@ from scenes.view_sets.view_set import ViewSet
 
 EXPECTED = (InputError, DamagedRecord, Diverged)
 """The errors of a run that cannot be rendered; all else is an error of ours."""
+QUICK_SHARE = 0.1
+"""The share of the time that `quick` takes."""
 TRAIN_VIEWS = 8
 """The views that a few more steps are trained on."""
 
@@ -58,32 +61,20 @@ QUICK = Sizes(3, 2, 2, 2, 1, 1, 1, 1, 64)
 """Sizes at which no figure means anything, to try the studies themselves."""
 
 
-@dataclass
-class ServingRequest:
-    """The part of a finished run to measure."""
+@dataclass(frozen=True)
+class ServingContext(StudyContext):
+    """The part of a finished run to measure, and what its studies share.
+
+    Several threads of torch wait for each other whenever the machine does something else, and rendering then takes many
+    times as long; on two cores that do nothing else, two render 1.4 to 1.6 times as fast as one. A hit uses one in any
+    case.
+    """
 
     run: FinishedRun
     scenes: list[SceneRecord]
     methods: list[str]
     seed: int
     width: int
-    quick: bool
-    device: torch.device
-    view_sets: Path
-    threads: int = 1
-    """Several threads of torch wait for each other whenever the machine does something else, and rendering then takes
-    many times as long; on two cores that do nothing else, two render 1.4 to 1.6 times as fast as one. A hit uses one in
-    any case.
-    """
-
-
-@dataclass(kw_only=True)
-class ServingContext(ServingRequest):
-    """What is requested, and what its studies share."""
-
-    scratch: Path
-    """A folder on a disk that is removed after the run."""
-    show: Progress
     deadline: float | None = None
     """The time by `clock` after which nothing is begun; with one, a study may fail without ending the others, whatever
     the reason."""
@@ -95,12 +86,36 @@ class ServingContext(ServingRequest):
     _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
     _views: dict[str, ViewSet | None] = field(default_factory=dict)
 
+    def settings(self) -> dict[str, Any]:
+        scenes = [scene.name for scene in self.scenes]
+        return {
+            "scenes": scenes,
+            "methods": self.methods,
+            "seed": self.seed,
+            "width": self.width,
+            "threads": self.threads,
+            "quick": self.quick,
+            "device": self.device.type,
+            "code": versions()[PROGRAM],
+            "weights": {
+                f"{scene}.{method}": hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
+                for scene in scenes
+                for method in self.methods
+                if (path := checkpoint_path(self.out, scene, method, self.seed)).is_file()
+            },
+        }
+
+    def valid(self, record: Studies, shelf: Shelf, asked: list[str]) -> Studies:
+        return structs.replace(record, studies=[study for study in record.studies if not study.cut_short])
+
+    def seconds(self, study: Study, asked: list[Study]) -> float:
+        return study.seconds * (QUICK_SHARE if self.quick else 1.0)
+
     @property
     def sizes(self) -> Sizes:
         return QUICK if self.quick else FULL
 
     def leave_out(self, what: str, why: str, id: str = "left_out") -> None:
-        """Note once what cannot be measured."""
         gap = Check(what, None, why=why, owner="machine", status="not_available", id=id)
         if gap not in self.gaps:
             self.gaps.append(gap)

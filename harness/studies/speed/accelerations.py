@@ -64,7 +64,6 @@ def measure(context: SpeedContext) -> Iterator[Check | Table]:
 
 
 def _remaining_time(context: SpeedContext, trainer: Trainer, batch_at: Callable[[int], Batch]) -> Table:
-    """Return the operators of training steps by their own time, without those that they call."""
     from torch.profiler import ProfilerActivity, profile
 
     steps, on_cuda = 5 if context.quick else 50, context.device.type == "cuda"

@@ -34,7 +34,6 @@ LEAST = 0.95
 
 
 def measure(context: SpeedContext) -> Iterator[Check]:
-    """Train the same groups by either executor, from the first order to the last record, in turn."""
     if context.device.type != "cpu" or physical_cores() < 2:
         yield not_measured("cluster.ratio", TITLE, "×", "a question about several cores of a CPU", low=LEAST)
         return

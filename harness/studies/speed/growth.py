@@ -17,6 +17,7 @@ from harness.plan.settings import GridSettings, TrainSettings
 from harness.records.cells import CellRecord
 from harness.records.study import Check, Series
 from harness.studies.drawn_views import FOV_X_RADIANS, poses, write_disc
+from harness.studies.power_laws import fitted_power
 from harness.studies.speed.speed_context import (
     DENSE,
     SpeedContext,
@@ -72,9 +73,8 @@ def _timed(context: SpeedContext, sides: dict[int, Callable[[], object]]) -> dic
 
 def exponent(x: list[float], y: list[float]) -> tuple[float, float, float]:
     """Return the slope of log y over log x: fitted, and the smallest and largest between neighbours."""
-    log_x, log_y = np.log(x), np.log(y)
-    between = np.diff(log_y) / np.diff(log_x)
-    return float(np.polyfit(log_x, log_y, 1)[0]), float(between.min()), float(between.max())
+    between = np.diff(np.log(y)) / np.diff(np.log(x))
+    return fitted_power(x, y)[0], float(between.min()), float(between.max())
 
 
 def _reported(

@@ -14,7 +14,6 @@ from torch import Tensor
 
 from baselines.contract import NO_ACCELERATION
 from baselines.numerics.encoding import PHI, encode, fourier_features, frequency_ladder
-from baselines.numerics.quadrature import Rule as QuadratureRule
 from baselines.numerics.quadrature import listing4, midpoint
 from harness.execution.ground_truth import sizes_of
 from harness.plan.settings import ViewSettings
@@ -33,6 +32,7 @@ from harness.studies.speed.speed_context import (
     variant_of,
     views_of,
 )
+from harness.studies.usual_quadrature import running_product, stock_expm1
 from harness.training.lockstep import box_of
 from harness.training.scoring.evaluate import cameras_of, render_view
 from scenes.files.errors import InputError
@@ -60,16 +60,6 @@ def encodings(context: SpeedContext) -> Iterator[Check]:
         yield ratio(id, title, seconds["direct"], seconds["recurrence"], detail, low)
         title = f"Encoding {what}, `encode` without recurrence against direct"
         yield ratio(f"{id}.sines", title, seconds["direct"], seconds["sines"], detail)
-        for side in ("direct", "recurrence"):
-            error = largest_error(sides[side](), x, base, bands)
-            title = f"Largest error of {what} against float64, {side}"
-            yield measured(f"{id}.{side}.error", title, [error], "", f"{points} random points in [−1, 1]³")
-
-
-def largest_error(features: Tensor, x: Tensor, base: float, bands: int) -> float:
-    """Return the largest absolute error, against sines and cosines in float64 of the very same float32 coordinates."""
-    ladder = torch.tensor([base**k for k in range(bands)], dtype=torch.float64, device=x.device)
-    return float((features.double() - fourier_features(x.double(), ladder)).abs().max())
 
 
 Rule = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
@@ -78,33 +68,18 @@ SIZE, QUICK_SIZE = (4096, 192), (64, 16)
 """Rays, and bins of each."""
 
 
-def by_autograd(sigma: Tensor, t: Tensor, t_edges: Tensor) -> tuple[Tensor, Tensor]:
-    """Evaluate the rule of `midpoint`, differentiated operation by operation."""
-    del t
-    tau = sigma * torch.diff(t_edges, dim=-1)
-    through = torch.cumsum(tau, dim=-1)
-    before = torch.cat([torch.zeros_like(through[:, :1]), through[:, :-1]], dim=-1)
-    return torch.exp(-before) * -torch.expm1(-tau), torch.exp(-through[:, -1])
-
-
-def by_product(sigma: Tensor, t: Tensor, t_edges: Tensor) -> tuple[Tensor, Tensor]:
-    """Evaluate the rule as it is usually written: opacities, and a running product of what they let through."""
-    del t
-    alpha = 1.0 - torch.exp(-sigma * torch.diff(t_edges, dim=-1))
-    through = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1)
-    return alpha * through[:, :-1], through[:, -1]
-
-
-def _unchecked(rule: QuadratureRule) -> Rule:
-    """Return the rule as the renderer uses it, which makes its own fenceposts."""
-    return lambda sigma, t, t_edges: rule.weights(sigma, rule.lengths(t, t_edges))
+def _rule(
+    weights: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]],
+    lengths: Callable[[Tensor, Tensor], Tensor] = lambda t, t_edges: torch.diff(t_edges, dim=-1),
+) -> Rule:
+    return lambda sigma, t, t_edges: weights(sigma, lengths(t, t_edges))
 
 
 RULES: dict[str, tuple[str, Rule]] = {
-    "midpoint": ("closed-form gradient", _unchecked(midpoint)),
-    "autograd": ("the same rule by autograd", by_autograd),
-    "product": ("running product by autograd", by_product),
-    "listing4": ("Listing 4 of the paper", _unchecked(listing4)),
+    "midpoint": ("closed-form gradient", _rule(midpoint.weights, midpoint.lengths)),
+    "autograd": ("the same rule by autograd", _rule(stock_expm1)),
+    "product": ("running product by autograd", _rule(running_product)),
+    "listing4": ("Listing 4 of the paper", _rule(listing4.weights, listing4.lengths)),
 }
 
 

@@ -94,7 +94,6 @@ def _send_peaks(task: GroupTask, connection: Connection) -> None:
 
 
 def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Series | Table]:
-    """Yield the peak during training, against the number of images and their size."""
     images, resolutions = (QUICK_IMAGES, QUICK_RESOLUTIONS) if context.quick else (IMAGES, RESOLUTIONS)
     rows: list[list[str | float | None]] = []
     peaks: list[float] = []

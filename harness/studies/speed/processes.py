@@ -61,7 +61,8 @@ def rates_by_sharing(here: SpeedContext, cores: int, window: float) -> dict[str,
     try:
         for index in range(cores):
             ours, theirs = spawn.Pipe()
-            alone = replace(here, threads=1, scratch=here.scratch / f"process-{index}", show=Quiet())
+            one_thread = replace(here.machine, threads=1)
+            alone = replace(here, machine=one_thread, scratch=here.scratch / f"process-{index}", show=Quiet())
             process = spawn.Process(target=_work, args=(theirs, alone, window), daemon=True)
             process.start()
             theirs.close()

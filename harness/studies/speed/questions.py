@@ -8,7 +8,7 @@ QUICK_SECONDS = 4
 
 
 def _question(number: int, title: str, measure: str, seconds: float) -> Study:
-    return Study(StudyInfo(str(number), title), f"speed.{measure}", seconds)
+    return Study(StudyInfo(str(number), title), measure, seconds)
 
 
 QUESTIONS: dict[str, Study] = catalogue(

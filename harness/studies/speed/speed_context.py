@@ -6,8 +6,9 @@ The sides of a comparison are timed in turn, in one process.
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -21,7 +22,8 @@ from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings, ViewSettings
 from harness.records.study import Check, check
 from harness.studies.drawn_views import write_disc
-from harness.studies.framework import StudyContext
+from harness.studies.framework import Study, StudyContext
+from harness.studies.speed.questions import QUICK_SECONDS
 from harness.training.batches import Batch, Batches
 from harness.training.learner import Job, at_step, train, warm_up
 from harness.training.lockstep import box_of, needs_view_direction
@@ -33,18 +35,38 @@ SCENE = "lego"
 """The scene of every question that needs one."""
 DENSE = replace(Accelerations(), grid=False, clipping=False)
 """Every acceleration that leaves all samples of every ray in place."""
+TEST_PIXELS = 4096
+"""The number of pixels of test views by which a PSNR is followed."""
 STREAM = "speed/0"
 """The name that seeds every batch and every first weight: all sides of a comparison see the same."""
 
 
 @dataclass(frozen=True)
 class SpeedContext(StudyContext):
-    """One run of the benchmark."""
+    """One run of the benchmark. Its threads are all cores: both sides of every comparison get them, unless the question
+    is about them.
+    """
 
-    device: torch.device
-    threads: int
-    """The number of threads, all cores: both sides of every comparison get them, unless the question is about them."""
     plain_seconds: float
+
+    def settings(self) -> dict[str, Any]:
+        plan = reduced_plan(self)
+        return {
+            "quick": self.quick,
+            "publishable": not self.quick,
+            "device": self.device.type,
+            "threads": self.threads,
+            "precision": self.precision,
+            "matrix_units": self.matrix_units,
+            "plain_seconds": self.plain_seconds,
+            "test_pixels": TEST_PIXELS,
+            "paper": asdict(paper_settings(self)),
+            "same_network": asdict(same_network(self, plan)),
+            "reduced": {"train": asdict(plan.train), "views": asdict(plan.views), "budget": plan.budget.settings()},
+        }
+
+    def seconds(self, study: Study, asked: list[Study]) -> float:
+        return QUICK_SECONDS if self.quick else study.seconds
 
     @property
     def synchronise(self) -> Callable[[], object]:
@@ -101,6 +123,20 @@ def reduced_plan(context: SpeedContext) -> Plan:
     )
     views = ViewSettings(resolution=16, train=6, val=0, test=3, spp_train=4, spp_test=4)
     return replace(plan, train=small, score=replace(plan.score, chunk=256), views=views)
+
+
+def same_network(context: SpeedContext, plan: Plan) -> TrainSettings:
+    """Return the paper's network, learning rate and batch with every acceleration; the grid is updated as often as
+    `reduced`'s.
+    """
+    settings = paper_settings(context)
+    return replace(
+        settings,
+        first_bins=settings.bins // 2,
+        last_learning_rate=settings.learning_rate,
+        grid=plan.train.grid,
+        accelerations=Accelerations(),
+    )
 
 
 def batches_of(views: ViewSet, device: torch.device) -> Batches:
@@ -197,7 +233,6 @@ def measured(
 def ratio(
     id: str, title: str, slow: Sequence[float], fast: Sequence[float], detail: str = "", low: float | None = None
 ) -> Check:
-    """Return how many times faster `fast` is."""
     return measured(f"{id}.ratio", title, quotients(slow, fast), "×", detail, low=low)
 
 

@@ -6,18 +6,17 @@ Every training is on its own clock, which evaluation does not touch, with the sa
 import math
 import statistics
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import accumulate, pairwise, repeat, takewhile
 from operator import mul
 
 import torch
 from torch import Tensor
 
-from baselines.contract import Accelerations, Rays
+from baselines.contract import Rays
 from baselines.plain import PlainField, plain_loss, plain_render, plain_step
 from harness.machine.device import keep_freed_memory, return_freed_memory
 from harness.machine.stopwatch import Stopwatch
-from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import TrainSettings
@@ -25,12 +24,14 @@ from harness.records.study import Check, Series
 from harness.studies.speed.speed_context import (
     SCENE,
     STREAM,
+    TEST_PIXELS,
     SpeedContext,
     batches_of,
     measured,
     not_measured,
     paper_settings,
     reduced_plan,
+    same_network,
     views_of,
 )
 from harness.training.batches import Batch
@@ -42,7 +43,6 @@ from harness.verdicts.survival import first_reached
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
 
-TEST_PIXELS = 4096
 EVALUATIONS = 12
 """The number of evaluations of the plain training."""
 GROWTH = 1.06
@@ -113,7 +113,6 @@ class PixelSubset:
     """Colours [pixels, 3], display colour over white."""
 
     def psnr(self, colours: Tensor) -> float:
-        """Return the PSNR in dB of the mean squared error over all pixels."""
         error = torch.mean((colours.double() - self.colours.double()) ** 2)
         return float(-10.0 * torch.log10(error.clamp(min=1e-10)))
 
@@ -188,22 +187,7 @@ def follow(
     return curve
 
 
-def same_network(context: SpeedContext, plan: Plan) -> TrainSettings:
-    """Return the paper's network, learning rate and batch with every acceleration; the grid is updated as often as
-    `reduced`'s.
-    """
-    settings = paper_settings(context)
-    return replace(
-        settings,
-        first_bins=settings.bins // 2,
-        last_learning_rate=settings.learning_rate,
-        grid=plan.train.grid,
-        accelerations=Accelerations(),
-    )
-
-
 def measure(context: SpeedContext) -> Iterator[Check | Series]:
-    """Yield the ratios to reach what plain training reached at each of `SHARES`, and the curves."""
     views, device, budget = views_of(context), context.device, context.plain_seconds
     plan, settings = reduced_plan(context), paper_settings(context, "float32")
     batches, pixels = batches_of(views, device), pixels_of(views, device)

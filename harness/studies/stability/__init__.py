@@ -1,1 +1,1 @@
-"""The catalogue of stiff and extreme cases."""
+"""The catalogue of stiff and extreme cases; imports `choices` and the rooms below it."""

@@ -1,19 +1,13 @@
-"""The context of every stiff or extreme case, the owner of a subject's formula, and the run of the cases."""
+"""The context of every stiff or extreme case, and the owner of a subject's formula."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-import torch
-
-from harness.execution.progress import Progress
-from harness.machine.device import available_cores, keep_freed_memory, use_threads
-from harness.machine.provenance import provenance
 from harness.plan.profiles import Plan, planned
 from harness.records.study import Check, Owner, Status, check
-from harness.studies import framework
-from harness.studies.stability.cases import SHELF
+from harness.studies.framework import StudyContext
 
 METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "qnerf_repaired", "voxels_drjit")
 
@@ -27,13 +21,16 @@ Rows = list[list[str | float | None]]
 
 
 @dataclass(frozen=True)
-class StabilityContext(framework.StudyContext):
-    """One run of the catalogue."""
-
+class StabilityContext(StudyContext):
     methods: tuple[str, ...]
-    workers: int
     cases: tuple[str, ...] = ()
     """The cases of this run, so that cases which share a training request all of it at once."""
+
+    def settings(self) -> dict[str, Any]:
+        return {"methods": list(self.methods), "quick": self.quick, "precision": "float32"}
+
+    def within(self, scratch: Path, missing: tuple[str, ...]) -> "StabilityContext":
+        return replace(self, scratch=scratch, cases=missing)
 
     def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
         """Return `profile` with this run's methods, in float32, which is the same on every machine."""
@@ -54,7 +51,6 @@ def whose(method: str) -> Owner:
 
 
 def error_of(kind: type[_Error], attempt: Callable[..., object], *arguments: object) -> _Error | None:
-    """Return the error of that kind which an attempt raises; None if it is accepted."""
     try:
         attempt(*arguments)
     except kind as error:
@@ -78,22 +74,3 @@ def ours_and_usual(
     owners: tuple[Owner, Owner] = ("ours", "usual")
     for (subject, figure), owner in zip(figures.items(), owners, strict=True):
         yield check(what, figure, low, high, subject=subject, owner=owner)
-
-
-def run(
-    cases: list[str], methods: tuple[str, ...], out: Path, view_sets: Path, quick: bool, resume: bool, show: Progress
-) -> int:
-    """Try `cases` into `out`; with `resume` only those that are not complete there. Returns 0, or 3 if what must pass
-    failed.
-
-    Raises `InputError` before anything is tried if `out` cannot be used.
-    """
-    workers = available_cores()
-    use_threads(workers)
-    keep_freed_memory()
-    settings = {"methods": list(methods), "quick": quick, "precision": "float32"}
-
-    def context(scratch: Path, missing: tuple[str, ...]) -> StabilityContext:
-        return StabilityContext(out, view_sets, scratch, quick, show, methods, workers, missing)
-
-    return framework.run(SHELF, cases, out, resume, settings, provenance(torch.device("cpu")), context, show)

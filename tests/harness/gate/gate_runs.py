@@ -16,6 +16,7 @@ from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judg
 from harness.gate.quality import worse
 from harness.gate.references import REFERENCES_FILE, Course, Courses, Quotients, References
 from harness.machine.processor_class import class_here
+from harness.plan.profiles import Machine
 from harness.records.study import Check
 
 CENTRE = 25.0
@@ -92,7 +93,8 @@ def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[list[float | N
 
 def context_of(chosen: tuple[Gate, ...], limits: Path) -> GateContext:
     stored, here = read_stored(limits, LimitsFile), limits.parent
-    return GateContext(chosen, stored, references(), limits, here, here, here, 1, Quiet(), lambda: COURSES)
+    machine = Machine("cpu", 1, 1)
+    return GateContext(here, here, here, False, Quiet(), machine, chosen, stored, references(), limits, lambda: COURSES)
 
 
 def gate_line(limits: Path, out: Path, *others: str) -> int:

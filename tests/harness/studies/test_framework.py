@@ -95,6 +95,8 @@ def test_studies_are_done_in_the_order_of_their_catalogue_and_recorded(
     assert (record.shelf, record.finished, record.is_quick) == (shelf, True, True)
     study = record.studies[0]
     assert (study.answers, len(study.checks), study.seconds >= 0) == ([f"{first} is answered"], 1, True)
+    bars = study.info.facts.get("bar")
+    assert bars == ("a figure at most 1" if shelf == "stability" else None), "what it must hold is read from its checks"
     assert study.series[0].y == [None], "a figure that is not finite is a gap"
     assert study.tables[0].rows == [["b", "not finite (nan)"]]
     assert [file.name for file in (tmp_path / "out").iterdir()] == [SHELVES[shelf]], "nothing is left behind"

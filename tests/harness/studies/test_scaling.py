@@ -9,7 +9,7 @@ from msgspec import structs
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.records.study import Studies, read_studies
-from harness.studies.full_setting import (
+from harness.studies.speed.full_setting import (
     ASSUMED_SHARES,
     GPUS,
     measured_rate,

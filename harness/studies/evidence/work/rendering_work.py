@@ -23,7 +23,7 @@ from harness.playback.run_loader import FinishedRun
 from harness.records.study import Series, Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
-from harness.studies.stability.rays.quadrature_orders import fitted_order
+from harness.studies.power_laws import fitted_power
 from harness.studies.trained_context import folder_of
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
@@ -124,8 +124,6 @@ class Frame:
 
 @dataclass
 class Line:
-    """One rule and sampler over growing numbers of samples."""
-
     rule: str
     sampler: str
     samples: list[int] = field(default_factory=list)
@@ -147,7 +145,7 @@ class Line:
         """Return the order, fitted over the finer half of the errors well above the reference's own."""
         clear = [(n, e) for n, e in zip(self.samples, self.error[measure], strict=True) if e > 3.0 * floor]
         finer = clear[len(clear) // 2 :] if len(clear) >= 6 else clear[-3:]
-        return fitted_order([e for _, e in finer], tuple(n for n, _ in finer))
+        return -fitted_power(*zip(*finer, strict=True))[0] if len(finer) >= 3 else None
 
 
 def rms(difference: Tensor) -> float:
@@ -259,7 +257,6 @@ def fastest(lines: Sequence[Line], target: float) -> tuple[Line, float] | None:
 
 
 def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[str]:
-    """Yield which combination is first, when that changes, and the error that the paper's rule and the grid leave."""
     first = []
     for target in NAMED_TARGETS:
         if best := fastest(lines, target):
@@ -305,7 +302,6 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
 
 
 def _charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) -> Iterator[Series]:
-    """Yield rules with one sampler and samplers with one rule, against seconds and against evaluations."""
     labels = {rule: f"{rule} (the paper's)" if QUADRATURES[rule].of_the_paper else rule for rule in QUADRATURES}
     views = (
         (f"Rules, sampler: {BY_RULE}", {labels[line.rule]: line for line in lines if line.sampler == BY_RULE}),
@@ -325,7 +321,6 @@ def _charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) 
 
 
 def tabled(lines: Sequence[Line], own: dict[str, float], rays: int) -> Table:
-    """Return every combination: orders, the error that remains at the end, and the cost of 1e-2 and 1e-3."""
     columns = ["rule", "sampler", "order of colour", "order of opacity", "least error of colour", "of opacity",
                "s to 1e-2", "evaluations a ray", "s to 1e-3", "evaluations a ray"]  # fmt: skip
     rows: list[list[str | float | None]] = []

@@ -49,7 +49,6 @@ def amplifier_with(reading: str, **scalars: float) -> Amplifier:
 
 
 def identity(context: StabilityContext) -> Iterator[Found]:
-    """A1: at α = 1/φ and β = 1 the density that is rendered is the one that came in."""
     generator = generator_for("stability", "A1")
     raws = [spread * torch.randn(4096, generator=generator) for spread in (1.0, 4.0, 16.0)]
     for reading, owner in WHOSE.items():
@@ -66,7 +65,6 @@ def identity(context: StabilityContext) -> Iterator[Found]:
 
 
 def one_nan(context: StabilityContext) -> Iterator[Found]:
-    """A3: one ray that is NaN, and one sample of one ray that is NaN, in a chunk with a complete view."""
     rays = setup(context).test.all_rays(0)
     bad = len(rays) // 2 + setup(context).test.width // 2
     methods, others = with_parts(context)
@@ -201,11 +199,9 @@ def largest_density(reading: str) -> float:
 
 ALPHAS = (-1.0, 0.0, 1.0 / PHI, 10.0, 1e3, math.inf)
 DEAD_BAR = 0.01
-"""Vanilla NeRF's softplus has none; measured 0."""
 
 
 def raw_inputs() -> dict[str, Tensor]:
-    """Return raw outputs that a network may have."""
     decades = torch.tensor([0.0, *(sign * 10.0**k for k in range(-45, 31, 3) for sign in (1.0, -1.0))])
     above = torch.nextafter(torch.tensor(0.0), torch.tensor(1.0))
     return {
@@ -218,7 +214,6 @@ def raw_inputs() -> dict[str, Tensor]:
 
 
 def extremes(context: StabilityContext) -> Iterator[Found]:
-    """A5: outputs and gradients at extreme inputs; how much of a field is dead over a real training."""
     rows: Rows = []
     for reading, owner in WHOSE.items():
         has_alpha = isinstance(getattr(AMPLIFIERS[reading](None), "alpha", None), nn.Parameter)
@@ -240,7 +235,6 @@ def extremes(context: StabilityContext) -> Iterator[Found]:
 
 
 def at_inputs(reading: str, alpha: float, raw: Tensor) -> tuple[bool, float, bool]:
-    """Return whether all is finite, the share of dead points, and whether dense has become thin."""
     amplifier = amplifier_with(reading, alpha=alpha)
     raw = raw.clone().requires_grad_()
     before, after = amplifier.before_and_after(raw)
@@ -275,7 +269,7 @@ def _dead_over_training(context: StabilityContext, method: str) -> Iterator[Foun
 
 POINTS = 4096
 COLOUR_BAR = 0.5 / 255
-"""Half a step of an 8-bit picture; measured 5e-4 for bfloat16 and 5e-5 for float16."""
+"""Half a step of an 8-bit picture."""
 
 
 @torch.no_grad()
@@ -301,7 +295,6 @@ def digits(value: Tensor, truth: Tensor) -> float:
 
 
 def digits_by_layer(context: StabilityContext) -> Iterator[Found]:
-    """O3: every method's trained network against its float64 twin, fed the same encoded positions."""
     methods, others = with_parts(context)
     for method in methods:
         field = trained(context, method).trainer.field
@@ -317,7 +310,6 @@ def digits_by_layer(context: StabilityContext) -> Iterator[Found]:
 
 
 def _seen(context: StabilityContext, method: str) -> Iterator[Found]:
-    """Yield what is visible of it: the same weights rendered with reduced multiplications."""
     source = trained(context, method).trainer
     rays = setup(context).test.all_rays(0)
     exact = source.render(rays, len(rays)).colour

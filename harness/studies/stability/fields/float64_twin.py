@@ -1,12 +1,11 @@
 """O5: trainings and their twins in float64, which take the same batches and the same draws."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from typing import Any
 
 import torch
 
-from baselines.contract import Box, Precision
+from baselines.contract import Box
 from harness.records.study import Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import (
@@ -23,27 +22,19 @@ from harness.studies.stability.stability_context import Rows, StabilityContext, 
 from harness.training.batches import Batch
 from harness.training.trainer import Trainer
 
-HALVES: tuple[Precision, ...] = ("bfloat16", "float16")
 STEPS = (1, 10, 40, 100, 300)
-"""The steps after which losses are compared; those of half precision up to `FEW`."""
-FEW = 40
+"""The steps after which losses are compared."""
 
 
 def float64_twin(context: StabilityContext) -> Iterator[Found]:
-    """O5: rounding, and what becomes of it over a training."""
     methods, others = with_parts(context)
     here = setup(context)
     rows: Rows = []
     first: list[float] = []
-    few = min(FEW, here.steps)
     for method in methods:
         twin = train(context, in_dtype(new_trainer(context, method), torch.float64), batch_at=doubled(context))
         ours = trained(context, method)
-        halves = {
-            name: train(context, new_trainer(context, method, replace(here.settings, precision=name)), few)
-            for name in (HALVES if method == methods[0] else ())
-        }
-        rows += [[method, name, *_apart(history, twin)] for name, history in {"float32": ours, **halves}.items()]
+        rows.append([method, *_apart(ours, twin)])
         first.append(_difference(ours, twin, 1))
         change = abs(psnr_of(ours.trainer, here.views) - psnr_of(in_dtype(twin.trainer, torch.float32), here.views))
         what = f"test PSNR apart after {here.steps} steps, dB"
@@ -52,7 +43,7 @@ def float64_twin(context: StabilityContext) -> Iterator[Found]:
     if methods:
         what = "largest relative difference of the first loss, float32 against float64"
         yield check(what, max(first), high=1e-6, subject="the same weights, batch and draws")
-    heads = ["method", "products", *(f"after {step} steps" for step in STEPS)]
+    heads = ["method", *(f"after {step} steps" for step in STEPS)]
     yield Table(
         "float64 twin", 5, "Loss of a step's batch, relative difference from a training in float64", heads, rows
     )
@@ -74,7 +65,6 @@ def in_dtype(trainer: Trainer, dtype: torch.dtype) -> Trainer:
 
 
 def doubled(context: StabilityContext) -> Callable[[int], Batch]:
-    """Return the common stream of batches in float64."""
     here = setup(context)
     batch_at = here.batches.stream(STREAM, here.settings.rays)
 

@@ -54,8 +54,6 @@ LEARNT = 0.5
 
 @dataclass(frozen=True)
 class FreshField:
-    """A method with an open constant set by hand."""
-
     method: str
     unit: float
     """The unit of density, and below the density of a fresh field, per half of the box."""
@@ -120,7 +118,6 @@ def batches(count: int, background: float = WHITE) -> Callable[[int], Batch]:
 
 
 def course_of(fresh: FreshField, count: int) -> FreshCourse:
-    """Train a fresh field for `count` steps. Raises `Diverged`."""
     side = torch.full((3,), HALF_EXTENT)
     own = replace(CATALOG[fresh.method].settings, density_scale=fresh.unit, start=fresh.start)
     settings = replace(fresh.settings, own={fresh.method: own})
@@ -158,7 +155,6 @@ PANELS = {
 
 
 def fresh_fields(context: StabilityContext) -> Iterator[Found]:
-    """A6: whether each reading learns anything, and what its densities, colours and gradients do meanwhile."""
     count = TRACE_EVERY if context.quick else STEPS
     rows: Rows = []
     for name, fresh in FRESH_FIELDS.items():

@@ -31,7 +31,6 @@ METHOD = "nerf"
 
 
 def half_precision(context: StabilityContext) -> Iterator[Found]:
-    """O1: weights in half precision, against float32 weights with reduced matrix multiplications."""
     kept = {"float32": torch.float32, **HALF}
     rows: Rows = [[name, f"{gradient:g}", *(_moved(dtype, gradient, epsilon) for epsilon in (1e-8, 1e-4))]
                   for name, dtype in kept.items() for gradient in (0.0, 1e-5, 1e-4)]  # fmt: skip
@@ -63,7 +62,6 @@ def _mean(values: list[float]) -> float:
 
 
 def _moved(dtype: torch.dtype, gradient: float, epsilon: float = 1e-8) -> float | str:
-    """Return how far 100 steps of Adam move a weight of 1 whose gradient never changes."""
     weight = torch.ones(1, dtype=dtype, requires_grad=True)
     optimiser = torch.optim.Adam([weight], lr=5e-4, eps=epsilon)
     for _ in range(100):
@@ -120,7 +118,6 @@ BAR = 0.10
 
 
 def spike(context: StabilityContext) -> Iterator[Found]:
-    """O2: one gradient × 1e6 and × 1e9, with the clipping of every run and with less; a gradient that is NaN."""
     at = setup(context).steps // 4
     base = trained(context, METHOD).losses
     yield _line("no spike", base)
@@ -188,7 +185,6 @@ def _recovered(name: str, losses: list[float], base: list[float], at: int, owner
 
 
 def spiked(context: StabilityContext, method: str, at: int, factor: float, clipping: str) -> list[float]:
-    """Return the losses of a training in which one gradient is `factor` times as large."""
     settings = replace(setup(context).settings, **CLIPPING[clipping])  # type: ignore[arg-type]
     trainer = new_trainer(context, method, settings)
     for weight in trainer.fields.parameters():
@@ -216,7 +212,6 @@ def _line(name: str, losses: list[float]) -> Series:
 
 
 def _nan_gradient(context: StabilityContext) -> Check:
-    """Check that step and tensor are named, and that the weights are those before the step."""
     trainer = new_trainer(context, METHOD)
     train(context, trainer, 3)
     before = [weight.detach().clone() for weight in trainer.fields.parameters()]
@@ -283,6 +278,5 @@ def off_orthogonal(bases: Tensor) -> float:
 
 
 def _rotation(number: int) -> Tensor:
-    """Return an orthogonal float64 matrix, always the same one for a number."""
     values = torch.randn(SIDE, SIDE, dtype=torch.float64, generator=generator_for("rotation", number))
     return torch.linalg.qr(values).Q

@@ -4,6 +4,7 @@ collide.
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -22,7 +23,6 @@ STEP = 1e-5
 
 
 def gaussians(context: StabilityContext) -> Iterator[Found]:
-    """G1: what one Gaussian shows against its closed form, then many in another order, then the gradient."""
     errors = [
         abs(_opacity(_ball(scale, opacity), distance)[0] / opacity - 1.0)
         for distance in (2.0, 20.0, 200.0)
@@ -35,9 +35,8 @@ def gaussians(context: StabilityContext) -> Iterator[Found]:
     flat[:, 4] = math.log(1e-7)
     seen = _opacity(flat, 4.0, widened=0.01, at=edge)
     expected = 0.9 * math.exp(-0.5 * (4.0 * 0.004 / 0.01) ** 2)
-    yield check(
-        "relative error of opacity beside the edge", abs(seen[1] / expected - 1.0), high=1e-5, subject="a disc edge-on"
-    )
+    what = "relative error of opacity beside the edge"
+    yield check(what, abs(seen[1] / expected - 1.0), high=1e-5, subject="a disc edge-on")
     many = _many(50 if context.quick else 400)
     order = torch.randperm(len(many), generator=generator_for("stability", "order"))
     change = float((_picture(many)[0] - _picture(many[order])[0]).abs().max())
@@ -49,13 +48,10 @@ def gaussians(context: StabilityContext) -> Iterator[Found]:
     (out.sum() + through.sum()).backward()
     assert leaf.grad is not None
     lost = int((~torch.isfinite(leaf.grad)).sum())
-    yield check(
-        "gradients not finite where opacity rounds to 1", lost, high=0, subject="gradient behind what is opaque"
-    )
-    least = float(through.min().detach())
-    yield check(
-        "transmittance where opacity rounds to 1", least, low=0.999 - MOST_OPAQUE, subject="behind what is opaque"
-    )
+    what, least = "gradients not finite where opacity rounds to 1", float(through.min().detach())
+    yield check(what, lost, high=0, subject="gradient behind what is opaque")
+    what = "transmittance where opacity rounds to 1"
+    yield check(what, least, low=0.999 - MOST_OPAQUE, subject="behind what is opaque")
     for name, error in _slopes(_many(6).double()).items():
         what = "largest error against central differences, by the largest slope"
         yield check(what, error, high=1e-6, subject=f"gradient of {name}")
@@ -73,40 +69,30 @@ def grids(context: StabilityContext) -> Iterator[Found]:
     x = torch.cat([inside, corners, ulp, beyond])
     planes = [torch.rand(3, size, size, PLANE_CHANNELS, generator=draw) for size in (2, 33, 128)]
     tables = [torch.rand(size, TABLE_CHANNELS, generator=draw) for size in (27, 64, 1)]
-    yield from _compared(
-        "planes", lambda some, at: Multiplied.apply(at, *some), lambda s, at: multiplied(at, *s), planes, x
-    )
     cells = (2, 60, 9)
-    yield from _compared(
-        "hash_grid", lambda some, at: Encoded.apply(at, cells, *some), lambda s, at: encoded(at, cells, *s), tables, x
-    )
+    plane, table = partial(Multiplied.apply, x), partial(Encoded.apply, x, cells)
+    yield from _compared("planes", plane, partial(multiplied, x.double()), planes)
+    yield from _compared("hash_grid", table, partial(encoded, x.double(), cells), tables)
 
 
 def _compared(
     subject: str,
-    compiled: Callable[[list[Tensor], Tensor], Tensor],
-    composed: Callable[[list[Tensor], Tensor], Tensor],
+    compiled: Callable[..., Tensor],
+    composed: Callable[..., Tensor],
     learnt: list[Tensor],
-    x: Tensor,
 ) -> Iterator[Found]:
-    """Yield the largest errors of features and of their gradient, by the largest."""
     ours = [values.clone().requires_grad_() for values in learnt]
     exact = [values.double().requires_grad_() for values in learnt]
-    features, expected = compiled(ours, x), composed(exact, x.double())
-    yield check(
-        "error of features, at the border and beyond",
-        _apart(features, expected),
-        high=2e-5,
-        subject=f"{subject}, features",
-    )
+    features, expected = compiled(*ours), composed(*exact)
+    what = "error of features, at the border and beyond"
+    yield check(what, _apart(features, expected), high=2e-5, subject=f"{subject}, features")
     weight = torch.randn(features.shape, generator=generator_for("stability", "weights"))
     (features * weight).sum().backward()
     (expected * weight).sum().backward()
     pairs = [(one.grad, other.grad) for one, other in zip(ours, exact, strict=True)]
     worst = max(_apart(one, other) for one, other in pairs if one is not None and other is not None)
-    yield check(
-        "error of the gradient, where nodes collide and are shared", worst, high=2e-5, subject=f"{subject}, gradient"
-    )
+    what = "error of the gradient, where nodes collide and are shared"
+    yield check(what, worst, high=2e-5, subject=f"{subject}, gradient")
 
 
 def _apart(ours: Tensor, exact: Tensor) -> float:

@@ -33,8 +33,6 @@ PROBES = 4096
 
 @dataclass(frozen=True)
 class Setup:
-    """The common setup of all small trainings."""
-
     views: ViewSet
     batches: Batches
     test: Cameras
@@ -44,8 +42,6 @@ class Setup:
 
 @dataclass
 class History:
-    """A method after its training, and what was recorded on the way."""
-
     trainer: Trainer
     losses: list[float] = field(default_factory=list)
     """The loss of each step's batch."""

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +9,10 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from baselines.amplifiers import Amplifier, CallMeanAmplifier
 from baselines.contract import Rays
 from baselines.rendering import Sampling, render_rays
 from harness.plan.seeds import generator_for
-from harness.records.study import Check, Owner, Series, Table, check
+from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found
 from harness.studies.stability.fields.small_training import (
     CPU,
@@ -36,7 +34,7 @@ from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import Split, ViewSet
 
 BAR = 2e-6
-"""The largest difference of a colour; measured 1.8e-7 for methods whose density is that of the point alone."""
+"""The largest difference of a colour."""
 EVERYTHING = 1 << 20
 """More rays than a view has, so that it is one chunk."""
 OTHER_POINTS = "other points"
@@ -44,17 +42,15 @@ OTHER_POINTS = "other points"
 
 
 def chunks(context: StabilityContext) -> Iterator[Found]:
-    """A2: every method of this run, trained, then evaluated on the same view in many ways."""
     by_subject: dict[str, dict[str, float]] = {}
     methods, others = with_parts(context)
     for method in methods:
         trainer = trained(context, method).trainer
-        by_subject[method] = differences(context, trainer)
-        yield _outcome(method, whose(method), by_subject[method])
-        if not trainer.field.pointwise:
-            held = f"{method}, mean held"
-            by_subject[held] = differences(context, with_mean_held(trainer), with_reload=False)
-            yield _outcome(held, "ours", by_subject[held])
+        by_subject[method] = apart = differences(context, trainer)
+        worst = _largest(apart)
+        of = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
+        what, why = f"largest difference of {of} in other company", f"worst: {worst}"
+        yield check(what, apart[worst], high=BAR, why=why, subject=method, owner=whose(method))
     yield from others
     ways = list(dict.fromkeys(way for apart in by_subject.values() for way in apart))
     rows: Rows = [[subject, *map(apart.get, ways)] for subject, apart in by_subject.items()]
@@ -66,18 +62,11 @@ def _largest(apart: dict[str, float]) -> str:
     return max(apart, key=lambda name: apart[name] if math.isfinite(apart[name]) else math.inf)
 
 
-def _outcome(subject: str, owner: Owner, apart: dict[str, float]) -> Check:
-    worst = _largest(apart)
-    of = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
-    what = f"largest difference of {of} in other company"
-    return check(what, apart[worst], high=BAR, why=f"worst: {worst}", subject=subject, owner=owner)
-
-
 def _apart(a: Tensor, b: Tensor) -> float:
     return float((a - b).abs().max())
 
 
-def differences(context: StabilityContext, trainer: Trainer, with_reload: bool = True) -> dict[str, float]:
+def differences(context: StabilityContext, trainer: Trainer) -> dict[str, float]:
     """Return way → largest difference from the complete view in one chunk."""
     rays = setup(context).test.all_rays(0)
     whole = trainer.render(rays, EVERYTHING).colour
@@ -86,7 +75,7 @@ def differences(context: StabilityContext, trainer: Trainer, with_reload: bool =
     order = torch.randperm(len(rays), generator=generator_for("stability", "order"))
     origins, directions = (torch.cat([values[few], values.flip(0)[:300]]) for values in (rays.origins, rays.directions))
     padded = Rays(origins, directions, rays.near, rays.far)
-    apart = {
+    return {
         "calls of 1": _apart(trainer.render(some, 1).colour, whole[few]),
         "calls of 16": _apart(trainer.render(rays, 16).colour, whole),
         "calls of 256": _apart(trainer.render(rays, 256).colour, whole),
@@ -94,10 +83,8 @@ def differences(context: StabilityContext, trainer: Trainer, with_reload: bool =
         "padded": _apart(trainer.render(padded, EVERYTHING).colour[: len(whole[few])], whole[few]),
         OTHER_POINTS: opacity_in_other_company(trainer),
         "training mode": recorded_or_not(trainer, some),
+        "reloaded": _apart(reloaded(context, trainer).render(rays, EVERYTHING).colour, whole),
     }
-    if with_reload:
-        apart["reloaded"] = _apart(reloaded(context, trainer).render(rays, EVERYTHING).colour, whole)
-    return apart
 
 
 @torch.no_grad()
@@ -143,43 +130,11 @@ def reloaded(context: StabilityContext, trainer: Trainer) -> Trainer:
     return fresh
 
 
-class MeanHeld(Amplifier):
-    """A reading of the amplifier about a mean that stays as it is, whatever shares the chunk: density is a field again.
-
-    This removes the dependence on statistics of a batch; what it does to scores is another question, which no case here
-    answers.
-    """
-
-    pointwise = True
-
-    def __init__(self, source: CallMeanAmplifier, mean: Tensor) -> None:
-        super().__init__()
-        self.bounded = source.bounded
-        self.source = source
-        self.register_buffer("mean", mean)
-
-    def before_and_after(self, raw: Tensor) -> tuple[Tensor, Tensor]:
-        quantity = self.source.quantity(raw)
-        return quantity, self.source.about(quantity, self.get_buffer("mean"))
-
-
-@torch.no_grad()
-def with_mean_held(trainer: Trainer) -> Trainer:
-    """Return a copy whose amplifier keeps the mean that training rendered with last."""
-    copy = deepcopy(trainer)
-    for field in copy.fields.children():
-        source = field.amplifier
-        assert isinstance(source, CallMeanAmplifier), "an amplifier without a mean of the chunk has none to hold"
-        field.amplifier = MeanHeld(source, source.mean.value.clone())
-    return copy
-
-
 SIZES = ((1, 1), (9, 1), (1, 9), (5, 3), (12, 11))
 """Pairs (width, height)."""
 
 
 def odd_sizes(context: StabilityContext) -> Iterator[Found]:
-    """C2: pictures of odd sizes through the renderer of every run against a loop over rays, and their scores."""
     methods, others = with_parts(context)
     for method in methods:
         trainer = trained(context, method).trainer
@@ -204,7 +159,6 @@ def _odd(context: StabilityContext, trainer: Trainer, width: int, height: int) -
 
 
 def scores_of(width: int, height: int) -> list[float]:
-    """Return scores of a random picture against another and, if defined, against itself."""
     generator = np.random.default_rng(width * 100 + height)
     first, second = generator.uniform(size=(2, height, width, 3)).astype(np.float32)
     pairs = [(first, second), (first, first)]
@@ -235,7 +189,6 @@ def rescaled(views: ViewSet, k: float) -> ViewSet:
 
 
 def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
-    """Return the test PSNR after the small training on rescaled views; NaN if a view has none."""
     views = rescaled(setup(context).views, k)
     trainer = new_trainer(context, method, box=box_of(views, CPU))
     batches = Batches(cameras_of(views, views.train, CPU), views.train.rgba)
@@ -244,7 +197,6 @@ def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
 
 
 def units_of_length(context: StabilityContext) -> Iterator[Found]:
-    """S8: every method, trained on the same images in five units of length."""
     for method in METHODS:
         psnr = {k: psnr_in_unit(context, method, k) for k in (1.0, EXACT, *UNITS)}
         owner: Owner = "paper" if method == "qnerf_printed" else "ours"

@@ -45,7 +45,6 @@ WAYS_TO_LOOK = {
 
 
 def _damaged() -> dict[str, np.ndarray]:
-    """Return the defect → a camera [4, 4]."""
     good = poses_on_sphere(np.array([0.4]), np.array([0.3]))[0]
     sheared, row, nan, infinite = (good.copy() for _ in range(4))
     sheared[:3, 0] += 0.01 * sheared[:3, 1]
@@ -60,12 +59,10 @@ def _damaged() -> dict[str, np.ndarray]:
 
 
 def _accepted(what: str, attempts: dict[str, Callable[[], object]], error: type[Exception]) -> Check:
-    """Check that all raise `error`."""
     return none_of(what, [name for name, attempt in attempts.items() if error_of(error, attempt) is None], "harness")
 
 
 def cameras(context: StabilityContext) -> Iterator[Found]:
-    """C1: invalid cameras and rays are refused, and the same view twice is allowed, and reported."""
     yield _refused(context.scratch)
     yield _rendered_by_mitsuba_alone()
     yield from _slabs()
@@ -184,7 +181,6 @@ def _slabs() -> Iterator[Check]:
 
 
 def _directions() -> Iterator[Check]:
-    """Yield that cameras' directions are unit even if the matrix is not quite, and others refused."""
     poses = all_poses("train")[:8].copy()
     poses[:, :3, :3] *= 1.0 + 4e-4  # as much as `check_poses` lets through
     check_poses(poses, [str(number) for number in range(len(poses))])

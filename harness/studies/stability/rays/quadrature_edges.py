@@ -16,8 +16,9 @@ from baselines.rendering import Sampling, render_rays
 from harness.records.study import check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import OURS, FunctionField, owner_of
-from harness.studies.stability.rays.quadrature_rounding import badness, running_product
+from harness.studies.stability.rays.quadrature_rounding import badness
 from harness.studies.stability.stability_context import StabilityContext, error_of, none_of
+from harness.studies.usual_quadrature import running_product
 
 NEAR, FAR, BINS = 2.0, 6.0, 64
 BACKGROUND = torch.tensor([0.25, 0.5, 1.0])
@@ -55,7 +56,6 @@ def posts(rays: int = 1, bins: int = BINS) -> Tensor:
 
 
 def almost_nothing(context: StabilityContext) -> Iterator[Found]:
-    """Q6: rays with almost nothing."""
     exact = -math.expm1(-1e-8 * (FAR - NEAR))
     for name, rule in QUADRATURES.items():
         opacity = float(rendered(everywhere(1e-8), name).opacity[0])
@@ -80,7 +80,6 @@ def _steepest(rule: Rule, sigma: float) -> float:
 
 
 def nothing(context: StabilityContext) -> Iterator[Found]:
-    """Q7: rays with nothing."""
     solid = everywhere(50.0)
     for name, rule in QUADRATURES.items():
         renderings = {
@@ -108,7 +107,6 @@ def nothing(context: StabilityContext) -> Iterator[Found]:
 
 
 def no_interval(context: StabilityContext) -> Iterator[Found]:
-    """Q8: rays without an interval."""
     backwards = {"far < near": (6.0, 2.0), "far = ∞": (2.0, math.inf), "far NaN": (2.0, math.nan)}
     for name, rule in QUADRATURES.items():
         accepted = [
@@ -137,7 +135,6 @@ def no_interval(context: StabilityContext) -> Iterator[Found]:
 
 
 def bad_sample(context: StabilityContext) -> Iterator[Found]:
-    """Q9: samples that are not numbers."""
     rays, ray, sample = 16, 11, 7
     for name in OURS:
         rule = QUADRATURES[name]
@@ -231,7 +228,6 @@ def usual_inverse(t_edges: Tensor, w: Tensor, u: Tensor) -> Tensor:
 
 
 def inverse_cdf_extremes(context: StabilityContext) -> Iterator[Found]:
-    """Q10: importance sampling at its edges."""
     worst, wrong = _tried(inverse_cdf, anywhere=False)
     what = "largest distance outside of the bins with weight, or backwards"
     yield check(what, worst, high=0.0, why="; ".join(wrong[:4]), subject="inverse_cdf")

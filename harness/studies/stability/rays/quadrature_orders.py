@@ -1,19 +1,18 @@
 """Q2, Q4 and Q5: the error of a rule with few points per ray. All in float64, so that nothing here is rounding."""
 
 import math
-import time
 from collections.abc import Iterator
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.numerics.quadrature import QUADRATURES, Rule
+from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
 from harness.records.study import Owner, Series, check
 from harness.studies.framework import Found
+from harness.studies.power_laws import fitted_power
 from harness.studies.stability.rays.exact_rays import (
     MOST_SLOPE,
     Profile,
@@ -49,13 +48,10 @@ SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
 """Rules that miss `SHELL_BAR` by construction: their own threshold, whose property it is, and why. Of a shell of τ = 3
 an error of 0.95 is all there is: no bar short of that would hold for left ends.
 """
-TIMED = "ms for 16 rays of a 3 × 64 network, float32"
-"""The time of a small network, not of the profile whose density nobody would evaluate."""
 
 
 @cache
 def _errors(name: str, profile: Profile, bins: int) -> tuple[float, float]:
-    """Return the errors of opacity and of colour before a black background."""
     rule = QUADRATURES[name]
     posts = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).unsqueeze(0)
     t, t_edges = rule.place(posts, None)
@@ -69,11 +65,10 @@ def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
     seen = [(count, error) for count, error in zip(counts, errors, strict=True) if error > FLOOR]
     if len(seen) < 3:
         return None
-    return -float(np.polyfit(np.log([count for count, _ in seen]), np.log([error for _, error in seen]), 1)[0])
+    return -fitted_power(*zip(*seen, strict=True))[0]
 
 
 def orders(context: StabilityContext) -> Iterator[Found]:
-    """Q2: the order of each rule."""
     for name, rule in QUADRATURES.items():
         declared = rule.orders
         gaps, fits = [], {}
@@ -92,52 +87,15 @@ def orders(context: StabilityContext) -> Iterator[Found]:
             why = f"declared {declared.colour:g} (colour), {declared.opacity:g} (opacity)"
             yield check("largest deviation from the declared order", max(gaps), high=ORDER_BAR, why=why, subject=name)
     drawn, shown = (DRAWN[:2], SHOWN[:1]) if context.quick else (DRAWN, SHOWN)
-    milliseconds = _milliseconds(drawn, 0.0 if context.quick else 0.03)
     for profile in shown:
         for name, rule in QUADRATURES.items():
             seen = [max(_errors(name, profile, bins)[1], LEAST) for bins in drawn]
             points = [float(rule.stride * bins + rule.closed) for bins in drawn]
-            for against, label, x in (("samples", "points of a ray", points), ("time", TIMED, milliseconds[name])):
-                panel = f"Error against {against}: {profile.name}"
-                yield Series(panel, 2, name, label, "error of colour, float64", x, seen)
-
-
-@torch.no_grad()
-def _milliseconds(counts: tuple[int, ...], enough: float) -> dict[str, list[float]]:
-    """Return the time to place, evaluate (3 layers of 64), weigh and sum the points of 16 rays."""
-    generator = torch.Generator().manual_seed(1)
-    layers = [torch.randn(a, b, generator=generator) / a**0.5 for a, b in pairwise((8, 64, 64, 4))]
-    entry = torch.zeros(16)
-
-    def render(rule: Rule, posts: Tensor) -> Tensor:
-        t, t_edges = rule.place(posts, None)
-        h = torch.sin(t.unsqueeze(-1) * torch.arange(1.0, 9.0))
-        for layer in layers:
-            h = torch.relu(h @ layer)
-        w, _ = rule.weights(h[..., 0], rule.lengths(t, t_edges))
-        return (w.unsqueeze(-1) * h[..., 1:]).sum(dim=1)
-
-    def shortest(rule: Rule, bins: int) -> float:
-        """Return the milliseconds of the shortest of as many renderings as take `enough` seconds, three at least."""
-        posts = uniform_edges(entry, entry + 1.0, bins)
-        seconds: list[float] = []
-        render(rule, posts)
-        while len(seconds) < 3 or sum(seconds) < enough:
-            began = time.perf_counter()
-            render(rule, posts)
-            seconds.append(time.perf_counter() - began)
-        return 1e3 * min(seconds)
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # so little work gains nothing from two, and waits for the second where that is busy
-    try:
-        return {name: [shortest(rule, bins) for bins in counts] for name, rule in QUADRATURES.items()}
-    finally:
-        torch.set_num_threads(threads)
+            panel = f"Error against samples: {profile.name}"
+            yield Series(panel, 2, name, "points of a ray", "error of colour, float64", points, seen)
 
 
 def stiff(context: StabilityContext) -> Iterator[Found]:
-    """Q4: stiff profiles."""
     counts, depths = ((64,), (15.0,)) if context.quick else ((64, 256), (15.0, 100.0, 1000.0))
     profiles = [(make(depth * bins), bins) for make in (homogeneous, exponential) for depth in depths
                 for bins in counts]  # fmt: skip

@@ -13,6 +13,7 @@ from harness.records.study import Check, Owner, Series, check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import DIGITS, OURS, colour, weights_in_digits
 from harness.studies.stability.stability_context import StabilityContext, error_of
+from harness.studies.usual_quadrature import depths, running_product, stock_expm1
 
 SHADE = 0.75
 """The colour of the homogeneous ray, a number of every precision."""
@@ -27,34 +28,13 @@ Weights = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 """Densities and lengths of bins → weights and T_end."""
 
 
-def running_product(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Take α = 1 − exp(−σδ) and transmittance as a running product of 1 − α + 1e-10, in any precision."""
-    alpha = 1.0 - torch.exp(-sigma * lengths)
-    through = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1)
-    return alpha * through[:, :-1], through[:, -1]
-
-
-def _depths(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Return τ of each bin, τ in front of it by a running sum, and T_end."""
-    tau = sigma * lengths
-    through = torch.cumsum(tau, dim=-1)
-    before = torch.cat([torch.zeros_like(through[:, :1]), through[:, :-1]], dim=-1)
-    return tau, before, torch.exp(-through[:, -1])
-
-
 def running_sum(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    tau, before, T_end = _depths(sigma, lengths)
+    tau, before, T_end = depths(sigma, lengths)
     return torch.exp(-before) * (1.0 - torch.exp(-tau)), T_end
 
 
-def stock_expm1(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Run our own forward pass, differentiated by autograd: the gradient of torch.expm1 is grad · (result + 1)."""
-    tau, before, T_end = _depths(sigma, lengths)
-    return torch.exp(-before) * -torch.expm1(-tau), T_end
-
-
 def log_space(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    tau, before, T_end = _depths(sigma, lengths)
+    tau, before, T_end = depths(sigma, lengths)
     return torch.exp(-before + torch.log(-torch.expm1(-tau))), T_end
 
 
@@ -78,7 +58,6 @@ OTHER_GRADIENTS: dict[str, tuple[Owner, Weights]] = {
 
 
 def homogeneous(context: StabilityContext) -> Iterator[Found]:
-    """Q1: rounding of a homogeneous ray."""
     counts = (1, 64) if context.quick else (1, 64, 10**6)
     exponents = EXPONENTS[::8] if context.quick else EXPONENTS
     what = "largest relative error of colour, opacity and transmittance, float32"
@@ -160,7 +139,6 @@ def _error_against_depth(exponents: list[float]) -> Iterator[Series]:
 
 
 def _line(panel: str, item: int, name: str, x_label: str, y_label: str, points: dict[float, float]) -> Iterator[Series]:
-    """Yield the line of the finite points, if there are any."""
     shown = {x: max(y, LEAST) for x, y in points.items() if math.isfinite(y)}
     if shown:
         yield Series(panel, item, name, x_label, y_label, list(shown), list(shown.values()))
@@ -176,7 +154,6 @@ SHAPES: dict[str, Callable[[Tensor], Tensor]] = {
 
 
 def gradients(context: StabilityContext) -> Iterator[Found]:
-    """Q3: rounding of gradients."""
     depths = BIN_DEPTHS[::7] if context.quick else BIN_DEPTHS
     bins = 2 if context.quick else 8
     what = "error of ∂C/∂σ over its largest entry"

@@ -70,7 +70,6 @@ def rendered(
     origin: np.ndarray = ORIGIN,
     direction: np.ndarray = DIRECTION,
 ) -> Rendering:
-    """Render one ray through grids with our renderer, on black."""
     box = Box(torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64))
     ray = Rays(torch.as_tensor(origin[None]), torch.as_tensor(direction[None]), 0.0, 10.0)
     field, sampling = field_of(torch.as_tensor(sigma), torch.as_tensor(colour)), Sampling(bins, quadrature=quadrature)
@@ -179,7 +178,6 @@ def _against_gridvolume(variant: Variant) -> Iterator[Found]:
 
 
 def layered(cells: int = CELLS) -> tuple[np.ndarray, np.ndarray]:
-    """Return density and grey level of layers across x."""
     generator = np.random.default_rng(3)
     return 5.0 + 20.0 * generator.random(cells), generator.random(cells)
 
@@ -223,7 +221,6 @@ def _against_closed_forms() -> Iterator[Found]:
 
 
 def independent(context: StabilityContext) -> Iterator[Found]:
-    """R1: (1) tracking, (2) Dr.Jit on Mitsuba's volumes, (3) closed forms."""
     paths = 1600 if context.quick else PATHS
     yield from _against_tracking(SCALAR, paths)
     try:

@@ -37,14 +37,10 @@ ENOUGH = 0.5
 LOOKS = ("frequency", "dynamic_range")
 """The ladders whose difficulty lies within the silhouette."""
 LEAST_RUNGS = {"frequency": 1, "thinness": 2, "density": 5, "dynamic_range": 1, "scale": 5}
-"""The rungs that ours must climb: every rung of the control, and of the fog, where they explain 0.97 and more;
-measured: 1, 5, 5, 5 and 5, of which thinness and dynamic range explain little more than half.
-"""
+"""The rungs that ours must climb: every rung of the control, and of the fog."""
 
 
 class RungScore(NamedTuple):
-    """The performance of a method on one rung."""
-
     share: float | None
     """The share of the variance that it explains; None if it has no scores."""
     broken: str
@@ -52,7 +48,6 @@ class RungScore(NamedTuple):
 
 
 def ladders(context: StabilityContext) -> Iterator[Found]:
-    """L1: train every rung, then judge by the test views alone."""
     names = [scene for ladder in LADDERS.values() for scene in ladder.scenes]
     run = trained(context, PROFILE, names, context.out / "ladders")
     for ladder in LADDERS.values():
@@ -95,7 +90,6 @@ def worst(of_seeds: list[RungScore]) -> RungScore:
 
 
 def rungs_climbed(scores: list[RungScore]) -> int:
-    """Count the rungs before the first on which it breaks."""
     return next((place for place, score in enumerate(scores) if score.broken), len(scores))
 
 
@@ -124,14 +118,13 @@ FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16
 
 
 def omissions(context: StabilityContext) -> Iterator[Found]:
-    """N1: small cells, three seeds, every omission that concerns model, sampling or rendering."""
     from harness.execution.ground_truth import view_set_folders
     from harness.studies.choices.omissions import compared_integrators, omission_of_integrators, verified
 
     plan = _plan(context)
     folders = view_set_folders(plan, context.view_sets, context.show)
     omitted, controls = verified(
-        plan, folders, context.scratch, context.workers, context.show.line, controls=not context.quick
+        plan, folders, context.scratch, context.machine.workers, context.show.line, controls=not context.quick
     )
     for name in dict.fromkeys(omission.name for omission in omitted):
         yield _worst([omission for omission in omitted if omission.name == name])
@@ -192,7 +185,6 @@ def _line_of(omission: Omission) -> str:
 
 
 def _cost(omission: Omission) -> float | None:
-    """Return how much worse it became; None if nothing was measured."""
     if omission.difference is None:
         return None
     return -omission.difference if omission.unit == "dB" else abs(omission.difference)

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from harness.execution.ground_truth import read_views, render_view_sets
-from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
 from harness.records.json_record import DamagedRecord
 from harness.records.pictures import Render, last_of, read_renders
@@ -33,7 +32,7 @@ is free of bias, and what the two differ by is the noise of their mean. Even gri
 alignment with straight edges: beneath fields half a pixel wide by four standard errors of six views.
 """
 LARGEST_EXCESS = 1.5
-"""The largest mean square difference of pixels over what noise explains; measured: 0.92 to 1.35."""
+"""The largest mean square difference of pixels over what noise explains."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +126,6 @@ def colour_variance(pixels: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class SceneRun:
-    """The results of a run of the ordinary benchmark."""
-
     out: Path
     view_sets: Path
     run: RunRecord
@@ -140,7 +137,6 @@ class SceneRun:
         return (cell for method in self.run.methods for cell in self.cells.get((scene, method), []))
 
     def folder(self, scene: str) -> Path:
-        """Return its view set."""
         return self.view_sets / next(record.view_set for record in self.run.scenes if record.name == scene)
 
     def view_set(self, context: StabilityContext, scene: str) -> ViewSet:
@@ -165,7 +161,7 @@ def trained(context: StabilityContext, profile: str, scenes: Iterable[str], fold
     complete = all(cell_path(folder, *cell).exists() for cell in plan.cells())
     if not (complete and before and before.finished and before.settings == json.loads(json.dumps(plan.settings()))):
         folder.mkdir(parents=True, exist_ok=True)
-        machine = Machine("cpu", context.workers, 1)
+        machine = replace(context.machine, threads=1)
         execution.run(plan, folder, context.view_sets, machine, "nox -s stability", context.show)
     cells: dict[tuple[str, str], list[CellRecord]] = {}
     for cell in read_cells(folder):
@@ -216,13 +212,11 @@ SCENES: dict[str, tuple[str, ...]] = {
 
 
 def stress(context: StabilityContext, case: str) -> SceneRun:
-    """Return the scenes of all cases of this run, trained once."""
     chosen = [name for name in SCENES if name in context.cases] or list(SCENES)
     return trained(context, PROFILE, [scene for name in {case, *chosen} for scene in SCENES[name]], context.out)
 
 
 def views_of(run: SceneRun, scene: str, count: int | None = None) -> Views:
-    """Return the scene's test views beside their closed form."""
     truth = scene_named(scene).truth
     assert truth is not None, f"scene {scene} has no closed form"
     return views_beside(run.folder(scene), truth, count)

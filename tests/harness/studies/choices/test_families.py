@@ -8,6 +8,7 @@ import pytest
 from harness.execution.progress import Quiet
 from harness.plan.profiles import Machine
 from harness.plan.schedule import Budget
+from harness.studies.choices.arms import Arm
 from harness.studies.choices.families import BUDGET, TRIALS, FamilyRow, as_json, means, search, search_plan
 from harness.studies.frontier.frontier_context import FAMILIES, Amount, FrontierContext
 from tests.harness import tiny
@@ -18,7 +19,7 @@ def test_every_family_of_the_frontier_has_the_same_trials_first_as_it_is() -> No
     assert tuple(TRIALS) == FAMILIES
     names = {tuple(trials) for trials in TRIALS.values()}
     assert names == {("as planned", "half the rates", "double the rates", "smaller", "larger")}
-    assert all(trials["as planned"].own is None and not trials["as planned"].settings for trials in TRIALS.values())
+    assert all(trials["as planned"].arm == Arm() for trials in TRIALS.values())
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[CellTask]:
 def task(tmp_path: Path) -> CellTask:
     plan = PROFILES["reduced"]
     return CellTask(
-        "lego", "nerf", 0, tmp_path / "lego-1", tmp_path, plan, {"less": Arm(bins=0.5)}, kept=tmp_path / "k"
+        "lego", "nerf", 0, tmp_path / "lego-1", tmp_path, plan, {"less": Arm({"bins": 8})}, kept=tmp_path / "k"
     )
 
 
@@ -52,7 +52,7 @@ def test_a_cell_of_anything_else_is_not_taken(task: CellTask, trained: list[Cell
     others = [
         replace(task, seed=1),
         replace(task, method="qnerf"),
-        replace(task, arms={"less": Arm(bins=0.25)}),
+        replace(task, arms={"less": Arm({"bins": 4})}),
         replace(task, view_set=task.view_set.with_name("lego-2")),
         replace(task, scored_on="val"),
         replace(task, plan=replace(task.plan, train=replace(task.plan.train, rays=7))),

@@ -23,6 +23,8 @@ from harness.studies.choices.omissions import (
     too_costly,
     verifiable,
     verify_run,
+    with_bands,
+    with_half_the_bins,
 )
 from harness.verdicts.statistics import paired_difference
 from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
@@ -135,10 +137,10 @@ def test_every_cell_has_an_arm_for_each_omission(ball: ViewSet, tmp_path: Path) 
     }
     (task,) = cell_tasks(ball_plan(), views, {"ball": tmp_path}, tmp_path, controls=True)
     assert task.arms["no view_direction"] == Arm(no_need=("view_direction",))
-    assert task.arms["no bands"] == Arm(position_bands=0)
+    assert task.arms["no bands"] == with_bands(ball_plan(), 0)
     # 24 pixels and their 12 cycles: 2⁴ is enough
-    assert task.arms["Nyquist"] == Arm(position_bands=4)
-    assert task.arms["half the bins"] == Arm(bins=0.5)
+    assert task.arms["Nyquist"] == with_bands(ball_plan(), 4)
+    assert task.arms["half the bins"].train["bins"] == TRAIN.bins // 2
 
 
 def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
@@ -150,9 +152,9 @@ def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
         "again": Arm(),
         "outside_box": Arm(need=("outside_box",)),
         "no direction": Arm(no_need=("view_direction",)),
-        "no bands": Arm(position_bands=0),
+        "no bands": with_bands(ball_plan(), 0),
         "outside_hull": Arm(need=("outside_hull",)),
-        "half the bins": Arm(bins=0.5),
+        "half the bins": with_half_the_bins(ball_plan()),
     }
     plan = replace(ball_plan(), budget=Budget(16, None))
     cell = trained_cell(CellTask("ball", "nerf", 0, write_ball(tmp_path / "ball"), tmp_path, plan, arms))

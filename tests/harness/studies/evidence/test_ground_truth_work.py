@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from harness.records.study import Check, Table
-from harness.studies.evidence.work.ground_truth_work import Noise, charts, noise_of, room, sentences, tabled
+from harness.records.study import Check
+from harness.studies.evidence.work.ground_truth_work import charts, noise_of, sentences, tabled
 
 SPP = [1, 4, 16, 64, 256]
 FLOOR = {"lego": 1e-4, "mic": 2e-4}
@@ -36,21 +36,14 @@ def test_independent_samples_have_the_slope_of_monte_carlo() -> None:
     assert noise_of("lego", rows("lego", overhead=1.0)).by_seconds is None
     assert -0.75 < (noise_of("lego", rows("lego", overhead=0.01)).by_seconds or 0.0) <= -0.5
     assert noise.rmse[0] == pytest.approx(0.2)
-    assert noise.mse[0] == pytest.approx(0.01)
-
-
-def test_the_samples_for_a_ceiling_lie_on_the_line() -> None:
-    noise = noise_of("lego", rows("lego"))
-    assert noise.spp_for(1e-2 / 100) == pytest.approx(100.0)
-    assert noise_of("lego", rows("lego", power=0.0)).spp_for(1e-4) is None
-    assert Noise("lego", [4], [1.0], [0.1], [0.01]).spp_for(1e-4) is None
+    assert noise.psnr[0] == pytest.approx(20.0)
 
 
 def test_an_error_below_that_of_the_reference_is_a_gap() -> None:
     printed = rows("lego")
     printed[-1]["mse"] = {"display": [-1e-9, 0.0, -1e-9], "linear": [-1e-9, 0.0, -1e-9]}
     noise = noise_of("lego", printed)
-    assert (noise.rmse[-1], noise.mse[-1]) == (None, None)
+    assert (noise.rmse[-1], noise.psnr[-1]) == (None, None)
     assert noise.by_samples == pytest.approx(-0.5)
     drawn = list(charts([noise], FLOOR))
     assert all(len(line.x) == len(line.y) for line in drawn)
@@ -63,37 +56,6 @@ def test_noise_that_falls_too_slowly_is_caught(power: float, holds: bool) -> Non
     (check,) = (finding for finding in sentences(found, "") if isinstance(finding, Check))
     assert check.holds == holds
     assert check.value == pytest.approx(max(-0.5, -power / 2))
-
-
-def test_room_above_scores() -> None:
-    """20 dB of score: 21 dB are 10^2.1 / 100 = 1.26 samples away, at 0.01 / spp."""
-    found = [noise_of("lego", rows("lego"))]
-    sentence, table = room(found, {"lego": 20.0})
-    assert isinstance(table, Table)
-    assert table.rows[0] == pytest.approx(["lego", 20.0, 10**0.1, 10**0.3])
-    assert isinstance(sentence, str)
-    assert "limited by the method" in sentence
-    far, _ = room(found, {"lego": 45.0})
-    assert isinstance(far, str)
-    assert "; test views get as many as 45 dB take." in far
-    (unknown,) = room(found, {})
-    assert isinstance(unknown, str)
-    assert unknown.startswith("No trained cell")
-
-
-def test_a_scene_without_a_figure_is_named_and_is_no_maximum() -> None:
-    flat = noise_of("mic", rows("mic", power=0.0))
-    for found in ([noise_of("lego", rows("lego")), flat], [flat, noise_of("lego", rows("lego"))]):
-        said, unknown, table = room(found, dict.fromkeys(FLOOR, 20.0))
-        assert isinstance(said, str)
-        assert "at most 1.3 samples a pixel are needed on 1 of 2 scenes and for 3 dB 2;" in said
-        assert isinstance(unknown, str)
-        assert "the scores of mic need is not known" in unknown
-        assert isinstance(table, Table)
-        assert len(table.rows) == 2
-    alone = [sentence for sentence in room([flat], {"mic": 20.0}) if isinstance(sentence, str)]
-    assert len(alone) == 1, "nothing is claimed"
-    assert "mic need is not known" in alone[0]
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

@@ -26,9 +26,9 @@ from harness.records.json_record import DamagedRecord
 from harness.records.metric_table import METRICS
 from harness.records.study import SHELVES, Answer, Studies, StudyRecord, read_studies, write_studies
 from harness.run_folder.integrity import DAMAGED
-from harness.studies.evidence import evidence_context as study_runner
+from harness.studies import framework
 from harness.studies.evidence.evidence_context import EvidenceContext
-from harness.studies.evidence.evidence_studies import STUDIES
+from harness.studies.evidence.evidence_studies import SHELF, STUDIES
 from harness.studies.framework import Found, Shelf
 from harness.studies.trained_context import folder_of
 from tests.harness.cells import cell, checkpoint
@@ -134,7 +134,6 @@ def resumed(situation: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Resu
     settings = {"quick": True, "device": "cpu", "smallest_of_interest": interest}
     studies = [StudyRecord(STUDIES[name].info, findings=[Answer("as it was")]) for name in NAMES]
     write_studies(situation.out / EVIDENCE_FILE, Studies("evidence", {}, settings, studies, finished=True))
-    monkeypatch.setattr(study_runner, "multiplies_bfloat16", lambda device: True)
 
     def go_on(asked: list[str] = NAMES, stopped: bool = False) -> tuple[list[str], str]:
         done: list[str] = []
@@ -152,8 +151,7 @@ def resumed(situation: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Resu
             return measure
 
         monkeypatch.setattr(Shelf, "measure_of", measure_of)
-        machine = Machine("cpu", 1, 1)
-        study_runner.run(asked, situation.out, situation.view_sets, machine, quick=True, resume=True, show=show)
+        framework.run(SHELF, asked, replace(situation, show=show), resume=True)
         return done, "\n".join(show.lines)
 
     return go_on
@@ -188,7 +186,7 @@ def test_figures_of_a_study_that_is_not_asked_for_are_dropped_where_its_training
     write_trained(situation, status="error")
     done, said = resumed(NAMES[1:])
     assert (done, len(runs)) == (NAMES[1:], 1) if shared else ([], 0)
-    assert (f"{NAMES[0]}: its figures are dropped, as {TRAINING} has to be gone on with" in said) == shared
+    assert (f"{NAMES[0]}: its figures are dropped, as {TRAINING} has to be resumed" in said) == shared
     assert kept(situation) == (NAMES[1:] if shared else NAMES)
 
 
@@ -231,10 +229,10 @@ def test_cells_of_another_commit_are_counted(
     monkeypatch.setattr(provenance, "commit", lambda: HERE)
     write_trained(situation, ("lego", "voxels", 0), "of no cell of the plan")
     write_trained(situation, commit=other)
-    scale = situation.scale(TRAINING)
+    scale = situation.scale(STUDIES["rendering"])
     if other == HERE:
         assert "commit" not in scale
-        assert "commit" not in situation.scale("objections"), "not trained yet"
+        assert "commit" not in situation.scale(STUDIES["collapse"]), "not trained yet"
         return
     cells = len(situation.plan(TRAINING).cells())
     for words in (f"{cells - 1} cells at commit {HERE}", f"1 cells at commit {other}", f"at commit {HERE}, at which"):

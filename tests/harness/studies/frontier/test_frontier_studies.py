@@ -69,8 +69,9 @@ def table(found: list[Found], name: str) -> Table:
 
 def test_every_budget_is_a_training_of_its_own_in_core_seconds_for_all_families_alike() -> None:
     here = planted({})
-    assert here.named("budgets", "phi") == ["core_seconds_4", "core_seconds_16", "phi"]
-    plans = [here.plan(name) for name in here.named("budgets", "phi")]
+    names = here.trainings(STUDIES["needs"], STUDIES["phi"])
+    assert names == ["core_seconds_4", "core_seconds_16", "phi"]
+    plans = [here.plan(name) for name in names]
     assert [(plan.budget.steps, plan.budget.core_seconds) for plan in plans] == [
         (None, 4.0),
         (None, 16.0),

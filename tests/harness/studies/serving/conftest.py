@@ -1,17 +1,16 @@
 """A tiny finished run, copies of it that may be written to, and what its studies are given."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 
 from harness.execution.progress import Quiet
+from harness.plan.profiles import Machine
 from harness.playback.run_loader import FinishedRun, TrainedCell
-from harness.studies.serving.serving_context import ServingContext, ServingRequest
+from harness.studies.serving.serving_context import ServingContext
 from tests.harness.trained_runs import SIZE, train_run
-
-CPU = torch.device("cpu")
 
 
 @pytest.fixture(scope="session")
@@ -28,12 +27,13 @@ def out(trained: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def context(trained: Path, tmp_path: Path) -> ServingContext:
-    return ServingContext(**vars(asked_of(trained, tmp_path)), scratch=tmp_path, show=Quiet())
+    return replace(asked_of(trained, tmp_path), scratch=tmp_path)
 
 
-def asked_of(out: Path, view_sets: Path) -> ServingRequest:
-    finished = FinishedRun.of(out)
-    return ServingRequest(finished, finished.scenes(["ball"]), ["nerf", "qnerf"], 0, SIZE, True, CPU, view_sets)
+def asked_of(out: Path, view_sets: Path) -> ServingContext:
+    finished, machine = FinishedRun.of(out), Machine("cpu", 1, 1)
+    scenes = finished.scenes(["ball"])
+    return ServingContext(out, view_sets, out, True, Quiet(), machine, finished, scenes, ["nerf", "qnerf"], 0, SIZE)
 
 
 @pytest.fixture

@@ -229,7 +229,7 @@ def test_the_studies_are_complete(context: ServingContext) -> None:
     assert checks["earlier.attended"].repeats == len(KINDS)
     pictures = [finding for finding in findings if isinstance(finding, Picture)]
     assert {finding.title for finding in pictures} >= {"ground truth", "finished", "coarse frame"}
-    assert all((context.run.out / finding.path).is_file() for finding in pictures)
+    assert all((context.out / finding.path).is_file() for finding in pictures)
     lines = [finding for finding in findings if isinstance(finding, Series)]
     assert {finding.panel for finding in lines} == {f"ball, {words}, point" for words in MEASURES.values()}
     (phi,) = [
@@ -241,7 +241,7 @@ def test_the_studies_are_complete(context: ServingContext) -> None:
 
 
 def test_a_run_of_methods_that_are_not_pointwise_has_no_curves(context: ServingContext) -> None:
-    context.methods = ["qnerf"]
+    context = replace(context, methods=["qnerf"])
     answer, gap = anytime.anytime(context)
     assert answer == attention_views.NOTHING
     assert isinstance(gap, Check)
@@ -250,7 +250,7 @@ def test_a_run_of_methods_that_are_not_pointwise_has_no_curves(context: ServingC
 
 
 def test_without_its_views_poses_come_from_an_orbit_and_truth_is_left_out(context: ServingContext) -> None:
-    context.width = 2 * SIZE
+    context = replace(context, width=2 * SIZE)
     poses = context.test_poses(context.scenes[0], 2)
     assert [truth for _, truth in poses] == [None, None]
     assert [gap.what for gap in context.gaps] == ["the ground truth of ball"]

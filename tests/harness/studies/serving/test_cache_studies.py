@@ -75,9 +75,9 @@ def test_nothing_reads_a_file_before_it_is_timed(
 
 
 def test_what_is_late_is_left_out_and_named(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
-    context.deadline, context.clock = 3.0, ticks
+    context = replace(context, deadline=3.0, clock=ticks)
     assert len(latencies(context, cell, Ticks())["render"]) == 3, "the first two looks at the clock were in time"
-    context.deadline = ticks.now + 3
+    context = replace(context, deadline=ticks.now + 3)
     assert len(confused(context, cell, variants(context, cell))) == 2
     assert context.gaps[-1].what.startswith("quadrature")
 

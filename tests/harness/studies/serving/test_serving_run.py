@@ -16,10 +16,11 @@ from harness.machine.provenance import PROGRAM
 from harness.playback.run_loader import FinishedRun
 from harness.records.cells import read_cells
 from harness.records.study import Check, Studies, read_studies, write_studies
+from harness.studies import framework
 from harness.studies.framework import Found
-from harness.studies.serving import serving_run
+from harness.studies.serving import serving_context, serving_run
 from harness.studies.serving.serving_context import Measure, ServingContext, reason_of, study
-from harness.studies.serving.serving_run import after_run, run
+from harness.studies.serving.serving_run import after_run
 from harness.studies.serving.serving_studies import SHELF, STUDIES
 from harness.training.trainer import Diverged
 from tests.harness.shell import refused
@@ -105,7 +106,7 @@ def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.Mon
     path, before = copy / SHELF.file, record_of(copy)
     with_studies(monkeypatch)
     if change == "code":
-        monkeypatch.setattr(serving_run, "versions", lambda: {PROGRAM: "other sources"})
+        monkeypatch.setattr(serving_context, "versions", lambda: {PROGRAM: "other sources"})
     elif change == "weights":
         shutil.copy(copy / "checkpoints/ball.nerf.0.safetensors", copy / "checkpoints/ball.qnerf.0.safetensors")
     elif change in ("processor", "packages"):
@@ -134,17 +135,17 @@ def test_a_failing_study_costs_itself_alone_and_is_tried_again(
 def test_an_error_of_ours_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_studies(monkeypatch, confusions=failing(ZeroDivisionError("ours")))
     with pytest.raises(ZeroDivisionError):
-        run(asked_of(out, out), list(STUDIES), False, Quiet())
+        framework.run(SHELF, list(STUDIES), asked_of(out, out), resume=False)
     assert [each.info.id for each in record_of(out).studies] == ["latency"], "what was finished is kept"
     with_studies(monkeypatch, confusions=failing(Diverged(3, "colour")))
-    assert run(asked_of(out, out), list(STUDIES), True, Quiet()) == 3
+    assert framework.run(SHELF, list(STUDIES), asked_of(out, out), resume=True) == 3
 
 
 def test_once_the_time_is_over_nothing_is_begun_and_the_rest_is_measured_later(
     out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def takes_all(context: ServingContext) -> Iterator[Found]:
-        context.deadline = context.clock()
+        object.__setattr__(context, "deadline", context.clock())  # it is the context of all studies
         yield "It took long."
 
     with_studies(monkeypatch, latency=takes_all)
@@ -173,7 +174,7 @@ def test_a_cell_that_diverged_is_named(out: Path) -> None:
     data.pop("digest", None)
     path.write_text(json.dumps({**data, "status": "diverged", "reason": "not finite at step 3"}), encoding="utf-8")
     asked = replace(asked_of(out, out), run=FinishedRun.of(out))
-    assert run(asked, ["latency", "anytime"], False, Quiet()) == 0
+    assert framework.run(SHELF, ["latency", "anytime"], asked, resume=False) == 0
     latency, anytime = record_of(out).studies
     assert {each.subject for each in latency.checks if each.id.startswith("hit.")} == {"qnerf"}
     gaps = [each for each in latency.checks if each.status == "not_available"]

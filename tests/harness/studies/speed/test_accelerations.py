@@ -135,7 +135,7 @@ def test_a_change_changes_one_thing() -> None:
     assert arms == {
         "as planned": Arm(),
         "grid": Arm(need=("empty_space",)),
-        "precision": Arm(precision="bfloat16"),
+        "precision": Arm({"precision": "bfloat16"}),
     }
     other = replace(plan, train=replace(plan.train, precision="bfloat16"))
-    assert arms_of(other, ["precision"]) == {"as planned": Arm(), "precision": Arm(precision="float32")}
+    assert arms_of(other, ["precision"]) == {"as planned": Arm(), "precision": Arm({"precision": "float32"})}

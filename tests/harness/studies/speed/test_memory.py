@@ -10,6 +10,7 @@ import pytest
 from harness.execution.progress import Quiet
 from harness.machine.peak_memory import STATUS
 from harness.plan.group_task import GroupTask
+from harness.plan.profiles import Machine
 from harness.plan.schedule import Budget
 from harness.records.cells import records_folder
 from harness.records.pictures import read_renders
@@ -20,14 +21,14 @@ from harness.training.lockstep import train_group
 from harness.training.scoring import evaluate
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import write_ball
-from tests.harness.tiny import CPU, SCORE, TRAIN, VIEWS
+from tests.harness.tiny import SCORE, TRAIN, VIEWS
 
 
 @pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.skipif(not STATUS.exists(), reason="no /proc to read the most memory held from")
 def test_reading_and_training_take_the_same_memory_for_a_hundred_megabytes_of_images(tmp_path: Path) -> None:
-    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), CPU, 1, 1.0)
+    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), 1.0)
     task = GroupTask("noise", 0, ("nerf",), TRAIN, replace(SCORE, checkpoints=1), Budget(20, None), tmp_path)
     peaks = []
     for count, size in ((4, 32), (40, 400)):

@@ -8,14 +8,14 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from baselines.contract import Box, NetworkSize
-from baselines.numerics.encoding import PHI, fourier_features, frequency_ladder
 from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
 from harness.execution.progress import Quiet
 from harness.machine.peak_memory import peak_bytes
+from harness.plan.profiles import Machine
 from harness.studies.speed import throughput
 from harness.studies.speed.growth import exponent
-from harness.studies.speed.kernels import by_autograd, by_product, largest_error
+from harness.studies.speed.kernels import RULES
 from harness.studies.speed.memory import session_bytes
 from harness.studies.speed.speed_context import SpeedContext, interleaved
 from harness.studies.speed.throughput import step_flops
@@ -62,7 +62,7 @@ def test_of_an_emulated_type_the_smallest_product_alone_is_timed(
     seconds: float, chunks: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(throughput, "interleaved", lambda sides, *_: {name: [seconds] for name in sides})
-    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), torch.device("cpu"), 1, 1.0)
+    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), 1.0)
     assert list(throughput._product_rates(context, 8, torch.float32)) == chunks
 
 
@@ -70,20 +70,12 @@ def test_growth_is_the_slope_of_logarithms() -> None:
     assert exponent([1.0, 2.0, 4.0], [3.0, 12.0, 24.0]) == pytest.approx((1.5, 1.0, 2.0))
 
 
-def test_the_error_of_an_encoding_is_against_float64() -> None:
-    x = 2.0 * torch.rand(200, 3, generator=torch.Generator().manual_seed(1)) - 1.0
-    features = fourier_features(x, frequency_ladder(PHI, 10))
-    assert 1e-7 < largest_error(features, x, PHI, 10) < 1.2e-5
-    features[17, 40] += 0.25
-    assert largest_error(features, x, PHI, 10) == pytest.approx(0.25, abs=1e-4)
-
-
-@pytest.mark.parametrize("rule", [by_autograd, by_product])
-def test_every_quadrature_that_is_compared_computes_the_same(rule: object) -> None:
+@pytest.mark.parametrize("name", ["autograd", "product"])
+def test_every_quadrature_that_is_compared_computes_the_same(name: str) -> None:
     generator = torch.Generator().manual_seed(2)
     t_edges = torch.linspace(2.0, 6.0, 17, dtype=torch.float64).expand(5, -1)
     sigma = 3.0 * torch.rand(5, 16, generator=generator, dtype=torch.float64)
-    assert callable(rule)
+    _, rule = RULES[name]
     torch.testing.assert_close(
         rule(sigma, t_edges[:, 1:], t_edges), midpoint(sigma, t_edges[:, 1:], t_edges), rtol=0, atol=1e-8
     )

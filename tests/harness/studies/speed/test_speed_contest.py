@@ -10,6 +10,7 @@ from torch import Tensor
 from baselines.contract import Rays
 from harness.execution.progress import Quiet
 from harness.machine.stopwatch import Stopwatch
+from harness.plan.profiles import Machine
 from harness.records.study import Check
 from harness.studies.speed.speed_context import SpeedContext, batches_of
 from harness.studies.speed.time_to_target import (
@@ -102,7 +103,7 @@ def test_targets_are_the_best_so_far_and_when_it_was_first_reached() -> None:
 
 
 def ratio(*curves: PsnrCurve, share: float = 1.0) -> Check:
-    here = SpeedContext(Path(), Path(), Path(), True, Quiet(), CPU, 1, 10.0)
+    here = SpeedContext(Path(), Path(), Path(), True, Quiet(), Machine("cpu", 1, 1), 10.0)
     return ratio_to(here, "same", Target(share, 20.0, 60.0), list(curves), None)
 
 

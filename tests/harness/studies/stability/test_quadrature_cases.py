@@ -24,8 +24,8 @@ from harness.studies.stability.rays.exact_rays import (
     weights_in_digits,
 )
 from harness.studies.stability.rays.quadrature_orders import fitted_order
-from harness.studies.stability.rays.quadrature_rounding import running_product, stock_expm1
 from harness.studies.stability.stability_context import StabilityContext
+from harness.studies.usual_quadrature import running_product, stock_expm1
 from tests.harness.studies.stability.made_up import checks, context_in, findings
 
 

@@ -6,19 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from baselines.numerics.quadrature import QUADRATURES
 from harness.plan.profiles import planned
 from harness.studies.stability.whole_scenes import scene_truth
 from harness.studies.stability.whole_scenes.scene_cases import (
     FIGURES,
     RAW,
     StressScene,
-    _fog_by_quadrature,
     _grazing_chord,
     above_the_copy,
     covered_share,
     depth_of_truth,
-    mean_of_ramp,
     over_best_constant,
     refused,
     silhouette,
@@ -157,13 +154,6 @@ def test_a_white_veil_is_no_silhouette(tmp_path: Path) -> None:
         assert silhouette(scene_of(run_of(tmp_path, record), views), record) == pytest.approx(figure)
 
 
-def test_the_mean_of_a_ramp_in_fog() -> None:
-    assert mean_of_ramp(np.array([1e-6]))[0] == pytest.approx(5e-7, rel=1e-5)
-    assert mean_of_ramp(np.array([0.00999999]))[0] == pytest.approx(mean_of_ramp(np.array([0.01]))[0], rel=1e-5)
-    s = (np.arange(100000) + 0.5) / 100000
-    assert mean_of_ramp(np.array([5.0]))[0] == pytest.approx(float((5 * np.exp(-5 * s) * s).mean()), rel=1e-6)
-
-
 def test_the_closed_form_of_a_pixel_is_free_of_bias(monkeypatch: pytest.MonkeyPatch) -> None:
     """Edges that lie alike in every pixel: even grids are all off alike, random points by their noise alone."""
     size, fov = 24, FOV_X_RADIANS
@@ -202,23 +192,6 @@ def test_every_stress_scene_has_its_case_and_the_size_it_is_made_for() -> None:
     assert sorted(scene for scenes in SCENES.values() for scene in scenes) == sorted(STRESS)
     assert sorted([*FIGURES, *SCENES["S7"]]) == sorted(STRESS)
     assert planned(PROFILE, precision="float32").views.resolution == RESOLUTION
-
-
-def fog(name: str) -> StressScene:
-    return scene_of(run_of(Path(), cell(name, "nerf", 0, [])), noisy_views(), name)
-
-
-@pytest.mark.parametrize("scene", ["fog_dense", "fog_thin"])
-def test_our_rule_meets_the_closed_form_of_fog_and_the_printed_one_does_not(scene: str) -> None:
-    outcomes = list(_fog_by_quadrature(fog(scene)))
-    assert [(check.status, check.owner) for check in outcomes] == [("pass", "ours")] * 2 + [("fail", "paper")] * 2
-
-
-def test_the_colour_in_dense_fog_tells_a_rule_of_lower_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of even density the opacity is exact for both."""
-    monkeypatch.setitem(QUADRATURES, "midpoint", QUADRATURES["left"])
-    opacity, colour, *_ = _fog_by_quadrature(fog("fog_dense"))
-    assert (opacity.status, colour.status) == ("pass", "fail")
 
 
 def test_a_grazing_ray_is_cut_exactly_and_samples_are_not() -> None:

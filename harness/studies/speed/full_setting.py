@@ -115,7 +115,6 @@ def render_seconds(speed: Studies) -> tuple[float, float]:
 
 
 def value_of(speed: Studies, name: str) -> float:
-    """Return the value of a measurement. Raises `InputError` if it was not measured."""
     if name not in _values(speed):
         raise InputError(f"the speed record has no {name}; run `nox -s speed` again")
     return _values(speed)[name]
@@ -126,7 +125,6 @@ def _values(speed: Studies) -> dict[str, float]:
 
 
 def page(speed: Studies) -> str:
-    """Return the page as Markdown."""
     plan = paper_table()
     work, cores, rate = work_of(plan), speed.provenance["cores"], measured_rate(speed)
     rendering = [seconds * work.megasamples / 3600 for seconds in render_seconds(speed)]
