@@ -10,7 +10,8 @@ import torch
 from harness.execution.progress import Progress
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
 from harness.machine.provenance import provenance
-from harness.plan.profiles import Plan, planned
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 from harness.records.study import Check, Owner, Status, check
 from harness.studies import framework
 from harness.studies.stability.cases import SHELF
@@ -37,7 +38,8 @@ class StabilityContext(framework.StudyContext):
 
     def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
         """Return `profile` with this run's methods, in float32, which is the same on every machine."""
-        plan = planned(profile, scenes=scenes, methods=list(self.methods), precision="float32")
+        plan = PROFILES[profile].alone().in_float32()
+        plan = replace(plan, scenes=tuple(scenes or plan.scenes), methods=self.methods)
         if not self.quick:
             return plan
         views = replace(plan.views, resolution=16, train=6, val=0, test=2, spp_train=4, spp_test=4)
