@@ -201,13 +201,23 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
     from harness.studies.serving.serving_run import run
 
     finished = FinishedRun.of(options.out)
-    what = finished, finished.scenes(options.scenes), finished.methods(options.methods), options.seed
+    scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
     if options.seed not in finished.run.seeds:
         known = " ".join(map(str, finished.run.seeds))
         raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
-    how = options.width, options.quick, chosen_device(options.device), options.view_sets, options.threads
+    asked = ServingRequest(
+        finished,
+        scenes,
+        methods,
+        options.seed,
+        options.width,
+        options.quick,
+        chosen_device(options.device),
+        options.view_sets,
+        options.threads,
+    )
     with _chosen(options, SHELF, show) as (studies, _):
-        return run(ServingRequest(*what, *how), studies, options.resume, show)
+        return run(asked, studies, options.resume, show)
 
 
 def run_conformance(options: argparse.Namespace, show: "Progress") -> int:

@@ -238,18 +238,20 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
     def batch(count: int) -> tuple[Rays, torch.Tensor]:
         return _batch(plan, count, learner.device)
 
-    def step() -> float:
-        return seconds_of(lambda count: learner.train_on(*batch(count)), plan.train.rays, learner.device, clock)
+    def step(count: int) -> None:
+        learner.train_on(*batch(count))
 
-    first, chunk = step(), plan.score.chunk
+    def settled_step(count: int) -> None:
+        learner.step = plan.train.grid.first_step + 1  # with the bins of later steps, and without a refresh of the grid
+        step(count)
+
+    rays, chunk = plan.train.rays, plan.score.chunk
+    first = later = seconds_of(step, rays, learner.device, clock)
     if isinstance(learner, Trainer) and plan.train.grid.cells:
-        learner.step = plan.train.grid.first_step + 1  # from then on with other bins
         if learner.grid is not None:
             kept = torch.rand(learner.grid.occupied.shape, generator=generator_for("cost")) < OCCUPIED
             learner.grid.occupied = kept.to(learner.device)
-        later = step()
-    else:
-        later = first
+        later = seconds_of(settled_step, rays, learner.device, clock)
     chunks = seconds_of(lambda count: learner.render(batch(count)[0], count), chunk, learner.device, clock)
     return Pace(first, later, chunks / chunk)
 

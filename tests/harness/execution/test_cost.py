@@ -26,7 +26,7 @@ from harness.execution.ground_truth import rendering_seconds
 from harness.execution.progress import span
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
-from tests.harness.tiny import CPU, SCORE, TRAIN, VIEWS
+from tests.harness.tiny import CPU
 
 SUMMARY = json.loads((Path(__file__).parents[3] / "docs/reduced/summary.json").read_text(encoding="utf-8"))
 PLAN = replace(PROFILES["reduced"].alone(), methods=tuple(SUMMARY["settings"]["methods"]))
@@ -59,7 +59,7 @@ def test_a_run_as_recorded_is_estimated_as_recorded() -> None:
     groups = len(PLAN.groups())
     assert sum(cells) * groups / MACHINE.workers == pytest.approx(clocks, rel=0.05)
     low, high = on_workers([sum(cells)] * groups, MACHINE)
-    assert low < SUMMARY["phases"]["train"] / 1.5 < high, "which has scoring in it as well"
+    assert low < clocks < high
     low, high = rendering_seconds(PLAN.views, 8)
     assert low < SUMMARY["phases"]["render"] < high
 
@@ -111,7 +111,7 @@ def test_a_guest_is_counted_as_long_as_it_is_not_there() -> None:
 
 
 def test_methods_are_measured_and_those_that_cannot_run_are_named() -> None:
-    plan = replace(PLAN, methods=("nerf", "nowhere"), train=TRAIN, score=SCORE, views=VIEWS)
+    plan = replace(PROFILES["smoke"].alone(), methods=("nerf", "nowhere"))
     paces = measure_paces(plan, CPU, threads=1)
     assert 0.0 < paces.of["nerf"].step < LONGEST
     assert 0.0 < paces.of["nerf"].ray < paces.of["nerf"].step

@@ -41,8 +41,8 @@ def test_the_start_of_processes_does_not_foretell_the_rest(
         clock[0] = 30.5 + 10.0 * step
         show.trained(group, step / 20)
     said = capsys.readouterr().out.splitlines()
-    assert ["left" in line for line in said[3:5]] == [False, True], "once a quarter was done since the first report"
-    assert [line.partition(",")[2] for line in said][-1] == " 2.5 to 5 min left"
+    assert ["left" in line for line in said[4:6]] == [False, True], "once a quarter was done since the first report"
+    assert [line.partition(",")[2] for line in said][-1] == " 3.5 to 7 min left"
 
 
 def test_rendering_says_what_is_left_of_all_scenes(
