@@ -1,37 +1,39 @@
-"""`python -m harness gate`: its options, and how they are checked. Nothing heavy is imported to show the help."""
+"""`python -m harness gate | history`: their options, and what they do; `speed` appends to the history as well."""
 
 import argparse
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.command.history_command import add_history_option, remember
-from harness.command.options import add_shared
+from harness.command.options import Command, Options, flag, option, reported, require_folder, shared
 from harness.gate.gates import KINDS, Gate, gates
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
-LIMITS = Path("gates/limits.json")
+LIMITS, HISTORY_FILE = Path("gates/limits.json"), Path("out/history.jsonl")
 
 
-def add_gate_options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add("--only", nargs="+", metavar="NAME", help="gates, or beginnings of their names: changed worse.qnerf images …")
-    add(
-        "--renew",
-        action="store_true",
-        help="measure limits and references anew, of committed code, and write them",
-    )
-    add("--limits", type=Path, default=LIMITS, metavar="FILE", help=f"limits to hold to (default: {LIMITS})")
-    add_shared(command, "--view-sets", "--out", "--list")
-    add("--rank", type=Path, metavar="RUN", help="compare the order of methods with that of a finished run, no more")
-    add_history_option(command)
-    add_shared(command, "--quiet", help="no progress, and no table")
+GATE: Options = {
+    "--only": option("gates, or beginnings of their names: changed worse.qnerf images …", "NAME", nargs="+"),
+    "--renew": flag("measure limits and references anew, of committed code, and write them"),
+    "--limits": option(f"limits to hold to (default: {LIMITS})", "FILE", Path, default=LIMITS),
+    **shared("--view-sets", "--out", "--list"),
+    "--rank": option("compare the order of methods with that of a finished run, no more", "RUN", Path),
+    "--history": {},
+    "--quiet": option("no progress, and no table"),
+}
+FIGURES = (
+    "The figures of every `gate` and `nox -s speed` that appended to FILE, drawn over the runs: which of them changed, "
+    "between which commits, on which class of processor."
+)
+HISTORY: Options = {
+    "file": option(f"default: {HISTORY_FILE}", "FILE", Path, nargs="?", default=HISTORY_FILE),
+    "--out": option("folder of the page (default: out/history)", default=Path("out/history")),
+}
 
 
 def run_gate(options: argparse.Namespace, show: "Progress") -> int:
-    """Return 0, or 4 if a gate failed; raises `InputError` for invalid options."""
     table = chosen(options.only)
     if options.list:
         for gate in table:
@@ -85,3 +87,53 @@ def chosen(names: list[str] | None) -> tuple[Gate, ...]:
 
 def _begins(name: str, start: str) -> bool:
     return name == start or name.startswith(start.removesuffix(".") + ".")
+
+
+def run_history(options: argparse.Namespace, show: "Progress") -> int:
+    from harness.machine.provenance import code_here
+    from harness.records.study import SHELVES, write_studies
+    from harness.verdicts.history.figures_over_runs import figures_over_runs
+    from harness.verdicts.history.past_runs import read_history
+
+    require_folder(options.out)
+    runs, damaged = read_history(options.file)
+    record = figures_over_runs(runs, damaged, {"file": str(options.file)}, code_here())
+    write_studies(options.out / SHELVES["history"], record)
+    for study in record.studies:
+        show.line(f"{study.info.title}: {study.scale}")
+        for answer in study.answers:
+            show.line(f"  {answer}")
+    return reported(options.out)
+
+
+def remember(file: Path | None, record: Path, of_class: str, show: "Progress") -> None:
+    """Append the figures of a record of studies to the history; where that cannot be written, a line says so."""
+    import time
+
+    from harness.records.study import read_studies
+    from harness.verdicts.history.past_runs import PastRun, append
+
+    studies = read_studies(record)
+    figures = {check.id: check for _, check in studies.checks() if check.id and check.value is not None}
+    facts = studies.provenance
+    run = PastRun(
+        when=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        command=studies.shelf,
+        commit=facts["commit"],
+        of_class=of_class,
+        processor=facts["processor"],
+        threads=facts["threads"],
+        values={name: float(check.value) for name, check in figures.items() if check.value is not None},
+        units={name: check.unit for name, check in figures.items() if check.unit},
+    )
+    file = file or record.parent.parent / HISTORY_FILE.name
+    try:
+        append(file, run)
+    except OSError as error:  # what was measured is not lost
+        show.line(f"{file}: {error.strerror}; the figures are not in the history, name another file (--history)")
+
+
+COMMANDS = {
+    "gate": Command("has anything changed, and is it worse? (exit code 4)", GATE, run_gate),
+    "history": Command("when did figures of gate and speed change?", HISTORY, run_history, FIGURES),
+}

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.command.options import add_finished_run, add_shared, require_between
+from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, shared
 
 if TYPE_CHECKING:
     import uvicorn
@@ -24,28 +24,25 @@ PORT = 8008
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
-def add_view_options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add_finished_run(command)
-    add("--scene", metavar="SCENE", help="scene to begin with (default: the first that was trained)")
-    add_shared(command, "--methods", help="to begin with (default: baseline and first contender)")
-    add_shared(command, "--seed")
-    add("--host", default="127.0.0.1", metavar="ADDRESS", help="to listen on (default: this machine alone)")
-    add("--port", type=int, default=PORT, metavar="N", help=f"0 takes a free one (default: {PORT})")
-    add("--no-browser", action="store_true", help="print the address, open nothing")
-    add_shared(command, "--threads", "--resolution", "--device")
-    add_shared(command, "--view-sets")
+VIEW: Options = {
+    "out": FINISHED_RUN,
+    "--scene": option("scene to begin with (default: the first that was trained)", "SCENE"),
+    "--methods": option("to begin with (default: baseline and first contender)"),
+    "--seed": {},
+    "--host": option("to listen on (default: this machine alone)", "ADDRESS", default="127.0.0.1"),
+    "--port": option(f"0 takes a free one (default: {PORT})", "N", int, default=PORT),
+    "--no-browser": flag("print the address, open nothing"),
+    **shared("--threads", "--resolution", "--device", "--view-sets"),
+}
 
 
 def run_view(options: argparse.Namespace, show: "Progress") -> int:
-    """Return 0 when it was stopped; raises `InputError` for invalid options."""
-    try:
-        return _run_view(options, show)
-    except KeyboardInterrupt:
-        return 0
+    with suppress(KeyboardInterrupt):  # the usual end
+        _serve_view(options, show)
+    return 0
 
 
-def _run_view(options: argparse.Namespace, show: "Progress") -> int:
+def _serve_view(options: argparse.Namespace, show: "Progress") -> None:
     from harness.machine.device import chosen_device, rendering_threads, use_threads
     from harness.viewer.asked import LARGEST_WIDTH
     from harness.viewer.shown_run import ShownRun
@@ -87,7 +84,6 @@ def _run_view(options: argparse.Namespace, show: "Progress") -> int:
         Announced(config, announce).run(sockets=[listening])
     finally:
         worker.shutdown(wait=False, cancel_futures=True)
-    return 0
 
 
 def config_of(site: "Starlette") -> "uvicorn.Config":
@@ -146,37 +142,35 @@ def _in_address(host: str) -> str:
 
 
 def _has_screen() -> bool:
-    """Return whether there is a screen; elsewhere a browser that runs in the terminal would be opened."""
     return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 PATH_NAMES = ("orbit", "spiral", "walk", "test")
 """The names of `harness.playback.camera_paths.PATHS`, and the test views themselves."""
 MOST_FRAMES = 10_000
-
-
-def add_render_options(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add_finished_run(command, "run")
-    add("--path", default="orbit", choices=PATH_NAMES, help="where the camera goes (default: orbit)")
-    add_shared(command, "--scenes")
-    add_shared(command, "--methods", help="methods side by side (default: baseline and first contender)")
-    add_shared(command, "--seed")
-    add("--frames", type=int, metavar="N", help="default: 60; with --path test every test view of the run")
-    add_shared(command, "--resolution")
-    add("--fps", type=int, default=20, metavar="N", help="frames a second of the animation (default: 20)")
-    add("--elevation", type=float, metavar="DEG", help="height of an orbit above the horizon (default: 30)")
-    add("--to", type=Path, metavar="DIR", help="folder to write to or to go on with (default: OUT/films/…)")
-    add_shared(command, "--view-sets", help="view-set cache, for --path test")
-    add_shared(command, "--device")
-    others = "views that were cached with another number are rendered anew, as they may differ in their last bits"
-    add_shared(command, "--threads", help=f"that render (default: all cores but one, as in `view`); {others}")
-    add("--no-cache", action="store_true", help="render every missing frame; neither read nor fill the view cache")
-    add_shared(command, "--dry-run", "--quiet")
+RENDER: Options = {
+    "run": FINISHED_RUN,
+    "--path": option("where the camera goes (default: orbit)", default="orbit", choices=PATH_NAMES),
+    "--scenes": {},
+    "--methods": option("methods side by side (default: baseline and first contender)"),
+    "--seed": {},
+    "--frames": option("default: 60; with --path test every test view of the run", "N", int),
+    "--resolution": {},
+    "--fps": option("frames a second of the animation (default: 20)", "N", int, default=20),
+    "--elevation": option("height of an orbit above the horizon (default: 30)", "DEG", float),
+    "--to": option("folder to write to or to go on with (default: OUT/films/…)", "DIR", Path),
+    "--view-sets": option("view-set cache, for --path test"),
+    "--device": {},
+    "--threads": option(
+        "that render (default: all cores but one, as in `view`); views that were cached with another number are "
+        "rendered anew, as they may differ in their last bits"
+    ),
+    "--no-cache": flag("render every missing frame; neither read nor fill the view cache"),
+    **shared("--dry-run", "--quiet"),
+}
 
 
 def run_render(options: argparse.Namespace, show: "Progress") -> int:
-    """Return 0 when done, or 130 if it was interrupted; raises `InputError` for invalid options."""
     from scenes.files.errors import InputError
 
     require_between(options, frames=(1, MOST_FRAMES), resolution=(1, 4096), fps=(1, 60))
@@ -224,3 +218,9 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
         print(f"interrupted: finished frames are kept in {folder}; the same command goes on", file=sys.stderr)
         return 130
     return 0
+
+
+COMMANDS = {
+    "view": Command("look at a finished run in the browser", VIEW, run_view),
+    "render": Command("a camera path through a finished run, its methods side by side", RENDER, run_render),
+}

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from harness.command.options import Command, Options, flag, option
+
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
@@ -26,13 +28,16 @@ SHELLS = {
 """Shell → the definition of `harness` in it."""
 
 
-def add_completion_options(command: argparse.ArgumentParser) -> None:
-    how = 'bash and zsh: eval "$(python -m harness completion SHELL)"; fish: … | source; tcsh: … > FILE; source FILE'
-    command.add_argument("shell", choices=tuple(SHELLS), help=how)
+COMPLETION: Options = {
+    "shell": option(
+        'bash and zsh: eval "$(python -m harness completion SHELL)"; fish: … | source; tcsh: … > FILE; source FILE',
+        choices=tuple(SHELLS),
+    )
+}
+DOCTOR: Options = {"--json": flag("one JSON list instead of lines")}
 
 
 def run_completion(options: argparse.Namespace, show: "Progress") -> int:
-    """Print the script alone, so that a shell may evaluate it."""
     sys.stdout.write(script(options.shell, options.parser))
     return 0
 
@@ -68,12 +73,7 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
                 yield from _actions(command)
 
 
-def add_doctor_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--json", action="store_true", help="one JSON list instead of lines")
-
-
 def run_doctor(options: argparse.Namespace, show: "Progress") -> int:
-    """Return 0, or 2 if something is missing that nothing works without."""
     from harness.machine.doctor import findings
 
     all_findings = []
@@ -89,3 +89,9 @@ def run_doctor(options: argparse.Namespace, show: "Progress") -> int:
     if not options.json:
         show.line(f"missing, and needed: {', '.join(lacking)}" if lacking else "everything that is needed is there")
     return 2 if lacking else 0
+
+
+COMMANDS = {
+    "doctor": Command("what this machine has, and how to get the rest", DOCTOR, run_doctor),
+    "completion": Command("print a completion script for your shell", COMPLETION, run_completion),
+}

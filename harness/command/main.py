@@ -8,92 +8,37 @@ import shlex
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import NoReturn
 
-from harness.command import (
-    gate_command,
-    history_command,
-    judge_command,
-    look_commands,
-    machine_commands,
-    run_command,
-    settings_commands,
-    study_commands,
-    tensorboard_command,
-)
+from harness.command import gate_command as gate
+from harness.command import judge_command as judge
+from harness.command import look_commands as look
+from harness.command import machine_commands as machine
+from harness.command import run_command as run
+from harness.command import settings_commands as settings
+from harness.command import study_commands as study
+from harness.command.options import Command, add_options
 from harness.execution.executors import leave
 from harness.machine.wait_policy import wait_policy
 from scenes.files.installed import packages_needed
 from scenes.files.standard_output import go_on_unheard
 from scenes.files.stopping import stop_on_signals
 
-if TYPE_CHECKING:
-    from harness.execution.progress import Progress
-
-
-class Command(NamedTuple):
-    """One command of `python -m harness`."""
-
-    help: str
-    add_options: Callable[[argparse.ArgumentParser], None]
-    call: "Callable[[argparse.Namespace, Progress], int]"
-    """Returns the exit code."""
-
-
-# fmt: off
-COMMANDS: dict[str, Command] = {
-    "run": Command("render, train, score and record a comparison", run_command.add_run_options, run_command.run_run),
-    "judge": Command("verdicts on anybody's table of results",
-                     judge_command.add_judge_options, judge_command.run_judge),
-    "score": Command("scores of pictures that another program rendered",
-                     judge_command.add_score_options, judge_command.run_score),
-    "compare": Command("how far two outputs of the same plan differ",
-                       judge_command.add_compare_options, judge_command.run_compare),
-    "gate": Command("has anything changed, and is it worse? (exit code 4)",
-                    gate_command.add_gate_options, gate_command.run_gate),
-    "history": Command("when did figures of gate and speed change?",
-                       history_command.add_history_options, history_command.run_history),
-    "view": Command("look at a finished run in the browser", look_commands.add_view_options, look_commands.run_view),
-    "render": Command("a camera path through a finished run, its methods side by side",
-                      look_commands.add_render_options, look_commands.run_render),
-    "study": Command("measure a question: evidence, stability, speed, serving, conformance, …",
-                     lambda command: _add(command.add_subparsers(dest="study", required=True, metavar="NAME"), STUDIES),
-                     lambda options, show: STUDIES[options.study].call(options, show)),
-    "doctor": Command("what this machine has, and how to get the rest",
-                      machine_commands.add_doctor_options, machine_commands.run_doctor),
-    "tensorboard": Command("write a run's cells for TensorBoard",
-                           tensorboard_command.add_tensorboard_options, tensorboard_command.run_tensorboard),
-    "completion": Command("print a completion script for your shell",
-                          machine_commands.add_completion_options, machine_commands.run_completion),
-}
-STUDIES: dict[str, Command] = {
-    "evidence": Command("the studies that a verdict rests on",
-                        study_commands.add_evidence_options, study_commands.run_evidence),
-    "frontier": Command("families of radiance fields at budgets of core seconds",
-                        study_commands.add_frontier_options, study_commands.run_frontier),
-    "stability": Command("try the catalogue of stiff and extreme cases",
-                         study_commands.add_stability_options, study_commands.run_stability),
-    "speed": Command("measure how fast training, rendering and scoring are on this machine",
-                     study_commands.add_speed_options, study_commands.run_speed),
-    "serving": Command("measure view cache, attention and first frame on a finished run",
-                       study_commands.add_serving_options, study_commands.run_serving),
-    "conformance": Command("hold methods to the contract of the catalogue (exit code 3)",
-                           study_commands.add_conformance_options, study_commands.run_conformance),
-    "sweep": Command("learning rates of every method on validation views, as JSON",
-                     settings_commands.add_sweep_options, settings_commands.run_sweep),
-    "families": Command("the same few trials of every family of the frontier, on validation views, as JSON",
-                        settings_commands.add_families_options, settings_commands.run_families),
-    "constants": Command("the unit of density and the start of the field of each method, on validation views, as JSON",
-                         settings_commands.add_constants_options, settings_commands.run_constants),
-    "equivalence": Command("what empty-space skipping and precision change in scores, as JSON",
-                           settings_commands.add_equivalence_options, settings_commands.run_equivalence),
-    "omissions": Command("what leaving out what a scene does not need saves and costs, as JSON",
-                         settings_commands.add_omissions_options, settings_commands.run_omissions),
-    "scaling": Command("the paper's full table on GPUs, on paper",
-                       study_commands.add_scaling_options, study_commands.run_scaling),
-}
+STUDIES = study.STUDIES | settings.STUDIES
 """`python -m harness study NAME`, and `python -m harness NAME` for short."""
-# fmt: on
+STUDY = Command(
+    "measure a question: evidence, stability, speed, serving, conformance, …",
+    {},
+    lambda options, show: STUDIES[options.study].call(options, show),
+)
+COMMANDS = {
+    **run.COMMANDS,
+    **judge.COMMANDS,
+    **gate.COMMANDS,
+    **look.COMMANDS,
+    "study": STUDY,
+    **machine.COMMANDS,
+}
 
 
 def parser(program: str = "python -m harness") -> argparse.ArgumentParser:
@@ -110,8 +55,10 @@ NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][+-]?\d+)?$")
 
 def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table: dict[str, Command]) -> None:
     for name, command in table.items():
-        added = commands.add_parser(name, help=command.help)
-        command.add_options(added)
+        added = commands.add_parser(name, help=command.help, description=command.description)
+        add_options(added, command.options)
+        if command is STUDY:
+            _add(added.add_subparsers(dest="study", required=True, metavar="NAME"), STUDIES)
         added.allow_abbrev = False  # `--with` is no `--without`
         added._negative_number_matcher = NEGATIVE_NUMBER
 

@@ -1,42 +1,74 @@
-"""The options that several commands have, named and explained the same way; nothing heavy is imported for them."""
+"""How options are written, those that several commands have, and checks of values; nothing heavy is imported."""
 
 import argparse
 import math
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-SHARED: dict[str, dict[str, Any]] = {
-    "--device": {"default": "auto", "choices": ("auto", "cpu", "cuda"), "help": "ROCm is torch's cuda"},
-    "--view-sets": {
-        "type": Path, "default": Path("out/view_sets"), "metavar": "DIR", "help": "cache of view sets",
-    },
-    "--threads": {"type": int, "metavar": "N", "help": "that render (default: all cores but one)"},
-    "--seed": {"type": int, "default": 0, "metavar": "N", "help": "of the weights that are shown (default: 0)"},
-    "--scenes": {"nargs": "+", "metavar": "SCENE", "help": "scenes of the run (default: all)"},
-    "--methods": {"nargs": "+", "metavar": "METHOD", "help": "methods of the run (default: all)"},
-    "--resolution": {"type": int, "metavar": "PX", "help": "width of the pictures (default: that of the run's views)"},
-    "--out": {"type": Path, "metavar": "DIR", "help": "output folder (default: a fresh one in out/)"},
-    "--resume": {"action": "store_true", "help": "do what --out lacks"},
-    "--dry-run": {"action": "store_true", "help": "print the plan and its estimated cost, do nothing"},
-    "--list": {"action": "store_true", "help": "print what can be named, do nothing"},
-    "--quick": {"action": "store_true", "help": "sizes at which no figure means anything, to try the command itself"},
-    "--quiet": {"action": "store_true", "help": "no progress"},
-}  # fmt: skip
-"""Map option → the arguments of `add_argument`."""
+if TYPE_CHECKING:
+    from harness.execution.progress import Progress
+
+Options = dict[str, dict[str, Any]]
+"""Map the names of an option, or of a positional argument → the arguments of `add_argument`."""
 
 
-def add_shared(command: argparse.ArgumentParser, *names: str, **own: Any) -> None:
-    """Add options of the table; `own` arguments, such as another `help`, overrule it for all of them."""
-    for name in names:
-        command.add_argument(name, **{**SHARED[name], **own})
+class Command(NamedTuple):
+    """One command of `python -m harness`."""
+
+    help: str
+    options: Options
+    call: "Callable[[argparse.Namespace, Progress], int]"
+    """Returns the exit code."""
+    description: str | None = None
 
 
-def add_finished_run(command: argparse.ArgumentParser, name: str = "out") -> None:
-    """Add the argument that names a finished run."""
-    what = "output folder of a finished run (default: out/latest)"
-    command.add_argument(name, type=Path, nargs="?", default=Path("out/latest"), metavar="OUT", help=what)
+def option(help: str = "", metavar: Any = None, type: Any = None, **more: Any) -> dict[str, Any]:
+    """Return the arguments of `add_argument` that are given; those of the same name in `SHARED` fill in the others."""
+    given = {"help": help or None, "metavar": metavar, "type": type}
+    return {name: value for name, value in given.items() if value is not None} | more
+
+
+def flag(help: str) -> dict[str, Any]:
+    return option(help, action="store_true")
+
+
+SHARED: Options = {
+    "--device": option("ROCm is torch's cuda", default="auto", choices=("auto", "cpu", "cuda")),
+    "--view-sets": option("cache of view sets", "DIR", Path, default=Path("out/view_sets")),
+    "--threads": option("that render (default: all cores but one)", "N", int),
+    "--seed": option("of the weights that are shown (default: 0)", "N", int, default=0),
+    "--scenes": option("scenes of the run (default: all)", "SCENE", nargs="+"),
+    "--methods": option("methods of the run (default: all)", "METHOD", nargs="+"),
+    "--resolution": option("width of the pictures (default: that of the run's views)", "PX", int),
+    "--out": option("output folder (default: a fresh one in out/)", "DIR", Path),
+    "--resume": flag("do what --out lacks"),
+    "--dry-run": flag("print the plan and its estimated cost, do nothing"),
+    "--list": flag("print what can be named, do nothing"),
+    "--quick": flag("sizes at which no figure means anything, to try the command itself"),
+    "--quiet": flag("no progress"),
+    "--lpips": option("weights of LPIPS, to score with (docs/read-the-report.md)", "FILE", Path),
+    "--history": option(
+        "file that gets a line of the figures, for `python -m harness history` (default: history.jsonl beside --out)",
+        "FILE",
+        Path,
+    ),
+}
+FINISHED_RUN = option(
+    "output folder of a finished run (default: out/latest)", "OUT", Path, nargs="?", default=Path("out/latest")
+)
+
+
+def shared(*names: str) -> Options:
+    """Return options of `SHARED` as they are."""
+    return {name: {} for name in names}
+
+
+def add_options(command: argparse.ArgumentParser, options: Options) -> None:
+    for names, arguments in options.items():
+        command.add_argument(*names.split(), **{**SHARED.get(names, {}), **arguments})
 
 
 def require_folder(out: Path) -> None:
@@ -57,7 +89,7 @@ def require_between(options: argparse.Namespace, **bounds: tuple[float, float]) 
     from scenes.files.errors import InputError
 
     for name, (least, most) in bounds.items():
-        value = getattr(options, name)
+        value = getattr(options, name, None)
         if value is not None and not (math.isfinite(value) and least <= value <= most):
             number = f"{value:g}" if isinstance(value, float) else value
             raise InputError(f"--{name.replace('_', '-')} {number}: must lie between {least:g} and {most:g}")

@@ -1,4 +1,4 @@
-"""`python -m harness run`: its options, and what it does; the options of a plan serve other commands as well."""
+"""`python -m harness run | tensorboard`: their options, and what they do."""
 
 import argparse
 from collections import Counter
@@ -6,133 +6,57 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from harness.command.options import add_shared
-from harness.command.tensorboard_command import also_written, checked
-from harness.execution.executors import (
-    add_executor_options,
-    chosen_machine,
-    device_and_bfloat16,
-    device_here,
-    unused_by,
-)
+from harness.command.machine_options import MACHINE_OPTIONS, chosen_machine, unused_by
+from harness.command.options import Command, Options, flag, option
+from harness.command.plan_options import PLAN_OPTIONS, planned_by
+from harness.execution.executors import device_here
 from harness.machine.cores import physical_cores
-from harness.plan.defaults import RENDER_LIMIT
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
-    import torch
-
     from harness.execution.progress import Progress
     from harness.execution.run import Verify
-    from harness.plan.profiles import Machine, Plan
+    from harness.plan.run_plan import Machine, Plan
+    from harness.records.cells import CellRecord
 
 LEAST_SEEDS = 3
-"""The fewest seeds with which omissions are verified: the interval of two is six times as wide."""
-PROFILES = ("smoke", "reduced", "stress", "ladder", "converged", "full")
+"""The minimum number of seeds with which omissions are verified: the interval of two is six times as wide."""
 
 
-def add_run_options(run: argparse.ArgumentParser) -> None:
-    add_plan_options(run)
-    run.add_argument("--baseline", metavar="METHOD", help="compare with it (default: nerf, else the first method)")
-    run.add_argument(
-        "--claims", nargs="+", type=Path, default=[], metavar="FILE", help="claims to test (docs/claims.md)"
-    )
-    run.add_argument("--claim", nargs="+", default=[], metavar="LINE", help='such as "mine - nerf >= 1.5 dB"')
-    add_executor_options(run)
-    add_shared(run, "--out", help="output folder (default: a fresh out/PROFILE-TIME)")
-    add_shared(run, "--resume", help="go on with the missing cells of --out")
-    add_shared(run, "--dry-run")
-    verify = "train with and without everything that is left out (exit code 3)"
-    run.add_argument(
-        "--lpips", type=Path, metavar="FILE", help="weights of LPIPS, to score with (docs/read-the-report.md)"
-    )
-    run.add_argument("--verify-omissions", action="store_true", help=verify)
-    run.add_argument("--tensorboard", action="store_true", help="write each cell to OUT/tensorboard as it ends")
-    run.add_argument("--no-serving", action="store_true", help="do not measure view cache and attention at the end")
-    add_shared(run, "--quiet")
-
-
-def add_plan_options(command: argparse.ArgumentParser) -> None:
-    """Add the options that say what is trained on what, for how long."""
-    add = command.add_argument
-    add("--profile", default="reduced", metavar="|".join(PROFILES), help="how much (default: reduced)")
-    add_shared(command, "--scenes", help="scenes to train on (default: the profile's)")
-    add_shared(command, "--methods", help="methods to compare (default: the profile's)")
-    add("--seeds", type=int, metavar="N", help="number of seeds")
-    add("--first-seed", type=int, metavar="K", help="the first of them (default: 0)")
-    add("--budget-steps", type=int, metavar="N", help="training steps of each cell")
-    add("--budget-seconds", type=float, metavar="S", help="training seconds of each cell, on its own clock")
-    add("--budget-core-seconds", type=float, metavar="S", help="processor seconds of each cell's training, all threads")
-    add_shared(command, "--resolution", help="width of the views")
-    add_shared(command, "--device")
-    precisions = ("auto", "float32", "bfloat16", "float16")
-    why = "of matrix products alone (default: the profile's, where the processor has such products)"
-    add("--precision", default="auto", choices=precisions, help=why)
-    add(
-        "--optimiser",
-        choices=("adam", "soap", "muon"),
-        help="of all methods, with its own rates (default: the profile's)",
-    )
-    add("--without", nargs="+", metavar="NAME", help="accelerations to switch off: fused recurrence grid clipping …")
-    add("--need", nargs="+", metavar="NAME", help="parts to have whatever a scene needs: view_direction outside_box …")
-    add("--no-need", nargs="+", metavar="NAME", help="parts to leave out whatever a scene needs")
-    add_scene_options(command)
-    add_shared(command, "--view-sets")
-
-
-def add_scene_options(command: argparse.ArgumentParser) -> None:
-    """Add the options for images, or a scene to render, of the user's own."""
-    add = command.add_argument
-    images = (
-        "train on these images, a scene each: Blender's, nerfstudio's, COLMAP's or LLFF's folder, or a tiny-NeRF .npz"
-    )
-    add("--view-set", type=Path, nargs="+", metavar="PATH", help=images)
-    scene = (
-        "render your own scene instead: Mitsuba .xml, or .py with SCENE. It has your rights: Python is code, and an "
-        "XML file can make Mitsuba read any file; use what you trust"
-    )
-    add("--scene-file", type=Path, metavar="FILE", help=scene)
-    limit = f"seconds that --scene-file, or one of its views, may take (default: {RENDER_LIMIT:g}, or more if large)"
-    add("--render-limit", type=float, metavar="S", help=limit)
-    corners = ("X0", "Y0", "Z0", "X1", "Y1", "Z1")
-    add("--bounds", nargs=6, type=float, metavar=corners, help="box that holds what is seen, for every --view-set")
-    add("--near", type=float, metavar="D", help="distance from the camera at which anything is seen, for --view-set")
-    add("--far", type=float, metavar="D", help="distance up to which anything is seen, for --view-set")
-
-
-def scene_source(options: argparse.Namespace) -> dict[str, Any]:
-    """Return arguments of `harness.plan.profiles.planned`; raises `InputError` for numbers that are no region."""
-    from scenes.view_sets.source import Region
-
-    given = [f"--{name}" for name in ("bounds", "near", "far") if getattr(options, name) is not None]
-    if given and options.view_set is None:
-        raise InputError(f"{' '.join(given)}: only for --view-set; what we render says where it lies")
-    try:
-        region = Region(tuple(options.bounds) if options.bounds else None, options.near, options.far)
-    except InputError as error:
-        raise InputError(f"{' '.join(given)}: {error}") from error
-    return {
-        "view_set": options.view_set,
-        "scene_file": options.scene_file,
-        "render_limit": options.render_limit,
-        "region": region if given else None,
-    }
+RUN: Options = {
+    **PLAN_OPTIONS,
+    "--baseline": option("compare with it (default: nerf, else the first method)", "METHOD"),
+    "--claims": option("claims to test (docs/claims.md)", "FILE", Path, nargs="+", default=[]),
+    "--claim": option('such as "mine - nerf >= 1.5 dB"', "LINE", nargs="+", default=[]),
+    **MACHINE_OPTIONS,
+    "--out": option("output folder (default: a fresh out/PROFILE-TIME)"),
+    "--resume": option("go on with the missing cells of --out"),
+    "--dry-run": {},
+    "--lpips": {},
+    "--verify-omissions": flag("train with and without everything that is left out (exit code 3)"),
+    "--tensorboard": flag("write each cell to OUT/tensorboard as it ends"),
+    "--no-serving": flag("do not measure view cache and attention at the end"),
+    "--quiet": {},
+}
+TENSORBOARD: Options = {"run": option("output folder of a run, finished or not", "OUT", Path)}
 
 
 def run_run(options: argparse.Namespace, show: "Progress") -> int:
     from msgspec import structs
 
     from harness.execution.run import run
-    from harness.plan.profiles import known_names
+    from harness.plan.names import known_names
     from harness.records.cells import read_cells
     from harness.run_folder.output_folder import claimed, fresh_folder, latest_folder, point_latest_to
     from harness.verdicts.claim_files import claims_of
     from harness.verdicts.last_doubling import in_words, last_doublings
-    from scenes.files.errors import InputError
 
-    checked(options)
+    if options.tensorboard:
+        from harness.run_folder.board import require_tensorboard
+
+        require_tensorboard("--tensorboard")
     plan, device = planned_by(options, show.line)
     if options.baseline is not None:
         known_names("--baseline", [options.baseline], list(plan.methods))
@@ -197,7 +121,6 @@ def _with_lpips(plan: "Plan", options: argparse.Namespace) -> "Plan":
 def _afterwards(
     options: argparse.Namespace, plan: "Plan", machine: "Machine", out: Path, show: "Progress"
 ) -> "tuple[Verify | None, Callable[[], None] | None]":
-    """Return the measurements that follow once a run is trained."""
     verify, serve = None, None
     if options.verify_omissions:
         from harness.studies.choices.omissions import verify_run
@@ -231,7 +154,6 @@ def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:
 
 
 def _seeds(seeds: tuple[int, ...]) -> str:
-    """Return the seeds in words: `seeds 0 1 2`."""
     return f"seed{'s' if len(seeds) > 1 else ''} {' '.join(map(str, seeds))}"
 
 
@@ -243,26 +165,54 @@ def _at_once(machine: "Machine") -> str:
     return f"{machine.workers} worker{'s' * (machine.workers > 1)}"
 
 
-def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":
-    from harness.plan.profiles import planned
+def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
+    """Write every cell that has a record; raises `InputError` if there is none, or no tensorboard."""
+    from harness.records.cells import read_cells
+    from harness.run_folder.board import require_tensorboard, write_board
 
-    amount = (
-        "scenes",
-        "methods",
-        "seeds",
-        "first_seed",
-        "budget_steps",
-        "budget_seconds",
-        "budget_core_seconds",
-        "resolution",
-    )
-    given = {name: getattr(options, name) for name in (*amount, "without", "need", "no_need", "optimiser")}
-    precision = None if options.precision == "auto" else options.precision
-    plan = planned(options.profile, **given, **scene_source(options), precision=precision)
-    if options.command != "run":  # what explains a run's result is no part of other measurements
-        plan = plan.alone()
-    # last, as it may join a cluster
-    device, bfloat16 = device_and_bfloat16(options, *say)
-    if options.precision == "auto" and not bfloat16:
-        plan = plan.in_float32()  # the processor is faster in it
-    return plan, device
+    require_tensorboard("tensorboard")
+    count = 0
+    for cell in read_cells(options.run):
+        write_board(options.run, cell)
+        count += 1
+    if not count:
+        raise InputError(
+            f"{options.run}: holds no cell of a run; give the output folder of one, for instance out/latest"
+        )
+    show.line(f"{count} cells written; look at them with: tensorboard --logdir {options.run / 'tensorboard'}")
+    return 0
+
+
+def also_written(options: argparse.Namespace, out: Path, show: "Progress") -> "Progress":
+    """Return `show`, which also writes each cell if `--tensorboard` is given; those from before a resume first."""
+    if not options.tensorboard:
+        return show
+    from harness.records.cells import read_cells
+    from harness.run_folder.board import board_folder, write_board
+
+    for cell in read_cells(out):
+        if not board_folder(out, cell).is_dir():
+            write_board(out, cell)
+    return cast("Progress", _Written(out, show))
+
+
+class _Written:
+    """A progress that writes each cell and passes everything on to the one inside it."""
+
+    def __init__(self, out: Path, show: "Progress") -> None:
+        self._out, self._show = out, show
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._show, name)
+
+    def cell(self, cell: "CellRecord") -> None:
+        from harness.run_folder.board import write_board
+
+        write_board(self._out, cell)
+        self._show.cell(cell)
+
+
+COMMANDS = {
+    "run": Command("render, train, score and record a comparison", RUN, run_run),
+    "tensorboard": Command("write a run's cells for TensorBoard", TENSORBOARD, run_tensorboard),
+}

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from harness.command.options import add_shared, require_between
-from harness.command.run_command import add_plan_options, planned_by
+from harness.command.options import Command, Options, flag, option, require_between, shared
+from harness.command.plan_options import PLAN_OPTIONS, planned_by
 
 if TYPE_CHECKING:
     import torch
@@ -18,43 +18,31 @@ if TYPE_CHECKING:
 Row = TypeVar("Row")
 
 
-def add_sweep_options(command: argparse.ArgumentParser) -> None:
-    add_plan_options(command)
-    _add_file(command, "--resume")
-
-
-def add_families_options(command: argparse.ArgumentParser) -> None:
-    for option in ("--device", "--view-sets", "--quick"):
-        add_shared(command, option)
-    _add_file(command, "--resume")
-
-
-def add_constants_options(command: argparse.ArgumentParser) -> None:
-    add_plan_options(command)
-    add_shared(command, "--out", required=True, metavar="FILE", help="JSON file to write")
-    add_shared(command, "--resume", help="train what a stopped search has not written into FILE")
-    add = command.add_argument
-    add("--carry", type=Path, metavar="FILE", help="train the best pairs of this search with fewer steps alone")
-    add("--best", type=int, default=3, metavar="N", help="the number of pairs of each method that it carries over")
-    adopt = "write the choice into the file that the methods are made from, for this profile"
-    add("--adopt", action="store_true", help=adopt)
-
-
-def add_equivalence_options(command: argparse.ArgumentParser) -> None:
-    add_plan_options(command)
-    command.add_argument("--changes", nargs="+", default=["grid", "precision"], choices=("grid", "precision"))
-    _add_file(command, "--resume")
-
-
-def add_omissions_options(command: argparse.ArgumentParser) -> None:
-    add_plan_options(command)
-    command.set_defaults(methods=["nerf"], seeds=3)
-    _add_file(command, "--resume")
-
-
-def _add_file(command: argparse.ArgumentParser, *resume: str) -> None:
-    add_shared(command, "--out", required=True, metavar="FILE", help="JSON file to write")
-    add_shared(command, *resume, help="use the cells that a stopped command left in FILE.cells")
+FILE: Options = {
+    "--out": option("JSON file to write", "FILE", required=True),
+    "--resume": option("use the cells that a stopped command left in FILE.cells"),
+}
+SWEEP: Options = {**PLAN_OPTIONS, **FILE}
+FAMILIES: Options = {**shared("--device", "--view-sets", "--quick"), **FILE}
+CONSTANTS: Options = {
+    **PLAN_OPTIONS,
+    **FILE,
+    "--resume": option("train what a stopped search has not written into FILE"),
+    "--carry": option("train the best pairs of this search with fewer steps alone", "FILE", Path),
+    "--best": option("the number of pairs of each method that it carries over", "N", int, default=3),
+    "--adopt": flag("write the choice into the file that the methods are made from, for this profile"),
+}
+EQUIVALENCE: Options = {
+    **PLAN_OPTIONS,
+    "--changes": option(nargs="+", default=["grid", "precision"], choices=("grid", "precision")),
+    **FILE,
+}
+OMISSIONS: Options = {
+    **PLAN_OPTIONS,
+    "--methods": PLAN_OPTIONS["--methods"] | {"default": ["nerf"]},
+    "--seeds": PLAN_OPTIONS["--seeds"] | {"default": 3},
+    **FILE,
+}
 
 
 def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
@@ -194,7 +182,6 @@ def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dic
 
 
 def _workers(device: "torch.device") -> int:
-    """Return the number of processes that train at once."""
     from harness.machine.device import available_cores
 
     return available_cores() if device.type == "cpu" else 1
@@ -230,3 +217,22 @@ def _written(file: Path, result: dict[str, Any]) -> dict[str, Any]:
     write_json(file, result)
     shutil.rmtree(_cells_of(file), ignore_errors=True)
     return result
+
+
+STUDIES = {
+    "sweep": Command("learning rates of every method on validation views, as JSON", SWEEP, run_sweep),
+    "families": Command(
+        "the same few trials of every family of the frontier, on validation views, as JSON", FAMILIES, run_families
+    ),
+    "constants": Command(
+        "the unit of density and the start of the field of each method, on validation views, as JSON",
+        CONSTANTS,
+        run_constants,
+    ),
+    "equivalence": Command(
+        "what empty-space skipping and precision change in scores, as JSON", EQUIVALENCE, run_equivalence
+    ),
+    "omissions": Command(
+        "what leaving out what a scene does not need saves and costs, as JSON", OMISSIONS, run_omissions
+    ),
+}

@@ -1,44 +1,50 @@
-"""The estimated cost of a plan on this machine, as a range; printed before anything is done."""
+"""The estimated cost of a plan on this machine, as a range, from a few steps and views of each method on random
+colours; printed before anything is done.
+"""
 
 import math
+import time
+from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from harness.execution.ground_truth import MEGASAMPLE, MEGASAMPLE_CORES, SCALAR_MEGASAMPLE, is_cached
-from harness.execution.progress import Range, span
-from harness.machine.stopping import in_workers
-from harness.plan.profiles import Machine, Plan
+import numpy as np
+import torch
+
+from baselines.contract import Box, Rays
+from harness.execution.ground_truth import is_cached, rendering_seconds
+from harness.execution.progress import SPREAD, Range, span
+from harness.machine.device import keep_freed_memory, use_threads
+from harness.machine.stopping import in_child
+from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
+from harness.plan.run_plan import Machine, Plan
+from harness.plan.schedule import Budget
+from harness.plan.seeds import generator_for
 from harness.records.cells import WAITED, cell_path, read_cell
 from harness.records.json_record import DamagedRecord
+from harness.records.metric_table import METRICS
 from harness.records.snapshot import ENDED
-from scenes.rendering.variant import llvm_libraries
-
-if TYPE_CHECKING:
-    from harness.execution.probe import Pace, Probe
+from harness.training.batches import Cameras
+from harness.training.learner import Job, Learner
+from harness.training.make_learner import learner_for
+from harness.training.scoring import metrics
+from harness.training.trainer import Diverged, Trainer
+from scenes.files.errors import InputError
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world
 
 SERVED_VIEWS = 1000
 """The views rendered to measure view cache and attention at the end of a run."""
-BESIDE = (1.0, 1.3)
-"""The overhead factor for reading views, writing records and pictures, and scores of the last checkpoint alone."""
-HISTOGRAM_POINTS = 32**3
-PROPERTY_POINTS = 48**3
-
-
-@dataclass(frozen=True)
-class Extent:
-    """The part of a plan that is still to be done, and what is done besides."""
-
-    missing: int
-    """The number of view sets of the catalogue that are not in the cache."""
-    groups: tuple[tuple[str, ...], ...]
-    """The methods of each group that lacks a cell."""
-    verify: bool
-    """Whether omissions are tried with and without."""
-    serving: bool
-    """Whether view cache and attention are measured at the end."""
+OCCUPIED = 0.3
+"""The share of the box that the occupancy grid keeps, which a few steps cannot reach; scenes differ by `SPREAD`."""
+FEW, GROWTH, REPEATS = 64, 8, 3
+"""The rays of a first try, how many times as many the next one has, and the runs with all rays."""
+LONGEST = 1.5
+"""The longest seconds of a measurement; a longer one is extrapolated from fewer rays."""
+Groups = list[tuple[str, ...]]
+"""The methods of each group that lacks a cell."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,30 @@ class CostEstimate:
     """Map phase, as `harness.execution.progress.Progress.expect` names it, → its seconds; empty if not known."""
 
 
+@dataclass(frozen=True)
+class Pace:
+    """The seconds of one method: a step before empty space is skipped, a step afterwards, and a rendered ray."""
+
+    first_step: float
+    step: float
+    ray: float
+
+
+@dataclass(frozen=True)
+class Paces:
+    """The measurements for a plan."""
+
+    of: dict[str, Pace]
+    untried: dict[str, str]
+    """Map method → why it could not be tried."""
+    start: float
+    """The seconds until a process is ready for its first step."""
+    compared: float
+    """The seconds of a view's scores."""
+    delayed: float
+    """The wall seconds per processor second: 1 if nothing else runs here."""
+
+
 def estimate(
     plan: Plan, machine: Machine, view_sets: Path, verify: bool, serving: bool, before: Path | None
 ) -> CostEstimate:
@@ -61,28 +91,21 @@ def estimate(
     if machine.executor != "local":
         words = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
         return CostEstimate([words], {})
-    import torch
-
-    from harness.execution.probe import probed
-    from harness.machine.device import available_cores
-
-    probe = probed(plan, torch.device(machine.device), machine.threads)
     rendered = () if plan.view_set or plan.scene_file else plan.scenes
     missing = sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
-    extent = Extent(missing, groups_left(plan, before), verify, serving)
-    return estimated(plan, machine, probe, extent, available_cores(), bool(llvm_libraries()))
+    paces = measure_paces(plan, torch.device(machine.device), machine.threads)
+    return estimate_from(plan, machine, paces, groups_left(plan, before), missing, verify=verify, serving=serving)
 
 
 def estimate_apart(*arguments: Any) -> CostEstimate:
     """Return `estimate` from a process of its own: what it loads is no part of the run, and a method may end it."""
     try:
-        (found,) = in_workers([partial(estimate, *arguments)], workers=1)
+        return in_child(estimate, *arguments)
     except BrokenProcessPool:
         return CostEstimate(["estimated cost: not known, as the process that tried the methods ended"], {})
-    return found
 
 
-def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
+def groups_left(plan: Plan, before: Path | None) -> Groups:
     """Return the methods of each group of which an output folder lacks a cell that has ended; all without a folder."""
 
     def is_there(scene: str, method: str, seed: int) -> bool:
@@ -92,118 +115,80 @@ def groups_left(plan: Plan, before: Path | None) -> tuple[tuple[str, ...], ...]:
         except DamagedRecord:
             return False
 
-    # a guest takes as long as the baseline
-    guests = [(plan.roles.among(plan.methods).baseline,) for key in plan.guest_cells() if not is_there(*key)]
     groups = plan.groups().items()
     left = [methods for (scene, seed), methods in groups if not all(is_there(scene, name, seed) for name in methods)]
-    return (*left, *guests)
+    # a guest takes as long as the baseline
+    baseline = plan.roles.among(plan.methods).baseline
+    return left + [(baseline,) for key in plan.guest_cells() if not is_there(*key)]
 
 
-def estimated(
-    plan: Plan, machine: Machine, probe: "Probe", extent: Extent, cores: int, compiled: bool = True
+def estimate_from(
+    plan: Plan, machine: Machine, paces: Paces, groups: Groups, missing: int, *, verify: bool, serving: bool
 ) -> CostEstimate:
-    """Return the estimate from measurements on a machine of so many `cores`, which has LLVM for Mitsuba or not."""
-    paces = [probe.paces[name] for name in plan.methods if name in probe.paces]
-    groups = [[probe.paces[name] for name in methods if name in probe.paces] for methods in extent.groups]
+    """Return the estimate from measurements, if `groups` of cells and so many view sets are missing.
+
+    `verify` and `serving` say whether omissions are verified, and view cache and attention measured, at the end.
+    """
+    tried = [[paces.of[name] for name in methods if name in paces.of] for methods in groups]
     phases = {
-        "rendering": rendering_seconds(plan, extent.missing, cores, compiled),
-        "training": shared([[training_seconds(plan, pace) for pace in group] for group in groups], machine),
-        "scoring": shared([[scoring_seconds(plan, pace, probe) for pace in group] for group in groups], machine),
+        "rendering": rendering_seconds(plan.views, missing),
+        "training": on_workers([sum(training_seconds(plan, pace) for pace in group) for group in tried], machine),
+        "scoring": on_workers([sum(scoring_seconds(plan, pace, paces) for pace in group) for group in tried], machine),
     }
-    # this process and the workers, one after the other
-    low, high = (2 * probe.start + sum(phase[end] for phase in phases.values()) for end in (0, 1))
-    if extent.serving:
-        name = "view cache and attention"
-        phases[name] = serving_seconds(plan, paces, (low, high))
-        low, high = low + phases[name][0], high + phases[name][1]
-    at_most = {"scoring"} if plan.view_set else set()  # the number of test views was not read
-    notes = {"rendering": _where_from(plan, extent.missing)}
+    start = 2 * paces.start  # of this process and of the workers
+    if serving:
+        ray = max((pace.ray for pace in paces.of.values()), default=0.0)
+        seconds = SERVED_VIEWS * min(SERVING_WIDTH, plan.views.resolution) ** 2 * ray
+        limit = max(SERVING_SECONDS, SERVING_SHARE * (start + sum(high for _, high in phases.values())))
+        phases["view cache and attention"] = (0.0 if seconds > limit else seconds, min(seconds, limit))
+    low, high = (start + sum(phase[end] for phase in phases.values()) for end in (0, 1))
     lines = [f"estimated cost: {span(low, high)}"]
-    if probe.delayed > WAITED:
-        lines[0] += " if nothing else ran here; now others use this machine, and it takes "
-        lines[0] += f"{probe.delayed:.1f}".removesuffix(".0") + " times as long"
+    if paces.delayed > WAITED:
+        times = f"{paces.delayed:.1f}".removesuffix(".0")
+        lines[0] += f" if nothing else ran here; now others use this machine, and it takes {times} times as long"
     for name, phase in phases.items():
-        if phase[1] > 0 or name in notes:
-            length = span(*phase) if phase[1] > 0 else "none"
-            most = "at most, " if name in at_most else ""
-            note = f" ({notes[name]})" if notes.get(name) else ""
-            lines.append(f"  {name} {most}{length}{note}")
+        length = span(*phase) if phase[1] > 0 else "none"
+        if name == "rendering":
+            lines.append(f"  {name} {length} ({_where_from(plan, missing)})")
+        elif phase[1] > 0:  # the number of test views of a view set was not read
+            lines.append(f"  {name} {'at most, ' if plan.view_set and name == 'scoring' else ''}{length}")
     every = len(plan.groups()) + len(plan.guest_cells())
     if len(groups) < every:
         lines.append(f"  {every - len(groups)} of {every} groups of cells are finished, not in it")
-    if extent.verify:
+    if verify:
         lines.append("  verification of omissions is not in it: it trains cells again")
     if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # none of the catalogue is full
         lines.append("  training and scoring take longer if a medium fills your scene: no empty space is left out then")
-    lines += [f"  {method} is not in it: {why}" for method, why in probe.untried.items()]
-    in_cells = [phases["training"][end] + phases["scoring"][end] + 2 * probe.start for end in (0, 1)]
-    by_bar = {"rendering": phases["rendering"], "training": (in_cells[0], in_cells[1])}
-    if extent.serving:
+    lines += [f"  {method} is not in it: {why}" for method, why in paces.untried.items()]
+    cells = [phases["training"][end] + phases["scoring"][end] + start for end in (0, 1)]
+    by_bar = {"rendering": phases["rendering"], "training": (cells[0], cells[1])}
+    if serving:
         by_bar["part"] = phases["view cache and attention"]
     return CostEstimate(lines, by_bar)
 
 
-def training_seconds(plan: Plan, pace: "Pace") -> Range:
+def training_seconds(plan: Plan, pace: Pace) -> float:
     """Return the training seconds of a cell, on its own clock."""
     # of one thread a core second is a second, and of several fewer
-    most = min(plan.budget.seconds or math.inf, plan.budget.core_seconds or math.inf)
+    limit = min(plan.budget.seconds or math.inf, plan.budget.core_seconds or math.inf)
     if not plan.budget.steps:
-        return most, most
+        return limit
     first = min(plan.train.grid.first_step, plan.budget.steps) if plan.train.grid.cells else 0
-    low, high = (first * pace.first_step + (plan.budget.steps - first) * step for step in pace.step)
-    return min(low, most), min(high, most)
+    return min(first * pace.first_step + (plan.budget.steps - first) * pace.step, limit)
 
 
-def scoring_seconds(plan: Plan, pace: "Pace", probe: "Probe") -> Range:
-    """Return the scoring seconds of a cell: its checkpoints, and the measurements made once at its end."""
+def scoring_seconds(plan: Plan, pace: Pace, paces: Paces) -> float:
+    """Return the scoring seconds of a cell, at its checkpoints and once at its end."""
     score, views = plan.score, plan.views
     rendered = score.checkpoints * views.test + score.train_views + 2
-    points = score.checkpoints * HISTOGRAM_POINTS + PROPERTY_POINTS
-    compared = (score.checkpoints + 1) * views.test * probe.compared + points * pace.point
-    low, high = (rendered * views.resolution**2 * ray + compared for ray in pace.ray)
-    return low, high
+    compared = (score.checkpoints + 1) * views.test * paces.compared
+    return rendered * views.resolution**2 * pace.ray + compared
 
 
-def shared(groups: list[list[Range]], machine: Machine) -> Range:
-    """Return the seconds of groups of cells on the machine's workers, each of which does one group after the other.
-
-    At best they are evenly loaded, and no sooner done than the longest group; at worst the longest one begins when all
-    others are done (Graham's bound of list scheduling).
-    """
-    least, most = ([sum(cell[end] for cell in group) for group in groups] for end in (0, 1))
-    even = sum(least) / machine.workers
-    late = (sum(most) - max(most, default=0.0)) / machine.workers + max(most, default=0.0)
-    return BESIDE[0] * max(even, max(least, default=0.0)), BESIDE[1] * late
-
-
-def rendering_seconds(plan: Plan, missing: int, cores: int, compiled: bool = True) -> Range:
-    """Return the rendering seconds on all cores, at best that much faster than on those of the measurement, or slower
-    on fewer.
-    """
-    scale, megasample = MEGASAMPLE_CORES / cores, MEGASAMPLE if compiled else SCALAR_MEGASAMPLE
-    of_a_scene = mean_of(max(missing, 1), plan.views.samples())
-    low, high = (missing * samples * plan.views.resolution**2 / 1e6 for samples in of_a_scene)
-    return scale * megasample[0] * low, max(scale, 1.0) * megasample[1] * high
-
-
-def mean_of(count: int, each: Range) -> Range:
-    """Return the range of the mean of so many, of which each lies within a range: the few extreme ones make up for
-    each other.
-    """
-    middle, half = (each[0] + each[1]) / 2, (each[1] - each[0]) / 2
-    return middle - half / math.sqrt(count), middle + half / math.sqrt(count)
-
-
-def serving_seconds(plan: Plan, paces: "list[Pace]", run: Range) -> Range:
-    """Return the seconds of serving after a run of so many seconds, a share of which it may take; 0 if it would take
-    longer.
-    """
-    from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
-
-    rays = SERVED_VIEWS * min(SERVING_WIDTH, plan.views.resolution) ** 2
-    low, high = (max((pace.ray[end] for pace in paces), default=0.0) * rays for end in (0, 1))
-    least, most = (max(SERVING_SECONDS, SERVING_SHARE * seconds) for seconds in run)
-    return (0.0 if high > least else low), min(high, most)
+def on_workers(groups: list[float], machine: Machine) -> Range:
+    """Return the seconds of groups of cells on evenly loaded workers, which are no sooner done than the longest."""
+    seconds = max(sum(groups) / machine.workers, max(groups, default=0.0))
+    return SPREAD[0] * seconds, SPREAD[1] * seconds
 
 
 def _where_from(plan: Plan, missing: int) -> str:
@@ -212,3 +197,91 @@ def _where_from(plan: Plan, missing: int) -> str:
     if plan.scene_file:
         return "that of a scene of your own is not known beforehand, and not in it"
     return f"{missing} of {len(plan.scenes)} view sets are not in the cache" if missing else "all view sets are cached"
+
+
+def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
+    """Try every method of `plan`; measures processor seconds if one processor thread works, else wall seconds."""
+    use_threads(threads)
+    keep_freed_memory()
+    clock = time.process_time if device.type == "cpu" and threads == 1 else time.perf_counter
+    wall = busy = start = 0.0
+    paces: dict[str, Pace] = {}
+    untried: dict[str, str] = {}
+    box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
+    for method in plan.all_methods():
+        try:
+            # from its second step on, a budget of one is spent: voxels are then at their finest
+            train = replace(plan.train, own=plan.own_settings([method]))
+            learner = learner_for(Job(method, box, train, Budget(1, None), "cost", device))
+            learner.warm_up(*_batch(plan, FEW, device))
+            start = start or time.process_time()  # this process has done what a worker does first
+            began = time.perf_counter(), time.process_time()
+            paces[method] = _pace(learner, plan, clock)
+            wall, busy = wall + time.perf_counter() - began[0], busy + time.process_time() - began[1]
+        except (Diverged, InputError, ValueError, TypeError, RuntimeError) as error:
+            untried[method] = " ".join(str(error).split())[:200]
+    delayed = wall / busy if clock is time.process_time and busy > 0 else 1.0
+    return Paces(paces, untried, start, _compared_seconds(plan.views.resolution, clock), max(1.0, delayed))
+
+
+def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
+    """Return rays through random pixels of a scene's cameras, so that as many as usual miss the box, and colours."""
+    poses, width, generator = camera_to_world("train"), plan.views.resolution, generator_for("cost", count)
+    focal = float(0.5 * width / np.tan(0.5 * FOV_X_RADIANS))
+    cameras = Cameras.of(poses, width, width, focal, RADIUS - 2.0, RADIUS + 2.0)
+    view, column, row = (torch.randint(size, (count,), generator=generator) for size in (len(cameras), width, width))
+    return cameras.rays(view, column, row).to(device), torch.rand(count, 3, generator=generator).to(device)
+
+
+def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
+    @cache
+    def batch(count: int) -> tuple[Rays, torch.Tensor]:
+        return _batch(plan, count, learner.device)
+
+    def step(count: int) -> None:
+        learner.train_on(*batch(count))
+
+    def settled_step(count: int) -> None:
+        learner.step = plan.train.grid.first_step + 1  # with the bins of later steps, and without a refresh of the grid
+        step(count)
+
+    rays, chunk = plan.train.rays, plan.score.chunk
+    first = later = seconds_of(step, rays, learner.device, clock)
+    if isinstance(learner, Trainer) and plan.train.grid.cells:
+        if learner.grid is not None:
+            kept = torch.rand(learner.grid.occupied.shape, generator=generator_for("cost")) < OCCUPIED
+            learner.grid.occupied = kept.to(learner.device)
+        later = seconds_of(settled_step, rays, learner.device, clock)
+    chunks = seconds_of(lambda count: learner.render(batch(count)[0], count), chunk, learner.device, clock)
+    return Pace(first, later, chunks / chunk)
+
+
+def seconds_of(work: Callable[[int], Any], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
+    """Return the median seconds of `work` on `rays` rays; if that takes long, extrapolated from the largest try that
+    does not: a GPU takes as long for a few rays as for thousands.
+    """
+
+    def once(count: int) -> float:
+        began = clock()
+        work(count)
+        if device.type == "cuda":
+            torch.cuda.synchronize()
+        return clock() - began
+
+    count = FEW
+    once(count)
+    while (taken := once(count)) * GROWTH <= LONGEST and count < rays:
+        count = min(GROWTH * count, rays)
+    if count < rays:
+        return taken * rays / count
+    return float(np.median([once(rays) for _ in range(REPEATS)]))
+
+
+def _compared_seconds(width: int, clock: Callable[[], float]) -> float:
+    image, truth = np.random.default_rng(0).random((2, width, width, 3), dtype=np.float32)
+    for _ in range(2):  # the first call imports
+        began = clock()
+        for name in METRICS:
+            if METRICS[name].compares == "colour":
+                getattr(metrics, name)(image, truth)
+    return clock() - began

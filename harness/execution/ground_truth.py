@@ -19,12 +19,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.execution.progress import Progress, RenderProgress
+from harness.execution.progress import Progress, Range, RenderProgress
+from harness.machine.device import available_cores
 from harness.plan.defaults import RENDER_LIMIT
 from harness.plan.profiles import Plan
 from harness.plan.settings import ViewSettings
 from scenes.files.errors import InputError
 from scenes.modelling.needs import with_needs
+from scenes.rendering.variant import llvm_libraries
 from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.view_set import ViewSet, read_view_set
 
@@ -102,18 +104,22 @@ def render_view_sets(
     missing = list(scenes)
     if scene_file is not None and limit is None:
         limit = usual_limit(views)
-    try:
-        for event in _render(missing, views, cache, (), scene_file, limit):
-            if event.path is not None:
-                missing.remove(event.scene)
-            yield event
-    except _Aborted:
+    integrator = _forced_integrator(views)
+    how = [*sizes_of(views), *(["--integrator", integrator] if integrator else [])]
+    for variant in ([], ["--variant", "scalar_rgb"]):
+        named = missing if scene_file is None else ["--scene-file", scene_file]
         try:
-            yield from _render(missing, views, cache, ("--variant", "scalar_rgb"), scene_file, limit)
+            words = [*named, "--view-sets", str(cache), *variant, *how]
+            for event in _render(words, tuple(missing), scene_file, limit):
+                if event.path is not None:
+                    missing.remove(event.scene)
+                yield event
+            return
         except _Aborted as error:
-            if scene_file is None:
+            if variant and scene_file is None:
                 raise
-            raise InputError(f"--scene-file {scene_file}: {error}; mend or simplify the scene") from error
+            if variant:
+                raise InputError(f"--scene-file {scene_file}: {error}; mend or simplify the scene") from error
 
 
 def is_cached(scene: str, views: ViewSettings, cache: Path) -> bool:
@@ -140,6 +146,13 @@ MEGASAMPLE, SCALAR_MEGASAMPLE, MEGASAMPLE_CORES = (0.2, 0.9), (0.6, 1.6), 2
 """The seconds of Mitsuba's path tracer on so many cores, over the scenes: compiled by LLVM, and scalar."""
 
 
+def rendering_seconds(views: ViewSettings, scenes: int) -> Range:
+    """Return the seconds of rendering so many scenes on all cores, at best as much faster as there are more cores."""
+    scale, megasample = MEGASAMPLE_CORES / available_cores(), MEGASAMPLE if llvm_libraries() else SCALAR_MEGASAMPLE
+    megasamples = scenes * sum(views.samples()) / 2 * views.resolution**2 / 1e6
+    return scale * megasample[0] * megasamples, max(scale, 1.0) * megasample[1] * megasamples
+
+
 def usual_limit(views: ViewSettings) -> float:
     """Return the seconds that a view may take: four times those of the slower variant for most large views."""
     megasamples = views.resolution**2 * max(views.spp_train, views.spp_test) / 1e6
@@ -164,21 +177,14 @@ def sizes_of(views: ViewSettings) -> list[str]:
 
 
 def _render(
-    scenes: list[str],
-    views: ViewSettings,
-    cache: Path,
-    options: tuple[str, ...],
-    scene_file: str | None = None,
-    limit: float | None = None,
+    words: list[str], scenes: tuple[str, ...], scene_file: str | None, limit: float | None
 ) -> Iterator[RenderProgress]:
-    named = scenes if scene_file is None else ["--scene-file", scene_file]
-    command = [sys.executable, "-m", "scenes", "render", *named, "--view-sets", str(cache), *options, *sizes_of(views)]
-    if (integrator := _forced_integrator(views)) is not None:
-        command += ["--integrator", integrator]
+    """Run `python -m scenes render WORDS`, which renders `scenes` in their order."""
+    command = [sys.executable, "-m", "scenes", "render", *words]
     with tempfile.TemporaryFile("w+") as complaints:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True)
         try:
-            coming = iter(tuple(scenes))  # a consumer removes finished ones from the list
+            coming = iter(scenes)
             now, began = RenderProgress(next(coming), 0, 0, doing="loading"), time.monotonic()
             for message in _messages(process, min(BEAT_SECONDS, (limit or math.inf) / 10)):
                 seconds = time.monotonic() - began

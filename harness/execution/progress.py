@@ -1,7 +1,7 @@
-"""The display of a running command: bars on a terminal, plain lines elsewhere, nothing with --quiet.
+"""The display of a running command: bars on a terminal, plain lines elsewhere, or nothing.
 
-The remaining time is estimated from finished work. Of a run whose cost was estimated it is that of the whole run, which
-is said from the first line on; of other work there is none before anything is finished.
+The remaining time is that of the whole run where its cost was estimated, else that of the work at hand; the pace of
+finished work replaces what was expected.
 """
 
 import sys
@@ -9,9 +9,8 @@ import time
 from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
-from harness.plan.schedule import checkpoint_fractions
 from scenes.files.errors import printable
 
 if TYPE_CHECKING:
@@ -21,17 +20,14 @@ if TYPE_CHECKING:
     from harness.records.cells import CellRecord
 
 Range = tuple[float, float]
-"""The least and the most seconds."""
+"""The minimum and the maximum seconds."""
 UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 ENOUGH = 0.25
 """The share of a piece of work after which its pace allows an estimate of the rest."""
 SPREAD = (0.7, 1.4)
-"""The factors of the rest at the pace so far: for a group of cells, whose first steps skip no empty space, and for
+"""The factors of the seconds at a measured pace: for a group of cells, whose first steps skip no empty space, and for
 scenes, which differ by so much (`docs/reduced/summary.json`).
 """
-TRAINED_RAY = 3.0
-SCORED_RAY = 2.0
-"""The cost of a ray in training, and of one rendered and compared with the truth, in units of rendering one."""
 
 
 def span(low: float, high: float) -> str:
@@ -42,7 +38,6 @@ def span(low: float, high: float) -> str:
 
 
 def _rounded(value: float) -> str:
-    """Round to halves below 4.5, integers below 20, else multiples of five."""
     if value < 4.5:
         return f"{round(2 * value) / 2:g}"
     return f"{value:.0f}" if value < 20 else f"{5 * round(value / 5)}"
@@ -55,32 +50,27 @@ class TimeLeft:
     """
 
     def __init__(self, total: float = 1.0) -> None:
-        self._total = total
-        self._first: dict[Hashable, float] = {}
+        self._total, self._kept, self._began = total, 0.0, 0.0
         self._done: dict[Hashable, float] = {}
-        self._began = 0.0
-        self._enough = False
 
     @property
     def share(self) -> float:
-        """The share of the work that is done."""
         return sum(self._done.values()) / self._total if self._total else 1.0
 
     def after(self, done: float, piece: Hashable = None, size: float = 1.0) -> Range | None:
-        """Note that `done` units of a `piece` of `size` are done, and return the seconds left; None until a quarter of
-        a piece was done since its first report, and at the end.
+        """Note that `done` units of a `piece` of `size` are done, and return the seconds left; None before a quarter of
+        a piece was done, and at the end.
         """
         now = time.monotonic()
-        if not self._first:
+        if not self._done:
             self._began = now
-        first = self._first.setdefault(piece, done)
+        if piece not in self._done:
+            self._kept += done
         self._done[piece] = done
-        self._enough = self._enough or done - first >= ENOUGH * size
-        gained = sum(self._done.values()) - sum(self._first.values())
-        seconds, rest = now - self._began, self._total - sum(self._done.values())
-        if not self._enough or min(seconds, gained, rest) <= 0:
+        gained, rest = sum(self._done.values()) - self._kept, self._total - sum(self._done.values())
+        if gained < ENOUGH * size or min(now - self._began, rest) <= 0:
             return None
-        left = seconds * rest / gained
+        left = (now - self._began) * rest / gained
         return SPREAD[0] * left, SPREAD[1] * left
 
 
@@ -102,15 +92,13 @@ class RenderProgress:
     """The finished share of the samples that were to be taken."""
 
 
-@runtime_checkable
-class Progress(Protocol):
-    """The receiver of all events."""
+class Progress:
+    """The receiver of all events, which shows nothing."""
 
     def line(self, text: str) -> None: ...
 
     def expect(self, phases: dict[str, Range]) -> None:
         """Note how long the phases of a run, named `rendering`, `training` and `part`, are to take in this order."""
-        ...
 
     def rendered(self, event: RenderProgress, scenes: int) -> None: ...
 
@@ -122,32 +110,14 @@ class Progress(Protocol):
 
     def part(self, what: str, done: int, total: int) -> None:
         """Report on anything else that has parts: how many of them are done, and which is being done."""
-        ...
 
     def close(self) -> None: ...
 
 
-class Quiet:
-    """A display that shows nothing."""
-
-    def line(self, text: str) -> None: ...
-
-    def expect(self, phases: dict[str, Range]) -> None: ...
-
-    def rendered(self, event: RenderProgress, scenes: int) -> None: ...
-
-    def start_training(self, cells: int, missing: int) -> None: ...
-
-    def trained(self, task: "GroupTask", share: float) -> None: ...
-
-    def cell(self, cell: "CellRecord") -> None: ...
-
-    def part(self, what: str, done: int, total: int) -> None: ...
-
-    def close(self) -> None: ...
+Quiet = Progress
 
 
-class Lines:
+class Lines(Progress):
     """Plain lines, at most one every few seconds, and one for each scene rendered and each cell ended."""
 
     def __init__(self, every_seconds: float = 15.0) -> None:
@@ -156,7 +126,7 @@ class Lines:
         self._expected: dict[str, Range] = {}
         self._rendering = self._training = TimeLeft()
         self._scenes_done = 0
-        self._part = "", 0.0, TimeLeft()
+        self._part = 0, 0.0, TimeLeft()
 
     def line(self, text: str) -> None:
         sys.stdout.write(printable(text) + "\n")
@@ -188,7 +158,7 @@ class Lines:
 
     def trained(self, task: "GroupTask", share: float) -> None:
         cells = len(task.methods)
-        left = self._training.after(_work(task, share) * cells, (task.scene, task.seed), cells)
+        left = self._training.after(share * cells, (task.scene, task.seed), cells)
         done = self._training.share
         self._show("training", f"trained {done:.0%}{self._left('training', done, left)}", done)
 
@@ -198,12 +168,10 @@ class Lines:
     def part(self, what: str, done: int, total: int) -> None:
         share = done / max(total, 1)
         known, before, clock = self._part
-        if str(total) != known or share < before:  # another piece of work
+        if total != known or share < before:  # another piece of work
             clock = TimeLeft()
-        self._part = str(total), share, clock
+        self._part = total, share, clock
         self._show("part", f"{what}: {done} of {total}{self._left('part', share, clock.after(share))}", share)
-
-    def close(self) -> None: ...
 
     def _left(self, phase: str, share: float, own: Range | None) -> str:
         """Return the time left in words: of the run, if it was estimated, else of the phase; `own` is what the phase's
@@ -231,11 +199,11 @@ class Bars(Lines):
     """Bars that stay on the terminal: rendering and training, or whatever else has parts."""
 
     def __init__(self) -> None:
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+        from rich import progress
 
         super().__init__()
-        columns = BarColumn(24), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn()
-        self._bars = Progress(*columns, TextColumn("{task.description}"))
+        percent, what = map(progress.TextColumn, ("{task.percentage:>3.0f} %", "{task.description}"))
+        self._bars = progress.Progress(progress.BarColumn(24), percent, progress.TimeElapsedColumn(), what)
         self._bars.start()
         self._tasks: dict[str, TaskID] = {}
 
@@ -253,17 +221,6 @@ class Bars(Lines):
         if bar not in self._tasks:
             self._tasks[bar] = self._bars.add_task(text, total=1.0)
         self._bars.update(self._tasks[bar], completed=share, description=text)
-
-
-def _work(task: "GroupTask", share: float) -> float:
-    """Return the share of a group's work, scoring included, once it has trained `share` of its steps."""
-    if not task.budget.steps:
-        return share
-    trained = TRAINED_RAY * task.budget.steps * task.train.rays
-    scored = SCORED_RAY * task.score.checkpoints * task.views.test * task.views.resolution**2
-    due = checkpoint_fractions(task.score.checkpoints, task.score.earliest)
-    ended = sum(share >= cell for cell in due) / len(due)
-    return (share * trained + ended * scored) / (trained + scored)
 
 
 def cell_line(cell: "CellRecord") -> str:

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 from harness.execution.cluster.connection import give_up
@@ -12,8 +11,7 @@ from harness.execution.cluster.mailbox import Files, Handle, Key, Mailbox, Messa
 from harness.execution.cluster.node_work import GroupOrder, group_on_node
 from harness.execution.cluster.room import Room, needs_of
 from harness.execution.cluster.view_set_files import Listing, listed
-from harness.execution.group import failed_cells, missing_methods
-from harness.execution.local_executor import Event
+from harness.execution.group_loop import Attempt, End, Event, News, run_at
 from harness.machine.provenance import versions
 from harness.plan.group_task import GroupTask
 from harness.records.cells import cell_path, write_cell
@@ -29,19 +27,6 @@ POLL_SECONDS = 0.2
 
 Look = tuple[list[dict[str, Any]], dict[str, float]]
 """A view of the cluster: its nodes, and the free part of all their resources."""
-
-
-@dataclass
-class _Running:
-    """An attempt at a group."""
-
-    task: GroupTask
-    """The task as it was given, with all methods that were missing at first."""
-    attempt: int
-    node: str | None = None
-    """The node where it is in training; None until it is."""
-    missing: int = 0
-    """The number of methods of this attempt."""
 
 
 def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
@@ -60,7 +45,7 @@ def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
         return
     with Head(lambda: (ray.nodes(), ray.available_resources())) as head:
         try:
-            yield from _run(tasks, commit, head)
+            yield from run_at(_Cluster(tasks, commit, head), tasks)
         except ray.exceptions.RayError as error:
             cause = error.cause if isinstance(error, ray.exceptions.RayTaskError) else error
             if not isinstance(cause, ray.exceptions.RayError):
@@ -83,67 +68,75 @@ def _lost_clusters() -> tuple[type[Exception], ...]:
     return exceptions.RaySystemError, exceptions.RpcError, exceptions.LocalRayletDiedError, exceptions.ActorDiedError
 
 
-def _run(tasks: list[GroupTask], commit: str, head: Head[Look]) -> Iterator[Event]:
-    import ray
+class _Cluster:
+    """The cluster, which has all groups at once; a node leaves messages in a mailbox on this node."""
 
-    listings = {task.view_set: listed(task.view_set) for task in tasks}
-    mailbox, files = _beside_us(list(listings.values()))
-    running: dict[Any, _Running] = {}
-    room = Room(needs_of(tasks[0].threads, tasks[0].device))
+    def __init__(self, tasks: list[GroupTask], commit: str, head: Head[Look]) -> None:
+        self.room, self.refusal = len(tasks), ""
+        self._commit, self._head = commit, head
+        self._listings = {task.view_set: listed(task.view_set) for task in tasks}
+        self._mailbox, self._files = _beside_us(list(self._listings.values()))
+        self._watch = Room(needs_of(tasks[0].threads, tasks[0].device))
+        self._nodes: dict[Attempt, str] = {}
+        """The node where an attempt is in training."""
 
-    def submit(task: GroupTask, attempt: int) -> None:
-        missing = missing_methods(task)
-        given = replace(task, methods=missing)
-        order = GroupOrder(given, attempt, listings[task.view_set], versions(), commit, _unfinished(given))
-        reference = ray.remote(group_on_node).options(**_resources(task)).remote(order, mailbox, files)
-        running[reference] = _Running(task, attempt, missing=len(missing))
+    def submit(self, attempt: Attempt, task: GroupTask) -> None:
+        import ray
 
-    def told() -> Iterator[Event]:
-        taken = mailbox.take.remote()
+        listing = self._listings[task.view_set]
+        order = GroupOrder(task, attempt.number, listing, versions(), self._commit, _unfinished(task))
+        work = ray.remote(group_on_node).options(**_resources(task))
+        attempt.handle = work.remote(order, self._mailbox, self._files)
+
+    def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
+        import ray
+
+        by_handle = {attempt.handle: attempt for attempt in running}
+        ended, _ = ray.wait(list(by_handle), num_returns=1, timeout=POLL_SECONDS)
+        yield from self._delivered(running)
+        in_training = sum(attempt in self._nodes for attempt in running)
+        answer = self._head.answer
+        for line in (self._head.listen(), answer and self._watch.look(*answer, in_training)):
+            if line:
+                yield running[0], line
+        for handle in ended:
+            lost = _lost(handle)
+            # everything that it delivered before its end has arrived by now
+            yield from self._delivered(running)
+            yield by_handle[handle], End(lost)
+
+    def _delivered(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
+        import ray
+
+        taken = self._mailbox.take.remote()
         while not ray.wait([taken], timeout=POLL_SECONDS)[0]:
-            if line := head.listen():
-                yield Event(tasks[0], notice=line)
-        yield from _told(ray.get(taken), running)
+            if line := self._head.listen():
+                yield running[0], line
+        yield from news_of(ray.get(taken), running, self._nodes)
 
-    try:
-        for task in tasks:
-            submit(task, 1)
-        while running:
-            ended, _ = ray.wait(list(running), num_returns=1, timeout=POLL_SECONDS)
-            yield from told()
-            in_training = sum(attempt.node is not None for attempt in running.values())
-            for line in (head.listen(), head.answer and room.look(*head.answer, in_training)):
-                if line:
-                    yield Event(tasks[0], notice=line)
-            for reference in ended:
-                attempt = running[reference]
-                lost = _lost(reference)
-                # everything that it delivered before its end has arrived by now
-                yield from told()
-                del running[reference]
-                if lost is None or not missing_methods(attempt.task):
-                    yield Event(attempt.task, share=1.0)
-                elif attempt.attempt < MOST_ATTEMPTS:
-                    left = len(missing_methods(attempt.task))
-                    kept = len(attempt.task.methods) - left
-                    yield Event(attempt.task, notice=_notice(attempt, lost, left, kept))
-                    submit(attempt.task, attempt.attempt + 1)
-                else:
-                    reason = f"{lost}, {attempt.attempt} times in a row"
-                    for cell in failed_cells(attempt.task, reason):
-                        yield Event(attempt.task, cell=cell)
-                    yield Event(attempt.task, share=1.0)
-    finally:
-        if not head.is_lost:  # else these would wait for it
+    def again(self, attempt: Attempt, lost: str, missing: tuple[str, ...]) -> tuple[list[Attempt], str]:
+        task, node = attempt.task, self._nodes.pop(attempt, "unknown")
+        if attempt.number == MOST_ATTEMPTS:
+            return [], f"{lost}, {attempt.number} times in a row"
+        kept, snapshots = len(task.methods) - len(missing), len(_unfinished(replace(task, methods=missing)))
+        return [Attempt(task, attempt.number + 1)], (
+            f"{task.scene} seed {task.seed}: {lost} (node {node}) at attempt {attempt.number}"
+            f"{f'; {kept} of its cells had ended and are kept' if kept else ''}; {len(missing)} cells are trained again"
+            f"{f', {snapshots} of them kept on their way' if snapshots else ''}"
+        )
+
+    def cancel(self, running: list[Attempt]) -> None:
+        import ray
+
+        if not self._head.is_lost:  # else these would wait for it
             with suppress(ray.exceptions.RayError):
-                for reference in running:
-                    ray.cancel(reference, force=True)
-                for actor in (mailbox, files):
+                for attempt in running:
+                    ray.cancel(attempt.handle, force=True)
+                for actor in (self._mailbox, self._files):
                     ray.kill(actor)
 
 
 def _beside_us(listings: list[Listing]) -> tuple[Handle, Handle]:
-    """Return mailbox and files as actors of the node that this process is on."""
     import ray
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
@@ -166,41 +159,34 @@ def _resources(task: GroupTask) -> dict[str, Any]:
 
 def _unfinished(task: GroupTask) -> dict[str, bytes]:
     """Return the snapshots of its cells, path inside the output folder → content."""
-    return {file.relative_to(task.out).as_posix(): file.read_bytes() for file in _kept_files(task)}
-
-
-def _kept_files(task: GroupTask) -> list[Path]:
     files = [unfinished_path(task.out, task.scene, name, task.seed) for name in task.methods]
-    return [file for file in files if file.is_file()]
+    return {file.relative_to(task.out).as_posix(): file.read_bytes() for file in files if file.is_file()}
 
 
-def _told(messages: list[Message], running: dict[Any, _Running]) -> Iterator[Event]:
-    """Write delivered cells, record last, and yield the other events; late messages of a lost attempt are dropped."""
-    by_group: dict[Key, _Running] = {(attempt.task.scene, attempt.task.seed): attempt for attempt in running.values()}
+def news_of(
+    messages: list[Message], running: list[Attempt], nodes: dict[Attempt, str]
+) -> Iterator[tuple[Attempt, News]]:
+    """Write delivered cells, record last, and yield what is new; late messages of a lost attempt are dropped. Notes in
+    `nodes` where an attempt is in training.
+    """
+    by_group: dict[Key, Attempt] = {(attempt.task.scene, attempt.task.seed): attempt for attempt in running}
     for message in messages:
         attempt = by_group.get(message.group)
-        if attempt is None:
+        if attempt is None or (message.cell is None and message.attempt != attempt.number):
             continue
-        task, cell = attempt.task, message.cell
-        if cell is None and message.attempt != attempt.attempt:
-            continue
-        known = cell is not None and cell_path(task.out, cell.scene, cell.method, cell.seed).exists()
+        out, cell = attempt.task.out, message.cell
+        known = cell is not None and cell_path(out, cell.scene, cell.method, cell.seed).exists()
         for relative, content in message.files.items() if not known else ():
-            write_atomically(task.out / relative, content)
+            write_atomically(out / relative, content)
         if cell is not None:
             if not known:
-                write_cell(task.out, cell)  # last: a record says that its files are there
-            drop_ended(task.out, cell)
-            if not known:
-                yield Event(task, cell=cell)
-        if message.notice is not None:
-            yield Event(task, notice=message.notice)
+                write_cell(out, cell)  # last: a record says that its files are there
+            drop_ended(out, cell)
         if message.node is not None:
-            attempt.node = message.node
-        if message.share is not None:
-            before = len(task.methods) - attempt.missing
-            share = (before + message.share * attempt.missing) / len(task.methods)
-            yield Event(task, share=share)
+            nodes[attempt] = message.node
+        for news in (None if known else cell, message.notice, message.share):
+            if news is not None:
+                yield attempt, news
 
 
 def _lost(reference: Any) -> str | None:
@@ -225,13 +211,3 @@ def _lost(reference: Any) -> str | None:
     if refusal is not None:
         raise InputError(refusal)
     return None
-
-
-def _notice(attempt: _Running, lost: str, left: int, kept: int) -> str:
-    kept_files = _kept_files(replace(attempt.task, methods=missing_methods(attempt.task)))
-    known = f", {len(kept_files)} of them kept on their way" if kept_files else ""
-    has = f"; {kept} of its cells had ended and are kept" if kept else ""
-    return (
-        f"{attempt.task.scene} seed {attempt.task.seed}: {lost} (node {attempt.node or 'unknown'}) at attempt "
-        f"{attempt.attempt}{has}; {left} cells are trained again{known}"
-    )

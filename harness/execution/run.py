@@ -1,9 +1,10 @@
 """Plan → view sets → cells → records: the main path, from top to bottom."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from msgspec import structs
@@ -11,6 +12,7 @@ from msgspec import structs
 from harness.execution.executors import device_here, run_groups
 from harness.execution.ground_truth import view_set_folders
 from harness.execution.group import missing_methods
+from harness.execution.group_loop import Event
 from harness.execution.local_executor import run_locally
 from harness.execution.progress import Progress
 from harness.execution.run_record import measured_at_printed_size, scene_record
@@ -66,58 +68,66 @@ def run(
     earlier = earlier_run(out)
     phases = Phases(earlier.phases if earlier else {})
     use_threads(machine.threads)
-    keys, record = sorted(plan.cells()), planned_record(plan, command)
+    keys = sorted(plan.cells())
     with phases.timed("render"):
         folders = view_set_folders(plan, view_sets, show)
-        tasks = plan.tasks(folders, machine, out)
-        first_of_scene = tasks[: len(plan.scenes)]
-        found = {task.scene: scene_record(task, keys) for task in first_of_scene}
-        scenes = [scene for scene, _ in found.values()]
-        tasks = [replace(task, content=found[task.scene][1]) for task in tasks]
-        for scene in scenes if plan.view_set else ():
-            box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
-            show.line(
-                f"view set {scene.name}: box {box}; its silhouettes leave {scene.hull_share:.0%} of it; {scene.seen}"
-            )
-        cautions = [f"{scene.name}: {caution}" for scene in scenes for caution in scene.cautions]
-        for caution in cautions:
-            show.line(f"view set {caution}")
-    scenes = with_measured(scenes, earlier)
+        tasks, record = _read_view_sets(plan, plan.tasks(folders, machine, out), command, show)
     origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
     origin |= record.provenance | notices_of(earlier)
-    claims = [measured_at_printed_size(file) for file in plan.claims]
-    record = structs.replace(record, provenance=origin, claims=claims)
-
-    def write(finished: bool) -> None:
-        cells = list(read_cells_of(out, keys))
-        not_tested = [*record.not_tested, *cautions, *clocks_apart(cells), *code_apart(cells)]
-        changed = {"scenes": scenes, "phases": phases.seconds(), "finished": finished, "not_tested": not_tested}
-        write_run(out, structs.replace(record, **changed))
-
-    write(finished=False)
+    record = structs.replace(record, provenance=origin, scenes=with_measured(record.scenes, earlier))
+    _write(out, keys, record, phases)
     try:
         with phases.timed("train"):
             _train(tasks, keys, record, machine, show)
             _train_guest(plan, tasks, record, machine, show)
     except KeyboardInterrupt:
-        write(finished=False)
+        _write(out, keys, record, phases)
         raise KeyboardInterrupt(_kept(out, keys)) from None
     cells = _compare(out, keys, record)
-    write(finished=True)
+    _write(out, keys, record, phases, finished=True)
     if verify:
         with phases.timed("verify"):
-            scenes = verify(cells, scenes, folders)
-        write(finished=True)
+            record = structs.replace(record, scenes=verify(cells, record.scenes, folders))
+        _write(out, keys, record, phases, finished=True)
     if serve:
         try:
             with phases.timed("serve"):
                 serve()
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the run is complete; `python -m reports {out}` makes its report") from None
-        write(finished=True)
+        _write(out, keys, record, phases, finished=True)
     # a method that cannot run on this machine is no failure; its cells name what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)
-    return 0 if ended == len(keys) and not any(scene.costs_more for scene in scenes) else 3
+    return 0 if ended == len(keys) and not any(scene.costs_more for scene in record.scenes) else 3
+
+
+def _read_view_sets(
+    plan: Plan, tasks: list[GroupTask], command: str, show: Progress
+) -> tuple[list[GroupTask], RunRecord]:
+    """Return the tasks, held to the view sets as they are now, and the record of the run; raises `InputError` for any
+    fault of a view set.
+    """
+    keys = plan.cells()
+    seen = {task.scene: scene_record(task, keys) for task in tasks[: len(plan.scenes)]}
+    scenes = [read.record for read in seen.values()]
+    for scene in scenes if plan.view_set else ():
+        box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
+        show.line(f"view set {scene.name}: box {box}; its silhouettes leave {scene.hull_share:.0%} of it; {scene.seen}")
+    cautions = [f"{scene.name}: {caution}" for scene in scenes for caution in scene.cautions]
+    for caution in cautions:
+        show.line(f"view set {caution}")
+    notes = {scene: read.notes for scene, read in seen.items()} if plan.view_set else {}
+    record = planned_record(plan, command, notes)
+    claims = [measured_at_printed_size(file) for file in plan.claims]
+    not_tested = [*record.not_tested, *cautions]
+    record = structs.replace(record, scenes=scenes, claims=claims, not_tested=not_tested)
+    return [replace(task, content=seen[task.scene].content) for task in tasks], record
+
+
+def _write(out: Path, keys: list[Key], record: RunRecord, phases: Phases, finished: bool = False) -> None:
+    cells = list(read_cells_of(out, keys))
+    not_tested = [*record.not_tested, *clocks_apart(cells), *code_apart(cells)]
+    write_run(out, structs.replace(record, phases=phases.seconds(), finished=finished, not_tested=not_tested))
 
 
 def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: Machine, show: Progress) -> None:
@@ -133,13 +143,9 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
     if elsewhere and (missing or code_apart(cells)):
         show.line(elsewhere)
     show.start_training(len(keys), sum(len(task.methods) for task in missing))
-    for event in run_groups(machine, missing, origin["commit"], run_locally):
-        if event.notice is not None:
-            show.line(event.notice)
-            if event.notice not in (notices := origin.setdefault("notices", [])):
-                notices.append(event.notice)
-        if event.cell is not None:
-            show.cell(event.cell)
+    for event in _events(missing, machine, origin, show):
+        if event.notice is not None and event.notice not in (notices := origin.setdefault("notices", [])):
+            notices.append(event.notice)
         if event.share is not None:
             show.trained(event.task, event.share)
             if event.share == 1.0:
@@ -159,15 +165,21 @@ def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine:
         for task in tasks
         if task.seed == plan.seeds[0] and (seconds := budgets.get(task.scene))
     ]
-    if not due:
-        return
-    show.line(f"training {plan.guest} for scale, on each scene for the core seconds of {baseline}")
-    for event in run_groups(machine, due, record.provenance["commit"], run_locally):
+    if due:
+        show.line(f"training {plan.guest} for scale, on each scene for the core seconds of {baseline}")
+        for _ in _events(due, machine, record.provenance, show):
+            pass
+        drop_folder(out)
+
+
+def _events(tasks: list[GroupTask], machine: Machine, origin: dict[str, Any], show: Progress) -> Iterator[Event]:
+    """Train the tasks and yield what happens; notices and ended cells are shown."""
+    for event in run_groups(machine, tasks, origin["commit"], run_locally):
         if event.notice is not None:
             show.line(event.notice)
         if event.cell is not None:
             show.cell(event.cell)
-    drop_folder(out)
+        yield event
 
 
 def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
@@ -190,7 +202,6 @@ def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
 
 
 def _kept(out: Path, keys: list[Key]) -> str:
-    """Return what to do after a run was stopped."""
     kept = sum(cell_path(out, *key).exists() for key in keys)
     report = f"`python -m reports {out} --partial` reports them; " if kept else ""
     return f"{kept} of {len(keys)} cells are kept; {report}go on with --resume --out {out}"

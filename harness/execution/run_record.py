@@ -1,6 +1,6 @@
 """The run record's facts about a scene's view set, and those beside the paper's numbers that need no training."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -40,9 +40,16 @@ def measured_at_printed_size(file: ClaimFile) -> ClaimFile:
     return structs.replace(file, measured=measured)
 
 
-def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> tuple[SceneRecord, str | None]:
-    """Read the view set of a task once, so that any fault of it is reported before any training; returns its digest
-    beside its record.
+class SceneRead(NamedTuple):
+    record: SceneRecord
+    content: str | None
+    """Its digest."""
+    notes: tuple[str, ...]
+    """What the reader of its images noted."""
+
+
+def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead:
+    """Read the view set of a task once, so that any fault of it is reported before any training.
 
     Raises `InputError` for a fault, and where the cameras see nothing of the box.
     """
@@ -77,7 +84,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> tuple[Sce
         rendered={key: manifest[key] for key in kept if key in manifest},
         left_out=[_left_out(row) for row in rows.values()],
     )
-    return record, content_of(views)
+    return SceneRead(record, content_of(views), views.notes)
 
 
 def _left_out(row: dict[str, Any]) -> LeftOut:

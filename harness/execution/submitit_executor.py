@@ -9,7 +9,7 @@ import platform
 import re
 import shutil
 import tempfile
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,8 +17,8 @@ from time import monotonic, sleep
 from typing import Any
 from uuid import uuid4
 
-from harness.execution.group import failed_cells, missing_methods, run_group
-from harness.execution.local_executor import Event
+from harness.execution.group import missing_methods, run_group
+from harness.execution.group_loop import Attempt, End, Event, News, run_at
 from harness.machine.provenance import differences, processor, versions
 from harness.plan.group_task import GroupTask
 from harness.records.cells import cell_path, read_cell
@@ -100,21 +100,6 @@ class SlurmJob:
         return self.journal.stat().st_mtime - self.alive.stat().st_mtime > ORPHAN_SECONDS
 
 
-@dataclass
-class _Running:
-    """A job of a group in the queue or at work."""
-
-    task: GroupTask
-    """The task as it was given."""
-    attempt: int
-    journal: Path
-    handle: Any
-    already: int
-    """The number of methods that had ended before."""
-    told: int = 0
-    """The bytes of the journal that were read."""
-
-
 def job_parameters(given: list[str]) -> dict[str, Any]:
     """Return the parameters of submitit that `NAME=VALUE` set; numbers are numbers. Raises `InputError`."""
     parameters: dict[str, Any] = dict(USUAL)
@@ -151,7 +136,7 @@ def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
     return found
 
 
-def asked(beside: Path, threads: int, device: str, given: list[str]) -> tuple[str, bool, str]:
+def ask_node(beside: Path, threads: int, device: str, given: list[str]) -> tuple[str, bool, str]:
     """Ask one job, whose files lie for a moment in the folder `beside`, what its node has: the device, whether that
     multiplies bfloat16, and both in words.
 
@@ -195,86 +180,76 @@ def run_by_submitit(tasks: list[GroupTask], commit: str, at_once: int, given: li
     other packages or a disk that accepts nothing. Closing the generator (Ctrl-C) cancels the jobs; ended cells are on
     disk.
     """
-    if not tasks:
-        return
-    folder = tasks[0].out / FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
-    alive = folder / f"{ALIVE}.{uuid4().hex[:12]}"
-    alive.touch()
-    found = executor(folder, tasks[0].threads, tasks[0].device, given)
-    waiting = [(task, 1) for task in tasks]
-    running: list[_Running] = []
-    lost_any = False
-    try:
-        while waiting or running:
-            while waiting and len(running) < at_once:
-                task, attempt = waiting.pop(0)
-                journal = folder / f"{task.scene}.{task.seed}.{attempt}.jsonl"
-                journal.write_text("", encoding="utf-8")
-                already = len(task.methods) - len(missing_methods(task))
-                handle = found.submit(SlurmJob(task, journal, alive, versions(), commit))
-                running.append(_Running(task, attempt, journal, handle, already))
-            sleep(POLL_SECONDS)
-            alive.touch()
-            for job in list(running):
-                ended = job.handle.done()
-                yield from _news(job)
-                if ended:
-                    running.remove(job)
-                    if (yield from _after(job, folder)):
-                        lost_any = True
-                        waiting += [(job.task, job.attempt + 1)] if job.attempt < MOST_ATTEMPTS else []
-    finally:
-        alive.unlink(missing_ok=True)  # a job that cannot be cancelled ends by itself
-        for job in running:
+    return run_at(_Queue(tasks[0], commit, at_once, given), tasks) if tasks else iter(())
+
+
+class _Queue:
+    """The jobs in the queue or at work; each has a journal in the folder of jobs."""
+
+    def __init__(self, first: GroupTask, commit: str, at_once: int, given: list[str]) -> None:
+        self.room, self.refusal = at_once, ""
+        self._commit, self._lost_any = commit, False
+        self._folder = first.out / FOLDER
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._alive = self._folder / f"{ALIVE}.{uuid4().hex[:12]}"
+        self._alive.touch()
+        self._jobs = executor(self._folder, first.threads, first.device, given)
+        self._read: dict[Attempt, int] = {}
+        """The bytes of its journal that were read."""
+
+    def _journal(self, attempt: Attempt) -> Path:
+        return self._folder / f"{attempt.task.scene}.{attempt.task.seed}.{attempt.number}.jsonl"
+
+    def submit(self, attempt: Attempt, task: GroupTask) -> None:
+        journal = self._journal(attempt)
+        journal.write_text("", encoding="utf-8")
+        attempt.handle = self._jobs.submit(SlurmJob(attempt.task, journal, self._alive, versions(), self._commit))
+
+    def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
+        sleep(POLL_SECONDS)
+        self._alive.touch()
+        for attempt in list(running):
+            ended = attempt.handle.done()
+            yield from self._news(attempt)
+            if ended:
+                lost = _lost(attempt)
+                yield from self._news(attempt)
+                yield attempt, End(lost)
+
+    def _news(self, attempt: Attempt) -> Iterator[tuple[Attempt, News]]:
+        """Yield what the journal has told since it was read last; a line that is not complete yet waits."""
+        with self._journal(attempt).open("rb") as journal:
+            journal.seek(self._read.get(attempt, 0))
+            lines = journal.read().splitlines(keepends=True)
+        for line in lines:
+            if not line.endswith(b"\n"):
+                break
+            self._read[attempt] = self._read.get(attempt, 0) + len(line)
+            news = json.loads(line)
+            yield attempt, read_cell(cell_path(attempt.task.out, *news)) if isinstance(news, list) else news
+
+    def again(self, attempt: Attempt, lost: str, missing: tuple[str, ...]) -> tuple[list[Attempt], str]:
+        self._lost_any = True
+        if attempt.number == MOST_ATTEMPTS:
+            return [], f"{lost}, {attempt.number} times in a row; its logs are in {self._folder}"
+        where = f"{attempt.task.scene} seed {attempt.task.seed}"
+        words = f"{where}: {lost}; {len(missing)} cells are trained again"
+        return [Attempt(attempt.task, attempt.number + 1)], words
+
+    def cancel(self, running: list[Attempt]) -> None:
+        self._alive.unlink(missing_ok=True)  # a job that cannot be cancelled ends by itself
+        for attempt in running:
             with suppress(Exception):
-                job.handle.cancel()
+                attempt.handle.cancel()
         # processes of this machine write into a folder that is another command's after this one
         until = monotonic() + END_SECONDS
-        while found.cluster == "local" and monotonic() < until and not all(job.handle.done() for job in running):
+        while self._jobs.cluster == "local" and monotonic() < until and not all(job.handle.done() for job in running):
             sleep(POLL_SECONDS)
-    if not lost_any:
-        shutil.rmtree(folder, ignore_errors=True)
+        if not running and not self._lost_any:
+            shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def _after(job: _Running, folder: Path) -> Generator[Event, None, bool]:
-    """Yield what follows the end of a job; returns whether it died before all of its cells had ended."""
-    lost = _lost(job)
-    yield from _news(job)
-    missing = missing_methods(job.task)
-    if lost is None or not missing:
-        yield Event(job.task, share=1.0)
-        return False
-    if job.attempt < MOST_ATTEMPTS:
-        where = f"{job.task.scene} seed {job.task.seed}"
-        yield Event(job.task, notice=f"{where}: {lost}; {len(missing)} cells are trained again")
-        return True
-    for cell in failed_cells(job.task, f"{lost}, {job.attempt} times in a row; its logs are in {folder}"):
-        yield Event(job.task, cell=cell)
-    yield Event(job.task, share=1.0)
-    return True
-
-
-def _news(job: _Running) -> Iterator[Event]:
-    """Yield what the journal has told since it was read last; a line that is not complete yet waits."""
-    with job.journal.open("rb") as journal:
-        journal.seek(job.told)
-        lines = journal.read().splitlines(keepends=True)
-    for line in lines:
-        if not line.endswith(b"\n"):
-            break
-        job.told += len(line)
-        news = json.loads(line)
-        if isinstance(news, float):
-            whole = len(job.task.methods)
-            yield Event(job.task, share=(job.already + news * (whole - job.already)) / whole)
-        elif isinstance(news, str):
-            yield Event(job.task, notice=news)
-        else:
-            yield Event(job.task, cell=read_cell(cell_path(job.task.out, *news)))
-
-
-def _lost(job: _Running) -> str | None:
+def _lost(job: Attempt) -> str | None:
     """Return why a job ended without an end of its own; None if it had one. Raises `InputError` if no other can."""
     from submitit.core.utils import UncompletedJobError
 

@@ -16,7 +16,7 @@ import pkgutil
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import EntryPoint, distributions, entry_points
@@ -37,18 +37,8 @@ NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """The form of a method's name, which becomes a part of file names."""
 
 
-@dataclass(frozen=True)
-class Origin:
-    """The package that a method came from."""
-
-    package: str
-    version: str
-    entry_point: str
-    sources: str
-    """The SHA-256 of the package's files, as they were when it was loaded (`sources_digest`)."""
-
-
-_loaded: dict[str, Origin] = {}
+_loaded: dict[str, dict[str, str]] = {}
+"""Map method → its package, version, entry point, and the digest of the package's files as they were loaded."""
 
 
 def offered() -> dict[str, list[EntryPoint]]:
@@ -112,8 +102,7 @@ def own_settings(name: str, given: Mapping[str, Any]) -> Any:
 
 def origin_of(name: str) -> dict[str, str] | None:
     """Return package, version, entry point and digest of a method that came from a package; None for one of ours."""
-    origin = _loaded.get(name)
-    return None if origin is None else dict(vars(origin))
+    return dict(_loaded[name]) if name in _loaded else None
 
 
 def origins(names: Iterable[str]) -> dict[str, Any]:
@@ -125,7 +114,7 @@ def origins(names: Iterable[str]) -> dict[str, Any]:
 def title_of(name: str) -> str:
     """Return the method's title, with its package if it is not ours."""
     title, origin = CATALOG[name].title, _loaded.get(name)
-    return title if origin is None else f"{title} (package {origin.package} {origin.version})"
+    return title if origin is None else f"{title} (package {origin['package']} {origin['version']})"
 
 
 def _take(name: str, points: list[EntryPoint]) -> None:
@@ -152,7 +141,8 @@ def _take(name: str, points: list[EntryPoint]) -> None:
     if wrong := _wrong_with(method):
         raise InputError(f"{where}: {wrong}")
     try:
-        origin = Origin(*package_of(point), point.value, sources_digest(point))
+        package, version = package_of(point)
+        origin = {"package": package, "version": version, "entry_point": point.value, "sources": sources_digest(point)}
     except (OSError, ValueError, TypeError, csv.Error) as error:
         raise InputError(f"{where}: its files cannot be read ({one_line(error)}); install it again") from error
     tables: list[tuple[dict[str, Any], Any]] = [
@@ -171,7 +161,6 @@ def said_of(point: EntryPoint) -> str:
 
 
 def package_of(point: EntryPoint) -> tuple[str, str]:
-    """Return name and version."""
     if point.dist is None:
         return "unknown", "?"
     # an installation that was cut short has neither
@@ -187,7 +176,6 @@ def _is_frozen_dataclass(settings: Any) -> bool:
 
 
 def _wrong_in_records(method: Method) -> str | None:
-    """Return why a record cannot hold what is the method's own, in words."""
     try:
         json.dumps(None if method.settings is None else asdict(method.settings), allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -202,7 +190,6 @@ def _wrong_in_records(method: Method) -> str | None:
 
 
 def _wrong_with(method: object) -> str | None:
-    """Return why an object cannot be accepted as a method, in words."""
     if not isinstance(method, Method):
         return f"gives a {type(method).__name__}, not a baselines.catalog.Method"
     if not isinstance(method.title, str) or not method.title.strip():
@@ -247,7 +234,6 @@ def sources_digest(point: EntryPoint) -> str:
 
 
 def _files(point: EntryPoint) -> set[tuple[str, Path]]:
-    """Return pairs (name, file)."""
     places = _places(importlib.util.find_spec(point.module.partition(".")[0]))
     listed = []
     if _is_editable(point):

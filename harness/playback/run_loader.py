@@ -12,8 +12,8 @@ from baselines.catalog import CATALOG
 from baselines.composition import Parts
 from baselines.contract import Box
 from baselines.methods.explicit import GaussianSettings, PlaneSettings, TableSettings, VoxelSettings
+from harness.plan.names import known_names
 from harness.plan.plugins import require_methods
-from harness.plan.profiles import known_names
 from harness.plan.schedule import Budget
 from harness.plan.settings import ScoreSettings, TrainSettings
 from harness.playback.camera_paths import mean_distance

@@ -9,8 +9,9 @@ import numpy as np
 import OpenImageIO as oiio
 from PIL import Image
 
+from harness.command.plan_options import planned
 from harness.plan.group_task import GroupTask
-from harness.plan.profiles import Machine, planned
+from harness.plan.profiles import Machine
 from harness.plan.schedule import Budget
 from harness.playback.store import ViewStore
 from harness.records.cells import read_cells, read_run, write_cell

@@ -9,7 +9,8 @@ from random import Random
 from typing import Any
 
 from baselines.numerics.attention.priorities import BadAttention
-from harness.plan.profiles import Machine, planned
+from harness.command.plan_options import planned
+from harness.plan.profiles import Machine
 from harness.records.json_record import DamagedRecord
 from harness.run_folder.output_folder import claim
 from harness.viewer.asked import BadRequest, parsed

@@ -6,12 +6,14 @@ import struct
 from multiprocessing.connection import Connection
 from typing import Any
 
+from harness.execution.group_loop import End
+
 
 def after_its_last_word(connection: Connection, *_: Any) -> None:
     """At seed 0, after the end of its task, before it is given another."""
     while (task := connection.recv()) is not None:
         connection.send(0.5)
-        connection.send(None)
+        connection.send(End())
         if task.seed == 0:
             os.kill(os.getpid(), signal.SIGKILL)
 
@@ -22,4 +24,4 @@ def at_qnerf_in_the_middle_of_a_message(connection: Connection, *_: Any) -> None
         if "qnerf" in task.methods:
             os.write(connection.fileno(), struct.pack("!i", 50_000) + bytes(1000))
             os.kill(os.getpid(), signal.SIGKILL)
-        connection.send(None)
+        connection.send(End())

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from harness.command.plan_options import planned
 from harness.execution.group import run_group
-from harness.execution.local_executor import Event
+from harness.execution.group_loop import Event
 from harness.execution.progress import Quiet
 from harness.execution.run import run
 from harness.plan.group_task import GroupTask
-from harness.plan.profiles import Machine, planned
+from harness.plan.profiles import Machine
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord
 from harness.run_folder.output_folder import claim

@@ -49,7 +49,6 @@ class Hardware:
     """A description of machines that offer more cores than they have: cells that share one slow each other's clocks."""
 
     def line(self) -> str:
-        """Return a line for a reader."""
         gpus = f", {self.gpus} GPUs" if self.gpus else ""
         return f"Ray cluster: {self.nodes} nodes, {self.cores} cores{gpus} ({'; '.join(self.processors)})"
 
@@ -211,7 +210,6 @@ def gpus_multiply_bfloat16() -> bool:
 
 
 def _answered(reference: Any, otherwise: str) -> Any:
-    """Return a node's answer; raises `InputError` if it does not arrive."""
     import ray
 
     try:
@@ -267,6 +265,5 @@ def _our_signals() -> Iterator[None]:
 
 @contextmanager
 def _without_chatter() -> Iterator[None]:
-    """Silence Ray's greeting on standard error; Ray raises its errors."""
     with contextlib.redirect_stderr(io.StringIO()):
         yield

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from harness.execution.local_executor import Event, run_locally
+from harness.execution.group_loop import Event
+from harness.execution.local_executor import run_locally
 from harness.machine.cores import physical_cores
 from harness.plan.group_task import GroupTask
 from harness.plan.profiles import Machine

@@ -16,7 +16,8 @@ from torch import Tensor
 from baselines.contract import Accelerations, Box, NetworkSize, Precision, Rays
 from harness.execution.ground_truth import read_views, view_set_folders
 from harness.machine.device import has_amx, multiplies_bfloat16
-from harness.plan.profiles import Plan, planned
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings, ViewSettings
@@ -110,7 +111,8 @@ def paper_settings(context: SpeedContext, precision: Precision | None = None) ->
 
 def reduced_plan(context: SpeedContext) -> Plan:
     """Return the profile `reduced` on `SCENE`, in the precision that a run would have here."""
-    plan = planned("reduced", scenes=[SCENE], methods=["nerf"], seeds=1, precision=context.precision)
+    plan = replace(PROFILES["reduced"].alone(), scenes=(SCENE,), methods=("nerf",), seeds=(0,))
+    plan = replace(plan, train=replace(plan.train, precision=context.precision))
     if not context.quick:
         return plan
     small = replace(

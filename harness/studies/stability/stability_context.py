@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from harness.plan.profiles import Plan, planned
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 from harness.records.study import Check, Owner, Status, check
 from harness.studies.framework import StudyContext
 
@@ -34,7 +35,8 @@ class StabilityContext(StudyContext):
 
     def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
         """Return `profile` with this run's methods, in float32, which is the same on every machine."""
-        plan = planned(profile, scenes=scenes, methods=list(self.methods), precision="float32")
+        plan = PROFILES[profile].alone().in_float32()
+        plan = replace(plan, scenes=tuple(scenes or plan.scenes), methods=self.methods)
         if not self.quick:
             return plan
         views = replace(plan.views, resolution=16, train=6, val=0, test=2, spp_train=4, spp_test=4)

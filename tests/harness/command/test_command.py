@@ -8,9 +8,10 @@ import pytest
 import torch
 
 from harness.command.main import main, parsed
+from harness.command.plan_options import planned
 from harness.execution.progress import Quiet
 from harness.execution.run import run
-from harness.plan.profiles import Machine, planned
+from harness.plan.profiles import Machine
 from harness.records.cells import read_cells, read_comparisons
 from harness.records.verdict import OPEN
 from harness.run_folder.output_folder import claim
@@ -24,16 +25,19 @@ from tests.harness.trained_runs import in_this_process
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("--profile tiny", "unknown profile 'tiny'; known profiles: smoke reduced stress ladder converged full"),
+        ("--profile tiny", "--profile: unknown 'tiny'; known: smoke reduced stress ladder converged full"),
         ("--scenes lego teapot", "unknown 'teapot'; known: "),
         ("--methods nerf gnerf", "unknown 'gnerf'; known: nerf nerf_matched qnerf"),
         ("--methods nerf nerf", "named twice"),
         ("--seeds 0", "--seeds 0: must lie between"),
         ("--seeds -1", "--seeds -1"),
+        ("--seeds 1000000", "--seeds 1000000"),
         ("--budget-steps 0", "--budget-steps 0"),
         ("--budget-steps 99999999999", "--budget-steps 99999999999"),
         ("--budget-seconds -2", "--budget-seconds -2"),
         ("--budget-seconds nan", "--budget-seconds nan"),
+        ("--budget-seconds inf", "--budget-seconds inf"),
+        ("--scenes lego lego", "lego named twice"),
         ("--resolution 0", "--resolution 0"),
         ("--resolution 100000", "--resolution 100000"),
         ("--workers 0", "--workers 0"),

@@ -1,4 +1,4 @@
-"""What a plan is said to cost."""
+"""The estimated cost of a plan."""
 
 import json
 import statistics
@@ -8,8 +8,21 @@ from typing import Any
 
 import pytest
 
-from harness.execution.cost import Extent, estimate, estimated, groups_left, mean_of, shared, training_seconds
-from harness.execution.probe import LONGEST, Pace, Probe, _seconds
+from harness.execution import ground_truth
+from harness.execution.cost import (
+    LONGEST,
+    CostEstimate,
+    Pace,
+    Paces,
+    estimate,
+    estimate_from,
+    groups_left,
+    measure_paces,
+    on_workers,
+    seconds_of,
+    training_seconds,
+)
+from harness.execution.ground_truth import rendering_seconds
 from harness.execution.progress import span
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.plan.schedule import Budget
@@ -18,24 +31,22 @@ from tests.harness.tiny import CPU
 SUMMARY = json.loads((Path(__file__).parents[3] / "docs/reduced/summary.json").read_text(encoding="utf-8"))
 PLAN = replace(PROFILES["reduced"].alone(), methods=tuple(SUMMARY["settings"]["methods"]))
 MACHINE = Machine("cpu", 2, 1)
-PACE = Pace(first_step=0.02, step=(0.01, 0.02), ray=(5e-6, 1e-5), point=1e-6)
-PROBE = Probe(dict.fromkeys(PLAN.methods, PACE), {}, start=5.0, compared=0.05, delayed=1.0)
-ALL = (PLAN.methods,) * len(PLAN.groups())
+PACE = Pace(first_step=0.02, step=0.015, ray=7e-6)
+PACES = Paces(dict.fromkeys(PLAN.methods, PACE), {}, start=5.0, compared=0.05, delayed=1.0)
 
 
-def said(
-    plan: Plan = PLAN,
-    *,
-    missing: int = 0,
-    groups: tuple[tuple[str, ...], ...] = ALL,
-    verify: bool = False,
-    serving: bool = False,
-    **changes: Any,
-) -> list[str]:
-    return estimated(plan, MACHINE, replace(PROBE, **changes), Extent(missing, groups, verify, serving), cores=2).lines
+@pytest.fixture(autouse=True)
+def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ground_truth, "available_cores", lambda: 2)
+    monkeypatch.setattr(ground_truth, "llvm_libraries", lambda: ["libLLVM.so"])
 
 
-def test_training_as_recorded_is_estimated_as_recorded() -> None:
+def estimated(plan: Plan = PLAN, missing: int = 0, serving: bool = False, **changes: Any) -> CostEstimate:
+    groups = list(plan.groups().values())
+    return estimate_from(plan, MACHINE, replace(PACES, **changes), groups, missing, verify=False, serving=serving)
+
+
+def test_a_run_as_recorded_is_estimated_as_recorded() -> None:
     cells = []
     for method in PLAN.methods:
         curves = [cell["curve"] for cell in SUMMARY["cells"] if cell["method"] == method]
@@ -43,43 +54,49 @@ def test_training_as_recorded_is_estimated_as_recorded() -> None:
         later = statistics.mean(
             (one["seconds"][-1] - one["seconds"][0]) / (one["steps"][-1] - one["steps"][0]) for one in curves
         )
-        cells.append(training_seconds(PLAN, Pace(first, (later, later), (0.0, 0.0), 0.0)))
+        cells.append(training_seconds(PLAN, Pace(first, later, 0.0)))
     clocks = sum(cell["train_seconds"] for cell in SUMMARY["cells"] if cell["method"] in PLAN.methods) / MACHINE.workers
-    low, high = shared([cells] * len(ALL), MACHINE)
-    assert 0.95 * clocks < low < 1.05 * clocks < high
-    assert low < SUMMARY["phases"]["train"], "which has scoring in it as well"
+    groups = len(PLAN.groups())
+    assert sum(cells) * groups / MACHINE.workers == pytest.approx(clocks, rel=0.05)
+    low, high = on_workers([sum(cells)] * groups, MACHINE)
+    assert low < clocks < high
+    low, high = rendering_seconds(PLAN.views, 8)
+    assert low < SUMMARY["phases"]["render"] < high
 
 
 def test_a_budget_in_seconds_is_what_training_takes() -> None:
-    both = replace(PLAN, budget=Budget(1000, 12.0))
-    assert training_seconds(both, PACE) == (pytest.approx(0.02 * 100 + 0.01 * 900), 12.0)
-    assert training_seconds(replace(PLAN, budget=Budget(None, 12.0)), PACE) == (12.0, 12.0)
+    assert training_seconds(replace(PLAN, budget=Budget(1000, 16.0)), PACE) == pytest.approx(0.02 * 100 + 0.015 * 900)
+    assert training_seconds(replace(PLAN, budget=Budget(1000, 12.0)), PACE) == 12.0
+    assert training_seconds(replace(PLAN, budget=Budget(None, None, 12.0)), PACE) == 12.0
 
 
-def test_every_part_of_a_run_is_named_and_they_add_up() -> None:
-    found = said(missing=3, serving=True)
-    assert [line.split()[0] for line in found] == ["estimated", "rendering", "training", "scoring", "view"]
-    assert "3 of 8 view sets are not in the cache" in found[1]
-    assert found[0] == "estimated cost: 12 to 30 min"
-    assert "cached" in said()[1]
-    assert not any("attention" in line for line in said())
-    group_alone = said(replace(PLAN, scenes=("lego",), seeds=(0,)), groups=ALL[:1])
-    assert group_alone[2] == "  training 35 to 80 s", "two workers train one group no faster"
+def test_every_part_of_a_run_is_named_and_they_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = estimated(missing=3, serving=True)
+    assert [line.split()[0] for line in found.lines] == ["estimated", "rendering", "training", "scoring", "view"]
+    assert "3 of 8 view sets are not in the cache" in found.lines[1]
+    assert list(found.phases) == ["rendering", "training", "part"]
+    low, high = (sum(phase[end] for phase in found.phases.values()) for end in (0, 1))
+    assert found.lines[0] == f"estimated cost: {span(low, high)}"
+    assert "cached" in estimated().lines[1]
+    assert not any("attention" in line for line in estimated().lines)
+    one, many = (on_workers([50.0] * count, MACHINE) for count in (1, 10))
+    assert one[0] == pytest.approx(35.0), "two workers train one group no faster"
+    assert many[0] == pytest.approx(175.0)
+    monkeypatch.setattr(ground_truth, "llvm_libraries", list)
+    assert estimated(missing=3).phases["rendering"] > found.phases["rendering"], "scalar rendering is slower"
 
 
 def test_a_machine_that_others_use_and_methods_that_could_not_be_tried_are_named() -> None:
-    assert said(delayed=1.1)[0] == said()[0]
-    assert said(delayed=9.04)[0].endswith("now others use this machine, and it takes 9 times as long")
-    assert said(untried={"mine": "needs LLVM"})[-1] == "  mine is not in it: needs LLVM"
+    assert estimated(delayed=1.1).lines[0] == estimated().lines[0]
+    assert estimated(delayed=9.04).lines[0].endswith("now others use this machine, and it takes 9 times as long")
+    assert estimated(untried={"mine": "needs LLVM"}).lines[-1] == "  mine is not in it: needs LLVM"
 
 
-def test_of_a_scene_of_ones_own_no_rendering_is_foretold() -> None:
-    own = replace(PLAN, scene_file="mine.xml", scenes=("mine",))
-    assert "not known beforehand" in said(own)[1]
-    views = replace(PLAN, view_set=("folder",), scenes=("folder",))
-    found = said(views)
-    assert "yours" in found[1]
-    assert found[3].startswith("  scoring at most, ")
+def test_the_rendering_of_a_scene_of_ones_own_is_not_estimated() -> None:
+    assert "not known beforehand" in estimated(replace(PLAN, scene_file="mine.xml", scenes=("mine",))).lines[1]
+    lines = estimated(replace(PLAN, view_set=("folder",), scenes=("folder",))).lines
+    assert "yours" in lines[1]
+    assert lines[3].startswith("  scoring at most, ")
 
 
 def test_a_cluster_is_not_measured() -> None:
@@ -88,31 +105,17 @@ def test_a_cluster_is_not_measured() -> None:
     assert not found.phases
 
 
-def test_the_phases_that_are_expected_add_up_to_what_is_said() -> None:
-    extent = Extent(8, ALL, verify=False, serving=True)
-    found = estimated(PLAN, MACHINE, PROBE, extent, cores=2)
-    assert list(found.phases) == ["rendering", "training", "part"]
-    low, high = (sum(phase[end] for phase in found.phases.values()) for end in (0, 1))
-    assert found.lines[0] == f"estimated cost: {span(low, high)}"
-    scalar = estimated(PLAN, MACHINE, PROBE, extent, cores=2, compiled=False).phases
-    assert scalar["rendering"] > found.phases["rendering"]
-    assert scalar["training"] == found.phases["training"]
+def test_a_guest_is_counted_as_long_as_it_is_not_there() -> None:
+    groups = list(PLAN.groups().values())
+    assert groups_left(replace(PLAN, guest="splats"), None) == groups + [("nerf",)] * len(PLAN.scenes)
 
 
-def test_rendering_as_recorded_is_within_its_range() -> None:
-    phases = estimated(PLAN, MACHINE, PROBE, Extent(8, ALL, verify=False, serving=True), cores=2).phases
-    low, high = phases["rendering"]
-    assert low < SUMMARY["phases"]["render"] < high
-
-
-def test_a_guest_is_counted_as_long_as_it_is_not_there(tmp_path: Path) -> None:
-    plan = replace(PLAN, guest="splats")
-    assert groups_left(plan, None) == (*ALL, *[("nerf",)] * len(PLAN.scenes))
-
-
-def test_a_mean_of_many_is_known_better_than_one() -> None:
-    assert mean_of(1, (2.0, 6.0)) == (2.0, 6.0)
-    assert mean_of(4, (2.0, 6.0)) == (3.0, 5.0)
+def test_methods_are_measured_and_those_that_cannot_run_are_named() -> None:
+    plan = replace(PROFILES["smoke"].alone(), methods=("nerf", "nowhere"))
+    paces = measure_paces(plan, CPU, threads=1)
+    assert 0.0 < paces.of["nerf"].step < LONGEST
+    assert 0.0 < paces.of["nerf"].ray < paces.of["nerf"].step
+    assert list(paces.untried) == ["nowhere"]
 
 
 @pytest.mark.parametrize(("a_call", "a_ray"), [(0.05, 1e-7), (0.0, 1e-4), (0.0, 5e-3), (0.01, 4e-4)])
@@ -125,7 +128,7 @@ def test_what_a_call_takes_is_not_multiplied_by_the_rays(a_call: float, a_ray: f
         now += a_call + a_ray * rays
         longest = max(longest, a_call + a_ray * rays)
 
-    found = _seconds(work, 4096, CPU, lambda: now)
+    found = seconds_of(work, 4096, CPU, lambda: now)
     true = a_call + a_ray * 4096
     assert 0.999 * true < found < 1.001 * true + 8 * a_call
     assert longest <= 1.001 * max(LONGEST, 64 * a_ray)

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from harness.command.plan_options import planned
 from harness.execution.progress import Quiet
 from harness.execution.run import run
-from harness.plan.profiles import Machine, Plan, planned
+from harness.plan.profiles import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import cell_path, read_cell, read_comparisons, read_run
 from tests.harness.tiny import SCORE, TRAIN, VIEWS

@@ -18,34 +18,14 @@ from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord, cell_path, read_cell, read_cells
 from harness.training.trainer import Trainer
 from tests.harness import dying_workers
-from tests.harness.tiny import BUDGET, SCORE, TRAIN, VIEWS
+from tests.harness.execution.on_two_executors import tasks as of_seeds
+from tests.harness.execution.on_two_executors import without_place
+from tests.harness.tiny import BUDGET, SCORE
 from tests.replacing import replace
 
 
 def tasks(ball_folder: Path, out: Path, budget: Budget = BUDGET) -> list[GroupTask]:
-    return [
-        GroupTask(
-            scene="ball",
-            seed=seed,
-            methods=("nerf", "qnerf"),
-            view_set=ball_folder,
-            views=VIEWS,
-            train=TRAIN,
-            score=SCORE,
-            budget=budget,
-            device="cpu",
-            threads=1,
-            out=out,
-        )
-        for seed in range(2)
-    ]
-
-
-def without_time(cell: CellRecord) -> CellRecord:
-    """Nor the cores that the clock ran on."""
-    curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
-    origin = {**cell.provenance, "own_cores": []}
-    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, costs={}, curve=curve, provenance=origin)
+    return of_seeds(ball_folder, out, 2, SCORE, budget=budget)
 
 
 @pytest.mark.thorough
@@ -69,7 +49,7 @@ def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tm
             shares = [event.share for event in events if event.task.seed == seed and event.share is not None]
             assert shares == sorted(shares)
             assert shares[-1] == 1.0
-        left.append([without_time(cell) for cell in stored])
+        left.append([without_place(cell) for cell in stored])
     assert left[0] == left[1]
     assert multiprocessing.active_children() == []
 
@@ -114,7 +94,7 @@ def test_a_view_set_that_changed_since_the_run_began_is_not_trained_on(ball_fold
     assert [cell.status for cell in cells] == ["error", "error"]
     assert cells[0].reason is not None
     assert cells[0].reason.startswith(f"{ball_folder}: changed since the run began; put it back as it was")
-    _, content = scene_record(first, [])
+    content = scene_record(first, []).content
     assert content is not None
     for cell in cells:
         cell_path(tmp_path, cell.scene, cell.method, cell.seed).unlink()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.progress import Lines, RenderProgress, span
+from harness.execution.progress import SPREAD, Lines, RenderProgress, TimeLeft, span
 from harness.plan.group_task import GroupTask
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
@@ -41,25 +41,8 @@ def test_the_start_of_processes_does_not_foretell_the_rest(
         clock[0] = 30.5 + 10.0 * step
         show.trained(group, step / 20)
     said = capsys.readouterr().out.splitlines()
-    assert ["left" in line for line in said[3:5]] == [False, True], "once a quarter was done since the first report"
-    assert [line.partition(",")[2] for line in said][-1] == " 2.5 to 5 min left"
-
-
-def test_work_that_was_scored_counts_as_done_and_a_budget_of_seconds_has_no_such_parts(
-    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    show, group = Lines(every_seconds=0.0), task(tmp_path)
-    show.start_training(3, 3)
-    for share in (0.12, 0.13, 0.99, 1.0):
-        show.trained(group, share)
-    said = capsys.readouterr().out.splitlines()[1:]
-    by_steps = [int(line.split()[1].rstrip("%,")) for line in said]
-    assert by_steps[1] - by_steps[0] >= 5, "views are scored after an eighth of the budget"
-    assert by_steps[2] < 90
-    assert by_steps[3] == 100
-    show.start_training(3, 3)
-    show.trained(replace(group, budget=Budget(None, 10.0)), 0.5)
-    assert capsys.readouterr().out.splitlines()[-1].startswith("trained 50%")
+    assert ["left" in line for line in said[4:6]] == [False, True], "once a quarter was done since the first report"
+    assert [line.partition(",")[2] for line in said][-1] == " 3.5 to 7 min left"
 
 
 def test_rendering_says_what_is_left_of_all_scenes(
@@ -111,3 +94,35 @@ def test_what_a_terminal_would_obey_is_written_out(capsys: pytest.CaptureFixture
     assert capsys.readouterr().out == "view set \\x1b[31mred\\u202e: whole\n"
     Lines().line("long " * 1000)
     assert capsys.readouterr().out == "long " * 1000 + "\n"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (0.2, 0.3, "0 to 0.5 s"),
+        (12.0, 24.0, "12 to 25 s"),
+        (70.0, 140.0, "1 to 2.5 min"),
+        (13 * 60.0, 24 * 60.0, "13 to 25 min"),
+        (3 * 3600.0, 3.1 * 3600.0, "about 3 h"),
+        (2 * 86400.0, 5 * 86400.0, "2 to 5 d"),
+    ],
+)
+def test_a_span_is_no_more_exact_than_it_is_known(low: float, high: float, words: str) -> None:
+    assert span(low, high) == words
+
+
+def left(seconds: float) -> tuple[float, float]:
+    return pytest.approx((SPREAD[0] * seconds, SPREAD[1] * seconds))
+
+
+def test_the_pace_counts_from_the_first_report_of_each_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = iter((900.0, 930.0, 960.0, 960.0, 990.0, 990.0))
+    monkeypatch.setattr("time.monotonic", lambda: next(times))
+    clock = TimeLeft(2.0)
+    assert clock.after(0.1, "a") is None
+    assert clock.after(0.2, "a") is None, "too little to tell"
+    assert clock.after(0.4, "a") == left(60.0 / 0.3 * 1.6)
+    assert clock.after(0.5, "b") == left(60.0 / 0.3 * 1.1), "what an interrupted piece brings took no time"
+    assert clock.after(1.0, "a") == left(90.0 / 0.9 * 0.5)
+    assert clock.after(1.0, "b") is None, "all is done"
+    assert clock.share == 1.0

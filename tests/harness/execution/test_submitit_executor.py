@@ -11,8 +11,9 @@ import pytest
 
 from harness.command.main import main
 from harness.execution import submitit_executor
-from harness.execution.local_executor import Event, run_locally
-from harness.execution.submitit_executor import FOLDER, SlurmJob, asked, job_parameters, run_by_submitit
+from harness.execution.group_loop import Event
+from harness.execution.local_executor import run_locally
+from harness.execution.submitit_executor import FOLDER, SlurmJob, ask_node, job_parameters, run_by_submitit
 from harness.machine.provenance import versions
 from harness.records.cells import read_cells
 from scenes.files.errors import InputError
@@ -139,7 +140,7 @@ def _kill(controller: str) -> None:
 
 @pytest.mark.slow
 def test_a_node_is_asked_before_a_run_and_leaves_nothing(no_slurm: None, tmp_path: Path) -> None:
-    device, _, words = asked(tmp_path / "out", 1, "cpu", [])
+    device, _, words = ask_node(tmp_path / "out", 1, "cpu", [])
     assert device == "cpu"
     assert words.startswith("submitit: no sbatch here: processes of this machine; a job trains on cpu (")
     assert not list((tmp_path / "out").iterdir())

@@ -9,8 +9,8 @@ import pytest
 import torch
 from msgspec.structs import replace
 
+from harness.command.machine_options import chosen_machine, shared_by, unused_by
 from harness.command.main import parsed
-from harness.execution.executors import chosen_machine, shared_by, unused_by
 from harness.machine.cores import _taken, chosen_cores, own_cores, physical_cores, quota_cores, siblings
 from harness.machine.device import available_cores, only_gpu
 from harness.machine.mixed_code import clocks_apart

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from harness.command.plan_options import planned
 from harness.machine.stopping import in_child
-from harness.plan.profiles import planned
 from harness.studies.choices import arms
 
 

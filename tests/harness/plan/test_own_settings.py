@@ -9,7 +9,7 @@ import pytest
 from baselines.catalog import CATALOG
 from baselines.methods.chosen import DensityConstants
 from baselines.methods.repaired import CANDIDATES
-from harness.plan import profiles
+from harness.plan import run_plan
 from harness.plan.profiles import PROFILES, Machine, Plan
 from harness.training.learner import Job
 from harness.training.make_learner import learner_for
@@ -64,7 +64,7 @@ def test_constants_chosen_at_the_scale_of_a_profile_are_those_of_all_that_was_se
     """qnerf_repaired is one of the candidates that are searched under names of their own."""
     repaired = next(each for each, parts in CANDIDATES.items() if parts == CATALOG["qnerf_repaired"].settings)
     pairs = {"qnerf": DensityConstants(100.0, None), repaired: DensityConstants(10.0, 7.0)}
-    monkeypatch.setattr(profiles, "chosen", lambda profile: pairs if profile == "converged" else {})
+    monkeypatch.setattr(run_plan, "chosen", lambda profile: pairs if profile == "converged" else {})
     usual = CATALOG[name].settings
     pair = pairs[repaired if name == "qnerf_repaired" else name]
     assert PROFILES["converged"].own_settings([name])[name] == replace(usual, **pair.fields)

@@ -15,9 +15,10 @@ from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS, SKIPS
 from harness.command.main import main
+from harness.command.plan_options import planned
 from harness.plan import plugins
 from harness.plan.plugins import method_named
-from harness.plan.profiles import PROFILES, Machine, planned
+from harness.plan.profiles import PROFILES, Machine
 from harness.plan.schedule import Budget
 from harness.playback.run_loader import FinishedRun
 from harness.studies.conformance.method_checks import CHECKS, LEARNER_CHECKS, conformance

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from harness.command.main import main
-from harness.command.tensorboard_command import also_written
+from harness.command.run_command import also_written
 from harness.execution.progress import Quiet
 from harness.records.cells import CellRecord, write_cell
 from harness.run_folder import board

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.command.main import main
-from harness.execution.local_executor import Event
+from harness.execution.group_loop import Event
 from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord, LeftOut, cell_path, read_cell, read_run, write_cell, write_run
 from harness.records.json_record import DamagedRecord

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from harness.command.plan_options import planned
 from harness.execution import run
 from harness.execution.progress import Quiet
 from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
-from harness.plan.profiles import Machine, planned
+from harness.plan.profiles import Machine
 from harness.records.cells import CellRecord
 from harness.records.json_record import DamagedRecord
 from harness.records.pictures import sealed, unsealed

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.command.history_command import remember
+from harness.command.gate_command import remember
 from harness.command.main import main
 from harness.execution.progress import Quiet
 from harness.records.study import read_studies

@@ -61,7 +61,7 @@ def test_a_library_that_is_at_work_for_long_is_ended(number: signal.Signals) -> 
 @pytest.mark.parametrize(
     ("command", "work"),
     [
-        ("harness run --dry-run", "harness.plan.profiles.planned"),
+        ("harness run --dry-run", "harness.command.plan_options.planned"),
         ("reports out", "reports.data.studies_load.find_studies"),
         ("scenes render lego", "scenes.rendering.store.ensure_view_set"),
     ],

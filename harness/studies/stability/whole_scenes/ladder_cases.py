@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.plan.profiles import Plan, planned
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
 from harness.records.study import Check, Series, Status, check
@@ -148,7 +149,7 @@ def _plan(context: StabilityContext) -> Plan:
     method = plan.roles.among(plan.methods).baseline
     if context.quick:
         return replace(plan, methods=(method,), seeds=(0,))
-    train = planned("reduced", precision="float32").train
+    train = PROFILES["reduced"].in_float32().train
     return replace(plan, methods=(method,), seeds=SEEDS, budget=Budget(STEPS, None), train=train)
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from harness.execution.cluster.mailbox import Message
 from harness.execution.cluster.node_work import _kept_since
-from harness.execution.ray_executor import _Running, _told, _unfinished
+from harness.execution.group_loop import Attempt
+from harness.execution.ray_executor import _unfinished, news_of
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from tests.harness.cells import cell, checkpoint
@@ -25,8 +26,7 @@ def task(tmp_path: Path) -> GroupTask:
 
 def told(task: GroupTask, *messages: Message) -> list[str]:
     """At the second attempt: what it says."""
-    events = _told(list(messages), {"reference": _Running(task, 2)})
-    return [event.notice for event in events if event.notice is not None]
+    return [news for _, news in news_of(list(messages), [Attempt(task, 2)], {}) if isinstance(news, str)]
 
 
 def test_what_a_node_keeps_is_kept_by_the_driver_and_goes_with_the_next_attempt(task: GroupTask) -> None:

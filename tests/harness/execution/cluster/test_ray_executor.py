@@ -12,7 +12,8 @@ import pytest
 from harness.command.main import main
 from harness.execution.cluster.connection import connect, disconnect, hardware
 from harness.execution.cluster.node_work import GroupOrder
-from harness.execution.local_executor import Event, run_locally
+from harness.execution.group_loop import Event
+from harness.execution.local_executor import run_locally
 from harness.execution.ray_executor import run_on_ray
 from harness.records.cells import read_cells
 from scenes.files.errors import InputError

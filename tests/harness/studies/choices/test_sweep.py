@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.plan.profiles import TUNED, planned
+from harness.command.plan_options import planned
+from harness.plan.profiles import TUNED
 from harness.plan.schedule import Budget
 from harness.studies.choices.arms import views_of
 from harness.studies.choices.sweep import ARMS, SweepRow, Tried, best_of_each, means, sweep, tried_in

@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from baselines.contract import Accelerations
-from harness.plan.profiles import Plan, planned
+from harness.command.plan_options import planned
+from harness.plan.profiles import Plan
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings
 from harness.studies.choices.arms import Arm, CellTask, trained_cell

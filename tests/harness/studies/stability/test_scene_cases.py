@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.plan.profiles import planned
+from harness.command.plan_options import planned
 from harness.studies.stability.whole_scenes import scene_truth
 from harness.studies.stability.whole_scenes.scene_cases import (
     FIGURES,

@@ -1,0 +1,232 @@
+"""The options that say what is trained on what: a table of their arguments, and one of what each changes in a plan."""
+
+import argparse
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.command.machine_options import device_and_bfloat16
+from harness.command.options import Options, option, require_between
+from harness.plan.defaults import RENDER_LIMIT
+from scenes.files.errors import InputError
+
+if TYPE_CHECKING:
+    import torch
+
+    from harness.plan.run_plan import Plan
+
+PLAN_OPTIONS: Options = {
+    "--profile": option("how much (default: reduced)", "smoke|reduced|stress|ladder|converged|full", default="reduced"),
+    "--scenes": option("scenes to train on (default: the profile's)"),
+    "--methods": option("methods to compare (default: the profile's)"),
+    "--seeds": option("number of seeds", "N", int),
+    "--first-seed": option("the first of them (default: 0)", "K", int),
+    "--budget-steps": option("training steps of each cell", "N", int),
+    "--budget-seconds": option("training seconds of each cell, on its own clock", "S", float),
+    "--budget-core-seconds": option("processor seconds of each cell's training, all threads", "S", float),
+    "--resolution": option("width of the views"),
+    "--device": {},
+    "--precision": option(
+        "of matrix products alone (default: the profile's, where the processor has such products)",
+        default="auto",
+        choices=("auto", "float32", "bfloat16", "float16"),
+    ),
+    "--optimiser": option(
+        "of all methods, with its own rates (default: the profile's)", choices=("adam", "soap", "muon")
+    ),
+    "--without": option("accelerations to switch off: fused recurrence grid clipping …", "NAME", nargs="+"),
+    "--need": option("parts to have whatever a scene needs: view_direction outside_box …", "NAME", nargs="+"),
+    "--no-need": option("parts to leave out whatever a scene needs", "NAME", nargs="+"),
+    "--view-set": option(
+        "train on these images, a scene each: Blender's, nerfstudio's, COLMAP's or LLFF's folder, or a tiny-NeRF .npz",
+        "PATH",
+        Path,
+        nargs="+",
+    ),
+    "--scene-file": option(
+        "render your own scene instead: Mitsuba .xml, or .py with SCENE. It has your rights: Python is code, and an "
+        "XML file can make Mitsuba read any file; use what you trust",
+        "FILE",
+        Path,
+    ),
+    "--render-limit": option(
+        f"seconds that --scene-file, or one of its views, may take (default: {RENDER_LIMIT:g}, or more if large)",
+        "S",
+        float,
+    ),
+    "--bounds": option(
+        "box that holds what is seen, for every --view-set", ("X0", "Y0", "Z0", "X1", "Y1", "Z1"), float, nargs=6
+    ),
+    "--near": option("distance from the camera at which anything is seen, for --view-set", "D", float),
+    "--far": option("distance up to which anything is seen, for --view-set", "D", float),
+    "--view-sets": {},
+}
+RANGES = {
+    "seeds": (1, 1000),
+    "first_seed": (0, 1_000_000),
+    "budget_steps": (1, 10_000_000),
+    "budget_seconds": (0.1, 3e7),
+    "budget_core_seconds": (0.1, 3e7),
+    "resolution": (8, 4096),
+    "render_limit": (0.1, 3e7),
+}
+REGION = ("bounds", "near", "far")
+Change = Callable[["Plan", Any], "Plan"]
+
+
+def planned(profile: str, **given: Any) -> "Plan":
+    """Return the plan of a profile with the options that are given and not None; `budget_steps` is `--budget-steps`.
+
+    Raises `InputError` that names the option, its value and what is known.
+    """
+    from harness.plan.names import known_names
+    from harness.plan.plugins import require_methods
+    from harness.plan.profiles import PROFILES
+    from harness.plan.schedule import Budget
+
+    known_names("--profile", [profile], list(PROFILES))
+    given = {name: value for name, value in given.items() if value is not None}
+    require_between(argparse.Namespace(**given), **RANGES)
+    if "scene_file" in given and given.keys() & {"scenes", "view_set"}:
+        raise InputError("--scene-file excludes --scenes and --view-set: it is one scene of its own")
+    if given.keys() >= {"scenes", "view_set"}:
+        raise InputError("--scenes and --view-set exclude each other: a view set is a scene of its own")
+    plan = PROFILES[profile]
+    if any(name.startswith("budget_") for name in given):
+        plan = replace(plan, budget=Budget(None, None))
+    need, no_need = given.pop("need", []), given.pop("no_need", [])
+    changes = _changes()
+    for name in sorted(given, key=list(changes).index):
+        plan = changes[name](plan, given[name])
+    require_methods(plan.methods)
+    there = [extra for extra in plan.extras if extra.scene in plan.scenes]
+    there = [replace(extra, seeds=tuple(seed for seed in extra.seeds if seed in plan.seeds)) for extra in there]
+    plan = replace(plan, extras=tuple(extra for extra in there if extra.seeds))
+    return _with_needs(plan, need, no_need)
+
+
+def _changes() -> dict[str, Change]:
+    """Map option → the change of a plan by its value, in the order in which they are made."""
+    from baselines.contract import Accelerations
+    from harness.plan.names import known_names
+    from harness.plan.plugins import method_names
+    from harness.plan.profiles import TUNED
+    from scenes.catalog.entries import CATALOG
+
+    accelerations = [acceleration.name for acceleration in fields(Accelerations)]
+
+    def views(plan: "Plan", **changes: Any) -> "Plan":
+        return replace(plan, views=replace(plan.views, **changes))
+
+    def train(plan: "Plan", **changes: Any) -> "Plan":
+        return replace(plan, train=replace(plan.train, **changes))
+
+    def without(plan: "Plan", names: list[str]) -> "Plan":
+        off = known_names("--without", names, accelerations)
+        return train(plan, accelerations=plan.train.accelerations.without(off))
+
+    def budget(name: str) -> Change:
+        return lambda plan, value: replace(plan, budget=replace(plan.budget, **{name: value}))
+
+    return {
+        "scenes": lambda plan, names: replace(plan, scenes=known_names("--scenes", names, list(CATALOG))),
+        "view_set": _with_view_sets,
+        "region": lambda plan, region: views(plan, region=region),
+        "scene_file": _with_scene_file,
+        "render_limit": lambda plan, seconds: replace(plan, render_limit=seconds if plan.scene_file else None),
+        # a user who names methods wants these and no others
+        "methods": lambda plan, names: replace(plan.alone(), methods=known_names("--methods", names, method_names())),
+        "seeds": lambda plan, count: replace(plan, seeds=tuple(range(count))),
+        "first_seed": lambda plan, first: replace(plan, seeds=tuple(range(first, first + len(plan.seeds)))),
+        "budget_steps": budget("steps"),
+        "budget_seconds": budget("seconds"),
+        "budget_core_seconds": budget("core_seconds"),
+        "resolution": lambda plan, pixels: views(plan, resolution=pixels),
+        "precision": lambda plan, name: train(plan, precision=name),
+        "optimiser": lambda plan, name: plan if name == plan.train.optimiser.name else train(plan, **TUNED[name]),
+        "without": without,
+    }
+
+
+def _with_view_sets(plan: "Plan", view_sets: Sequence[Path]) -> "Plan":
+    """Raises `InputError` for a path that is not a view set, and for two of one name."""
+    from harness.plan.names import scene_name_of
+    from scenes.view_sets.formats.foreign import check_listed
+
+    known: dict[str, Path] = {}
+    for path in view_sets:
+        try:
+            check_listed(path)
+        except InputError as error:
+            raise InputError(f"--view-set {error}") from error
+        name = scene_name_of(path)
+        if name in known:
+            raise InputError(f"--view-set {known[name]} {path}: both would be the scene {name}; rename one of them")
+        known[name] = path
+    return replace(plan, scenes=tuple(known), view_set=tuple(map(str, view_sets)))
+
+
+def _with_scene_file(plan: "Plan", file: Path) -> "Plan":
+    from scenes.catalog.scene_file import check_scene_file, name_of_file
+
+    check_scene_file(file)
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    return replace(plan, scenes=(name_of_file(file),), scene_file=str(file), scene_file_digest=digest)
+
+
+def _with_needs(plan: "Plan", need: list[str], no_need: list[str]) -> "Plan":
+    """Return the plan with forced parts; those that `plan` does not leave out already count as needed."""
+    from harness.plan.names import known_names
+    from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
+    from harness.plan.profiles import REDUCED_TRAINING
+    from harness.plan.settings import GridSettings
+    from scenes.modelling.needs import PARTS
+
+    choices = " ".join(FORCEABLE)
+    for name_of, names in (("--need", need), ("--no-need", no_need)):
+        if fixed := [name for name in names if name in PARTS and name not in FORCEABLE]:
+            raise InputError(f"{name_of} {' '.join(fixed)}: there is no choice about it; choose of {choices}")
+    given, out = known_names("--need", need, list(FORCEABLE)), known_names("--no-need", no_need, list(FORCEABLE))
+    if both := [name for name in given if name in out]:
+        raise InputError(f"--need and --no-need: {' '.join(both)} in both; known: {choices}")
+    off = [name for name, acceleration in LEFT_OUT_BY.items() if not getattr(plan.train.accelerations, acceleration)]
+    if both := [name for name in off if name in out]:
+        names = [LEFT_OUT_BY[name] for name in both]
+        raise InputError(
+            f"--no-need {' '.join(both)}: --without {' '.join(names)} forces just that in; give one of them"
+        )
+    everything = tuple(name for name in FORCEABLE if name in given or name in off)
+    train = kept(plan.train, everything)
+    if "fine_pass" in out:
+        train = replace(train, fine_bins=0)
+    if "empty_space" in out and not train.grid.cells:
+        train = replace(train, grid=GridSettings())
+    if "background_rays" in out and not train.covered_share:
+        train = replace(train, covered_share=REDUCED_TRAINING.covered_share)
+    return replace(plan, train=train, views=replace(plan.views, need=everything, no_need=out))
+
+
+def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":
+    """Return the plan of a command's options, and the device that its cells train on."""
+    from scenes.view_sets.source import Region
+
+    given = {name.removeprefix("--").replace("-", "_") for name in PLAN_OPTIONS} - {"profile", "device", "view_sets"}
+    values = {name: getattr(options, name) for name in given - set(REGION)}
+    values["precision"] = None if options.precision == "auto" else options.precision
+    if seen := [f"--{name}" for name in REGION if getattr(options, name) is not None]:
+        if options.view_set is None:
+            raise InputError(f"{' '.join(seen)}: only for --view-set; what we render says where it lies")
+        try:
+            values["region"] = Region(tuple(options.bounds) if options.bounds else None, options.near, options.far)
+        except InputError as error:
+            raise InputError(f"{' '.join(seen)}: {error}") from error
+    plan = planned(options.profile, **values)
+    if options.command != "run":  # what explains a run's result is no part of other measurements
+        plan = plan.alone()
+    # last, as it may join a cluster
+    device, bfloat16 = device_and_bfloat16(options, *say)
+    if options.precision == "auto" and not bfloat16:
+        plan = plan.in_float32()  # the processor is faster in it
+    return plan, device

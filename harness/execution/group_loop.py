@@ -1,0 +1,122 @@
+"""The loop over the groups of a run, wherever they run: submit, poll, cancel."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from harness.execution.group import failed_cells, missing_methods
+from harness.plan.group_task import GroupTask
+from harness.records.cells import CellRecord
+
+
+@dataclass(frozen=True)
+class Event:
+    """An event of a group: training advanced, a cell ended, or there is a note for the reader."""
+
+    task: GroupTask
+    share: float | None = None
+    cell: CellRecord | None = None
+    notice: str | None = None
+
+
+@dataclass(eq=False)
+class Attempt:
+    task: GroupTask
+    """The task as it was given, with all methods that were missing at first."""
+    number: int = 1
+    ended: int = 0
+    """The number of its methods that had ended before."""
+    handle: Any = None
+    """What its place knows it by."""
+
+
+@dataclass(frozen=True)
+class End:
+    """The end of an attempt."""
+
+    lost: str | None = None
+    """Why it has not ended all of its cells, if it has not."""
+    refused: bool = False
+    """Whether nothing was begun, and another worker may take it."""
+
+
+News = float | str | CellRecord | End
+"""The share that is trained, a notice, a cell that has ended, or the end."""
+
+
+class Place(Protocol):
+    room: int
+    """The number of attempts at once; 0 if no more are taken."""
+    refusal: str
+    """Why no more are taken."""
+
+    def submit(self, attempt: Attempt, task: GroupTask) -> None:
+        """Begin an attempt at `task`, which is its task without the methods that have ended."""
+
+    def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
+        """Yield what is new, after a wait for it; raises errors that end the run."""
+
+    def again(self, attempt: Attempt, lost: str, missing: tuple[str, ...]) -> tuple[list[Attempt], str]:
+        """Return the attempts that follow a lost one and a notice of it, or none and the reason for its records."""
+
+    def cancel(self, running: list[Attempt]) -> None:
+        """End what is running, and whatever belongs to the place."""
+
+
+def run_at(place: Place, tasks: list[GroupTask]) -> Iterator[Event]:
+    """Yield the events of all groups; closing it (Ctrl-C) cancels what runs, and ended cells are on disk.
+
+    A lost attempt is followed by others, without the methods that had ended, or recorded as errors; an error of ours is
+    recorded by its group and not tried again.
+    """
+    waiting = [Attempt(task) for task in tasks]
+    running: list[Attempt] = []
+
+    def submit() -> None:
+        while waiting and len(running) < place.room:
+            attempt = waiting.pop(0)
+            missing = missing_methods(attempt.task)
+            attempt.ended = len(attempt.task.methods) - len(missing)
+            place.submit(attempt, replace(attempt.task, methods=missing))
+            running.append(attempt)
+
+    try:
+        submit()
+        while running:
+            for attempt, news in place.poll(running):
+                if isinstance(news, End):
+                    running.remove(attempt)
+                    events = _after(place, attempt, news, waiting)
+                    submit()  # first, as a consumer may take its time
+                    yield from events
+                else:
+                    yield _event(attempt, news)
+        for attempt in waiting:
+            yield from _failed(attempt.task, place.refusal)
+    finally:
+        place.cancel(running)
+
+
+def _event(attempt: Attempt, news: float | str | CellRecord) -> Event:
+    if isinstance(news, float):
+        every = len(attempt.task.methods)
+        return Event(attempt.task, share=(attempt.ended + news * (every - attempt.ended)) / every)
+    if isinstance(news, str):
+        return Event(attempt.task, notice=news)
+    return Event(attempt.task, cell=news)
+
+
+def _after(place: Place, attempt: Attempt, end: End, waiting: list[Attempt]) -> list[Event]:
+    if end.refused:
+        waiting.insert(0, attempt)
+        return []
+    missing = missing_methods(attempt.task)
+    if end.lost is None or not missing:
+        return [Event(attempt.task, share=1.0)]
+    following, words = place.again(attempt, end.lost, missing)
+    waiting[:0] = following
+    return [Event(attempt.task, notice=words)] if following else _failed(attempt.task, words)
+
+
+def _failed(task: GroupTask, reason: str) -> list[Event]:
+    return [*(Event(task, cell=cell) for cell in failed_cells(task, reason)), Event(task, share=1.0)]

@@ -1,0 +1,177 @@
+"""The plan of a run: scenes × methods × seeds, how much, and on what."""
+
+import itertools
+from collections.abc import Collection
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from baselines.catalog import CATALOG as METHODS
+from baselines.composition import Parts
+from baselines.methods.chosen import chosen
+from harness.plan.defaults import KEPT_EVERY
+from harness.plan.group_task import GroupTask
+from harness.plan.plugins import OURS
+from harness.plan.schedule import Budget
+from harness.plan.settings import ScoreSettings, TrainSettings, ViewSettings
+from harness.records.cells import USUAL, Roles
+from harness.records.claims import ClaimFile
+
+APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "guest", "claims", "roles")
+"""The fields that settings have elsewhere or not at all."""
+
+
+@dataclass(frozen=True)
+class Extra:
+    """Further methods on one scene, beside those that train on all: they explain a result and are no part of it."""
+
+    scene: str
+    methods: tuple[str, ...]
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    profile: str
+    scenes: tuple[str, ...]
+    methods: tuple[str, ...]
+    seeds: tuple[int, ...]
+    budget: Budget
+    train: TrainSettings
+    score: ScoreSettings
+    views: ViewSettings
+    view_set: tuple[str, ...] | None = None
+    """The posed images of each scene, in any readable format (`scenes.view_sets.formats.foreign`), instead of
+    rendered scenes.
+    """
+    scene_file: str | None = None
+    """The file of a scene of the user's own (`scenes.catalog.scene_file`), to be rendered instead of
+    the catalogue's.
+    """
+    scene_file_digest: str | None = None
+    """The SHA-256 of its bytes."""
+    render_limit: float | None = None
+    """The seconds that the scene file, or one of its views, may take, else the default; no result depends on it."""
+    extras: tuple[Extra, ...] = ()
+    guest: str | None = None
+    """A method of another family, trained with the first seed for the core seconds of the baseline on each scene: it
+    shows what else these would have bought, and is compared with nothing.
+    """
+    lpips: str | None = None
+    """The file of the weights of LPIPS; cells name its digest."""
+    claims: tuple[ClaimFile, ...] = ()
+    """What is claimed of the methods; no score depends on it."""
+    roles: Roles = USUAL
+
+    def groups(self) -> dict[tuple[str, int], tuple[str, ...]]:
+        """Map (scene, seed) → the methods that train in lockstep there: those of the plan, then the further ones.
+
+        Seeds are outermost, so that a stopped run has every scene.
+        """
+        groups = {}
+        for seed, scene in itertools.product(self.seeds, self.scenes):
+            further = (extra.methods for extra in self.extras if extra.scene == scene and seed in extra.seeds)
+            groups[scene, seed] = tuple(dict.fromkeys(itertools.chain(self.methods, *further)))
+        return groups
+
+    def cells(self) -> list[tuple[str, str, int]]:
+        return [(scene, method, seed) for (scene, seed), methods in self.groups().items() for method in methods]
+
+    def all_methods(self) -> tuple[str, ...]:
+        """Return the methods of all scenes, then those of single ones."""
+        return tuple(dict.fromkeys(itertools.chain(self.methods, *(extra.methods for extra in self.extras))))
+
+    def tasks(self, view_sets: dict[str, Path], machine: "Machine", out: Path) -> list[GroupTask]:
+        """Return the work of every group, its view set taken from scene → folder."""
+        return [
+            GroupTask(
+                scene=scene,
+                seed=seed,
+                methods=methods,
+                view_set=view_sets[scene],
+                views=self.views,
+                train=replace(self.train, own=self._handed_on((*methods, *self.guests))),
+                score=self.score,
+                budget=self.budget,
+                out=out,
+                device=machine.device,
+                threads=machine.threads,
+                keep_every=machine.keep_every,
+                lpips=None if self.lpips is None else Path(self.lpips),
+            )
+            for (scene, seed), methods in self.groups().items()
+        ]
+
+    def in_float32(self) -> "Plan":
+        """Return the plan with matrix multiplications in float32, the rest as it is."""
+        return replace(self, train=replace(self.train, precision="float32"))
+
+    def settings(self) -> dict[str, Any]:
+        """Return everything that the results depend on, as JSON."""
+        kept = {key: value for key, value in asdict(self).items() if key not in APART}
+        kept["budget"] = self.budget.settings()
+        if self.scene_file is None:
+            del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are equal
+        for name in ("region", "ceiling_train_db", "ceiling_test_db"):
+            if getattr(self.views, name) is None:
+                del kept["views"][name]
+        if not self.extras:
+            del kept["extras"]
+        if self.view_set is not None and len(self.view_set) == 1:
+            kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
+        names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
+        own = self.own_settings((*self.all_methods(), *self.guests))
+        kept["train"]["own"] = {name: asdict(settings) for name, settings in own.items()}
+        return {**kept, **names}
+
+    @property
+    def guests(self) -> tuple[str, ...]:
+        return (self.guest,) if self.guest else ()
+
+    def guest_cells(self) -> list[tuple[str, str, int]]:
+        """Return (scene, method, seed) of the guest's cells."""
+        return [(scene, guest, self.seeds[0]) for guest in self.guests for scene in self.scenes]
+
+    def alone(self) -> "Plan":
+        """Return the plan of its own methods, without those that explain a result or show its scale."""
+        return replace(self, extras=(), guest=None)
+
+    def _handed_on(self, methods: Collection[str]) -> dict[str, Any]:
+        """Return the own settings that a worker is given; a package's are not, as it may lack their classes."""
+        given = OURS | self.train.own.keys()
+        return {name: own for name, own in self.own_settings(methods).items() if name in given}
+
+    def own_settings(self, methods: Collection[str]) -> dict[str, Any]:
+        """Map method → the settings that are its own, for methods that have any: those of the plan, else those of the
+        catalogue, with the constants of density that were chosen for the profile.
+        """
+        own = {name: METHODS[name].settings for name in methods if name in METHODS}
+        # by what a method is, not by its name: one of the searched methods may stand in the catalogue twice
+        searched = {METHODS[name].parts: pair for name, pair in chosen(self.profile).items()}
+        for name, parts in own.items():
+            if isinstance(parts, Parts) and (pair := searched.get(parts)):
+                own[name] = replace(parts, **pair.fields)
+        own |= {name: given for name, given in self.train.own.items() if name in methods}
+        return {name: settings for name, settings in own.items() if settings is not None}
+
+
+@dataclass(frozen=True)
+class Machine:
+    """The part of the machine that a run uses: clocks are comparable only on the same machine."""
+
+    device: str
+    workers: int
+    """The number of processes; on Ray as many groups run at once as the cluster has room for, and this is for
+    measurements.
+    """
+    threads: int
+    executor: Literal["local", "ray", "submitit"] = "local"
+    keep_every: float = KEPT_EVERY
+    """The seconds between two times that cells are kept in the middle of their training; changes no result."""
+    job_options: tuple[str, ...] = ()
+    """`NAME=VALUE` for the jobs of submitit; change no result."""
+
+    def settings(self) -> dict[str, Any]:
+        """Return the settings as JSON, without defaults, so that runs from before there was a choice can be resumed."""
+        usual = ("device", "workers", "threads")
+        return {key: getattr(self, key) for key in (usual if self.executor == "local" else (*usual, "executor"))}
