@@ -6,7 +6,9 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -35,7 +37,10 @@ from harness.viewer.asked import BadRequest, parsed
 from reports.__main__ import main as reports
 from reports.data.load import NoRecords, read_records
 from reports.data.studies_load import find_studies
+from reports.drawing import figure, series_charts
 from reports.drawing.images import read as read_picture
+from reports.page import shell
+from reports.studies import study_page
 from scenes.catalog import scene_file
 from scenes.catalog.mitsuba_xml import notes
 from scenes.catalog.scene_file import mistakes_in, scene_from_file
@@ -127,7 +132,7 @@ def reference(folder: Path, file: Path) -> None:
     biases(np.zeros((2, *picture.mean.shape)), picture)
 
 
-def cache(folder: Path, file: Path) -> None:
+def view_cache(folder: Path, file: Path) -> None:
     """Whatever lies in the folder, a picture is the one that was stored, or a miss."""
     disk = DiskPictures(folder, 1 << 20)
     for number in range(2):
@@ -226,20 +231,39 @@ def entry_points(folder: Path, file: Path) -> None:
             raise refused
 
 
-def page(folder: Path, file: Path) -> None:
+def page(folder: Path, file: Path, *options: str) -> None:
     """`python -m reports OUT`: exit code 0 or 3, or 2 with a reason, and never code of a record's in the page."""
     out = folder if (folder / "records").exists() else file.parent
-    for options in ([], ["--partial"]):
-        errors, printed = io.StringIO(), io.StringIO()
-        with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(printed):
-            code = reports([str(out), *options])
-        if code != 2:
-            assert code in (0, 3), f"exit code {code}: {errors.getvalue()[-300:]}"
-            text = Path(printed.getvalue().splitlines()[-1]).read_text(encoding="utf-8")
-            assert len(text) > 1000
-            assert CODE not in text, f"text of a record has become code: {text[text.index(CODE) - 80 :][:200]!r}"
+    errors, printed = io.StringIO(), io.StringIO()
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(patch.object(shell, "environment", ENVIRONMENT))
+        for module in (figure, series_charts, study_page):
+            stack.enter_context(patch.object(module, "svg", _drawn))
+        stack.enter_context(contextlib.redirect_stderr(errors))
+        stack.enter_context(contextlib.redirect_stdout(printed))
+        code = reports([str(out), *options])
     if code == 2:
         raise InputError(errors.getvalue().strip())
+    assert code in (0, 3), f"exit code {code}: {errors.getvalue()[-300:]}"
+    text = Path(printed.getvalue().splitlines()[-1]).read_text(encoding="utf-8")
+    assert len(text) > 1000
+    assert CODE not in text, f"text of a record has become code: {text[text.index(CODE) - 80 :][:200]!r}"
+
+
+def page_in_part(folder: Path, file: Path) -> None:
+    page(folder, file, "--partial")
+
+
+ENVIRONMENT = cache(shell.environment)
+SVG, DRAWN = figure.svg, dict[tuple[str, str], Any]()
+
+
+def _drawn(panel: Any, name: str) -> Any:
+    """A drawing follows from its panel and name, so that one that was drawn before is not drawn again."""
+    key = repr(panel), name
+    if key not in DRAWN:
+        DRAWN[key] = SVG(panel, name)
+    return DRAWN[key]
 
 
 def started(folder: Path, file: Path) -> None:
@@ -257,6 +281,7 @@ READERS: dict[str, Reader] = {
     "pictures": Reader(material.small_run, "records/pictures/*", pictures),
     "study": Reader(material.studies, "*/*.json", study),
     "page": Reader(material.small_run, "**/*.*", page, ("page",), slow=True),
+    "page_in_part": Reader(material.small_run, "**/*.*", page_in_part, ("page_in_part",), slow=True),
     "study_page": Reader(material.studies, "*/*.json", page, slow=True),
     "plan": Reader(material.started, "run/records/plan.json", started, ("run",)),
     "film": Reader(material.started, "film/film.json", lambda folder, file: material.claimed_film(folder), ("film",)),
@@ -265,7 +290,7 @@ READERS: dict[str, Reader] = {
     "limits": Reader(material.gates, "limits.json", limits),
     "references": Reader(material.gates, "references.json", references),
     "reference": Reader(material.gates, "images/*.exr", reference),
-    "view_cache": Reader(material.view_cache, "*", cache, anything=True, misses=True),
+    "view_cache": Reader(material.view_cache, "*", view_cache, anything=True, misses=True),
     "request": Reader(material.request, "*.json", lambda folder, file: parsed(file.read_bytes()), (" ",)),
     "table": Reader(material.tables, "*", judged),
     "scene_file": Reader(material.scene_files, "mine.*", own_scene, ("scene_file",)),
