@@ -33,6 +33,7 @@ from scenes.view_sets.source import Region
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import FOV_X_RADIANS, ball_view, pose, write_ball
 from tests.harness.tiny import SCORE, TRAIN
+from tests.harness.trained_runs import train_run
 from tests.replacing import replace
 from tests.reports.fake_evidence import write_fake_evidence
 from tests.reports.fake_run import write_fake_run
@@ -117,13 +118,13 @@ def pictures(folder: Path) -> None:
         assert target.close()
 
 
-def former(folder: Path) -> None:
+def trained(folder: Path) -> None:
     """A finished run with its checkpoints in `run`, its view set in `ball`; its cells' records hold no digests of
     files, or every spoilt file would be refused before it is read.
     """
-    shutil.copytree(ROOT / "tests/former", folder)
-    for cell in read_cells(folder / "run"):
-        write_cell(folder / "run", replace(cell, files={}))
+    out = train_run(folder, ["nerf", "qnerf"], steps=2)
+    for cell in read_cells(out):
+        write_cell(out, replace(cell, files={}))
 
 
 def small_run(folder: Path) -> None:

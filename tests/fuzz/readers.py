@@ -285,7 +285,7 @@ READERS: dict[str, Reader] = {
     "study_page": Reader(material.studies, "*/*.json", page, slow=True),
     "plan": Reader(material.started, "run/records/plan.json", started, ("run",)),
     "film": Reader(material.started, "film/film.json", lambda folder, file: material.claimed_film(folder), ("film",)),
-    "finished": Reader(material.former, "run/[rc]*/**/*.*", finished, ("run", "ball"), slow=True),
+    "finished": Reader(material.trained, "run/[rc]*/**/*.*", finished, ("run", "ball"), slow=True),
     "snapshot": Reader(material.half_way, "unfinished/*", lambda folder, file: material.train_on(folder), slow=True),
     "limits": Reader(material.gates, "limits.json", limits),
     "references": Reader(material.gates, "references.json", references),

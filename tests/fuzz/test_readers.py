@@ -221,7 +221,7 @@ def test_options_are_accepted_or_refused_by_name(
     arguments = data.draw(command_lines(package))
     copy = scratch / "command"
     remove(copy)
-    shutil.copytree(valid(material.former, scratch), copy)
+    shutil.copytree(valid(material.trained, scratch), copy)
 
     def read() -> None:
         try:
