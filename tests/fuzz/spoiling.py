@@ -110,8 +110,10 @@ def in_bytes(draw: st.DrawFn, valid: bytes) -> bytes:
     """Bytes left out, put in or replaced; half of the time in the header, where claims are made."""
     for _ in range(draw(st.integers(1, 3))):
         at = draw(st.integers(0, min(len(valid), 400)) | st.integers(0, len(valid)))
-        end = at + draw(st.sampled_from((0, 1, 4, 16, 64, len(valid))))
-        valid = valid[:at] + draw(st.binary(max_size=4) | st.sampled_from((*BITS, valid[at:end] * 2))) + valid[end:]
+        new = draw(st.binary(max_size=4) | st.sampled_from((*BITS, valid[at : at + 64])))
+        # most of the time as many bytes as there were, or only the length would be found wrong
+        end = at + draw(st.sampled_from((len(new), len(new), len(new), 0, 1, 64, len(valid))))
+        valid = valid[:at] + new + valid[end:]
     return valid
 
 
