@@ -177,9 +177,10 @@ def commands(session: nox.Session) -> None:
 
 @nox.session
 def fuzz(session: nox.Session) -> None:
-    """Try bad input by the thousand on everything that reads a file or an option."""
-    install(session, "test", "fuzz")
-    session.run("python", "-m", "tests.fuzz", *session.posargs)
+    """Try bad input by the thousand on everything that reads a file or an option; `-- -k NAME` chooses."""
+    install(session, "test")
+    campaign = ("-n", "auto", "--timeout", "0", "--hypothesis-profile", "fuzz")
+    session.run("pytest", *campaign, "tests/fuzz", *session.posargs)
 
 
 @nox.session

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import torch
 
     from harness.execution.progress import Progress
-    from harness.plan.profiles import Plan
+    from harness.plan.run_plan import Plan
 
 Row = TypeVar("Row")
 

@@ -22,7 +22,7 @@ from typing import Any, Literal
 from harness.execution.progress import Progress, Range, RenderProgress
 from harness.machine.device import available_cores
 from harness.plan.defaults import RENDER_LIMIT
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.plan.settings import ViewSettings
 from scenes.files.errors import InputError
 from scenes.modelling.needs import with_needs

@@ -21,7 +21,7 @@ from harness.machine.mixed_code import clocks_apart, code_apart, made_elsewhere
 from harness.machine.provenance import provenance
 from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
-from harness.plan.profiles import Machine, Plan
+from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import (
     CellRecord,

@@ -20,7 +20,7 @@ from harness.gate.references import REFERENCES_FILE, Quotients, References
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
 from harness.machine.processor_class import class_here
 from harness.machine.provenance import committed, provenance
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.json_record import file_digest
 from harness.records.study import Check, Studies, StudyInfo, read_studies
 from harness.run_folder.folder_lock import scratch_folder

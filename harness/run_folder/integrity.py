@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.plan.settings import TrainSettings
 from harness.records.cells import (
     CellRecord,

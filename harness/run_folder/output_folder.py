@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from harness.plan.profiles import Machine, Plan
+from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import records_folder
 from harness.records.json_record import DamagedRecord, load_record, shown, write_record
 from harness.run_folder.folder_lock import LOCK_FILE, locked_folder

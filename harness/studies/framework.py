@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import torch
 
     from harness.execution.progress import Progress
-    from harness.plan.profiles import Machine
+    from harness.plan.run_plan import Machine
 
 TRAININGS_FOLDER = "studies"
 """The folder under OUT in which the runs of studies that train lie."""

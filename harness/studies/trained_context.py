@@ -14,7 +14,7 @@ import msgspec
 
 from harness.execution import run as execution
 from harness.machine.provenance import provenance
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.records.cells import CellRecord, SceneRecord, cell_path, read_cells, read_cells_of, read_run
 from harness.records.json_record import DamagedRecord
 from harness.records.study import Studies

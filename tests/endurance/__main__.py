@@ -2,77 +2,203 @@
 
 import argparse
 import shutil
+import signal
 import sys
 import tempfile
 import time
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from random import Random
 
+from tests.endurance.runs import FORKED, FULL, PHASES, POINTS, TYPED, Ended, Way, phase_of, prepare, run
+from tests.endurance.same_results import cells_resumed, differences
+
+NO_RUN_YET = "holds no run to go on with"
+MANY_IN_TRAINING = 10
+"""Kills: after so many in training, some cell must have been resumed in the middle."""
+MOST_KILLS = 5
+"""Of one folder, before it is resumed to its end."""
 FULL_AT = (0, 1, 2, 4, 5, 6, 7, 9, 12)
 """Writes from which on the disk is full: of plan, pictures, run, weights, records; 0: while rendering."""
+KINDS = (
+    "out/records/plan.json",
+    "out/records/run.json",
+    "out/records/comparisons.json",
+    "out/records/targets.json",
+    "out/records/cells/hotdog.nerf.0.json",
+    "out/records/pictures/hotdog.safetensors",
+    "out/records/pictures/hotdog.nerf.0.safetensors",
+    "out/checkpoints/lego.qnerf.0.safetensors",
+    "view_sets/hotdog-*/view_set.json",
+    "view_sets/hotdog-*/train/r_3.png",
+    "view_sets/hotdog-*/test/r_1.exr",
+    "view_sets/hotdog-*/transforms_train.json",
+    "view_sets/hotdog-*/rendered.jsonl",
+)
+"""Files that a run and its view sets consist of."""
+BOMB = b"cposix\nsystem\n(S'touch UNPICKLED'\ntR."
+"""A pickle that makes a file where it is read; nothing of ours reads one."""
+
+
+def _flip(place: float) -> Callable[[Path], None]:
+    def flip(path: Path) -> None:
+        data = bytearray(path.read_bytes())
+        data[min(int(place * len(data)), len(data) - 1)] ^= 0x15
+        path.write_bytes(data)
+
+    return flip
+
+
+def _folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+    (path / "somebody's.txt").write_text("mine")
+
+
+DAMAGES: dict[str, Callable[[Path], object]] = {
+    "a byte near its start": _flip(0.01),
+    "a byte in its middle": _flip(0.5),
+    "its last byte but a few": _flip(0.99),
+    "removed": Path.unlink,
+    "cut off": lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 3]),
+    "emptied": lambda path: path.write_bytes(b""),
+    "a folder instead": _folder,
+    "a pickle instead": lambda path: path.write_bytes(BOMB),
+}
+
+
+def undisturbed(way: Way, scratch: Path) -> tuple[Path, float]:
+    """Return the folder of a run that nobody disturbs, and its seconds."""
+    here, began = scratch / f"undisturbed-{way.name}", time.monotonic()
+    here.mkdir(parents=True)
+    ended = run(way, here)
+    assert ended.code == 0, ended.printed
+    say(f"{way.name}, undisturbed: {time.monotonic() - began:.1f} s; scratch {scratch}")
+    return here, time.monotonic() - began
+
+
+def kills(way: Way, count: int, seed: int, scratch: Path, reference: Path, seconds: float) -> list[str]:
+    """Kill runs `count` times; a folder is killed up to `MOST_KILLS` times, resumed and compared with `reference`."""
+    draws, wrong, phases = Random(f"{way.name} {seed}"), [], Counter[str]()
+    folders = resumed = late = 0
+    while phases.total() < count and late <= 10 + 3 * count:
+        folders += 1
+        here, serving = scratch / way.name / str(folders), draws.random() < 0.15
+        here.mkdir(parents=True)
+        if draws.random() < way.rendered:
+            shutil.copytree(reference / "view_sets", here / "view_sets")
+        lines = []
+        for _ in range(min(draws.randint(1, MOST_KILLS), count - phases.total())):
+            ended = killed(way, here, serving, draws, seconds * (2.0 if serving else 1.0))
+            if ended.code == -signal.SIGKILL:
+                phases[ended.phase] += 1
+            else:
+                late += 1
+                if ended.code != 0 and NO_RUN_YET not in ended.printed:
+                    lines.append(f"ended with {ended.code}: {ended.printed[-400:]}")
+        lines += completed(way, here, reference, serving)
+        resumed += cells_resumed(here / "out")
+        wrong += [f"{way.name}, folder {folders}: {line}" for line in lines]
+        if not lines:
+            shutil.rmtree(here)
+    counts = ", ".join(f"{many} {phase}" for phase, many in phases.most_common())
+    say(f"{phases.total()} {way.name} kills of {folders} runs ({counts}), {late} came too late")
+    say(f"  {resumed} cells were resumed in the middle of their training")
+    if phases["training"] >= MANY_IN_TRAINING and not resumed:
+        wrong.append(f"{way.name}: no cell was resumed in the middle of its training")
+    return wrong
+
+
+def killed(way: Way, here: Path, serving: bool, draws: Random, seconds: float) -> Ended:
+    """Run, and kill at a write, at any time of `seconds`, or soon after a phase began; one of five without its group.
+
+    A typed run spends most of its time on imports, so that few kills at any time would meet the later phases.
+    """
+    resume = has_begun(here)
+    if draws.random() < way.at_points:
+        return run(way, here, resume, serving, point=(draws.choice(POINTS), draws.randint(1, 30)))
+    alone, by_phase = draws.random() < 0.2, draws.random() < 0.5
+    never = {"rendering" if (here / "view_sets").exists() else "", "" if serving else "serving"}
+    later = [phase for phase in PHASES[1:] if phase not in never]
+    awaited, after = draws.choice(later), draws.uniform(0.0, seconds * (0.02 if by_phase else 1.0))
+    since = None if by_phase else time.monotonic()
+
+    def moment() -> str:
+        nonlocal since
+        phase = phase_of(here, way)
+        if since is None and phase == awaited:
+            since = time.monotonic()
+        return phase if since is not None and time.monotonic() >= since + after else ""
+
+    return run(way, here, resume, serving, moment=moment, alone=alone)
+
+
+def completed(way: Way, here: Path, reference: Path, serving: bool = False) -> list[str]:
+    """Resume what was killed, to its end; return what is then not as in `reference`."""
+    ended = run(way, here, has_begun(here), serving)
+    if ended.code == 2 and NO_RUN_YET in ended.printed:  # killed before anything was written
+        ended = run(way, here, False, serving)
+    if ended.code != 0:
+        return [f"--resume ended with {ended.code}: {ended.printed[-600:]}"]
+    return differences(here, reference)
+
+
+def has_begun(here: Path) -> bool:
+    return (here / "out/records").exists()
+
+
+def damaged(reference: Path, here: Path, kind: str, how: str) -> list[str]:
+    """Damage one file of a copy in one way, and resume the run."""
+    shutil.rmtree(here, ignore_errors=True)
+    shutil.copytree(reference, here)
+    path = next(here.glob(kind))
+    DAMAGES[how](path)
+    ended = run(FORKED, here, resume=True, quiet=False)
+    wrong = [f"unpickled: {file}" for file in (*here.rglob("UNPICKLED"), *Path.cwd().glob("UNPICKLED"))]
+    wrong += differences(here, reference) if ended.code == 0 else [f"exit code {ended.code}: {ended.printed[-300:]}"]
+    lines = [line for line in ended.printed.splitlines() if path.name in line or ": missing" in line]
+    say(f"{kind}, {how}: {' / '.join(lines).replace(f'{here}/', '')[:300] or 'nothing to say'}")
+    return [f"{kind}, {how}: {line}" for line in wrong]
+
+
+def on_a_full_disk(reference: Path, here: Path, write: int) -> list[str]:
+    """Run until the disk is full; the folder is then named, and the run is resumed once there is room."""
+    here.mkdir(parents=True)
+    ended = run(FORKED, here, point=(FULL, write))
+    say(f"disk full at write {write or 'of a view'}: {ended.printed.strip().replace(f'{here}/', '')[-200:]}")
+    wrong = completed(FORKED, here, reference)
+    if ended.code != 2 or str(here) not in ended.printed or "Traceback" in ended.printed:
+        wrong.append(f"exit code {ended.code}: {ended.printed[-400:]}")
+    return [f"disk full at write {write}: {line}" for line in wrong]
 
 
 def main() -> int:
     options = argparse.ArgumentParser(prog="python -m tests.endurance", description=__doc__)
     options.add_argument("--kills", type=int, default=100, metavar="N", help="default: 100")
-    options.add_argument("--seed", type=int, default=None, metavar="N", help="of the times of killing (default: any)")
-    options.add_argument(
-        "--typed-kills", type=int, default=20, metavar="N", help="of the command as it is typed (default: 20)"
-    )
+    options.add_argument("--seed", type=int, default=int(time.time()), metavar="N", help="of the times of killing")
+    options.add_argument("--typed-kills", type=int, default=20, metavar="N", help="of typed runs (default: 20)")
     options.add_argument("--no-damage", action="store_true", help="kill alone")
-    options.add_argument("--brief", action="store_true", help="of each kind of file one damage")
+    options.add_argument("--brief", action="store_true", help="one damage for each kind of file")
     options.add_argument("--scratch", type=Path, metavar="DIR", help="where what went wrong stays to be looked at")
     given = options.parse_args()
-    seed = int(time.time()) if given.seed is None else given.seed
-    print(f"seed {seed}", flush=True)
-
-    from tests.endurance.damage import damages
-    from tests.endurance.forked import prepare
-    from tests.endurance.kills import completed, forked, forked_runs, on_a_full_disk, storm
-    from tests.endurance.typed import typed, typed_runs
-
+    say(f"seed {given.seed}")
     scratch = given.scratch or Path(tempfile.mkdtemp(prefix="endurance-"))
     wrong: list[str] = []
-
-    def killed(count: int, name: str, complete: Any, runs_of: Any) -> Path:
-        """Run once undisturbed, and kill others `count` times; return what was undisturbed."""
-        reference = scratch / f"undisturbed-{name}"
-        reference.mkdir(parents=True)
-        first = complete(reference, False, False)
-        assert first.code == 0, first.printed
-        say(f"{name}, undisturbed: {first.seconds:.1f} s; scratch {scratch}")
-        began, runs = time.monotonic(), runs_of(first.seconds)
-        met = storm(count, seed, scratch / name, reference, runs, say)
-        seconds = time.monotonic() - began
-        say(f"{met.kills} {runs.name} of {met.folders} runs in {seconds:.0f} s, {met.too_late} came too late")
-        for phase, number in met.phases.most_common():
-            say(f"  {number:4} {phase}")
-        say(f"  {met.resumed} cells were resumed in the middle of their training")
-        wrong.extend(met.wrong)
-        return reference
-
     if given.typed_kills:
-        killed(given.typed_kills, "typed", typed, typed_runs)
+        wrong += kills(TYPED, given.typed_kills, given.seed, scratch, *undisturbed(TYPED, scratch))
     prepare()
-    reference = killed(given.kills, "forked", forked, forked_runs)
-    if not given.no_damage:
-        began = time.monotonic()
-        for row in damages(reference, scratch / "damaged", each=1 if given.brief else None):
-            say(row.line)
-            wrong += [f"{row.line}: {line}" for line in row.wrong]
-        say(f"damages took {time.monotonic() - began:.0f} s")
+    reference, seconds = undisturbed(FORKED, scratch)
+    wrong += kills(FORKED, given.kills, given.seed, scratch, reference, seconds)
+    ways = [*DAMAGES]
+    for place, kind in enumerate(() if given.no_damage else KINDS):
+        for how in [ways[place % len(ways)]] if given.brief else ways:
+            wrong += damaged(reference, scratch / "damaged", kind, how)
     for write in FULL_AT[::4] if given.brief else FULL_AT:
-        here = scratch / "full" / str(write)
-        here.mkdir(parents=True)
-        ended = on_a_full_disk(here, write)
-        printed = ended.printed.strip().replace(f"{here}/", "")
-        say(f"disk full at write {write or 'of a view'}, exit code {ended.code}: {printed[-200:]}")
-        wrong += [f"full at {write}: {line}" for line in completed(here, reference)]
-        if ended.code != 2 or str(here) not in ended.printed or "Traceback" in ended.printed:
-            wrong.append(f"full at {write}: {ended.code}, {ended.printed[-400:]}")
+        wrong += on_a_full_disk(reference, scratch / "full" / str(write), write)
     for line in wrong:
-        print(f"wrong: {line}")
-    print(f"{len(wrong)} wrong")
+        say(f"wrong: {line}")
+    say(f"{len(wrong)} wrong")
     if not given.scratch and not wrong:
         shutil.rmtree(scratch)
     return 1 if wrong else 0

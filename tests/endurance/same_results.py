@@ -14,8 +14,9 @@ SAME_JSON = (
 )  # fmt: skip
 """Everything else: the journal of what was rendered is in the order of rendering."""
 CLOCKS = ("train_seconds", "seconds", "train_core_seconds", "core_seconds", "costs", "phases")
-CLOCKS += ("provenance", "files", "digest", "digests", "command", "checksum")
-"""Keys left out wherever they stand: clocks, how and where a run was made, and digests of files with clocks in them."""
+CLOCKS += ("provenance", "files", "digest", "digests", "command", "checksum", "p_adjusted")
+"""Keys left out wherever they stand: clocks, how and where a run was made, digests of files with clocks in them, and
+what is adjusted for a family of which some comparisons are at equal seconds."""
 BY_TIME = {"seconds", "core_seconds"}
 """Comparisons at these budgets, or on these axes, depend on a clock."""
 ABOUT_CLOCKS = ("Cores of their own for all timed cells", "Clocks in one piece")

@@ -19,6 +19,6 @@ def test_a_few_kills_and_one_damage_of_each_kind_lose_nothing(tmp_path: Path) ->
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, f"{done.stdout[-3000:]} {done.stderr[-2000:]}"
-    assert "\n3 kills of " in done.stdout
-    assert "\n1 kills of the typed command of " in done.stdout
+    assert "\n3 forked kills of " in done.stdout
+    assert "\n1 typed kills of " in done.stdout
     assert done.stdout.endswith("0 wrong\n")

@@ -1,8 +1,10 @@
-"""Whole files and folders to spoil, each made once: by the programs that write them, as small as they can be."""
+"""Valid files to spoil, written by the programs that write them, as small as they can be."""
 
 import json
+import shutil
 import warnings
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +13,10 @@ from PIL import Image
 
 from harness.command.plan_options import planned
 from harness.plan.group_task import GroupTask
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.plan.schedule import Budget
 from harness.playback.store import ViewStore
 from harness.records.cells import read_cells, read_run, write_cell
-from harness.records.pictures import Render, Truth, half, write_renders, write_truth
 from harness.records.targets import write_targets
 from harness.run_folder.output_folder import claim
 from harness.training.lockstep import train_group
@@ -43,112 +44,117 @@ from tests.reports.fake_stability import write_fake_stability
 from tests.scenes.captures import capture
 
 SIZE = 8
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+ROOT = Path(__file__).parents[2]
+POSES = np.array([pose(0.6 * i, 0.4) for i in range(10)])
 METHOD = """from dataclasses import replace
 from baselines.catalog import CATALOG
 METHOD = replace(CATALOG["nerf"], title="one of mine")
 WRONG = replace(METHOD, title=" ")
 """
 
-
-def ball(folder: Path) -> None:
-    """A view set of somebody else's."""
-    write_ball(folder, size=SIZE, train=3, test=2)
+ball = partial(write_ball, size=SIZE, train=3, test=2)
+"""A view set of somebody else's."""
+captured = partial(capture, count=10, poses=POSES)
+"""Ten views and a `transforms.json`."""
 
 
 def own(folder: Path) -> None:
-    """A view set of ours: EXR files and a manifest with every key that the renderer writes."""
-    files, views = [], {}
+    """A view set of ours: EXR files, their journal, a manifest with every key, and the occupancy."""
+    views = {f"{split}/r_{i}": {"noise_mse": 1e-6, "viewpoint": i} for split in ("train", "test") for i in range(2)}
+    for name in views:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        picture = ball_view(POSES[int(name[-1])], SIZE).astype(np.float32)
+        light = {channel: picture[..., k] * picture[..., 3] for k, channel in enumerate("RGB")}
+        hit = picture[..., 3] > 0
+        more = {"A": picture[..., 3], "Z": np.where(hit, 3.0, 0.0)}
+        more |= {f"N.{axis}": np.where(hit, axis == "Z", 0.0) for axis in "XYZ"}
+        more |= {f"V.{channel}": np.full((SIZE, SIZE), 1e-5) for channel in "RGBA"}
+        write_png(folder / f"{name}.png", picture)
+        write_channels(folder / f"{name}.exr", light | more)
+        note(folder, "0" * 64, name, {"noise_mse": 1e-6, "seen": True, "lit": True, "seconds": 0.5})
     for split in ("train", "test"):
-        (folder / split).mkdir(parents=True)
-        poses = np.array([pose(1.0 + i, 0.4) for i in range(2)])
-        for i, matrix in enumerate(poses):
-            picture = ball_view(matrix, SIZE).astype(np.float32)
-            channels = {
-                name: picture[..., k] * (picture[..., 3] if name != "A" else 1) for k, name in enumerate("RGBA")
-            }
-            channels["Z"] = np.where(picture[..., 3] > 0, 3.0, 0.0)
-            channels |= {f"N.{axis}": np.where(picture[..., 3] > 0, axis == "Z", 0.0) for axis in "XYZ"}
-            channels |= {f"V.{name}": np.full((SIZE, SIZE), 1e-5) for name in "RGBA"}
-            write_png(folder / split / f"r_{i}.png", picture)
-            write_channels(folder / split / f"r_{i}.exr", channels)
-            files += [folder / split / f"r_{i}.{suffix}" for suffix in ("png", "exr")]
-            views[f"{split}/r_{i}"] = {"noise_mse": 1e-6, "viewpoint": i}
-        listing = folder / f"transforms_{split}.json"
-        write_transforms(listing, FOV_X_RADIANS, [f"./{split}/r_{i}" for i in range(2)], poses)
-        files.append(listing)
-    counts = {"train": 2, "val": 0, "test": 2}
+        paths = [f"./{split}/r_{i}" for i in range(2)]
+        write_transforms(folder / f"transforms_{split}.json", FOV_X_RADIANS, paths, POSES[:2])
     scene_needs = needs(scene_named("hotdog").build())
     facts = {
         "scene": "ball", "title": "A ball", "digest": "0" * 64, "near": 2.0, "far": 6.0,
-        "bounds": [[-1.1] * 3, [1.1] * 3], "view_from": "hemisphere", "resolution": SIZE, "counts": counts,
-        "empty_splits": ["val"], "spp": {"train": 16, "val": 16, "test": 64}, "max_depth": 8, "emitters_seen": False,
+        "bounds": [[-1.1] * 3, [1.1] * 3], "view_from": "hemisphere", "resolution": SIZE,
+        "counts": {"train": 2, "val": 0, "test": 2}, "empty_splits": ["val"], "emitters_seen": False,
+        "spp": {"train": 16, "val": 16, "test": 64}, "max_depth": 8, "integrator": "path", "seconds": 1.0,
         "normalised": {"scale": 1.0, "shift": [0.0, 0.0, 0.0]}, "variant": "scalar_rgb", "variant_why": "the only one",
-        "integrator": "path", "versions": {"mitsuba": "3", "drjit": "1", "python": "3"}, "seconds": 1.0,
-        "needs": as_rows(scene_needs), "left_out": left_out(scene_needs), "views": views,
+        "versions": {"mitsuba": "3", "drjit": "1", "python": "3"}, "needs": as_rows(scene_needs),
+        "left_out": left_out(scene_needs), "views": views,
     }  # fmt: skip
-    write_manifest(folder, facts, files)
+    write_manifest(folder, facts, [file for pattern in ("*/*", "trans*") for file in sorted(folder.glob(pattern))])
+    cells = np.zeros(32**3, dtype=bool)
+    cells[9_000:20_000] = True
+    write_occupancy(folder, read_manifest(folder), cells)
 
 
-def report(folder: Path) -> None:
-    """Records of everything that a report shows."""
-    small_run(folder, seeds=2)
-    for write in (write_fake_speed, write_fake_stability, write_fake_evidence, write_fake_serving):
-        write(folder)
+def pictures(folder: Path) -> None:
+    """Images of every kind that is read, as other programs write them, too."""
+    folder.mkdir(parents=True)
+    picture = ball_view(POSES[1], SIZE)
+    levels = np.round(picture * 255).astype(np.uint8)
+    write_png(folder / "a.png", picture)
+    write_channels(folder / "a.exr", {name: picture[..., k] for k, name in enumerate("RGBA")})
+    for name, channels in (
+        ("grey.png", 1),
+        ("grey_alpha.png", 2),
+        ("rgb.png", 3),
+        ("a.jpg", 3),
+        ("progressive.jpg", 3),
+    ):
+        pixels = levels[..., 0] if channels == 1 else levels[..., :channels].copy()
+        Image.fromarray(pixels).save(folder / name, **({"progressive": True} if "progressive" in name else {}))
+    Image.fromarray(levels[..., 0]).convert("P").save(folder / "palette.png")
+    Image.fromarray(levels[..., 0].astype(np.uint16) * 257).save(folder / "sixteen.png")
+    for name, side in (("none", 0), ("rle", 0), ("piz", 0), ("pxr24", 0), ("b44", 0), ("dwaa", 0), ("zip", 4)):
+        spec = oiio.ImageSpec(SIZE, SIZE, 4, oiio.FLOAT if name in ("none", "zip") else oiio.HALF)
+        spec.attribute("compression", name)
+        spec.tile_width = spec.tile_height = side
+        target = oiio.ImageOutput.create(str(folder / f"{name}.exr"))
+        assert target.open(str(folder / f"{name}.exr"), spec)
+        assert target.write_image(picture.astype(np.float32))
+        assert target.close()
 
 
 def trained(folder: Path) -> None:
-    """A run with its checkpoints in `run`, its view set in `ball` beside it; its records hold no digests of weights,
-    as old ones, or every spoilt file would be refused before it is read.
+    """A finished run with its checkpoints in `run`, its view set in `ball`; its cells' records hold no digests of
+    files, or every spoilt file would be refused before it is read.
     """
     out = train_run(folder, ["nerf", "qnerf"], steps=2)
     for cell in read_cells(out):
         write_cell(out, replace(cell, files={}))
 
 
-def pictures(folder: Path) -> None:
-    """Images of every kind that is read, as other programs write them as well."""
-
-    folder.mkdir(parents=True)
-    picture = ball_view(pose(1.0, 0.4), SIZE)
-    levels = np.round(picture * 255).astype(np.uint8)
-    write_png(folder / "a.png", picture)
-    write_png(folder / "rgb.png", picture[..., :3])
-    Image.fromarray(levels[..., 0]).save(folder / "grey.png")
-    Image.fromarray(levels[..., :2].copy(), "LA").save(folder / "grey_alpha.png")
-    Image.fromarray(levels[..., 0]).convert("P").save(folder / "palette.png")
-    Image.fromarray(levels[..., 0].astype(np.uint16) * 257).save(folder / "sixteen.png")
-    Image.fromarray(levels[..., :3].copy()).save(folder / "a.jpg")
-    Image.fromarray(levels[..., :3].copy()).save(folder / "progressive.jpg", progressive=True)
-    write_channels(folder / "a.exr", {name: picture[..., k] for k, name in enumerate("RGBA")})
-    for name in ("none", "rle", "piz", "pxr24", "b44", "dwaa"):
-        _foreign_exr(folder / f"{name}.exr", picture, name, tile=0)
-    _foreign_exr(folder / "tiled.exr", picture, "zip", tile=4)
+def small_run(folder: Path) -> None:
+    """Records of two scenes and three methods, with pictures."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        write_fake_run(folder, seeds=1, size=4, change=lambda run: replace(run, seeds=[0]))
+    write_targets(folder, targets(list(read_cells(folder)), list(read_run(folder).methods)))
+    write_fake_serving(folder)
 
 
-def _foreign_exr(file: Path, picture: np.ndarray, compression: str, tile: int) -> None:
-    half = compression not in ("none", "zip")
-    spec = oiio.ImageSpec(*picture.shape[1::-1], 4, oiio.HALF if half else oiio.FLOAT)
-    spec.attribute("compression", compression)
-    spec.tile_width = spec.tile_height = tile
-    target = oiio.ImageOutput.create(str(file))
-    assert target.open(str(file), spec)
-    assert target.write_image(picture.astype(np.float32))
-    assert target.close()
+def studies(folder: Path) -> None:
+    """Records of studies, a folder for each shelf, as each has a page."""
+    for write in (write_fake_speed, write_fake_stability, write_fake_evidence):
+        out = folder / write.__name__
+        out.mkdir(parents=True)
+        write(out)
 
 
 def gates(folder: Path) -> None:
     """Limits, references and a reference image, as the repository holds them."""
-    root = Path(__file__).parents[2] / "gates"
     (folder / "images").mkdir(parents=True)
-    for name in ("limits.json", "references.json"):
-        (folder / name).write_bytes((root / name).read_bytes())
-    reference = next((root / "images").glob("*.exr"))
-    (folder / "images" / reference.name).write_bytes(reference.read_bytes())
+    image = next((ROOT / "gates/images").glob("*.exr"))
+    for name in ("limits.json", "references.json", f"images/{image.name}"):
+        shutil.copy(ROOT / "gates" / name, folder / name)
 
 
 def started(folder: Path) -> None:
-    """A run, a film and a search of which nothing is done yet."""
+    """A run and a film of which nothing is done yet."""
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=False)
     claimed_film(folder)
 
@@ -158,31 +164,23 @@ def claimed_film(folder: Path) -> None:
 
 
 def view_cache(folder: Path) -> None:
-    """A view cache with two pictures."""
-    store = ViewStore(0, folder / "cache", 1 << 20)
+    """Two pictures."""
+    store = ViewStore(0, folder, 1 << 20)
     for number in range(2):
         store.store(64 * f"{number}", np.full((4, 5, 5), 0.25 * number, dtype=np.float32))
 
 
-def numbers(folder: Path) -> None:
-    """Arguments of functions that take numbers, as JSON."""
+def request(folder: Path) -> None:
+    """What the viewer's page sends."""
     folder.mkdir(parents=True)
-    path = {"path": "orbit", "frames": 4, "radius": 4.0, "target": [0.0, 0.0, 0.0], "seed": 1, "keep": 0.75}
-    (folder / "path.json").write_text(json.dumps({**path, "elevation": 0.5, "azimuth": 1.0}), encoding="utf-8")
-    sight = {"map": "point", "height": 6, "width": 8, "region": 2, "row": 2.0, "column": 3.5, "radius": 1.5,
-             "focal": 9.0, "values": [[0.1 * (i + j) for j in range(8)] for i in range(6)]}  # fmt: skip
-    (folder / "attention.json").write_text(json.dumps(sight), encoding="utf-8")
-    request = {"client": "c", "generation": 1, "scene": "ball", "methods": ["nerf"], "width": 16,
-               "attention": {"kind": "foveal", "row": 0.5, "column": 0.5},
-               "place": {"azimuth": 0.1, "elevation": 0.2, "distance": 4.0, "target": [0.0, 0.0, 0.0]}}  # fmt: skip
-    (folder / "request.json").write_text(json.dumps(request), encoding="utf-8")
-    order = {"scene": "lego", "resolution": 8, "counts": {"train": 2, "val": 0, "test": 1},
-             "spp": {"train": 2, "val": 2, "test": 4}}  # fmt: skip
-    (folder / "order.json").write_text(json.dumps(order), encoding="utf-8")
+    body = {"client": "c", "generation": 1, "scene": "ball", "methods": ["nerf"], "width": 16,
+            "attention": {"kind": "foveal", "row": 0.5, "column": 0.5},
+            "place": {"azimuth": 0.1, "elevation": 0.2, "distance": 4.0, "target": [0.0, 0.0, 0.0]}}  # fmt: skip
+    (folder / "request.json").write_text(json.dumps(body), encoding="utf-8")
 
 
 def tables(folder: Path) -> None:
-    """Somebody's results in two of the forms that `judge` reads."""
+    """Results in two of the forms that `judge` reads."""
     folder.mkdir(parents=True)
     cells = [
         {"scene": scene, "method": method, "seed": seed, "psnr": 25.0 + 3 * i + j + 0.1 * seed, "seconds": 60.5}
@@ -195,23 +193,17 @@ def tables(folder: Path) -> None:
     (folder / "table.csv").write_text("\n".join(lines), encoding="utf-8")
 
 
-def captured(folder: Path) -> None:
-    """Ten views and a `transforms.json`."""
-    capture(folder, 10, np.array([pose(0.6 * i, 0.4) for i in range(10)]))
-
-
 def tiny(folder: Path) -> None:
     """A tiny-NeRF file of ten views with all arrays that ours have."""
     folder.mkdir(parents=True)
-    poses = np.array([pose(0.6 * i, 0.4) for i in range(10)])
     region = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)
-    write_tiny_nerf(folder / "tiny.npz", [ball_view(matrix, 6) for matrix in poses], poses, 8.0, 8, region)
+    write_tiny_nerf(folder / "tiny.npz", [ball_view(matrix, 6) for matrix in POSES], POSES, 8.0, 8, region)
 
 
 def scene_files(folder: Path) -> None:
     """A Mitsuba file with a part of its own and a picture, and a Python file."""
     folder.mkdir(parents=True)
-    text = (EXAMPLES / "my_scene.xml").read_text(encoding="utf-8")
+    text = (ROOT / "docs/examples/my_scene.xml").read_text(encoding="utf-8")
     more = (
         '<include filename="parts.xml"/><integrator type="path"><integer name="max_depth" value="6"/></integrator>'
         '<texture type="bitmap" id="t"><string name="filename" value="a.png"/></texture>'
@@ -219,23 +211,8 @@ def scene_files(folder: Path) -> None:
     )
     (folder / "mine.xml").write_text(text.replace("</scene>", f"{more}</scene>"), encoding="utf-8")
     (folder / "parts.xml").write_text('<scene version="3.0.0"><shape type="cube"/></scene>', encoding="utf-8")
-    (folder / "mine.py").write_bytes((EXAMPLES / "my_scene.py").read_bytes())
+    shutil.copy(ROOT / "docs/examples/my_scene.py", folder / "mine.py")
     write_png(folder / "a.png", np.full((2, 2, 3), 0.5))
-
-
-def boxes(folder: Path) -> None:
-    folder.mkdir(parents=True)
-    shapes = {"boxes": [[[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], [[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]]]}
-    (folder / "boxes.json").write_text(json.dumps({**shapes, "up": [0.0, 1.0, 0.0], "lights": 1}), encoding="ascii")
-
-
-def kept_pictures(folder: Path) -> None:
-    """Truth and renders of two views of 4 × 4 pixels."""
-    colour, grey = half(np.full((4, 4, 3), 0.5)), half(np.full((4, 4), 0.5))
-    write_truth(folder / "truth.safetensors", [Truth("r_0", colour, grey, colour, grey), Truth("r_1", colour, grey)])
-    write_renders(
-        folder / "renders.safetensors", [Render(f"r_{i}", step, colour, grey, grey) for step in (5, 9) for i in (0, 1)]
-    )
 
 
 def half_way(folder: Path) -> None:
@@ -245,7 +222,7 @@ def half_way(folder: Path) -> None:
 
 
 def train_on(folder: Path) -> None:
-    """One step of the cell, from where it was kept or from the start; it is then kept."""
+    """One step of the cell, from its snapshot or from the start, and another snapshot."""
 
     class Stopped(Exception): ...
 
@@ -258,26 +235,8 @@ def train_on(folder: Path) -> None:
         list(train_group(task, views, {}, on_progress))
 
 
-def inside(folder: Path) -> None:
-    """A view set of ours and where its matter is."""
-    own(folder)
-    cells = np.zeros(32**3, dtype=bool)
-    cells[9_000:20_000] = True
-    write_occupancy(folder, read_manifest(folder), cells)
-
-
-def unfinished(folder: Path) -> None:
-    """Views that were rendered, with their journal, and the manifest of a set that was whole once."""
-    donor = folder / "donor"
-    own(donor)
-    for split in ("train", "test"):
-        for number in range(2):
-            facts = {"noise_mse": 1e-6, "seen": True, "lit": True, "seconds": 0.5}
-            note(donor, "0" * 64, f"{split}/r_{number}", facts)
-
-
-def packages(folder: Path) -> None:
-    """A folder of packages, one of which offers methods."""
+def package(folder: Path) -> None:
+    """An installed package that offers methods."""
     facts = folder / "fuzzed_method-1.2.dist-info"
     facts.mkdir(parents=True)
     (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: fuzzed-method\nVersion: 1.2\n", encoding="ascii")
@@ -286,22 +245,3 @@ def packages(folder: Path) -> None:
     (folder / "fuzzed_method.py").write_text(METHOD, encoding="ascii")
     (folder / "fuzzed_broken.py").write_text("import nothing_that_is_there\n", encoding="ascii")
     (folder / "fuzzed_ending.py").write_text("raise SystemExit('not today')\n", encoding="ascii")
-
-
-def small_run(folder: Path, seeds: int = 1) -> None:
-    """Records of two scenes and three methods, with pictures."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        write_fake_run(folder, seeds=seeds, size=4, change=lambda run: replace(run, seeds=list(range(seeds))))
-    write_targets(folder, targets(list(read_cells(folder)), list(read_run(folder).methods)))
-
-
-def small_run_served(folder: Path) -> None:
-    """With what was served, which stands in the same page."""
-    small_run(folder)
-    write_fake_serving(folder)
-
-
-def alone_evidence(folder: Path) -> None:
-    folder.mkdir(parents=True)
-    write_fake_evidence(folder)

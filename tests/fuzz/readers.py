@@ -1,12 +1,13 @@
-"""How the program reads each file, called as it calls them."""
+"""One table of all that reads a file: what a valid one is, how the program reads it, and what a refusal names."""
 
 import contextlib
 import io
 import json
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -16,9 +17,7 @@ import torch
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS, SKIPS
-from baselines.numerics.attention.maps import MAPS, MapInputs
-from baselines.numerics.attention.priorities import allocated_bins, priorities, region_order
-from baselines.numerics.attention.regions import Regions
+from harness.command.plan_options import planned
 from harness.gate.gates import KINDS, gates
 from harness.gate.images import biases, read_reference
 from harness.gate.limits import LimitsFile, changes, read_stored, unfit
@@ -26,101 +25,118 @@ from harness.gate.references import References
 from harness.plan import plugins
 from harness.plan.needed import for_scene
 from harness.plan.profiles import PROFILES
-from harness.playback.camera_paths import PATHS
+from harness.plan.run_plan import Machine
 from harness.playback.run_loader import FinishedRun
 from harness.playback.store import ViewStore
 from harness.records.cells import read_cells, read_comparisons, read_run
+from harness.records.json_record import DamagedRecord
 from harness.records.judgements import read_judgement, write_judgement
 from harness.records.pictures import last_of, read_renders, read_truth
+from harness.run_folder.output_folder import claim
 from harness.verdicts.judging.judgement import judge
 from harness.verdicts.judging.result_table import read_table
-from reports.data.load import read_records
-from reports.drawing.images import read
+from harness.viewer.asked import BadRequest, parsed
+from reports.__main__ import main as reports
+from reports.data.load import NoRecords, read_records
+from reports.data.studies_load import find_studies
+from reports.drawing import figure, series_charts
+from reports.drawing.images import read as read_picture
+from reports.page import shell
+from reports.studies import study_page
 from scenes.catalog import scene_file
-from scenes.catalog.mitsuba_xml import loaded, notes
+from scenes.catalog.mitsuba_xml import notes
 from scenes.catalog.scene_file import mistakes_in, scene_from_file
 from scenes.files.errors import InputError, readable
 from scenes.modelling.needs import as_rows, left_out, needs, with_needs
-from scenes.rendering.occupancy import _read
+from scenes.rendering.occupancy import _read as read_occupancy
 from scenes.rendering.store import _folder, checked_order, is_complete
 from scenes.view_sets.images import read_channels, read_image
 from scenes.view_sets.manifest import read_manifest, salvaged
 from scenes.view_sets.view_set import read_view_set
-from tests.fuzz.watch import Fault
+from tests.fuzz import material
+from tests.fuzz.spoiling import CODE
+
+REFUSALS = (InputError, DamagedRecord, NoRecords, BadRequest)
+"""What a reader may raise."""
 
 
-class NotTried(ValueError):
-    """The input is none that the reader could be given."""
+@dataclass(frozen=True)
+class Reader:
+    """One way to read files."""
+
+    make: Callable[[Path], object]
+    """Writes a folder in which all is well."""
+    files: str
+    """Glob of those that are spoilt."""
+    read: Callable[[Path, Path], object]
+    """Gets the folder, which it may write to, and the spoilt file."""
+    names: tuple[str, ...] = ()
+    """A refusal holds one of these, or the name of the file."""
+    anything: bool = False
+    """Whether a folder, a pipe, a link or nothing may be in a file's place."""
+    misses: bool = False
+    """Whether nothing is refused: what is damaged is not used."""
+    slow: bool = False
 
 
-def view_set(folder: Path) -> None:
-    read_view_set(folder, geometry=("train", "test"), scratch=folder)
-
-
-def needed_view_set(folder: Path) -> None:
+def view_set(folder: Path, file: Path) -> None:
     is_complete(folder)
-    views = with_needs(read_view_set(folder, scratch=folder), ("view_direction",), ("empty_space",))
-    for_scene(PROFILES["smoke"].train, views)
+    views = read_view_set(folder, geometry=("train", "test"), scratch=folder)
+    for_scene(PROFILES["smoke"].train, with_needs(views, ("view_direction",), ("empty_space",)))
 
 
-def image(folder: Path) -> None:
-    for file in _first(folder):
-        assert read_image(file).ndim == 3
-        read_channels(file)
+def image(folder: Path, file: Path) -> None:
+    assert read_image(file).ndim == 3
+    read_channels(file)
 
 
-def report_picture(folder: Path) -> None:
-    for file in _first(folder):
-        picture = read(folder, file.name)
-        assert picture is None or picture.shape[-1] == 3
+def report_picture(folder: Path, file: Path) -> None:
+    picture = read_picture(folder, file.name)
+    assert picture is None or picture.shape[-1] == 3
 
 
-def _first(folder: Path) -> list[Path]:
-    return [file for file in folder.iterdir() if file.stem == "tried"]
-
-
-def records(folder: Path) -> None:
+def records(folder: Path, file: Path) -> None:
     read_records(folder)
     read_run(folder), list(read_cells(folder)), read_comparisons(folder)
 
 
-def finished(folder: Path) -> None:
-    """What the viewer, a film and the measurement of serving look at first."""
+def study(folder: Path, file: Path) -> None:
+    find_studies(file.parent, file.stem)
 
+
+def finished(folder: Path, file: Path) -> None:
+    """What the viewer, a film and the measurement of serving look at first."""
     run = FinishedRun.of(folder / "run")
     scene = run.scenes(None)[0]
-    method = run.methods(None)[0]
-    cell = run.trained(scene, method, 0, torch.device("cpu"))
-    cell.camera(np.eye(4))
+    for method in run.methods(None):
+        cell = run.trained(scene, method, 0, torch.device("cpu"))
+        cell.camera(np.eye(4))
+        assert cell.chunk > 0
     run.view_radius(scene, folder)
     run.views(scene, folder, train=1, scratch=folder)
-    assert cell.chunk > 0
 
 
-def limits(folder: Path) -> None:
-    stored = read_stored(folder / "limits.json", LimitsFile)
+def limits(folder: Path, file: Path) -> None:
+    stored = read_stored(file, LimitsFile)
     for gate in gates():
         stored.limit_of(gate)
     changes(stored, stored)
 
 
-def references(folder: Path) -> None:
-    stored = read_stored(folder / "references.json", References)
+def references(folder: Path, file: Path) -> None:
+    stored = read_stored(file, References)
     for kind in KINDS:
         unfit(kind, stored.kinds)
 
 
-def reference(folder: Path) -> None:
-    scene = next((folder / "images").glob("*.exr")).stem
-    reference = read_reference(folder / "images", scene)
-    biases(np.zeros((2, *reference.mean.shape)), reference)
+def reference(folder: Path, file: Path) -> None:
+    picture = read_reference(file.parent, file.stem)
+    biases(np.zeros((2, *picture.mean.shape)), picture)
 
 
-def cache(folder: Path) -> None:
+def view_cache(folder: Path, file: Path) -> None:
     """Whatever lies in the folder, a picture is the one that was stored, or a miss."""
-    if (folder / "cache").is_symlink():
-        raise NotTried("a user may have the whole cache elsewhere")
-    store = ViewStore(0, folder / "cache", 1 << 20)
+    store = ViewStore(0, folder, 1 << 20)
     for number in range(2):
         hit = store.get(64 * f"{number}", (4, 5, 5))
         assert hit is None or (hit[0] == np.float32(0.25 * number)).all()
@@ -128,180 +144,161 @@ def cache(folder: Path) -> None:
     assert store.failure is None
 
 
-# --- numbers as functions are given them
+def judged(folder: Path, file: Path) -> None:
+    record = judge(read_table([file]), None, None, {})
+    write_judgement(folder / "judgement.json", record)
+    assert read_judgement(folder / "judgement.json") == record
 
 
-def _given(folder: Path, name: str) -> dict[str, Any]:
-    with _as_parsed():
-        data = json.loads((folder / name).read_bytes())
-        if not isinstance(data, dict):
-            raise NotTried("no arguments")
-        return data
-
-
-@contextlib.contextmanager
-def _as_parsed() -> Iterator[None]:
-    """What an option's parser has made sure of: the keys are there, numbers are numbers of their kind."""
-    try:
-        yield
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError) as error:
-        raise NotTried(str(error)) from error
-
-
-def camera_path(folder: Path) -> None:
-    given = _given(folder, "path.json")
-    with _as_parsed():
-        frames, radius = int(given["frames"]), float(given["radius"])
-        if not 0 < frames <= 10_000:
-            raise NotTried("checked before")
-        path = PATHS[given["path"]]
-    poses = path(frames, radius=radius)
-    assert poses.shape == (frames, 4, 4)
-    assert np.isfinite(poses).all()
-
-
-def attention(folder: Path) -> None:
-    given = _given(folder, "attention.json")
-    with _as_parsed():
-        sizes = [int(given[name]) for name in ("height", "width", "region")]
-        row, column, radius, focal = (float(given[name]) for name in ("row", "column", "radius", "focal"))
-        values = np.array(given["values"], dtype=np.float64)
-        if max(sizes) > 1024 or min(sizes) < 1 or given["map"] not in MAPS:
-            raise NotTried("checked before")
-    regions = Regions(*sizes)
-    inputs = MapInputs(regions, row, column, radius, focal, lambda: values, lambda: values, lambda: values)
-    weights = MAPS[given["map"]](inputs)
-    assert weights.shape == (regions.count,)
-    assert np.isfinite(priorities(weights)).all()
-    assert sorted(region_order(weights)) == list(range(regions.count))
-    assert (allocated_bins(weights, regions.rays, 8.0) >= 1).all()
-
-
-def order(folder: Path) -> None:
-    given = _given(folder, "order.json")
-    with _as_parsed():
-        numbers = [given["resolution"], *given["counts"].values(), *given["spp"].values()]
-        if not isinstance(given["scene"], str) or any(type(number) is not int for number in numbers):
-            raise NotTried("checked before")
-    checked_order(given["scene"], given["resolution"], given["counts"], given["spp"])
-
-
-def judged(name: str) -> Callable[[Path], None]:
-    def read(folder: Path) -> None:
-        record = judge(read_table([folder / name]), None, None, {})
-        write_judgement(folder / "judgement.json", record)
-        assert read_judgement(folder / "judgement.json") == record
-
-    return read
-
-
-# --- what describes scenes, pictures and packages
-
-COUNTS, SPP = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 2}
-
-
-def tiny_nerf(folder: Path) -> None:
-    views = read_view_set(folder / "tiny.npz", scratch=folder)
+def tiny_nerf(folder: Path, file: Path) -> None:
+    views = read_view_set(file, scratch=folder)
     assert np.isfinite(views.bounds).all()
     assert all(np.isfinite(image).all() for image in (views.train.rgba[0], views.test.rgba[0]))
 
 
-def own_scene(file: Path) -> None:
+COUNTS, SPP = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 2}
+
+
+def own_scene(folder: Path, file: Path) -> None:
     """Up to where Mitsuba is asked, as `python -m scenes render` and `scenes.rendering.store` do."""
-    known = set(sys.modules)
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        try:
-            with patch.object(scene_file, "how_it_ends", return_value=""):  # which takes a process for each
-                scene = scene_from_file(file)
-            notes(scene)
-            with mistakes_in(scene.file):
-                order = checked_order(scene, 8, COUNTS, SPP)
-                assert _folder(file.parent / "cache", order, "scalar_rgb").parent == file.parent / "cache"
-                scene_needs = needs(order.description)
-                json.dumps([as_rows(scene_needs), left_out(scene_needs), scene.title], allow_nan=False)
-        finally:
-            for name in set(sys.modules) - known:
-                if name.startswith("scene_file_"):
-                    del sys.modules[name]
+    with (
+        _forgotten("scene_file_"),
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()),
+    ):
+        with patch.object(scene_file, "how_it_ends", return_value=""):  # which takes a process for each
+            scene = scene_from_file(file)
+        notes(scene)
+        with mistakes_in(scene.file):
+            order = checked_order(scene, 8, COUNTS, SPP)
+            assert _folder(folder / "cache", order, "scalar_rgb").parent == folder / "cache"
+            scene_needs = needs(order.description)
+            json.dumps([as_rows(scene_needs), left_out(scene_needs), scene.title], allow_nan=False)
 
 
-def placed(folder: Path) -> None:
-    """Boxes of shapes as Mitsuba might tell them, of a file that it could load."""
-    given = _given(folder, "boxes.json")
-    with _as_parsed():
-        boxes = [np.array(box, dtype=np.float64) for box in given["boxes"]]
-        up, lights = np.array(given["up"], dtype=np.float64), int(given["lights"])
-    # what the XML's reader and Mitsuba make sure of
-    if any(box.shape != (2, 3) for box in boxes) or up.shape != (3,) or not np.isfinite(up).all() or not up.any():
-        raise NotTried("no boxes")
-    shapes = [
-        SimpleNamespace(bbox=lambda box=box: SimpleNamespace(min=box[0], max=box[1]), is_emitter=lambda: False)
-        for box in boxes
-    ]
-    scene = SimpleNamespace(shapes=lambda: shapes, emitters=lambda: [None] * min(max(lights, 0), 1))
-    mitsuba = SimpleNamespace(load_file=lambda name: scene)
-    _, place, whole = loaded(mitsuba, folder / "boxes.json", up)
-    placed_box = place.box(whole)
-    assert np.isfinite(placed_box).all()
-    assert np.isclose(np.linalg.norm(placed_box[1] - placed_box[0]), 2 * 1.36)
-    assert np.isfinite(place.camera(np.eye(4))).all()
+@contextlib.contextmanager
+def _forgotten(prefix: str) -> Iterator[None]:
+    """Modules that are imported within are imported again the next time."""
+    try:
+        yield
+    finally:
+        for name in [name for name in sys.modules if name.startswith(prefix)]:
+            del sys.modules[name]
 
 
-def truth(folder: Path) -> None:
-    for view in read_truth(folder / "truth.safetensors"):
-        assert np.isfinite(view.display).all()
+def pictures(folder: Path, file: Path) -> None:
+    if "qnerf" in file.name or "nerf" in file.name:
+        assert all(np.isfinite(render.colour).all() for render in last_of(read_renders(file)))
+    else:
+        assert all(np.isfinite(view.display).all() for view in read_truth(file))
 
 
-def renders(folder: Path) -> None:
-    saved = read_renders(folder / "renders.safetensors")
-    assert all(np.isfinite(render.colour).all() for render in last_of(saved))
-
-
-def occupancy(folder: Path) -> None:
-    cells = _read(folder, read_manifest(folder))
+def occupancy(folder: Path, file: Path) -> None:
+    cells = read_occupancy(folder, read_manifest(folder))
     assert cells is None or (cells.shape == (32, 32, 32) and cells.dtype == bool)
 
 
-def journal(folder: Path) -> None:
-    """Views of an unfinished set, and what `scenes.rendering.store.write_view_set` takes of them; damage is a miss."""
-    into = folder / "into"
-    into.mkdir()
+def journal(folder: Path, file: Path) -> None:
+    """Views of an unfinished set, and what `scenes.rendering.store.write_view_set` takes of them."""
+    (folder / "into").mkdir()
     names = ["train/r_0", "train/r_1", "test/r_0", "test/r_1"]
-    kept = salvaged(into, [folder / "donor"], "0" * 64, names)
+    kept = salvaged(folder / "into", [folder], "0" * 64, names)
     assert set(kept) <= set(names)
     for view in kept.values():
         facts = [float(view["noise_mse"]), 0.0 + view.get("seconds", 0.0)]
         json.dumps([*facts, bool(view.get("seen", True)), bool(view.get("lit", True))], allow_nan=False)
 
 
-def entry_points(folder: Path) -> None:
+def entry_points(folder: Path, file: Path) -> None:
     """Every method that a package offers, asked for by name as `--methods` does."""
-    tables = (CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded)
-    before = [dict(table) for table in tables]
-    known, path = set(sys.modules), str(folder)
-    sys.path.insert(0, path)
-    refused: BaseException | None = None
-    try:
+    with contextlib.ExitStack() as stack:
+        for table in (CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded):
+            stack.enter_context(patch.dict(table))
+        stack.enter_context(_forgotten("fuzzed_"))
+        stack.enter_context(patch.object(sys, "path", [str(folder), *sys.path]))
+        stack.enter_context(patch.object(plugins, "how_it_ends", return_value=""))
+        stack.callback(plugins.sources_digest.cache_clear)
+        stack.callback(sys.path_importer_cache.pop, str(folder), None)
         offered = plugins.offered()
         plugins.method_names()
+        refused: InputError | None = None
         for name in offered:
             try:
-                with patch.object(plugins, "how_it_ends", return_value=""):
-                    plugins.require_methods([name])
+                plugins.require_methods([name])
                 assert plugins.title_of(name)
                 json.dumps(plugins.origins([name]))
             except InputError as error:
-                told = readable(name)[:64] in str(error)  # of a longer one a message may leave out the middle
-                refused = error if told else Fault(f"a refusal without {name!r}: {error}")
-    finally:
-        sys.path.remove(path)
-        sys.path_importer_cache.pop(path, None)
-        for table, kept in zip(tables, before, strict=True):
-            for name in set(table) - set(kept):
-                del table[name]  # type: ignore[attr-defined]
-        for name in set(sys.modules) - known:
-            if name.startswith("fuzzed_"):
-                del sys.modules[name]
-        plugins.sources_digest.cache_clear()
-    if refused is not None:
-        raise refused
+                assert readable(name)[:64] in str(error)  # noqa: PT017 - the other names are tried, too
+                refused = error
+        if refused is not None:
+            raise refused
+
+
+def page(folder: Path, file: Path, *options: str) -> None:
+    """`python -m reports OUT`: exit code 0 or 3, or 2 with a reason, and never code of a record's in the page."""
+    out = folder if (folder / "records").exists() else file.parent
+    errors, printed = io.StringIO(), io.StringIO()
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(patch.object(shell, "environment", ENVIRONMENT))
+        for module in (figure, series_charts, study_page):
+            stack.enter_context(patch.object(module, "svg", _drawn))
+        stack.enter_context(contextlib.redirect_stderr(errors))
+        stack.enter_context(contextlib.redirect_stdout(printed))
+        code = reports([str(out), *options])
+    if code == 2:
+        raise InputError(errors.getvalue().strip())
+    assert code in (0, 3), f"exit code {code}: {errors.getvalue()[-300:]}"
+    text = Path(printed.getvalue().splitlines()[-1]).read_text(encoding="utf-8")
+    assert len(text) > 1000
+    assert CODE not in text, f"text of a record has become code: {text[text.index(CODE) - 80 :][:200]!r}"
+
+
+def page_in_part(folder: Path, file: Path) -> None:
+    page(folder, file, "--partial")
+
+
+ENVIRONMENT = cache(shell.environment)
+SVG, DRAWN = figure.svg, dict[tuple[str, str], Any]()
+
+
+def _drawn(panel: Any, name: str) -> Any:
+    """A drawing follows from its panel and name, so that one that was drawn before is not drawn again."""
+    key = repr(panel), name
+    if key not in DRAWN:
+        DRAWN[key] = SVG(panel, name)
+    return DRAWN[key]
+
+
+def started(folder: Path, file: Path) -> None:
+    claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=True)
+
+
+READERS: dict[str, Reader] = {
+    "view_set": Reader(material.ball, "**/*", view_set, ("view_set",), anything=True),
+    "own_view_set": Reader(material.own, "**/*[!l]", view_set, ("own_view_set",), anything=True, slow=True),
+    "nerfstudio": Reader(material.captured, "*.json", view_set, ("nerfstudio",)),
+    "tiny_nerf": Reader(material.tiny, "tiny.npz", tiny_nerf),
+    "image": Reader(material.pictures, "*", image),
+    "report_picture": Reader(material.pictures, "*.png", report_picture, misses=True),
+    "records": Reader(material.small_run, "records/**/*.json", records, ("records",), anything=True),
+    "pictures": Reader(material.small_run, "records/pictures/*", pictures),
+    "study": Reader(material.studies, "*/*.json", study),
+    "page": Reader(material.small_run, "**/*.*", page, ("page",), slow=True),
+    "page_in_part": Reader(material.small_run, "**/*.*", page_in_part, ("page_in_part",), slow=True),
+    "study_page": Reader(material.studies, "*/*.json", page, slow=True),
+    "plan": Reader(material.started, "run/records/plan.json", started, ("run",)),
+    "film": Reader(material.started, "film/film.json", lambda folder, file: material.claimed_film(folder), ("film",)),
+    "finished": Reader(material.trained, "run/[rc]*/**/*.*", finished, ("run", "ball"), slow=True),
+    "snapshot": Reader(material.half_way, "unfinished/*", lambda folder, file: material.train_on(folder), slow=True),
+    "limits": Reader(material.gates, "limits.json", limits),
+    "references": Reader(material.gates, "references.json", references),
+    "reference": Reader(material.gates, "images/*.exr", reference),
+    "view_cache": Reader(material.view_cache, "*", view_cache, anything=True, misses=True),
+    "request": Reader(material.request, "*.json", lambda folder, file: parsed(file.read_bytes()), (" ",)),
+    "table": Reader(material.tables, "*", judged),
+    "scene_file": Reader(material.scene_files, "mine.*", own_scene, ("scene_file",)),
+    "occupancy": Reader(material.own, "occupancy.json", occupancy),
+    "journal": Reader(material.own, "[rv]*.json*", journal, misses=True),
+    "entry_points": Reader(material.package, "*/entry_points.txt", entry_points, (" ",)),
+}
+"""By name, which is that of their folder, too."""

@@ -12,7 +12,7 @@ from harness.execution.group_loop import Event
 from harness.execution.progress import Quiet
 from harness.execution.run import run
 from harness.plan.group_task import GroupTask
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord
 from harness.run_folder.output_folder import claim

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from harness.execution.progress import Quiet
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.study import Check
 from harness.studies.stability.rays import reference_cases
 from harness.studies.stability.rays.reference_cases import (

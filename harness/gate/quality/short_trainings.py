@@ -13,7 +13,8 @@ from harness.gate.gate_context import GateContext
 from harness.gate.gates import GATE_SEEDS, RESOLUTION, STEPS, TRAINED_SCENES
 from harness.machine.stopping import in_workers
 from harness.plan.group_task import GroupTask
-from harness.plan.profiles import SHORT_TRAINING, Plan
+from harness.plan.profiles import SHORT_TRAINING
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, ScoreSettings, ViewSettings

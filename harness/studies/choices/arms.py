@@ -19,7 +19,7 @@ from harness.machine.provenance import versions
 from harness.machine.stopping import in_workers
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.needed import kept
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.records.json_record import as_promised, digest_of, load_record, write_record
 from harness.training.batches import Cameras
 from harness.training.learner import Learner

@@ -16,7 +16,7 @@ from typing import Any
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.methods.chosen import DensityConstants
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.records.json_record import as_promised, load_json
 from harness.studies.choices.arms import Arm, CellTask, trained_cells

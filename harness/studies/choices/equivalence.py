@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.records.json_record import plain
 from harness.records.verdict import OPEN
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh

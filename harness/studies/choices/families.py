@@ -14,7 +14,8 @@ import numpy as np
 
 from baselines.catalog import CATALOG
 from baselines.methods.explicit import GaussianSettings, geometric
-from harness.plan.profiles import PROFILES, Plan
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.studies.choices.arms import PLANNED, Arm
 from harness.studies.choices.sweep import SEED, searched

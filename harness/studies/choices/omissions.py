@@ -23,7 +23,7 @@ from harness.execution.executors import device_here
 from harness.execution.ground_truth import read_views, scenes_output
 from harness.execution.progress import Progress
 from harness.plan.needed import needs_here, pixels_across
-from harness.plan.profiles import Machine, Plan
+from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import CellRecord, LeftOut, SceneRecord
 from harness.run_folder.earlier_run import UNMEASURED
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh

@@ -10,7 +10,8 @@ from statistics import fmean
 from typing import Any
 
 from baselines.numerics.optimisers import OptimiserName
-from harness.plan.profiles import TUNED, Plan
+from harness.plan.profiles import TUNED
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Decay
 from harness.studies.choices.arms import Arm, CellTask, Ended, trained_cells
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.plan.needed import kept
-from harness.plan.profiles import PROFILES, Plan
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.records.metric_table import METRICS
 from harness.studies.trained_context import TrainedContext

@@ -10,7 +10,7 @@ import torch
 
 from harness.machine.device import use_threads
 from harness.plan.group_task import GroupTask
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.records.study import Table

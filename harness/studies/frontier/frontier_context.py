@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from harness.plan.profiles import PROFILES, Plan
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord

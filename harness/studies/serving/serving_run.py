@@ -9,7 +9,7 @@ from pathlib import Path
 from harness.execution.progress import Progress
 from harness.machine.provenance import provenance
 from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.playback.run_loader import FinishedRun
 from harness.records.json_record import DamagedRecord
 from harness.records.study import Studies, read_studies

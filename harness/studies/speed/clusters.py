@@ -14,7 +14,7 @@ from harness.execution.group_loop import Event
 from harness.execution.local_executor import run_locally
 from harness.machine.cores import physical_cores
 from harness.plan.group_task import GroupTask
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.plan.schedule import Budget
 from harness.records.cells import read_cells
 from harness.records.study import Check

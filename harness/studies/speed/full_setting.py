@@ -10,7 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import ceil
 
-from harness.plan.profiles import PROFILES, Plan
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 from harness.records.study import Studies
 from harness.studies.speed.throughput import step_flops
 from scenes.files.errors import InputError

@@ -11,7 +11,7 @@ from harness.command.main import main, parsed
 from harness.command.plan_options import planned
 from harness.execution.progress import Quiet
 from harness.execution.run import run
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.cells import read_cells, read_comparisons
 from harness.records.verdict import OPEN
 from harness.run_folder.output_folder import claim

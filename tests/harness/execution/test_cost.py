@@ -24,7 +24,8 @@ from harness.execution.cost import (
 )
 from harness.execution.ground_truth import rendering_seconds
 from harness.execution.progress import span
-from harness.plan.profiles import PROFILES, Machine, Plan
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from tests.harness.tiny import CPU
 

@@ -8,7 +8,7 @@ import pytest
 from harness.command.plan_options import planned
 from harness.execution.progress import Quiet
 from harness.execution.run import run
-from harness.plan.profiles import Machine, Plan
+from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import cell_path, read_cell, read_comparisons, read_run
 from tests.harness.tiny import SCORE, TRAIN, VIEWS

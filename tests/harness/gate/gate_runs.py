@@ -16,7 +16,7 @@ from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judg
 from harness.gate.quality import worse
 from harness.gate.references import REFERENCES_FILE, Course, Courses, Quotients, References
 from harness.machine.processor_class import class_here
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.study import Check
 
 CENTRE = 25.0

@@ -14,7 +14,7 @@ from harness.command.main import parsed
 from harness.machine.cores import _taken, chosen_cores, own_cores, physical_cores, quota_cores, siblings
 from harness.machine.device import available_cores, only_gpu
 from harness.machine.mixed_code import clocks_apart
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.cells import unscored
 
 FOUR: list[tuple[int, ...]] = [(0, 4), (1, 5), (2, 6), (3, 7)]

@@ -10,7 +10,8 @@ from baselines.catalog import CATALOG
 from baselines.methods.chosen import DensityConstants
 from baselines.methods.repaired import CANDIDATES
 from harness.plan import run_plan
-from harness.plan.profiles import PROFILES, Machine, Plan
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Machine, Plan
 from harness.training.learner import Job
 from harness.training.make_learner import learner_for
 from tests.harness import tiny

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from harness.command.plan_options import planned
 from harness.plan.planned_record import deviations, not_tested
-from harness.plan.profiles import PROFILES, Plan
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Plan
 
 
 def beginning(plan: Plan, words: str, **notes: tuple[str, ...]) -> list[str]:

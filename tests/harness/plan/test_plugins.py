@@ -18,7 +18,8 @@ from harness.command.main import main
 from harness.command.plan_options import planned
 from harness.plan import plugins
 from harness.plan.plugins import method_named
-from harness.plan.profiles import PROFILES, Machine
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Machine
 from harness.plan.schedule import Budget
 from harness.playback.run_loader import FinishedRun
 from harness.studies.conformance.method_checks import CHECKS, LEARNER_CHECKS, conformance

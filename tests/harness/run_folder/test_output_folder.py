@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from harness.command.plan_options import planned
-from harness.plan.profiles import Machine, Plan
+from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import write_cell
 from harness.records.json_record import load_record, write_json, write_record
 from harness.run_folder.output_folder import (

@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from harness.command.plan_options import planned
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.records.cells import cell_path, checkpoint_name, read_cell, with_files, write_cell, write_comparisons
 from harness.records.json_record import DamagedRecord, digest_of, load_record, write_record
 from harness.records.pictures import Truth, truth_pictures, write_truth

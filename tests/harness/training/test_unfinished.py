@@ -15,7 +15,7 @@ from harness.execution import run
 from harness.execution.progress import Quiet
 from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord
 from harness.records.json_record import DamagedRecord
 from harness.records.pictures import sealed, unsealed

@@ -10,7 +10,8 @@ from baselines.catalog import CATALOG
 from baselines.methods.chosen import FILE, DensityConstants, chosen
 from baselines.methods.repaired import CANDIDATES
 from harness.command.plan_options import planned
-from harness.plan.profiles import PROFILES, Machine
+from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Machine
 from harness.records.json_record import write_json
 from harness.studies.choices import constants
 from harness.studies.choices.arms import trained_cell

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from harness.execution.progress import Quiet
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.plan.schedule import Budget
 from harness.studies.choices.arms import Arm
 from harness.studies.choices.families import BUDGET, TRIALS, FamilyRow, as_json, means, search, search_plan

@@ -11,7 +11,7 @@ import torch
 from harness.command.plan_options import planned
 from harness.execution.progress import Quiet
 from harness.plan.needed import LEFT_OUT_BY, for_scene, kept, needs_here
-from harness.plan.profiles import Machine, Plan
+from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import LeftOut, unscored
 from harness.studies.choices.arms import Arm, CellArms, CellTask, Ended, Rerendered, trained_cell

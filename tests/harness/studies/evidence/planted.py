@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from harness.execution.progress import Quiet
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord, SceneRecord
 from harness.records.study import Effect, Series, Table
 from harness.studies.evidence.contrasts import Design, Term, signs

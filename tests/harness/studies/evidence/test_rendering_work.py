@@ -11,7 +11,7 @@ from baselines.contract import Box, Rays
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from harness.execution.progress import Quiet
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.study import Check, Table
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.evidence.work import rendering_work as study

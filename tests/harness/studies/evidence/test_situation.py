@@ -10,7 +10,7 @@ import pytest
 from harness.execution import run as execution_run
 from harness.execution.progress import Quiet
 from harness.machine import provenance
-from harness.plan.profiles import Machine, Plan
+from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import (
     RunRecord,
     Status,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from harness.execution.progress import Quiet
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord
 from harness.records.study import Effect, Series, StudyRecord, Table
 from harness.studies.framework import Found

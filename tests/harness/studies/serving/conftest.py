@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.execution.progress import Quiet
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.studies.serving.serving_context import ServingContext
 from tests.harness.trained_runs import SIZE, train_run

@@ -9,7 +9,7 @@ import torch
 
 from baselines.contract import Accelerations
 from harness.command.plan_options import planned
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings
 from harness.studies.choices.arms import Arm, CellTask, trained_cell

@@ -10,7 +10,7 @@ import pytest
 from harness.execution.progress import Quiet
 from harness.machine.peak_memory import STATUS
 from harness.plan.group_task import GroupTask
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.plan.schedule import Budget
 from harness.records.cells import records_folder
 from harness.records.pictures import read_renders

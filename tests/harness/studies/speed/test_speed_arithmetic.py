@@ -12,7 +12,7 @@ from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
 from harness.execution.progress import Quiet
 from harness.machine.peak_memory import peak_bytes
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.studies.speed import throughput
 from harness.studies.speed.growth import exponent
 from harness.studies.speed.kernels import RULES

@@ -10,7 +10,7 @@ from torch import Tensor
 from baselines.contract import Rays
 from harness.execution.progress import Quiet
 from harness.machine.stopwatch import Stopwatch
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.study import Check
 from harness.studies.speed.speed_context import SpeedContext, batches_of
 from harness.studies.speed.time_to_target import (

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.execution.progress import Quiet
-from harness.plan.profiles import Machine
+from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord, RunRecord, records_folder
 from harness.records.pictures import Render, cell_pictures, half, write_renders
 from harness.records.study import Check

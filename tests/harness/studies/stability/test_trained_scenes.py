@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from harness.execution import run as execution
-from harness.plan.profiles import Plan
+from harness.plan.run_plan import Plan
 from harness.records.cells import CellRecord, RunRecord, SceneRecord, write_cell, write_run
 from harness.studies.stability.stability_context import StabilityContext
 from harness.studies.stability.whole_scenes.scene_truth import each_method, trained
