@@ -34,11 +34,8 @@ from tests.harness.ball import FOV_X_RADIANS, ball_view, pose, write_ball
 from tests.harness.tiny import SCORE, TRAIN
 from tests.harness.trained_runs import train_run
 from tests.replacing import replace
-from tests.reports.fake_evidence import write_fake_evidence
 from tests.reports.fake_run import write_fake_run
-from tests.reports.fake_serving import write_fake_serving
-from tests.reports.fake_speed import write_fake_speed
-from tests.reports.fake_stability import write_fake_stability
+from tests.reports.fake_studies import write_fake_studies
 from tests.scenes.captures import capture
 
 SIZE = 8
@@ -92,8 +89,8 @@ def own(folder: Path) -> None:
 def report(folder: Path) -> None:
     """Records of everything that a report shows."""
     small_run(folder, seeds=2)
-    for write in (write_fake_speed, write_fake_stability, write_fake_evidence, write_fake_serving):
-        write(folder)
+    for shelf in ("speed", "stability", "evidence", "serving"):
+        write_fake_studies(folder, shelf)
 
 
 def trained(folder: Path) -> None:
@@ -298,9 +295,16 @@ def small_run(folder: Path, seeds: int = 1) -> None:
 def small_run_served(folder: Path) -> None:
     """With what was served, which stands in the same page."""
     small_run(folder)
-    write_fake_serving(folder)
+    write_fake_studies(folder, "serving")
 
 
 def alone_evidence(folder: Path) -> None:
-    folder.mkdir(parents=True)
-    write_fake_evidence(folder)
+    write_fake_studies(folder, "evidence")
+
+
+def alone_speed(folder: Path) -> None:
+    write_fake_studies(folder, "speed")
+
+
+def alone_stability(folder: Path) -> None:
+    write_fake_studies(folder, "stability")

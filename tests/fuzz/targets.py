@@ -21,8 +21,6 @@ from scenes.view_sets.view_set import read_view_set
 from tests.fuzz import commands, material, mutations, pages, readers, seals
 from tests.fuzz import file_mutations as spoilt
 from tests.fuzz.readers import NotTried
-from tests.reports.fake_speed import write_fake_speed
-from tests.reports.fake_stability import write_fake_stability
 
 Seal = Callable[[bytes], bytes]
 
@@ -162,8 +160,8 @@ TARGETS: dict[str, Target] = {
     "page_pictures": _of_page("records/pictures/*", mutate=spoilt.of_listed, seal=seals.listed_sealed),
     "page_serving": _of_page("serving.json", material.small_run_served),
     "page_partial": _of_page("records/cells/*.json", material.small_run, "--partial"),
-    "page_speed": _of_page("speed.json", write_fake_speed),
-    "page_stability": _of_page("stability.json", write_fake_stability),
+    "page_speed": _of_page("speed.json", material.alone_speed),
+    "page_stability": _of_page("stability.json", material.alone_stability),
     "page_evidence": _of_page("evidence.json", material.alone_evidence),
 }  # fmt: skip
 """By name. Folders are made under the name of the function that makes them."""
