@@ -11,7 +11,7 @@ import pytest
 
 from harness.records.former.four_words import in_two_words
 from harness.records.json_record import plain
-from harness.records.study import Answer, check, read_studies
+from harness.records.study import Answer, Table, check, read_studies
 from harness.records.verdict import OPEN, Verdict
 from reports.run.saving.published import BLOCKS, MARKED, block, main, pages, rewritten
 from reports.run.saving.published_cells import judged_again
@@ -198,12 +198,14 @@ def test_the_evidence_names_what_does_not_hold(tmp_path: Path) -> None:
 
 def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
     machine = {"cores": 2, "processor": "some processor"}
-    write_fake_studies(tmp_path / "frontier", fake_studies("frontier", provenance=machine))
+    means = Table("over_scenes", 0, "t", ["family", "4 core s"], [["nerf", "21.35"]])
+    front = study("front", "Who is ahead", Answer("splats is best, 30.10 dB."), means, seconds=120.0)
+    write_fake_studies(tmp_path / "frontier", fake_studies("frontier", provenance=machine, studies=[front]))
     text = block("frontier", tmp_path)
-    assert "| nerf | 20.46 ± 1.58 |" in text
-    assert "** Splats lead." in text
-    assert "It took 62 minutes on 2 cores (some processor)." in text
-    assert block("leaders", tmp_path).startswith("Splats lead. 2 scenes, 1 seed, some processor: ")
+    assert "| nerf | 21.35 |" in text
+    assert "* **Who is ahead.** splats is best, 30.10 dB." in text
+    assert "It took 2 minutes on 2 cores (some processor)." in text
+    assert block("leaders", tmp_path).startswith("splats is best, 30.10 dB. 2 scenes, 1 seed, some processor: ")
     assert "](docs/frontier/frontier.png)" in block("leaders", tmp_path)
 
 
