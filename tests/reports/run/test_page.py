@@ -78,7 +78,7 @@ def test_diverged_cells_stand_on_the_first_screen_and_in_every_section_of_scores
 
 def test_text_from_data_is_escaped_everywhere(tmp_path):
     def hostile_run(run):
-        scenes = [replace(scene, title=HOSTILE, view_set=HOSTILE) for scene in run.scenes]
+        scenes = [replace(scene, name=HOSTILE, title=HOSTILE, view_set=HOSTILE) for scene in run.scenes]
         methods, facts = {**run.methods, "qnerf": HOSTILE}, {HOSTILE: [HOSTILE]}
         listed = {"deviations": [HOSTILE], "not_tested": [HOSTILE], "provenance": facts, "settings": facts}
         return replace(run, scenes=scenes, methods=methods, command=HOSTILE, profile=HOSTILE, **listed)
@@ -87,9 +87,10 @@ def test_text_from_data_is_escaped_everywhere(tmp_path):
         reason = HOSTILE if cell.reason else None
         return replace(cell, reason=reason, warnings=[HOSTILE], properties={HOSTILE: HOSTILE}, parameters={HOSTILE: 1})
 
-    text = page(
-        read_records(write_fake_run(tmp_path / "run", (HOSTILE,), change=hostile_run, change_cell=hostile_cell))
-    )
+    records = read_records(write_fake_run(tmp_path / "run", ("x",), change=hostile_run, change_cell=hostile_cell))
+    comparisons = [replace(row, scene=row.scene.replace("x", HOSTILE)) for row in records.comparisons]
+    cells = [replace(cell, scene=HOSTILE) for cell in records.cells]
+    text = page(replace(records, cells=cells, comparisons=comparisons))
     assert foreign_scripts(text) == []
     assert "&lt;script&gt;" in text
     Outline(text)
