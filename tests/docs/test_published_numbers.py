@@ -11,12 +11,13 @@ import pytest
 
 from harness.records.former.four_words import in_two_words
 from harness.records.json_record import plain
-from harness.records.study import Answer, Studies, StudyInfo, StudyRecord, Table, check, read_studies, write_studies
+from harness.records.study import Answer, Table, check, read_studies
 from harness.records.verdict import OPEN, Verdict
 from reports.run.saving.published import BLOCKS, MARKED, block, main, pages, rewritten
 from reports.run.saving.published_cells import judged_again
 from reports.run.saving.run_blocks import DUELS
 from tests.harness.shell import ROOT
+from tests.reports.fake_studies import fake_studies, study, write_fake_studies
 
 ELSEWHERE = {
     "judge.md": "tests/docs/test_judge_page.py",
@@ -82,22 +83,26 @@ def as_judged() -> str:
     return json.dumps(judged_again(in_two_words(json.loads(text))))
 
 
-def changed(tmp_path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+def written(docs: Path, name: str, data: dict[str, Any]) -> Path:
+    (docs / name).parent.mkdir(parents=True, exist_ok=True)
+    (docs / name).write_text(json.dumps(data), encoding="utf-8")
+    return docs
+
+
+def changed(
+    docs: Path, change: Callable[[dict[str, Any]], None] = lambda data: None, name: str = "reduced/summary.json"
+) -> Path:
     """The default run, published with a change."""
     data = json.loads(as_judged())
     change(data)
-    (tmp_path / "reduced").mkdir(parents=True)
-    (tmp_path / "reduced" / "summary.json").write_text(json.dumps(data), encoding="utf-8")
-    return tmp_path
+    return written(docs, name, data)
 
 
 def test_what_is_not_published_is_not_told(tmp_path: Path) -> None:
-    published = changed(tmp_path, lambda data: None)
-    assert {name for name in BLOCKS if block(name, published)} == {
-        name
-        for name, (files, _) in BLOCKS.items()
-        if {file for file in files if file[-1] != "?"} == {"reduced/summary.json"}
-    }
+    published = changed(tmp_path)
+    needed = {name: {file for file in files if file[-1] != "?"} for name, (files, _) in BLOCKS.items()}
+    of_the_run = {name for name, files in needed.items() if files == {"reduced/summary.json"}}
+    assert {name for name in BLOCKS if block(name, published)} == of_the_run
 
 
 BOTH = [Verdict("above 0", "open"), Verdict("below 0", "matters"), Verdict("open", "smaller than matters"), OPEN]
@@ -122,13 +127,9 @@ def with_replicates(folder: Path, published: Verdict, *replicates: Verdict) -> P
                 row["difference"] = 0.137
                 row["verdict"] = row["scenes_like_these"]["verdict"] = plain(published)
 
-    made = changed(folder, judged)
-    rows = [
-        {"method": first, "against": second, "differences": [0.12, 0.144], "verdicts": plain(list(replicates))}
-        for first, second in DUELS
-    ]
-    (made / "reduced" / "processors.json").write_text(json.dumps({"over_all": rows}), encoding="utf-8")
-    return made
+    row = {"differences": [0.12, 0.144], "verdicts": plain(list(replicates))}
+    rows = [{"method": first, "against": second, **row} for first, second in DUELS]
+    return written(changed(folder, judged), "reduced/processors.json", {"over_all": rows})
 
 
 ABOVE = Verdict("above 0", "open")
@@ -171,52 +172,35 @@ def test_the_command_rewrites_what_is_out_of_date(tmp_path: Path, capsys: pytest
         main(tmp_path)
 
 
-def written(tmp_path: Path, name: str, source: str, **more: Any) -> Path:
-    """A published file, changed."""
-    data = {**json.loads((ROOT / "docs" / source).read_text(encoding="utf-8")), **more}
-    data.pop("digest", None)
-    (tmp_path / name).parent.mkdir(exist_ok=True)
-    (tmp_path / name).write_text(json.dumps(data), encoding="utf-8")
-    return tmp_path
-
-
-def test_stability_serving_and_what_is_left_out_are_counted(tmp_path: Path) -> None:
-    for name in ("stability.json", "reduced/serving.json", "left_out.json"):
-        published = written(tmp_path, name, name)
-    ours = [row.status for _, row in read_studies(tmp_path / "stability.json").checks() if row.must_hold]
+def test_stability_serving_and_what_is_left_out_are_counted() -> None:
+    docs = ROOT / "docs"
+    ours = [row.status for _, row in read_studies(docs / "stability.json").checks() if row.must_hold]
     passed, failed = ours.count("pass"), ours.count("fail")
-    assert f" cases {passed} of {passed + failed} checks of our code pass" in block("stability", published)
-    serving = read_studies(tmp_path / "reduced/serving.json")
-    (table,) = next(study.tables for study in serving.studies if study.info.id == "confusions")
+    assert f" cases {passed} of {passed + failed} checks of our code pass" in block("stability", docs)
+    confusions = read_studies(docs / "reduced/serving.json").study("confusions")
+    (table,) = confusions.tables
     stale = sum(bool(row[2]) for row in table.rows)
-    assert f"another picture in {stale} of {len(table.rows)} kinds" in block("serving", published)
-    first = json.loads((published / "left_out.json").read_text(encoding="utf-8"))["omissions"][0]
-    row = next(line for line in block("left out", published).splitlines() if first["scene"] in line)
+    assert f"another picture in {stale} of {len(table.rows)} kinds" in block("serving", docs)
+    first = json.loads((docs / "left_out.json").read_text(encoding="utf-8"))["omissions"][0]
+    row = next(line for line in block("left out", docs).splitlines() if first["scene"] in line)
     assert f"{first['difference']:+.2f} [{first['interval'][0]:+.2f}, " in row.replace("−", "-")
     assert first["verdict"] in row
 
 
 def test_the_evidence_names_what_does_not_hold(tmp_path: Path) -> None:
-    info = StudyInfo("one", "Is it so?", "Is it?", "By looking.")
     checks = [check("share of x", 0.5, 0.0, 1.0), check("share of y", 2.0, 0.0, 1.0)]
-    study = StudyRecord(info, findings=[Answer("It is, by 0.31 dB."), Answer("And more."), *checks])
-    (tmp_path / "reduced").mkdir()
-    path = tmp_path / "reduced" / "evidence.json"
-    write_studies(path, Studies("evidence", {}, {}, [study], True))
+    answers = [Answer("It is, by 0.31 dB."), Answer("And more.")]
+    record = fake_studies("evidence", studies=[study("one", "Is it so?", *answers, *checks)])
+    write_fake_studies(tmp_path / "reduced", record)
     text = block("evidence", tmp_path)
     assert text.startswith("* **Is it so?** It is, by 0.31 dB.\n\n1 of 2 checks hold; not: share of y (Is it so?).\n")
 
 
 def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
-    found = [
-        Answer("splats is best, 30.10 dB."),
-        Table("over_scenes", 0, "t", ["family", "4 core s"], [["nerf", "21.35"]]),
-    ]
-    study = StudyRecord(StudyInfo("front", "Who is ahead", "Who?", "By training."), findings=found, seconds=120.0)
-    (tmp_path / "frontier").mkdir()
-    settings = {"amount": {"scenes": ["chair", "ship"], "seeds": [0]}}
     machine = {"cores": 2, "processor": "some processor"}
-    write_studies(tmp_path / "frontier" / "frontier.json", Studies("frontier", machine, settings, [study], True))
+    means = Table("over_scenes", 0, "t", ["family", "4 core s"], [["nerf", "21.35"]])
+    front = study("front", "Who is ahead", Answer("splats is best, 30.10 dB."), means, seconds=120.0)
+    write_fake_studies(tmp_path / "frontier", fake_studies("frontier", provenance=machine, studies=[front]))
     text = block("frontier", tmp_path)
     assert "| nerf | 21.35 |" in text
     assert "* **Who is ahead.** splats is best, 30.10 dB." in text
@@ -234,8 +218,7 @@ def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
             "qnerf − nerf_matched: -0.31 dB (worse) → -0.30 dB (worse)",
         ],
     }
-    published = changed(tmp_path, lambda data: None)
-    written(tmp_path, "reduced/processors.json", "environment.json", **processors)
+    published = written(changed(tmp_path), "reduced/processors.json", processors)
     said = block("processors", published)
     assert "(here: instruction set AVX2 and AVX512)" in said
     assert "0.30 dB (RMS of 24; at most 1.27) (`python" in said, "older ones tell no changes"
@@ -245,7 +228,7 @@ def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
     processors["moved"] = [
         {"method": "qnerf", "against": "nerf", "budget": name, **moved} for name in ("steps", "seconds")
     ]
-    written(tmp_path, "reduced/processors.json", "environment.json", **processors)
+    written(tmp_path, "reduced/processors.json", processors)
     told = "at most 1.27), and `qnerf` − `nerf` by +0.01 dB (−0.03 to +0.05: sign open, smaller than matters) (`python"
     assert told in block("processors", published)
 
@@ -286,35 +269,22 @@ def test_twice_the_steps_are_told_over_the_scenes_and_seeds_that_both_runs_have(
         return change
 
     docs = changed(tmp_path, at(1000, 28.0, 29.0))
-    for name, change in {
-        "reduced/halved": at(500, 27.0, 27.5, ("lego",)),
-        "converged/summary": at(4000, 32.0, 31.0),
-        "converged/doubled": at(8000, 32.5, 31.25, ("lego", "mic")),
-    }.items():
-        file = docs / f"{name}.json"
-        file.parent.mkdir(exist_ok=True)
-        (changed(tmp_path / name, change) / "reduced" / "summary.json").rename(file)
+    changed(docs, at(500, 27.0, 27.5, ("lego",)), "reduced/halved.json")
+    changed(docs, at(4000, 32.0, 31.0), "converged/summary.json")
+    changed(docs, at(8000, 32.5, 31.25, ("lego", "mic")), "converged/doubled.json")
     rows = [line.strip("| ").split(" | ") for line in block("twice the steps", docs).splitlines()]
     del rows[1]
-    assert [row[1] for row in rows] == [
-        "500 and 1000 steps; 1 scene, 1 seed",
-        "+1.00 dB",
-        "+3.00 dB, +2.00 to +4.00",
-        "+1.50 dB",
-        "+3.00 dB, +2.00 to +4.00",
-        "+0.50 dB",
-        "+1.00 dB",
-    ]
+    last = "+3.00 dB, +2.00 to +4.00"
+    early = ["500 and 1000 steps; 1 scene, 1 seed", "+1.00 dB", last, "+1.50 dB", last, "+0.50 dB", "+1.00 dB"]
+    assert [row[1] for row in rows] == early
     assert [row[2].split(",")[0] for row in rows[1::2]] == ["+0.50 dB", "+0.25 dB", "−1.00 dB"]
     assert rows[0][2] == "4000 and 8000 steps; 2 scenes, 1 seed"
     assert rows[-1][2].startswith("−1.25 dB")
 
 
 def beside_the_default_run(tmp_path: Path, change: Callable[[dict[str, Any]], None]) -> list[str]:
-    published = changed(tmp_path, lambda data: None)
-    other = changed(tmp_path / "other", change) / "reduced"
-    other.rename(published / "converged")
-    return block("late verdict", published).splitlines()
+    changed(changed(tmp_path), change, "converged/summary.json")
+    return block("late verdict", tmp_path).splitlines()
 
 
 def test_a_late_verdict_stands_beside_the_early_one(tmp_path: Path) -> None:

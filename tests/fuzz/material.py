@@ -36,11 +36,8 @@ from tests.harness.ball import FOV_X_RADIANS, ball_view, pose, write_ball
 from tests.harness.tiny import SCORE, TRAIN
 from tests.harness.trained_runs import train_run
 from tests.replacing import replace
-from tests.reports.fake_evidence import write_fake_evidence
 from tests.reports.fake_run import write_fake_run
-from tests.reports.fake_serving import write_fake_serving
-from tests.reports.fake_speed import write_fake_speed
-from tests.reports.fake_stability import write_fake_stability
+from tests.reports.fake_studies import write_fake_studies
 from tests.scenes.captures import capture
 
 SIZE = 8
@@ -134,15 +131,13 @@ def small_run(folder: Path) -> None:
         warnings.simplefilter("ignore")
         write_fake_run(folder, seeds=1, size=4, change=lambda run: replace(run, seeds=[0]))
     write_targets(folder, targets(list(read_cells(folder)), list(read_run(folder).methods)))
-    write_fake_serving(folder)
+    write_fake_studies(folder, "serving")
 
 
 def studies(folder: Path) -> None:
     """Records of studies, a folder for each shelf, as each has a page."""
-    for write in (write_fake_speed, write_fake_stability, write_fake_evidence):
-        out = folder / write.__name__
-        out.mkdir(parents=True)
-        write(out)
+    for shelf in ("speed", "stability", "evidence"):
+        write_fake_studies(folder / shelf, shelf)
 
 
 def gates(folder: Path) -> None:

@@ -1,5 +1,8 @@
-"""A page in a real browser: what it complains of, and how well its text can be read."""
+"""A page in a real browser: what it complains of, how well its text can be read, and what is saved from it."""
 
+import csv
+import io
+from pathlib import Path
 from typing import Any
 
 CONTRAST = """selector => {
@@ -60,3 +63,15 @@ def weakest_contrast(view: Any, selector: str) -> tuple[float, str]:
     """The smallest contrast (WCAG) of a text and the ground below it, and that text."""
     ratio, text = view.evaluate(CONTRAST, selector)
     return ratio, text
+
+
+def saved(view: Any, owner: Any, kind: str) -> str:
+    """What the menu of `owner` gives as `kind`."""
+    owner.locator(".save").first.click()
+    with view.expect_download() as download:
+        view.get_by_role("menuitem", name=kind, exact=True).click()
+    return Path(download.value.path()).read_bytes().decode("utf-8")
+
+
+def rows_of(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text, newline="")))

@@ -1,4 +1,4 @@
-"""A hand-written run on disk, read and unread."""
+"""Hand-written runs on disk, read and unread, and their pages: none of them is to be changed, but for `out`."""
 
 import shutil
 from pathlib import Path
@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 
 from reports.data.load import Records, read_records
-from tests.reports.fake_run import write_fake_run
+from reports.run.run_page import page
+from tests.reports.fake_run import fake_records, write_fake_run
 
 
 @pytest.fixture(scope="session")
 def plain_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two scenes × three methods × three seeds without pictures; drums, qnerf, seed 2 diverged; not to be changed."""
+    """Two scenes × three methods × three seeds without pictures; drums, qnerf, seed 2 diverged."""
     return write_fake_run(tmp_path_factory.mktemp("plain") / "run", pictures=False)
 
 
@@ -23,17 +24,26 @@ def out(plain_run: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def records(plain_run: Path) -> Records:
-    """What was read of it; not to be changed."""
     return read_records(plain_run)
 
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Records:
     """The same, but with every cell finished."""
-    return read_records(write_fake_run(tmp_path_factory.mktemp("whole") / "run", pictures=False, with_diverged=False))
+    return fake_records(tmp_path_factory.mktemp("whole") / "run")
+
+
+@pytest.fixture(scope="session")
+def whole_page(whole: Records) -> str:
+    return page(whole)
 
 
 @pytest.fixture(scope="session")
 def pictured(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run with pictures; not to be changed."""
+    """The plain run with pictures."""
     return write_fake_run(tmp_path_factory.mktemp("pictured") / "run")
+
+
+@pytest.fixture(scope="session")
+def pictured_page(pictured: Path) -> str:
+    return page(read_records(pictured))

@@ -5,7 +5,7 @@ import numpy as np
 from harness.records.study import Studies
 from harness.verdicts.history.figures_over_runs import figures_over_runs
 from harness.verdicts.history.past_runs import PastRun
-from tests.reports.fake_shelf import PROVENANCE
+from tests.reports.fake_studies import PROVENANCE
 
 SLOWER_FROM = 12
 

@@ -1,22 +1,25 @@
 """python -m reports: exit codes, messages, and what it does not import."""
 
-import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from harness.records.json_record import load_record, write_record
+from harness.records.study import SHELVES
 from reports.__main__ import BAD_INPUT, OWN_ERROR, SOME_FAILED, STOPPED, main, parser
 from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_studies import SETTINGS, write_fake_studies
 
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_whole_run_gives_0_and_the_path_last(tmp_path, capsys):
-    out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False)
+def test_a_whole_run_gives_0_and_the_path_last(whole, tmp_path, capsys):
+    out = shutil.copytree(whole.out, tmp_path / "run")
     assert main([str(out)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1] == str(out / "report.html")
@@ -38,31 +41,22 @@ def test_diverged_cells_give_3_after_the_report_is_written_and_quiet_prints_its_
 
 
 def test_bad_input_gives_2_and_one_line(tmp_path, out, capsys):
-    (out / "records" / "cells" / "chair.nerf.0.json").write_text("{", encoding="utf-8")
-    for folder, said in (
-        (tmp_path / "nowhere", "no such folder"),
-        (tmp_path, "no records/"),
-        (out, "chair.nerf.0.json"),
-    ):
+    def refused(folder, said):
         assert main([str(folder)]) == 2
         caught = capsys.readouterr()
         assert caught.out == ""
         assert said in caught.err
         assert len(caught.err.splitlines()) == 1
-    assert not (out / "report.html").exists()
 
-
-def test_claims_that_are_none_give_2_and_one_line(tmp_path, capsys):
-    out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False)
-    path = out / "records" / "run.json"
-    run = json.loads(path.read_text(encoding="utf-8"))
-    run.pop("digest", None)
+    refused(tmp_path / "nowhere", "no such folder")
+    refused(tmp_path, ", ".join(["no records/", *(f"no {file}" for file in SHELVES.values())]))
+    (out / "records" / "cells" / "chair.nerf.0.json").write_text("{", encoding="utf-8")
+    refused(out, "chair.nerf.0.json")
+    run = load_record(out / "records" / "run.json")
     run["claims"][0]["claims"] = [{"id": "table2-chair"}]
-    path.write_text(json.dumps(run), encoding="utf-8")
-    assert main([str(out)]) == 2
-    said = capsys.readouterr().err
-    assert "$.claims" in said
-    assert len(said.splitlines()) == 1
+    write_record(out / "records" / "run.json", {name: value for name, value in run.items() if name != "digest"})
+    refused(out, "$.claims")
+    assert not (out / "report.html").exists()
 
 
 def test_bad_usage_gives_2(capsys):
@@ -92,25 +86,14 @@ def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
 
 
 def fresh(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", "-c", code, *arguments]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(
-        [sys.executable, "-W", "error", "-c", code, *arguments],
-        capture_output=True,
-        text=True,
-        env=environment,
-        cwd=ROOT,
-    )
+    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
 
 
 BUILD = "import sys; from reports.__main__ import main; main(sys.argv[1:]);"
-LIGHT = {
-    "scenes",
-    "scenes.files",
-    "scenes.files.errors",
-    "scenes.files.atomic",
-    "scenes.files.installed",
-    "scenes.files.standard_output",
-    "scenes.files.stopping",
+LIGHT = {"scenes", "scenes.files"} | {
+    f"scenes.files.{name}" for name in ("errors", "atomic", "installed", "standard_output", "stopping")
 }
 HEAVY = (
     f"print(sorted(name for name in set(sys.modules) - {LIGHT!r} "
@@ -118,8 +101,10 @@ HEAVY = (
 )
 
 
-def test_a_report_is_built_without_torch_and_mitsuba(tmp_path):
+def test_a_report_and_the_pages_of_all_shelves_are_built_without_torch_and_mitsuba(tmp_path):
     out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, with_diverged=False)
+    for shelf in SETTINGS:
+        write_fake_studies(out, shelf)
     done = fresh(f"{BUILD} {HEAVY}", str(out), "--publish", str(tmp_path / "docs"))
     assert done.stderr == ""
     assert done.stdout.splitlines()[-1] == "[]"

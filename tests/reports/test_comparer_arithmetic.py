@@ -11,7 +11,7 @@ from harness.training.scoring import metrics
 from reports.data.packing import depth, display, light
 from scenes.view_sets.pixels import decode_srgb
 from tests.reports.browsing import opened, until
-from tests.reports.comparer_page import write_arithmetic_page
+from tests.reports.comparing import write_arithmetic_page
 
 pytestmark = pytest.mark.slow
 

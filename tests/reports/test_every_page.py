@@ -2,38 +2,74 @@
 
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from harness.records.study import Studies
 from reports.data.beside import Beside
 from reports.data.load import read_records
 from reports.run.run_page import page
 from reports.studies.study_page import study_page
 from tests.reports.browsing import opened, unfold, weakest_contrast
-from tests.reports.fake_evidence import fake_evidence
 from tests.reports.fake_run import write_fake_run
-from tests.reports.fake_serving import fake_serving, write_fake_serving
-from tests.reports.fake_shelf import hostile
-from tests.reports.fake_speed import fake_speed
-from tests.reports.fake_stability import fake_stability, write_fake_stability
-from tests.reports.menus import saveable
+from tests.reports.fake_studies import fake_studies, hostile, write_fake_studies
 from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
+
+OFFERED = """() => {
+    const offered = button => {
+        if (!button) return '';
+        button.click();
+        const forms = [...document.querySelectorAll('.menu button')].map(one => one.textContent).join(' ');
+        button.click();
+        return forms;
+    };
+    const ours = one => !one.closest('.panel, #pictures, [aria-hidden] .pen');
+    const toolsOf = table => {
+        const place = table.closest('.scroll') ?? table;
+        return [place.previousElementSibling, place.nextElementSibling].find(one => one?.matches('.tools'));
+    };
+    const tables = [...document.querySelectorAll('table')].filter(ours).map(one => [
+        'table', one.caption?.textContent ?? 'no caption',
+        offered(toolsOf(one)?.querySelector('.save'))]);
+    const figures = [...document.querySelectorAll('figure:has(svg, img, canvas)')].filter(ours).map(one => [
+        one.querySelector('img') ? 'picture' : 'chart', one.querySelector('figcaption')?.textContent ?? 'no caption',
+        offered(one.querySelector('.save'))]);
+    const drawings = 'svg:not(.pen), canvas, img';
+    const stray = [...document.querySelectorAll(drawings)].filter(one => ours(one) && !one.closest('figure, table'))
+        .map(one => ['stray', one.outerHTML.slice(0, 80), '']);
+    return [...tables, ...figures, ...stray];
+}"""
+FORMS = {
+    "table": "CSV Markdown LaTeX",
+    "chart": "SVG CSV",
+    "picture": "PNG",
+    "stray": "a figure or a table around it",
+}
+
+
+def saveable(view: Any) -> dict[str, int]:
+    """How many of each kind the page shows; fails with the names of those that lack a form to be saved in."""
+    found = view.evaluate(OFFERED)
+    assert [(kind, name, forms) for kind, name, forms in found if forms != FORMS[kind]] == []
+    return {kind: sum(one[0] == kind for one in found) for kind in FORMS}
 
 
 def _report(out: Path) -> str:
-    run = write_fake_serving(write_fake_run(out / "run", ("chair",), seeds=2))
-    return page(read_records(run), Beside(evidence=fake_evidence(), serving=fake_serving()))
+    run = write_fake_studies(write_fake_run(out / "run", ("chair",), seeds=2), "serving")
+    return page(read_records(run), Beside(evidence=fake_studies("evidence"), serving=fake_studies("serving")))
 
 
-PAGES: dict[str, Callable[[Path], str]] = {
-    "report": _report,
-    "evidence": lambda out: study_page(fake_evidence(), out),
-    "speed": lambda out: study_page(fake_speed(), out),
-    "serving": lambda out: study_page(fake_serving(), write_fake_serving(out)),
-    "hostile speed": lambda out: study_page(hostile(fake_speed(), HOSTILE), out),
-    "stability": lambda out: study_page(fake_stability(), write_fake_stability(out)),
-    "hostile stability": lambda out: study_page(hostile(fake_stability(), HOSTILE), write_fake_stability(out)),
+def _studies(record: Studies, out: Path) -> str:
+    return study_page(record, write_fake_studies(out, record))
+
+
+PAGES: dict[str, Callable[[Path], str]] = {"report": _report} | {
+    f"{kind}{shelf}": partial(_studies, change(fake_studies(shelf, failing=True)))
+    for kind, change in (("", lambda record: record), ("hostile ", partial(hostile, word=HOSTILE)))
+    for shelf in ("evidence", "speed", "serving", "stability")
 }
 
 
@@ -57,6 +93,7 @@ def test_it_is_well_formed_fetches_nothing_and_runs_no_script_but_ours(text):
     assert re.findall(r"url\(\s*[\"']?(?!#)", text) == []
     assert "@import" not in text
     assert foreign_scripts(text) == []
+    assert {"iframe", "object"}.isdisjoint(outline.tags)
     assert text.index("Content-Security-Policy") < text.index("<style>")
 
 

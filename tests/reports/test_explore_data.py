@@ -6,13 +6,9 @@ import re
 
 import pytest
 from markupsafe import Markup
-from msgspec.structs import replace
 
-from harness.records.cells import cell_path
-from harness.records.study import StudyInfo, StudyRecord, check
+from harness.records.study import check
 from reports.claims.psnr_table import scores_grid
-from reports.data.beside import ALONE
-from reports.data.load import read_records
 from reports.data.selection import Selection
 from reports.drawing.figure import svg
 from reports.drawing.traces import Panel, Trace, rounded
@@ -20,9 +16,7 @@ from reports.page.grid import Entry
 from reports.page.shell import of_entry, of_row
 from reports.run.metrics_table import comparisons_grid, metrics_grid
 from reports.run.runs_data import density_data, runs_data
-from reports.run.saving.export import tables
-from reports.studies.check_words import checks_grid
-from tests.reports.fake_run import write_fake_run
+from tests.replacing import replace
 
 HOSTILE = '"><img src=x onerror=alert(1)>'
 
@@ -50,6 +44,7 @@ def test_a_cell_carries_its_value_its_further_numbers_and_its_runs():
     )
     assert of_entry(Entry("", value="lego")) == ' data-said="lego"'
     assert of_entry(Entry("lego")) == ""
+    assert of_entry(Entry("–", value=math.nan, parts={"sd": math.inf})) == "", "not finite is no value"
 
 
 def test_hostile_names_stay_within_their_attribute():
@@ -57,10 +52,6 @@ def test_hostile_names_stay_within_their_attribute():
     for text in (of_entry(entry), of_row([entry])):
         assert re.findall(r"<|>", text) == []
         assert len(re.findall(r'"', text)) % 2 == 0
-
-
-def test_a_number_that_is_not_finite_is_no_value():
-    assert of_entry(Entry("–", value=math.nan, parts={"sd": math.inf})) == ""
 
 
 def test_a_row_belongs_to_a_scene_only_where_all_of_it_does():
@@ -77,11 +68,9 @@ def test_cells_of_the_score_tables_know_their_runs(records):
     assert grid.rows[0][2].value == pytest.approx(mean)
     blank = metrics_grid(records).rows[1]
     assert (blank[0].text, blank[0].value) == ("", "chair")
-    one = records.comparisons[0]
-    assert comparisons_grid(records).rows[0][4].runs == Selection(
-        one.scene, one.method, one.against, one.metric, one.budget
-    )
-    assert comparisons_grid(records).rows[0][4].parts == {"low": one.interval[0], "high": one.interval[1]}
+    one, shown = records.comparisons[0], comparisons_grid(records).rows[0][4]
+    assert shown.runs == Selection(one.scene, one.method, one.against, one.metric, one.budget)
+    assert shown.parts == {"low": one.interval[0], "high": one.interval[1]}
 
 
 def drawn(text: str) -> dict:
@@ -115,57 +104,43 @@ def test_a_drawing_of_hostile_words_cannot_end_its_data():
     assert drawn(text)["title"] == hostile
 
 
-def test_six_digits_are_kept_and_nothing_that_is_not_finite():
-    assert rounded([1234567.0, 0.1234567, math.nan, math.inf, 2.0, -0.5]) == [1234570, 0.123457, None, None, 2, -0.5]
-
-
-def test_every_run_is_there_with_what_sets_it_apart(tmp_path):
-    records = read_records(write_fake_run(tmp_path / "run", pictures=False))
+def test_every_run_is_there_with_what_sets_it_apart(records):
+    assert rounded([1234567.0, 0.1234567, math.nan, math.inf, 2.0]) == [1234570, 0.123457, None, None, 2], "six digits"
     found = runs_data(records)
     assert len(found["cells"]) == len(records.cells)
-    lost = next(one for one in found["cells"] if one["status"] == "diverged")
-    assert (lost["scene"], lost["method"], lost["seed"]) == ("drums", "qnerf", 2)
+    (lost,) = [one for one in found["cells"] if one["status"] == "diverged"]
+    assert (lost["scene"], lost["method"], lost["seed"], lost["scores"]) == ("drums", "qnerf", 2, {})
     assert lost["reason"] == "not finite at step 412: density_head.weight"
-    assert lost["scores"] == {}
     first, cell = found["cells"][0], records.cells[0]
     assert first["scores"]["psnr"] == pytest.approx(cell.scores["psnr"], rel=1e-5)
     assert first["curve"]["step"] == [point.step for point in cell.curve]
     assert first["curve"]["core_seconds"] == pytest.approx([point.core_seconds for point in cell.curve], rel=1e-5)
     assert first["core_seconds"] == pytest.approx(cell.train_core_seconds, rel=1e-5)
     assert "alpha" not in first["curve"]
-    assert first["differing"] == {}
-    assert first["file"] == "records/cells/chair.nerf.0.json"
+    assert (first["differing"], first["file"]) == ({}, "records/cells/chair.nerf.0.json")
     json.dumps(found, allow_nan=False)
 
 
-def test_runs_of_a_group_that_is_not_whole_say_so(tmp_path):
-    out = write_fake_run(tmp_path / "run", pictures=False)
-    assert not any("whole" in cell for cell in runs_data(read_records(out))["cells"])
-    cell_path(out, "chair", "nerf", 1).unlink()
-    apart = [cell for cell in runs_data(read_records(out))["cells"] if not cell.get("whole", True)]
-    assert [(one["scene"], one["method"], one["seed"]) for one in apart] == [
-        ("chair", "nerf_matched", 1),
-        ("chair", "qnerf", 1),
-    ]
+def test_runs_of_a_group_that_is_not_whole_say_so(records):
+    def apart(records):
+        cells = runs_data(records)["cells"]
+        return [(one["scene"], one["method"], one["seed"]) for one in cells if not one.get("whole", True)]
+
+    assert apart(records) == []
+    lacking = [cell for cell in records.cells if (cell.scene, cell.method, cell.seed) != ("chair", "nerf", 1)]
+    assert apart(replace(records, cells=lacking)) == [("chair", "nerf_matched", 1), ("chair", "qnerf", 1)]
+    planned = {"methods": {**records.run.methods, "extra": "on one scene"}, "settings": {"methods": records.methods}}
+    assert apart(replace(records, run=replace(records.run, **planned))) == [], "methods of single scenes do not count"
 
 
-def test_methods_of_single_scenes_do_not_make_a_group_less_than_whole(tmp_path):
-    def planned(run):
-        return replace(run, methods={**run.methods, "extra": "on one scene"}, settings={"methods": list(run.methods)})
-
-    records = read_records(write_fake_run(tmp_path / "run", pictures=False, change=planned))
-    assert not any("whole" in cell for cell in runs_data(records)["cells"])
-
-
-def test_histograms_leave_out_what_is_the_same_and_carry_the_true_occupancy(tmp_path):
+def test_histograms_leave_out_what_is_the_same_and_carry_the_true_occupancy(records):
     def split(cell):
         sides = {"before_inside": [1.0, 0.0], "after_inside": [1.0, 0.0], "before_outside": [0.0, 1.0],
                  "after_outside": [0.5, 0.5], "before": [0.5, 0.5], "after": [0.5, 0.5], "edges": [0.0, 0.5, 1.0],
                  "points": [3.0, 5.0]}  # fmt: skip
         return replace(cell, curve=[replace(cell.curve[0], density=sides)])
 
-    out = write_fake_run(tmp_path / "run", ("x",), seeds=1, pictures=False, with_diverged=False, change_cell=split)
-    one = density_data(read_records(out))[0]
+    one = density_data(replace(records, cells=[split(records.cells[0])]))[0]
     assert one["edges"] == [0, 0.5, 1]
     assert one["at"] == [{"before": [0.5, 0.5], "before_inside": [1, 0], "before_outside": [0, 1],
                           "after_outside": [0.5, 0.5], "points": [3.0, 5.0]}]  # fmt: skip

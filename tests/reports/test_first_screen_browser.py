@@ -6,8 +6,7 @@ import pytest
 
 from reports.data.load import read_records
 from reports.run.run_page import write_page
-from tests.reports.browsing import address_of, opened, unfold
-from tests.reports.exploring import rows_of, saved
+from tests.reports.browsing import address_of, opened, rows_of, saved, unfold
 from tests.reports.fake_run import EIGHT, write_fake_run
 
 pytestmark = pytest.mark.slow

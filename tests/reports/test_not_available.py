@@ -5,11 +5,11 @@ import pytest
 from reports.__main__ import main
 from reports.claims.headline import headline
 from reports.claims.psnr_table import scores_grid
-from reports.data.load import Records, read_records
+from reports.data.load import Records
 from reports.run.metrics_table import metrics_grid
 from reports.run.run_page import page
 from tests.replacing import replace
-from tests.reports.fake_run import GAIN, METHODS, SLOWNESS, write_fake_run
+from tests.reports.fake_run import GAIN, METHODS, SLOWNESS, fake_records
 
 REASON = "no shared library of LLVM 16 or newer"
 WITH = {**METHODS, "voxels_drjit": "explicit voxels"}
@@ -26,8 +26,7 @@ def absent(cell):
 def lacking(tmp_path, monkeypatch) -> Records:
     monkeypatch.setitem(GAIN, "voxels_drjit", 0.0)
     monkeypatch.setitem(SLOWNESS, "voxels_drjit", 1.0)
-    out = write_fake_run(tmp_path / "run", methods=WITH, pictures=False, with_diverged=False, change_cell=absent)
-    return read_records(out)
+    return fake_records(tmp_path / "run", methods=WITH, change_cell=absent)
 
 
 def test_it_is_no_failure(lacking, capsys):

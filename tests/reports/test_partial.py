@@ -29,7 +29,8 @@ def spoil(out: Path, *names: str) -> None:
         (out / "records" / kind / name).write_bytes(b"?")
 
 
-def test_a_damaged_cell_is_left_out_and_named_and_the_others_stay(run):
+def test_a_damaged_cell_is_left_out_and_named_and_verdicts_are_of_the_others(run):
+    before = read_records(run)
     spoil(run, CELL)
     with pytest.raises(DamagedRecord, match=CELL):
         read_records(run)
@@ -38,12 +39,6 @@ def test_a_damaged_cell_is_left_out_and_named_and_the_others_stay(run):
     assert str(cell_path(run, "chair", "nerf", 0)) in line
     assert len(records.cells) == 5
     assert records.cells_of("chair", "nerf") == []
-
-
-def test_verdicts_are_of_what_is_sound_and_the_summary_says_what_is_not(run):
-    before = read_records(run)
-    spoil(run, CELL)
-    records = read_records(run, partly=True)
     assert records.run.finished
     assert any(one.scene == "chair" for one in before.comparisons)
     assert records.comparisons
@@ -52,28 +47,27 @@ def test_verdicts_are_of_what_is_sound_and_the_summary_says_what_is_not(run):
     assert summary(records)["damaged"] == records.left_out
 
 
-def test_damaged_pictures_are_called_damaged_and_not_unkept(run):
-    spoil(run, RENDERS)
+def test_pictures_that_are_missing_damaged_or_without_their_truth_are_called_so_and_not_unkept(run):
+    spoil(run, RENDERS, TRUTH)
+    (run / "records/pictures/chair.nerf.0.safetensors").unlink()
     records = read_records(run, partly=True)
-    (line,) = damaged(records)
-    assert RENDERS in line
-    (lost,) = picture_data(records).data["scenes"][0]["missing"]
-    assert (lost["method"], lost["reason"]) == ("qnerf", line)
-    chair = views(records)[0]
-    assert [one.caption == line for one in chair.methods] == [False, False, True]
-
-
-def test_pictures_without_their_truth_are_not_called_unkept(run):
-    spoil(run, TRUTH)
-    records = read_records(run, partly=True)
-    (line,) = damaged(records)
-    assert TRUTH in line
-    data = picture_data(records).data
-    assert [scene["name"] for scene in data["scenes"]] == ["chair"]
-    assert any("drums" in said and "ground truth" in said for said in data["left_out"])
-    drums = views(records)[1]
-    assert all(one.render for one in drums.methods)
-    assert not any(NOT_KEPT in one.caption for one in drums.methods)
+    missing, broken, truth = damaged(records)
+    assert "chair.nerf.0.safetensors: not the pictures of a run (missing)" in missing
+    assert RENDERS in broken
+    assert TRUTH in truth
+    found = picture_data(records).data
+    (chair,) = found["scenes"]
+    lost = {cell["method"]: (cell["status"], cell["reason"]) for cell in chair["missing"]}
+    assert lost == {
+        "nerf": ("done", f"{run}/records/pictures/chair.nerf.0.safetensors: missing"),
+        "qnerf": ("done", broken),
+    }
+    assert any("drums" in said and "ground truth" in said for said in found["left_out"])
+    chair, drums = views(records)
+    assert [one.caption for one in chair.methods[::2]] == [reason for _, reason in lost.values()]
+    assert chair.methods[1].render
+    assert drums.truth is None
+    assert all(one.render and one.caption == "no ground truth of this size" for one in drums.methods)
 
 
 @pytest.mark.slow

@@ -6,17 +6,13 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from reports.data.beside import Beside
-from reports.data.load import read_records
 from reports.drawing.traces import rounded
 from reports.run.run_page import write_page
 from reports.studies.forest import forests
 from reports.studies.study_page import write_study_page
-from tests.reports.browsing import opened, unfold
-from tests.reports.exploring import rows_of, saved
-from tests.reports.fake_evidence import INTEREST, fake_evidence
-from tests.reports.fake_run import write_fake_run
-from tests.reports.fake_serving import fake_serving, write_fake_serving
-from tests.reports.fake_stability import fake_stability, write_fake_stability
+from tests.reports.browsing import opened, rows_of, saved, unfold
+from tests.reports.fake_run import fake_records
+from tests.reports.fake_studies import INTEREST, fake_studies, write_fake_studies
 
 pytestmark = pytest.mark.slow
 
@@ -25,9 +21,9 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory) -> str:
-    out = write_fake_serving(write_fake_run(tmp_path_factory.mktemp("studies") / "run", pictures=False))
-    write_page(read_records(out), out / "report.html", Beside(evidence=fake_evidence(), serving=fake_serving()))
-    return (out / "report.html").as_uri()
+    records = fake_records(tmp_path_factory.mktemp("studies") / "run")
+    write_page(records, records.out / "report.html", Beside(evidence=fake_studies("evidence")))
+    return (records.out / "report.html").as_uri()
 
 
 def test_one_pair_of_error_and_cost_is_seen_and_the_reader_chooses_which(browser, address):
@@ -46,10 +42,10 @@ def test_a_forest_is_saved_as_it_is_drawn_with_its_numbers(browser, address):
     view, _ = opened(browser, address)
     unfold(view)
     figure = view.locator("#study-factorial .forests figure").first
-    drawn = next(one for one in fake_evidence().studies if one.info.id == "factorial")
-    (panel, *_) = forests(drawn.effects, INTEREST).values()
+    (panel, *_) = forests(fake_studies("evidence").study("factorial").effects, INTEREST).values()
     rows = rows_of(saved(view, figure, "CSV"))
     tree = ET.fromstring(saved(view, figure, "SVG"))
+    assert tree.tag == f"{SVG}svg"
     assert tree.find(f"{SVG}title").text.endswith("PSNR at equal steps, all scenes")
     words = {text for one in tree.iter(f"{SVG}text") for text in one.itertext()}
     assert {panel.rows[0], panel.figures[0]} <= words
@@ -61,7 +57,7 @@ def test_a_forest_is_saved_as_it_is_drawn_with_its_numbers(browser, address):
 
 
 def test_on_a_phone_no_outcome_needs_scrolling_and_the_matrix_names_its_subjects(browser, tmp_path):
-    address = write_study_page(fake_stability(), write_fake_stability(tmp_path)).as_uri()
+    address = write_study_page(fake_studies("stability"), write_fake_studies(tmp_path, "stability")).as_uri()
     view, _ = opened(browser, address, viewport={"width": 390, "height": 800})
     unfold(view)
     tables = "[...document.querySelectorAll('.matrix, .checks .scroll')]"

@@ -5,7 +5,7 @@ import pytest
 from harness.records.cells import Comparison, LeftOut
 from harness.records.verdict import OPEN, Verdict
 from reports.claims.psnr_table import difference_entry, differences_grids, score_entry, scores_grid
-from reports.data.load import Records, read_records
+from reports.data.load import Records
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
 from reports.page.grid import Entry
 from reports.run.metrics_table import (
@@ -18,133 +18,114 @@ from reports.run.metrics_table import (
     warnings_grid,
 )
 from tests.replacing import replace
-from tests.reports.fake_run import write_fake_run
 
 ABOVE = Verdict("above 0", "open")
+ALONE = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.3, 0.7), ABOVE, 0.4, 6, 0, None, 1, None, None)
 
 
-def test_spread_is_over_finished_seeds_alone(records: Records):
+def with_cells(records: Records, change) -> Records:
+    return replace(records, cells=[change(cell) for cell in records.cells])
+
+
+def labels(grid) -> list[str]:
+    return [column.label for column in grid.columns]
+
+
+def test_spread_is_over_finished_seeds_and_averages_over_scenes_that_every_method_finished(records: Records):
     frame = cells_frame(records)
     whole, lost = spread_of(frame, "chair", "nerf", "psnr"), spread_of(frame, "drums", "qnerf", "psnr")
     assert whole.mean == pytest.approx((22.886 + 22.85 + 22.874) / 3, abs=0.05)
-    assert (whole.done, whole.seeds) == (3, 3)
-    assert (lost.done, lost.seeds) == (2, 3)
-
-
-def test_an_average_stands_on_scenes_that_every_method_finished(tmp_path):
-    out = write_fake_run(tmp_path / "run", seeds=1, pictures=False)
-    frame = cells_frame(read_records(out))
+    assert [(one.done, one.seeds) for one in (whole, lost)] == [(3, 3), (2, 3)]
+    frame = cells_frame(replace(records, cells=[cell for cell in records.cells if cell.seed == 2]))
     assert shared_scenes(frame, "psnr") == ["chair"]
-    assert average_of(frame, "qnerf", "psnr", ["chair"]).sd is None
-
-
-def test_a_method_that_never_finished_has_no_number(tmp_path):
-    out = write_fake_run(tmp_path / "run", scenes=("chair",), seeds=1, pictures=False)
-    assert scores_grid(read_records(out)).rows[0][4] == Entry("1 of 1 diverged", tone="failed")
+    assert average_of(frame, "qnerf", "psnr", ["chair"]).sd is None, "of one seed"
+    alone = replace(records, cells=[cell for cell in records.cells if (cell.scene, cell.seed) == ("drums", 2)])
+    assert scores_grid(alone).rows[-1][4] == Entry("1 of 1 diverged", tone="failed")
 
 
 def test_differences_are_those_of_the_comparisons(records: Records):
     changed = [
         replace(one, difference=0.125, interval=(0.01, 0.3), simultaneous=(0.05, 0.2), verdict=ABOVE, unpaired=0)
-        if (one.scene, one.against, one.budget) == ("chair", "nerf", "steps") and one.method == "qnerf"
+        if (one.scene, one.method, one.against, one.budget) == ("chair", "qnerf", "nerf", "steps")
         else one
         for one in records.comparisons
     ]
     (grid,) = differences_grids(replace(records, comparisons=changed))
-    assert [column.label for column in grid.columns] == [
-        "scene",
-        "− nerf",
-        "− nerf_matched",
-        "− nerf",
-        "− nerf_matched",
-        "Δ",
-    ]
+    assert labels(grid) == ["scene", *("− nerf", "− nerf_matched") * 2, "Δ"]
     assert grid.rows[0][1] == Entry("+0.12", "[+0.05, +0.20]\nabove 0, size open", "above gain")
     assert grid.rows[0][5] == Entry("+1.4", tone="muted")
     assert grid.totals[0][0].text == "all scenes"
     assert "1 pair not judged" in grid.totals[0][1].small
 
 
-@pytest.mark.parametrize(("metric", "tone"), [("psnr", "above gain"), ("flip", "above loss")])
-def test_a_colour_follows_the_sign_and_the_direction_of_the_metric(metric, tone):
-    pair = (0.3, 0.7)
-    one = Comparison("all", "qnerf", "nerf", metric, "steps", 0.5, pair, ABOVE, 0.4, 6, 0, pair, 1, None, None)
-    assert difference_entry(one).tone == tone
-    assert difference_entry(replace(one, verdict=Verdict("open", "smaller than matters"))).tone == "open"
-
-
-def test_a_comparison_without_pairs_shows_no_number():
-    one = Comparison("lego", "qnerf", "nerf", "psnr", "steps", None, None, OPEN, None, 0, 3, None, 1, None, None)
-    assert difference_entry(one) == Entry("–", "sign and size open\n3 pairs not judged", "open")
+@pytest.mark.parametrize(
+    ("changes", "entry"),
+    [
+        ({}, Entry("+0.50", "[+0.30, +0.70]\nabove 0, size open", "above gain")),
+        # of a family, it is the interval of all together; colours follow the sign and the metric's direction
+        (
+            {"scene": "lego", "simultaneous": (-0.3, 1.3), "family": 8, "verdict": OPEN},
+            Entry("+0.50", "[−0.30, +1.30]\nsign and size open", "open"),
+        ),
+        ({"metric": "flip"}, Entry("+0.5000", "[+0.3000, +0.7000]\nabove 0, size open", "above loss")),
+        (
+            {"difference": None, "interval": None, "verdict": OPEN, "pairs": 0, "unpaired": 3},
+            Entry("–", "sign and size open\n3 pairs not judged", "open"),
+        ),
+    ],
+)
+def test_a_difference_has_its_interval_verdict_and_colour(changes, entry):
+    shown = difference_entry(replace(ALONE, **changes))
+    assert (shown.text, shown.small, shown.tone) == (entry.text, entry.small, entry.tone)
 
 
 def test_diverged_cells_show_in_every_table_of_scores(records: Records):
     metrics = metrics_grid(records)
     assert [row[1] for row in metrics.rows if row[1].tone == "failed"] == [Entry("qnerf", "1 of 3 diverged", "failed")]
+    reason = Entry("not finite at step 412: density_head.weight")
     assert failures_grid(records).rows == [
-        [
-            Entry("drums · qnerf · seed 2"),
-            Entry("diverged", tone="failed"),
-            Entry("not finite at step 412: density_head.weight"),
-        ]
+        [Entry("drums · qnerf · seed 2"), Entry("diverged", tone="failed"), reason],
     ]
 
 
-def test_a_score_that_no_cell_has_is_no_column(tmp_path):
-    def without_depth(cell):
-        return replace(cell, scores={**cell.scores, "depth_rmse": None})
-
-    out = write_fake_run(tmp_path / "run", pictures=False, change_cell=without_depth)
-    labels = [column.label for column in metrics_grid(read_records(out)).columns]
-    assert labels == ["scene", "method", "PSNR ↑", "SSIM ↑", "linear RMSE ↓", "FLIP ↓", "ΔE₀₀ ↓", "opacity IoU ↑"]
+def test_a_score_that_no_cell_has_is_no_column(records: Records):
+    without = with_cells(records, lambda cell: replace(cell, scores={**cell.scores, "depth_rmse": None}))
+    assert [name for name in labels(metrics_grid(records)) if name not in labels(metrics_grid(without))] == [
+        "depth RMSE ↓"
+    ]
 
 
-def test_properties_show_mean_and_range(tmp_path):
+def test_properties_show_mean_and_range(whole: Records):
     def other_chunks(cell):
         value = 0.01 * (1 + cell.seed) if cell.method == "qnerf" else 0.0
         return replace(cell, properties={"chunk_max_difference": value, "note": "per call", "nothing": None})
 
-    out = write_fake_run(tmp_path / "run", pictures=False, with_diverged=False, change_cell=other_chunks)
-    grid = properties_grid(read_records(out))
-    assert [row[0].text for row in grid.rows] == [
-        "largest change of a pixel when a view is rendered in small chunks",
-        "note",
+    first, note = properties_grid(with_cells(whole, other_chunks)).rows
+    assert first[0].text == "largest change of a pixel when a view is rendered in small chunks"
+    assert first[1:] == [Entry("0"), Entry("0"), Entry("0.0200", "0.0100 – 0.0300")]
+    assert (note[0].text, note[1]) == ("note", Entry("per call"))
+
+
+def left_out(records: Records, *by_scene: list[LeftOut]):
+    scenes = [replace(scene, left_out=some) for scene, some in zip(records.run.scenes, by_scene, strict=True)]
+    return left_out_grid(replace(records, run=replace(records.run, scenes=scenes)))
+
+
+def test_left_out_is_grouped_and_what_holds_for_every_scene_stands_once(records: Records):
+    by_scene = [
+        [LeftOut(what, why, None, None, None) for what, why in (("space", f"{k} cells"), ("fine pass", "smooth"))]
+        for k in (1, 2)
     ]
-    assert grid.rows[0][1:] == [Entry("0"), Entry("0"), Entry("0.0200", "0.0100 – 0.0300")]
-    assert grid.rows[1][1] == Entry("per call")
+    grid = left_out(records, *by_scene)
+    assert labels(grid) == ["left out", "scene", "because"], "no scene fills the other columns"
+    assert [[entry.text for entry in row] for row in grid.rows] == [
+        ["space", "chair", "1 cells"],
+        ["space", "drums", "2 cells"],
+        ["fine pass", "all 2 scenes", "smooth"],
+    ]
 
 
-def test_columns_that_no_scene_fills_are_left_out(tmp_path):
-    def unmeasured(run):
-        scenes = [
-            replace(one, left_out=[LeftOut("volumetric integrator", "no medium", None, None, None)])
-            for one in run.scenes
-        ]
-        return replace(run, scenes=scenes)
-
-    out = write_fake_run(tmp_path / "run", pictures=False, change=unmeasured)
-    grid = left_out_grid(read_records(out))
-    assert [column.label for column in grid.columns] == ["left out", "scene", "because"]
-
-
-def test_left_out_is_grouped_by_what_it_is(tmp_path):
-    """And what holds for every scene stands once."""
-
-    def two(run):
-        def told(number):
-            reasons = {"empty space": f"{number} of ten cells", "fine pass": "smooth"}
-            return [LeftOut(what, why, None, None, None) for what, why in reasons.items()]
-
-        return replace(run, scenes=[replace(one, left_out=told(k)) for k, one in enumerate(run.scenes)])
-
-    records = read_records(write_fake_run(tmp_path / "run", pictures=False, change=two))
-    names = [scene.name for scene in records.run.scenes]
-    rows = [[entry.text for entry in row] for row in left_out_grid(records).rows]
-    one_by_one = [["empty space", name, f"{number} of ten cells"] for number, name in enumerate(names)]
-    assert rows == [*one_by_one, ["fine pass", f"all {len(names)} scenes", "smooth"]]
-
-
-def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):
+def test_left_out_says_what_it_may_cost_and_whether_it_does(records: Records):
     told = [
         LeftOut("samples in empty space", "mostly empty", 3.0, -0.5, (-0.7, -0.3), "empty_space", "sampling", 0.2, "dB",
                 "training", "costs more"),
@@ -152,12 +133,8 @@ def test_left_out_says_what_it_may_cost_and_whether_it_does(tmp_path):
                 "rendering", "within its bound"),
         LeftOut("background model", "alpha is known", None, None, None, bound=0.0),
     ]  # fmt: skip
-
-    def verified(run):
-        return replace(run, scenes=[replace(run.scenes[0], left_out=told)])
-
-    grid = left_out_grid(read_records(write_fake_run(tmp_path / "run", pictures=False, change=verified)))
-    assert [column.label for column in grid.columns][3:] == ["time saved", "change in error", "may cost", "verdict"]
+    grid = left_out(records, told, [])
+    assert labels(grid)[3:] == ["time saved", "change in error", "may cost", "verdict"]
     texts = [[(entry.text, entry.small, entry.tone) for entry in row[3:]] for row in grid.rows]
     assert texts[0] == [
         ("3.0 s", "training", ""), ("−0.500 dB", "[−0.700, −0.300]", ""), ("0.200 dB", "", ""),
@@ -175,37 +152,19 @@ def test_a_score_within_one_db_of_its_ceiling_is_called_reference_limited(mean, 
     assert ("reference-limited" in entry.small) == limited
 
 
-def test_the_interval_of_a_family_stands_beside_the_one_of_the_comparison_alone() -> None:
-    alone = Comparison(
-        "all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.1, 0.9), ABOVE, 0.4, 6, 0, (0.1, 0.9), 1, None, None
-    )
-    assert difference_entry(alone).small == "[+0.10, +0.90]\nabove 0, size open"
-    of_eight = replace(alone, scene="lego", verdict=OPEN, simultaneous=(-0.3, 1.3), family=8)
-    assert difference_entry(of_eight).small == "[−0.30, +1.30]\nsign and size open"
-    older = replace(of_eight, simultaneous=None)
-    assert "together" not in difference_entry(older).small
-
-
-def test_what_a_method_costs_is_told_beside_what_nerf_does(records: Records):
+def test_what_a_method_costs_stands_beside_what_nerf_does(records: Records):
     grid = costs_grid(records)
-    assert [column.label for column in grid.columns] == [
-        "method", "training", "multiple", "drawing", "weights", "file", "memory",
-    ]  # fmt: skip
+    columns = ["method", "training", "multiple", "drawing", "weights", "file", "memory"]
+    assert labels(grid) == columns
     nerf, matched, qnerf = grid.rows
-    assert [entry.text for entry in nerf[1:]] == [
-        "54.4 core s", "1", "42.1\u202fms", "24\u202f965", "101.4\u202fkB", "910.0\u202fMB",
-    ]  # fmt: skip
-    assert matched[2].text == "× 0.97"
-    assert matched[2].small == "[0.97, 0.97]"
+    costs = ["54.4 core s", "1", "42.1\u202fms", "24\u202f965", "101.4\u202fkB", "910.0\u202fMB"]
+    assert [entry.text for entry in nerf[1:]] == costs
+    assert (matched[2].text, matched[2].small) == ("× 0.97", "[0.97, 0.97]")
     assert qnerf[2].value == pytest.approx(1.06, rel=1e-12), "the cell that diverged did fewer steps, and is no pair"
-    older = costs_grid(replace(records, cells=[replace(cell, costs={}) for cell in records.cells]))
-    assert [column.label for column in older.columns] == ["method", "training", "multiple", "weights"]
-
-
-def test_without_a_pair_of_as_many_steps_no_multiple_is_told(records: Records):
-    apart = [replace(cell, steps=cell.steps + (cell.method == "qnerf")) for cell in records.cells]
-    multiples = [row[2].text for row in costs_grid(replace(records, cells=apart)).rows]
-    assert multiples == ["1", "× 0.97", "–"]
+    older = costs_grid(with_cells(records, lambda cell: replace(cell, costs={})))
+    assert labels(older) == ["method", "training", "multiple", "weights"]
+    apart = with_cells(records, lambda cell: replace(cell, steps=cell.steps + (cell.method == "qnerf")))
+    assert [row[2].text for row in costs_grid(apart).rows] == ["1", "× 0.97", "–"], "no pair has as many steps"
 
 
 def test_cells_that_waited_for_a_processor_are_counted(records: Records):

@@ -12,7 +12,7 @@ from harness.verdicts.history.past_runs import append, read_history
 from scenes.files.errors import InputError
 from tests.harness.shell import refused
 from tests.reports.fake_history import past_runs
-from tests.reports.fake_speed import fake_speed, write_fake_speed
+from tests.reports.fake_studies import fake_studies, write_fake_studies
 
 
 def test_runs_come_back_in_their_order(tmp_path: Path) -> None:
@@ -49,11 +49,12 @@ def test_a_file_without_a_run_is_refused(tmp_path: Path, content: bytes, capsys:
 def test_figures_of_a_record_are_appended_beside_it_and_shown(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    record = write_fake_speed(tmp_path / "speed") / "speed.json"
+    record = write_fake_studies(tmp_path / "speed", "speed") / "speed.json"
     for _ in range(2):
         remember(None, record, "avx2", Quiet())
     runs, _ = read_history(tmp_path / "history.jsonl")
-    figures = {check.id: check.value for _, check in fake_speed().checks() if check.id and check.value is not None}
+    checks = [check for _, check in fake_studies("speed").checks()]
+    figures = {check.id: check.value for check in checks if check.id and check.value is not None}
     assert [run.values for run in runs] == [figures] * 2
     assert runs[0].machine == "avx2, AMD EPYC 9R14, 2 threads"
     assert main(["history", str(tmp_path / "history.jsonl"), "--out", str(tmp_path / "page")]) == 0
@@ -67,7 +68,7 @@ def test_a_history_that_cannot_be_written_loses_nothing_else(
 ) -> None:
     from harness.execution.progress import Lines
 
-    record = write_fake_speed(tmp_path / "speed") / "speed.json"
+    record = write_fake_studies(tmp_path / "speed", "speed") / "speed.json"
     (tmp_path / "file").write_text("")
     remember(tmp_path / "file" / "h.jsonl", record, "avx2", Lines())
     assert "--history" in capsys.readouterr().out

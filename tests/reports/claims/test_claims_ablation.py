@@ -5,7 +5,7 @@ import json
 import pytest
 
 from harness.records.cells import Comparison, Estimate
-from harness.records.study import Effect, Studies, StudyInfo, StudyRecord, check
+from harness.records.study import Effect, Studies, check
 from harness.records.verdict import OPEN
 from reports.claims.scores import NEEDS_STUDY
 from reports.data.beside import Beside
@@ -15,6 +15,7 @@ from reports.data.wording import UNTESTED
 from reports.run.saving.publish import summary, write_published
 from tests.replacing import replace
 from tests.reports.claims.claimed import claimed
+from tests.reports.fake_studies import effect, study
 
 LISTING_2 = ("nerf_phi_encoding_amplifier", "nerf_phi_encoding")
 EQUATION_4 = ("nerf_phi_encoding_equation4", "nerf_phi_encoding")
@@ -23,17 +24,13 @@ DERIVED = "what is printed are rounded totals: this step is between +0.5 and +0.
 MISSED = "not seen at this scale"
 
 
-def effect(pair: tuple[str, str], difference: float | None, half: float = 0.1, **changes) -> Effect:
-    near = None if difference is None else (difference - half, difference + half)
-    wide = None if difference is None else (difference - 3 * half, difference + 3 * half)
-    here = Estimate(near, wide, 3, OPEN, 0.3, None)
-    full = Effect(*pair, "lego", "psnr", "steps", difference, near, wide, 3, OPEN, 0.3, 3, 0, "", here)
-    return replace(full, **changes)
+def step(pair: tuple[str, str], difference: float | None, half: float = 0.1, **changes) -> Effect:
+    made = effect(*pair, difference, half, **{"scene": "lego", "verdict": OPEN, "pairs": 3, **changes})
+    return replace(made, on_these_scenes=Estimate(made.interval, made.simultaneous, 3, OPEN, 0.3, None))
 
 
-def study(*effects: Effect) -> Studies:
-    info = StudyInfo("factorial", "title", "question?", "method")
-    record = StudyRecord(info, scale="lego; 3 seeds; 500 steps", findings=list(effects))
+def ablation(*effects: Effect) -> Studies:
+    record = study("factorial", "title", *effects, scale="lego; 3 seeds; 500 steps")
     return Studies("evidence", {}, {}, [record], finished=True)
 
 
@@ -52,7 +49,7 @@ def study(*effects: Effect) -> Studies:
     ],
 )
 def test_a_part_is_judged_by_the_row_above_it_on_lego_at_equal_steps(whole: Records, difference, changes, verdict):
-    claim = claimed(whole, study(effect(LISTING_2, difference, **changes)))[CLAIM]
+    claim = claimed(whole, ablation(step(LISTING_2, difference, **changes)))[CLAIM]
     assert (claim.printed, claim.verdict) == (0.6, verdict)
     assert claim.runs is None, "the study's runs are not the report's"
     assert claim.measured == (None if verdict == UNTESTED else difference)
@@ -60,14 +57,14 @@ def test_a_part_is_judged_by_the_row_above_it_on_lego_at_equal_steps(whole: Reco
         assert claim.note == f"1 pair could not be judged; {DERIVED}"
     if verdict != UNTESTED and not changes:
         assert claim.scale == "lego; 3 seeds; 500 steps"
-        assert claim.interval == (difference - 0.1 * 3, difference + 0.1 * 3), "that of its family"
+        assert claim.interval == pytest.approx((difference - 0.3, difference + 0.3)), "that of its family"
 
 
 def test_equation_4_stands_beside_and_is_not_judged(whole: Records):
-    claim = claimed(whole, study(effect(LISTING_2, -2.5), effect(EQUATION_4, 0.61, verdict=OPEN)))[CLAIM]
+    claim = claimed(whole, ablation(step(LISTING_2, -2.5), step(EQUATION_4, 0.61, verdict=OPEN)))[CLAIM]
     assert claim.verdict == MISSED
     assert claim.note == f"with the amplifier of Eq. 4: +0.61 [+0.31, +0.91] (sign and size open); {DERIVED}"
-    alone = claimed(whole, study(effect(EQUATION_4, 0.61)))[CLAIM]
+    alone = claimed(whole, ablation(step(EQUATION_4, 0.61)))[CLAIM]
     assert (alone.verdict, alone.measured) == (UNTESTED, None)
 
 
@@ -75,7 +72,7 @@ def test_the_runs_own_comparison_comes_before_the_study(whole: Records):
     here = Estimate((0.0, 0.2), (0.0, 0.2), 1, OPEN, 0.1, 1.0)
     own = Comparison("lego", *LISTING_2, "psnr", "steps", 0.1, (0.0, 0.2), OPEN, 0.1, 3, 0, None, 1, here, None)
     records = replace(whole, comparisons=[*whole.comparisons, own])
-    for evidence in (None, study(effect(LISTING_2, 0.6))):
+    for evidence in (None, ablation(step(LISTING_2, 0.6))):
         claim = claimed(records, evidence)[CLAIM]
         assert (claim.measured, claim.verdict) == (0.1, MISSED)
         assert claim.runs == Selection("lego", *LISTING_2, "psnr", "steps")
@@ -86,17 +83,16 @@ def test_the_runs_own_comparison_comes_before_the_study(whole: Records):
 def test_ssim_has_its_own_margin(whole: Records):
     pair = ("nerf_phi_encoding", "nerf")
     for difference, verdict in ((0.007, "seen"), (0.02, MISSED)):
-        claim = claimed(whole, study(effect(pair, difference, 0.001, metric="ssim")))["table4-nerf_phi_encoding-ssim"]
+        claim = claimed(whole, ablation(step(pair, difference, 0.001, metric="ssim")))["table4-nerf_phi_encoding-ssim"]
         assert (claim.printed, claim.verdict) == (0.006, verdict)
 
 
 def test_what_speaks_against_the_evidence_is_said_and_quick_evidence_judges_nothing(whole: Records):
-    sound = study(effect(LISTING_2, -2.5))
+    sound = ablation(step(LISTING_2, -2.5))
     assert claimed(whole, sound)[CLAIM].note == DERIVED
     assert "the evidence was not finished" in claimed(whole, replace(sound, finished=False))[CLAIM].note
     checks = [check("share of A/A comparisons", 0.2, high=0.05), check("share of planted effects", 0.9, low=0.8)]
-    failing = StudyRecord(StudyInfo("calibration", "title", "question?", "method"), findings=checks)
-    doubted = claimed(whole, replace(sound, studies=[*sound.studies, failing]))[CLAIM]
+    doubted = claimed(whole, replace(sound, studies=[*sound.studies, study("calibration", "title", *checks)]))[CLAIM]
     assert "1 of 2 checks of calibration failed" in doubted.note
     quick = claimed(whole, replace(sound, settings={"quick": True}))[CLAIM]
     assert (quick.verdict, quick.measured) == (UNTESTED, None)
@@ -105,14 +101,14 @@ def test_what_speaks_against_the_evidence_is_said_and_quick_evidence_judges_noth
 @pytest.mark.parametrize(("left_out", "needs"), [(0, []), (1, ["1 claim needs"]), (6, ["6 claims need"])])
 def test_what_is_left_untested_of_the_ablation_is_said_and_only_that(whole: Records, left_out: int, needs: list[str]):
     steps = (("nerf_phi_encoding", "nerf"), LISTING_2, ("qnerf", "nerf_phi_encoding_amplifier"))
-    every = [effect(pair, 0.1, metric=metric) for pair in steps for metric in ("psnr", "ssim")]
-    sentences = summary(whole, Beside(evidence=study(*every[left_out:])))["not_tested"]
+    every = [step(pair, 0.1, metric=metric) for pair in steps for metric in ("psnr", "ssim")]
+    sentences = summary(whole, Beside(evidence=ablation(*every[left_out:])))["not_tested"]
     remedy = "the ablation study: `nox -s evidence -- --out out/latest`."
     assert [words for words in sentences if "ablation" in words] == [f"{start} {remedy}" for start in needs]
 
 
 def test_what_is_published_is_judged_by_the_same_evidence(whole: Records, tmp_path):
-    write_published(whole, tmp_path, Beside(evidence=study(effect(LISTING_2, -2.5))))
+    write_published(whole, tmp_path, Beside(evidence=ablation(step(LISTING_2, -2.5))))
     rows = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["claims"]
     row = next(row for row in rows if row["id"] == CLAIM)
     assert (row["measured"], row["verdict"]) == (-2.5, MISSED)

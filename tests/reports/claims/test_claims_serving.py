@@ -8,7 +8,7 @@ from reports.claims.table import claims_grid
 from reports.data.load import Records
 from reports.data.wording import UNTESTED
 from tests.reports.claims.claimed import claimed
-from tests.reports.fake_serving import earlier, fake_serving, hit, phi, stale
+from tests.reports.fake_studies import earlier, fake_serving, hit, phi, stale
 
 RETRIEVAL, KEY, PRIORITY, PHI = "section8.1-retrieval", "listing5-key", "section8.2-priority", "eq7-phi"
 MEMORY = (hit("memory.0", 2000), hit("memory.1", 1500))

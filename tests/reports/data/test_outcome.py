@@ -45,7 +45,6 @@ def test_a_change_is_told_with_its_interval_and_the_scenes_that_go_along() -> No
     moved = np.array([-0.3, -0.4, -0.5, 0.1])
     tables = [{str(k): np.full(3, value) for k, value in enumerate(side)} for side in (np.zeros(4), moved)]
     found = change_of("qnerf", "nerf", *tables, paired=True)
-    assert found is not None
     assert change_in_words(found) == (
         "qnerf − nerf changes by −0.28 dB [−0.69, +0.14], on 3 of 4 scenes in that direction: sign and size open"
     )

@@ -14,8 +14,7 @@ from reports.run.pictures import picture_data
 from reports.run.run_page import write_page
 from scenes.view_sets.pixels import decode_srgb
 from tests.reports.browsing import address_of, opened, until
-from tests.reports.comparer_page import write_comparer_page
-from tests.reports.comparer_view import SIDE, asked, bytes_of, cells, ready, settle, shown
+from tests.reports.comparing import SIDE, asked, bytes_of, cells, ready, settle, shown, write_comparer_page
 from tests.reports.fake_run import write_fake_run
 
 pytestmark = pytest.mark.slow

@@ -1,13 +1,12 @@
 """The surface of the search for constants, as a picture and as a table."""
 
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from reports.run.saving.constants import choice, difference, drawings, main, means, on_complete_scenes, surface
-from tests.harness.shell import ROOT
 
 PAIRS = [(1.0, None), (25.0, None), (25.0, 0.3)]
 
@@ -23,19 +22,14 @@ def search(**changes: Any) -> dict[str, Any]:
     ]
     rows += [row(PAIRS[1], "a", 40, 30.0), row(PAIRS[1], "b", 40, 34.0)]
     rows += [row((100.0, None), "a", 10, 99.0), row((100.0, None), "b", 10, None)]
-    chosen = {"nerf": {"unit": 25.0, "start": None}}
-    return {
-        "rows": rows,
-        "chosen": chosen,
-        "seed": 1000,
-        "provenance": {"commit": "abc"},
-        "rule": "The best is chosen.",
-        **changes,
-    }
+    said = {"seed": 1000, "provenance": {"commit": "abc"}, "rule": "The best is chosen."}
+    return {"rows": rows, "chosen": {"nerf": {"unit": 25.0, "start": None}}, **said, **changes}
 
 
-def test_means_leave_out_what_diverged_on_a_scene() -> None:
+def test_the_choice_stands_beside_the_range_of_means_without_what_diverged_on_a_scene() -> None:
     assert means(search(), "nerf", 10) == dict(zip(PAIRS, (21.0, 22.0, 23.0), strict=True))
+    assert "| `nerf` | 25 | as printed | 32.00 | 21.00 to 23.00 |" in choice(search())
+    assert choice(search()).endswith("Means over a and b; seed 1000, commit abc. The best is chosen.")
 
 
 def test_a_line_for_each_start_and_marks_for_the_finalists() -> None:
@@ -47,11 +41,6 @@ def test_a_line_for_each_start_and_marks_for_the_finalists() -> None:
     ]
     ((_, key),) = drawings(search())
     assert set(key) == {trace.label for trace in panel.traces}
-
-
-def test_the_table_has_the_choice_its_score_and_the_range_of_all_pairs() -> None:
-    assert "| `nerf` | 25 | as printed | 32.00 | 21.00 to 23.00 |" in choice(search())
-    assert choice(search()).endswith("Means over a and b; seed 1000, commit abc. The best is chosen.")
 
 
 def test_the_difference_at_the_constants_of_each_is_judged_over_scenes() -> None:
@@ -79,14 +68,7 @@ def test_a_search_that_was_stopped_shows_the_best_so_far_on_complete_scenes() ->
 
 
 def test_the_command_draws_the_record(tmp_path: Path) -> None:
-    import json
-
     record, picture = tmp_path / "constants.json", tmp_path / "surface.png"
     record.write_text(json.dumps(search()), encoding="utf-8")
     assert main(str(record), str(picture)) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize("file", list((ROOT / "docs").glob("constants.json")))
-def test_the_published_picture_is_there(file: Path) -> None:
-    assert file.with_suffix(".png").is_file()

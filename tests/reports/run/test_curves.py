@@ -8,42 +8,33 @@ import pytest
 from msgspec.structs import replace
 
 from harness.records.cells import Checkpoint
-from reports.data.load import Records, read_records
+from reports.data.load import Records
 from reports.drawing.palette import INK, KNOWN
 from reports.drawing.traces import Trace
 from reports.run.curves import Diagram, convergence, diagrams, hull, middle_of, noise_floors, over_scenes, traces_of
 from reports.run.density import density_histograms
 from reports.run.figures import difference_panels
-from tests.reports.fake_run import write_fake_run
+from tests.reports.fake_run import fake_records
 
 BLUE, ORANGE = KNOWN["nerf"].light, KNOWN["qnerf"].light
 NEUTRAL = {"flops_per_evaluation": 50.0, "rays_per_step": 2048.0}
 
 
-def two_points(cell):
-    """A curve of two round points, PSNR higher by one for each seed."""
-    curve = [
-        Checkpoint(10, 1.0 + cell.seed, 1000, psnr=10.0 + cell.seed),
-        Checkpoint(20, 2.0 + cell.seed, 2000, psnr=20.0 + cell.seed),
-    ]
-    return replace(cell, curve=curve[:1] if cell.status == "diverged" else curve)
-
-
 def full(cell):
-    """A curve of two round checkpoints; a seed's errors are twice those of the seed before."""
+    """Two round checkpoints. A seed's PSNR is one dB above that of the seed before, its errors are twice as large."""
     factor = 2.0**cell.seed
     curve = [
-        Checkpoint(step, time + cell.seed, 100 * step, psnr=20.0, rmse_linear=size * factor, ssim=1 - 2 * size * factor)
+        Checkpoint(step, time + cell.seed, 100 * step, psnr=float(step + cell.seed), rmse_linear=size * factor,
+                   ssim=1 - 2 * size * factor, flip=0.2 * factor / step, depth_rmse=factor)
         for step, time, size in ((10, 1.0, 0.04), (20, 2.0, 0.01))
-    ]
-    curve = [replace(one, flip=0.2 * factor / one.step, depth_rmse=factor) for one in curve]
+    ]  # fmt: skip
     curve = curve[:1] if cell.status == "diverged" else curve
     return replace(cell, curve=curve, properties=cell.properties | NEUTRAL)
 
 
 def simple(tmp_path, change=full, **options) -> Records:
     options = {"scenes": ("chair",), "methods": {"nerf": "", "qnerf": ""}, "seeds": 2, **options}
-    return read_records(write_fake_run(tmp_path / "run", pictures=False, change_cell=change, **options))
+    return fake_records(tmp_path / "run", change_cell=change, **{"with_diverged": True, **options})
 
 
 def diagram(records: Records, measure: str = "rmse_linear", cost: str = "seconds") -> Diagram:
@@ -57,7 +48,7 @@ def frame(*points: tuple[str, int, int, float, float], method: str = "nerf", sta
 
 
 def test_convergence_against_steps(tmp_path):
-    (panel,) = convergence(simple(tmp_path, two_points), "step")
+    (panel,) = convergence(simple(tmp_path), "step")
     assert panel.title == "chair"
     assert panel.traces[:7] == (
         Trace("nerf seed 0", BLUE, "thin", (10.0, 20.0), (10.0, 20.0)),
@@ -74,7 +65,7 @@ def test_convergence_against_steps(tmp_path):
 
 
 def test_convergence_against_seconds_takes_the_mean_clock_and_all_scenes_come_first(tmp_path, records: Records):
-    (panel,) = convergence(simple(tmp_path, two_points, with_diverged=False), "seconds")
+    (panel,) = convergence(simple(tmp_path, with_diverged=False), "seconds")
     assert Trace("nerf mean", BLUE, "line", (1.5, 2.5), (10.5, 20.5)) in panel.traces
     assert [panel.title for panel in convergence(records, "step")] == ["all scenes (mean)", "chair", "drums"]
 
@@ -97,13 +88,10 @@ def test_a_mean_histogram_is_of_finished_runs_at_one_step(tmp_path):
         return replace(cell, curve=curve if cell.method == "qnerf" else [])
 
     (panel,) = density_histograms(simple(tmp_path, told_apart, seeds=3))
+    assert panel.alt.startswith(f"{panel.title}: share of points")
     assert panel.title == "chair: step 800, 2 seeds"
     assert panel.traces[0].y == pytest.approx((0.15, 0.85))
-    assert panel.alt.startswith("chair: step 800, 2 seeds: share of points")
-
-
-def test_a_mean_histogram_of_unfinished_runs_says_so(tmp_path):
-    (panel,) = density_histograms(simple(tmp_path, lambda cell: cell, seeds=1))
+    (panel,) = density_histograms(simple(tmp_path / "unfinished", lambda cell: cell, seeds=1))
     assert panel.title == "chair: step 400, 1 unfinished seed"
 
 
@@ -169,14 +157,11 @@ def test_over_all_scenes_a_seed_ends_where_its_first_scene_ended(tmp_path):
     assert len(next(one for one in first.traces if one.label == "qnerf mean").x) == 2
 
 
-def test_the_mean_over_scenes_is_geometric_and_needs_every_scene(whole: Records):
+def test_means_are_geometric_and_stand_where_all_scenes_and_all_seeds_have_a_checkpoint(whole: Records):
     points = frame(("chair", 0, 1, 1.0, 0.1), ("drums", 0, 1, 4.0, 0.4), ("chair", 0, 2, 9.0, 0.1))
     (mean,) = over_scenes(points, whole, log=True).to_dict("records")
     assert (mean["step"], mean["status"]) == (1, "done")
     assert (mean["x"], mean["y"]) == (pytest.approx(2.0), pytest.approx(0.2))
-
-
-def test_the_mean_stands_only_at_checkpoints_that_all_seeds_share():
     runs = frame(*(("chair", seed, step, 1.0, 0.1) for seed, last in ((0, 4), (1, 3)) for step in range(1, last)))
     assert list(middle_of(runs, log=True)["step"]) == [1, 2]
     assert middle_of(runs[:0], log=True).empty
@@ -199,11 +184,8 @@ def test_the_noise_floor_follows_from_the_ceiling(records: Records):
     floors = noise_floors(records)
     assert abs(floors["chair"] - 1.3 * 10 ** (-38.0 / 20)) < 1e-6
     everywhere, chair, _ = diagram(records).panels
-    assert (chair.traces[-1].kind, chair.traces[-1].colour, chair.traces[-1].y[0]) == (
-        "floor",
-        INK.light,
-        floors["chair"],
-    )
+    floor = chair.traces[-1]
+    assert (floor.kind, floor.colour, floor.y[0]) == ("floor", INK.light, floors["chair"])
     assert everywhere.traces[-1].y[0] == pytest.approx(math.sqrt(floors["chair"] * floors["drums"]))
     assert not any(one.kind == "floor" for one in diagram(records, "ssim", "seconds").panels[1].traces)
 

@@ -19,9 +19,7 @@ from tests.reports.fake_run import write_fake_run
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("run")
-    write_fake_run(out, scenes=("lego", "ship"), seeds=1, pictures=False)
-    return out
+    return write_fake_run(tmp_path_factory.mktemp("run"), scenes=("lego", "ship"), seeds=1, pictures=False)
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +35,7 @@ def test_every_table_of_the_page_is_in_it(run: Path, zipped: zipfile.ZipFile) ->
     shown = re.findall(r"<caption[^>]*>([^<]*)</caption>", page(read_records(run)))
     own = {plain(caption) for caption in shown if "What is claimed" not in caption}
     ruler = "What is to be expected of scenes like these? Difference in mean test PSNR, 95 % interval, sign and size"
-    own -= {plain(ruler)}
-    own -= {plain("At what scale")}
+    own -= {plain(ruler), plain("At what scale")}
     files = {Path(name).stem for name in zipped.namelist() if name.startswith("tables/")}
     assert own <= {re.sub(r"-\d+$", "", name) for name in files} | files
 
@@ -78,7 +75,6 @@ def test_a_citation_names_the_records_and_no_others(run: Path, zipped: zipfile.Z
     assert f"@misc{{radiance-verdict-{records_digest(records)[:12]}," in text
     assert text.count("{") == text.count("}")
     assert not re.search(r"(?<!\\)[%&#$_]", text)
-    changed = replace(records.cells[0], steps=1)
     assert records_digest(records) == records_digest(read_records(run))
-    records.cells[0] = changed
+    records.cells[0] = replace(records.cells[0], steps=1)
     assert records_digest(records) != records_digest(read_records(run))

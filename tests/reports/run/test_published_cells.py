@@ -38,7 +38,6 @@ def test_differences_are_those_that_were_published_and_verdicts_those_of_today()
 def test_early_and_late_are_compared_by_their_change() -> None:
     early, late = (situation(published(name), METHODS) for name in ("reduced", "converged"))
     found = change("qnerf", "nerf", early, late)
-    assert found is not None
     assert found.seeds_paired
     assert found.judgement.pairs == len(cells_of(published("reduced"), ["qnerf"]))
     assert found.judgement.difference == pytest.approx(found.after - found.before)

@@ -9,6 +9,7 @@ from harness.command.main import main
 from harness.records.cells import CellRecord, cell_path, read_cell
 from reports.data.load import Records, read_records
 from reports.run.saving.replay import beside_it, replay
+from tests.harness.ball import write_ball
 from tests.replacing import replace
 
 
@@ -40,9 +41,8 @@ def test_of_several_view_sets_it_is_the_one(records: Records) -> None:
 
 def test_a_scene_of_ones_own_has_no_name_in_the_catalogue(records: Records) -> None:
     for given in ("--scene-file my.xml", "--scene-file=my.xml"):
-        assert made(records, f"python -m harness run {given}").startswith(
-            f"python -m harness run {given} --methods qnerf --seeds 1"
-        )
+        command = f"python -m harness run {given}"
+        assert made(records, command).startswith(f"{command} --methods qnerf --seeds 1")
 
 
 def test_what_no_run_made_has_none(records: Records) -> None:
@@ -51,18 +51,10 @@ def test_what_no_run_made_has_none(records: Records) -> None:
     assert replay(replace(records, run=guests), records.cells[-1]) == ""
 
 
-@pytest.fixture(scope="module")
-def view_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from tests.harness.ball import write_ball
-
-    folder = tmp_path_factory.mktemp("sets") / "ball"
-    write_ball(folder)
-    return folder
-
-
 @pytest.mark.slow
-def test_what_it_makes_has_the_same_bits(view_set: Path, tmp_path: Path) -> None:
-    first = tmp_path / "first"
+def test_what_it_makes_has_the_same_bits(tmp_path: Path) -> None:
+    first, view_set = tmp_path / "first", tmp_path / "ball"
+    write_ball(view_set)
     options = ["--profile", "smoke", "--view-set", str(view_set), "--budget-steps", "12", "--seeds", "2"]
     options += ["--methods", "nerf", "qnerf", "--resolution", "16"]
     assert main(["run", *options, "--no-serving", "--quiet", "--out", str(first)]) == 0

@@ -24,6 +24,7 @@ RECORD = TargetsRecord(24.0, False, "nerf", "24 dB, because.", REACHES, [CURVE],
 
 
 def test_the_curve_begins_at_0_and_marks_who_never_got_there(records: Records):
+    assert [share_at(CURVE, time) for time in (50.0, 100.0, 199.0, 200.0, 9e9)] == [0.0, 0.25, 0.25, 0.5, 0.5]
     (panel,) = reach_panels(replace(records, targets=RECORD), ["all"])
     curve, below, lost = panel.traces
     assert (curve.kind, curve.colour) == ("outline", KNOWN["nerf"].light)
@@ -32,10 +33,6 @@ def test_the_curve_begins_at_0_and_marks_who_never_got_there(records: Records):
     assert (below.kind, below.x, below.y) == ("mark", (800.0,), (0.5,))
     assert (lost.kind, lost.x, lost.y) == ("cross", (150.0,), (0.25,))
     assert panel.alt == "all scenes: share of runs at 24 dB against training step. nerf 50% by 800."
-
-
-def test_the_share_is_that_of_the_step_before():
-    assert [share_at(CURVE, time) for time in (50.0, 100.0, 199.0, 200.0, 9e9)] == [0.0, 0.25, 0.25, 0.5, 0.5]
 
 
 def test_who_is_lost_is_told_from_who_ended_below(records: Records):
@@ -51,7 +48,6 @@ def test_who_is_lost_is_told_from_who_ended_below(records: Records):
 
 def test_savings_stand_with_interval_verdict_and_everything_that_is_less_than_a_time():
     grid = savings_grid(RECORD, ["all"])
-    assert grid is not None
     ((method, steps, seconds),) = grid.rows
     assert (method.text, method.small) == ("qnerf", "against nerf")
     assert (steps.text, steps.tone) == ("+18.0\u202f%", "open")
@@ -64,7 +60,6 @@ def test_savings_stand_with_interval_verdict_and_everything_that_is_less_than_a_
     assert dict(steps.parts)["detectable"] == 20.4
     counted = replace(RECORD, comparisons=[*RECORD.comparisons, replace(SAVING, axis="core_seconds")])
     grid = savings_grid(counted, ["all"])
-    assert grid is not None
     assert [column.label for column in grid.columns[1:]] == ["fewer steps", "less training time", "fewer core seconds"]
     assert grid.rows[0][3].small.splitlines()[-2] == "horizon 800 core s"
 
@@ -74,26 +69,21 @@ def test_a_pair_without_a_saving_is_a_row():
         SAVING, saving=None, interval=None, smallest_detectable=None, pairs=0, never=(0, 0), earlier=(0, 0)
     )
     grid = savings_grid(replace(RECORD, comparisons=[nothing]), ["all"])
-    assert grid is not None
     assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "sign and size open\n1 pair not judged")
     assert savings_grid(replace(RECORD, comparisons=[]), ["all"]) is None
 
 
-def test_runs_without_a_record_have_no_section(records: Records):
-    assert '<section id="reaching">' not in page(replace(records, targets=None))
-
-
-def test_where_there_is_no_target_the_section_says_why(records: Records):
+def test_where_there_is_no_target_the_section_says_why(records: Records, whole_page: str):
     bare = replace(records, targets=TargetsRecord(None, False, "nerf", "No target: nothing has a score.", [], [], []))
     assert target_title(bare.targets) == "Time to a target"
     assert "No target: nothing has a score." in page(bare)
     assert reach_panels(bare, ["all", *bare.scenes]) == []
+    assert '<section id="reaching">' not in whole_page, "it has no record of targets"
 
 
 def test_numbers_at_risk_are_those_still_watched_and_below() -> None:
     later = ReachCurve("qnerf", "all", "steps", [400.0], [0.5], [2])
     grid = at_risk_grid(replace(RECORD, curves=[CURVE, later, replace(CURVE, scene="chair")]))
-    assert grid is not None
     assert [[entry.text for entry in row] for row in grid.rows] == [
         ["nerf", "4", "3", "2", "2", "2"],
         ["qnerf", "2", "2", "2", "0", "0"],

@@ -30,7 +30,6 @@ def test_the_truth_comes_first_and_each_strip_holds_all_views(out):
     assert (shown.scene, shown.views) == ("chair", 2)
     assert [strip.method for strip in shown.strips] == [None, "nerf", "nerf_matched", "qnerf"]
     saved = read_turn(out / "records" / "pictures" / "chair.nerf.0.safetensors", "renders")
-    assert saved is not None
     drawn = pixels(shown.strips[1].image)
     assert drawn.shape == np.concatenate(saved.frames, axis=1).shape
     assert np.abs(drawn.astype(float) - np.concatenate(saved.frames, axis=1)).mean() < 8

@@ -8,7 +8,7 @@ from msgspec import structs
 from harness.records.study import Check, check
 from reports.studies.check_words import checks_grid, described, outcome, repetitions, spread_of, tone_of
 from reports.studies.matrix import cell, groups, miniature, strain
-from tests.reports.fake_stability import case, fake_stability
+from tests.reports.fake_studies import fake_studies, study
 
 
 def one(status="pass", owner="ours", value=1e-7, limit=1e-6, subject="a", what="", **more) -> Check:
@@ -81,12 +81,11 @@ def test_repetitions_are_told_and_whether_all_of_them_meet_a_target(spread, repe
 
 
 def test_rows_are_broken_first_and_columns_of_nothing_are_left_out():
-    study = case("Q1", "t", "b", check("first", 1.0), check("second", 3.0, high=2.0))
-    grid = checks_grid("", [(study, found) for found in study.checks])
+    one = study("Q1", "t", check("first", 1.0), check("second", 3.0, high=2.0))
+    grid = checks_grid("", [(one, found) for found in one.checks])
     assert [column.label for column in grid.columns] == ["figure", "measured", "wanted", "outcome"]
     assert [row[0].text for row in grid.rows] == ["second", "first"]
-    assert [len(row) for row in grid.rows] == [4, 4]
-    grid = checks_grid("", [(study, study.checks[0])], lambda study: study.info.title)
+    grid = checks_grid("", [(one, one.checks[0])], lambda study: study.info.title)
     assert [(row[0].text, row[0].link) for row in grid.rows] == [("t", "study-Q1")]
 
 
@@ -109,14 +108,14 @@ def test_a_figure_that_is_not_finite_is_the_worst_and_says_so():
 
 
 def test_no_outcome_is_lost_in_the_matrix_or_its_miniature():
-    record = fake_stability()
+    record = fake_studies("stability", failing=True)
     rows = [row for group in groups(record) for row in group.rows]
-    for study, row in zip(record.studies, rows, strict=True):
+    for case, row in zip(record.studies, rows, strict=True):
         titles = [found.title for found in [*row.cells, *row.others] if found]
-        assert sum(len(title.split("\n")) for title in titles) == len(study.checks)
-        assert row.failed == (study.info.id == "A2")
+        assert sum(len(title.split("\n")) for title in titles) == len(case.checks)
+        assert row.failed == (case.info.id == "A2")
     (drawn,) = miniature(record)
-    kinds = {(study.info.id, found.subject, found.owner) for study, found in record.checks()}
+    kinds = {(case.info.id, found.subject, found.owner) for case, found in record.checks()}
     assert sum(len(trace.x) for trace in drawn.traces) == len(kinds)
-    assert len(drawn.rows) == sum(bool(study.checks) for study in record.studies)
-    assert miniature(fake_stability(studies=[])) == []
+    assert len(drawn.rows) == sum(bool(case.checks) for case in record.studies)
+    assert miniature(fake_studies("stability", studies=[])) == []

@@ -6,12 +6,11 @@ from harness.records.study import Effect
 from harness.records.verdict import OPEN, Verdict
 from reports.drawing.figure import svg
 from reports.studies.forest import effects_grid, forest_key, forests, limits_of
+from tests.reports.fake_studies import effect
 
 
-def an_effect(difference: float | None, alone=None, together=None, **more) -> Effect:
-    parts = {"scene": "all", "metric": "psnr", "budget": "steps", "family": 8, "verdict": OPEN}
-    parts |= {"name": "part", "against": "", "smallest_detectable": 0.4, "pairs": 9, "unpaired": 0, **more}
-    return Effect(difference=difference, interval=alone, simultaneous=together, **parts)
+def an_effect(difference: float | None, alone=None, together=None, name: str = "part", **more) -> Effect:
+    return effect(name, "", difference, interval=alone, simultaneous=together, **{"verdict": OPEN, **more})
 
 
 def test_an_axis_holds_zero_every_difference_and_the_band_but_no_monstrous_interval():

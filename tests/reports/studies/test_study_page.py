@@ -2,6 +2,7 @@
 
 import html
 import re
+from typing import Any
 
 import matplotlib.image
 import numpy as np
@@ -9,17 +10,12 @@ import pytest
 from msgspec.structs import replace
 
 from harness.records.json_record import DamagedRecord
-from harness.records.study import Answer, Check, Effect, Series, Studies, StudyInfo, StudyRecord, Table, check
-from harness.records.verdict import OPEN
+from harness.records.study import Answer, Check, Series, Studies, Table
 from reports.data.studies_load import find_studies
-from reports.run.run_page import page
-from reports.studies.study_page import headline, of_interest, sentences, shelf_shown, study_page
-from tests.reports.fake_evidence import INTEREST, fake_evidence, study
-from tests.reports.fake_speed import fake_speed, write_fake_speed
-from tests.reports.fake_stability import case, fake_stability, write_fake_stability
-from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
+from reports.studies.study_page import headline, sentences, shelf_shown, study_page
+from tests.reports.fake_studies import fake_studies, study, write_fake_studies
+from tests.reports.run.test_page import Outline, without_code
 
-INFO = StudyInfo("one", "One", "Why?", "So.")
 EMPTY = {shelf: Studies(shelf, {}, {}, finished=True) for shelf in ("evidence", "stability", "speed")}
 
 
@@ -34,24 +30,23 @@ def seen(text: str) -> str:
 
 
 def of(*checks: Check) -> Studies:
-    return fake_stability(studies=[case("Q1", "t", "b", *checks)])
+    return fake_studies("stability", studies=[study("Q1", "t", *checks)])
+
+
+def with_findings(shelf: str, *findings: Any) -> Studies:
+    return replace(EMPTY[shelf], studies=[study("one", "One", *findings, question="Why?")])
 
 
 @pytest.mark.parametrize(
     ("record", "said"),
     [
-        (fake_evidence(), "2 of 3 checks of the evidence hold"),
-        (fake_evidence(with_failure=False), "All 3 checks of the evidence hold"),
-        (fake_stability(), "29 of 30 stability checks of this harness pass"),
-        (fake_stability(with_failure=False), "All 30 stability checks of this harness pass"),
-        (fake_speed(), "5 of 9 speed targets are met, 2 without a figure"),
+        (fake_studies("evidence", failing=True), "2 of 3 checks of the evidence hold"),
+        (fake_studies("evidence"), "All 3 checks of the evidence hold"),
+        (fake_studies("speed"), "3 of 7 speed targets are met, 2 without a figure"),
         (of(one("fail", "paper")), "Numerical stability: nothing of this harness was tried"),
         (of(one()), "The one stability check of this harness passes"),
         (of(one(), one("fail")), "1 of 2 stability checks of this harness passes"),
-        (
-            of(one(), one("measured"), one("inconclusive")),
-            "1 of 2 stability checks of this harness passes, 1 inconclusive",
-        ),
+        (of(one(), one("inconclusive")), "1 of 2 stability checks of this harness passes, 1 inconclusive"),
         (EMPTY["evidence"], "Evidence without a check"),
     ],
 )
@@ -68,27 +63,27 @@ def test_the_sentences_say_what_is_open_and_what_is_a_property():
         "Not tried: 1 not available here; each says why.",
     ]
     machine = "on AMD EPYC 9R14 with 2 cores and 2 threads, with units for bfloat16 matrix products"
-    assert machine in sentences(fake_speed())[0]
-    assert sentences(EMPTY["speed"]) == ["0 questions."]
+    assert machine in sentences(fake_studies("speed"))[0]
 
 
 @pytest.mark.parametrize("shelf", EMPTY)
 def test_an_empty_record_is_a_page_and_a_study_without_anything_too(shelf, tmp_path):
-    outline = Outline(study_page(EMPTY[shelf], tmp_path))
-    assert {"matrix", "stability-outcomes", "provenance"} & set(outline.ids) == set()
-    assert "Why?" in study_page(replace(EMPTY["evidence"], studies=[StudyRecord(INFO)]), tmp_path)
+    assert {"matrix", "stability-outcomes"}.isdisjoint(Outline(study_page(EMPTY[shelf], tmp_path)).ids)
+    assert "Why?" in study_page(with_findings("evidence"), tmp_path)
 
 
 def test_what_is_quick_unfinished_or_broken_is_said_first(tmp_path):
-    assert 'class="alert"' not in study_page(fake_evidence(with_failure=False, with_charts=False), tmp_path)
-    text = study_page(fake_evidence(with_charts=False, finished=False, settings={"quick": True}), tmp_path)
+    assert 'class="alert"' not in study_page(fake_studies("evidence", charts=False), tmp_path)
+    broken = fake_studies("evidence", failing=True, charts=False, finished=False, settings={"quick": True})
+    text = study_page(broken, tmp_path)
     for said in ("A quick run.", "This run was not finished.", "What is ours must pass, and 1 check does not."):
         assert said in text[: text.index("<main>")]
 
 
 def test_every_check_is_in_the_details_with_its_reason(tmp_path):
-    text = study_page(fake_stability(with_charts=False), tmp_path)
-    for study_of in fake_stability().studies:
+    record = fake_studies("stability", failing=True, charts=False)
+    text = study_page(record, tmp_path)
+    for study_of in record.studies:
         start = text.index(f'<div id="study-{study_of.info.id}">')
         own = seen(text[start : text.index("</details>", start)])
         for words in study_of.info.facts.values():
@@ -100,16 +95,13 @@ def test_every_check_is_in_the_details_with_its_reason(tmp_path):
 
 def test_a_few_findings_are_in_sight_and_the_others_unfold(tmp_path):
     findings = [Answer(f"Finding {place}.") for place in range(9)]
-    said = seen(study_page(replace(EMPTY["evidence"], studies=[StudyRecord(INFO, findings=findings)]), tmp_path))
+    said = seen(study_page(with_findings("evidence", *findings), tmp_path))
     assert said.index("Finding 4.") < said.index("4 more findings") < said.index("Finding 5.")
 
 
 def test_lines_stand_in_their_study_or_where_a_shelf_has_them_in_chapters(tmp_path):
     line = Series("p", 1, "a", "x", "y", [1.0, 2.0], [1.0, 2.0])
-    shown = {
-        shelf: shelf_shown(replace(empty, studies=[StudyRecord(INFO, findings=[line])]), tmp_path)
-        for shelf, empty in EMPTY.items()
-    }
+    shown = {shelf: shelf_shown(with_findings(shelf, line), tmp_path) for shelf in EMPTY}
     titles = {
         shelf: [part.title for part in one.sections if 'class="plot"' in "".join(part.parts) and part.name != "matrix"]
         for shelf, one in shown.items()
@@ -119,66 +111,41 @@ def test_lines_stand_in_their_study_or_where_a_shelf_has_them_in_chapters(tmp_pa
 
 def test_a_table_of_numbers_is_set_to_the_right_and_a_gap_is_a_dash(tmp_path):
     table = Table("t", 2, "T", ["part", "ms", "note"], [["a", 1.234, None], ["b", 2, "x"]])
-    text = study_page(replace(EMPTY["speed"], studies=[StudyRecord(INFO, findings=[table])]), tmp_path)
+    text = study_page(with_findings("speed", table), tmp_path)
     assert '<td class="" data-value="1.234">1.23</td>' in text
     assert '<td class="muted words">–</td>' in text
 
 
-def test_the_smallest_effects_of_interest_are_those_of_the_record():
-    assert of_interest(fake_evidence()) == INTEREST
-    assert of_interest(EMPTY["evidence"]) == {}
-
-
-def test_hostile_words_stay_words(tmp_path):
-    effect = Effect(
-        *(HOSTILE, HOSTILE, HOSTILE, HOSTILE, "steps", 0.1, (0.0, 0.2), (-0.1, 0.3), 8, OPEN, 0.4, 9, 0, HOSTILE)
-    )
-    hostile_study = study(
-        StudyInfo(HOSTILE, HOSTILE, HOSTILE, HOSTILE),
-        HOSTILE,
-        [HOSTILE, HOSTILE],
-        [check(HOSTILE, None, unit=HOSTILE, why=HOSTILE)],
-        [effect],
-        [Series(HOSTILE, 0, HOSTILE, HOSTILE, HOSTILE, [1.0, 2.0], [1.0, 2.0])],
-        [Table(HOSTILE, 0, HOSTILE, [HOSTILE], [[HOSTILE]])],
-    )
-    text = study_page(replace(EMPTY["evidence"], studies=[hostile_study]), tmp_path)
-    assert foreign_scripts(text) == []
-    assert {"img", "iframe", "object"} & set(Outline(text).tags) == set()
-    assert text.count("&lt;script&gt;") > 10
-
-
 def test_pictures_outside_of_the_folder_are_not_read(tmp_path):
-    inner = write_fake_stability(tmp_path / "inner")
-    pictured = next(one for one in fake_stability().studies if one.pictures)
+    inner = write_fake_studies(tmp_path / "inner", "stability")
+    pictured = next(one for one in fake_studies("stability").studies if one.pictures)
     paths = ["../inner/stability/whole.png", "../../etc/passwd", str(inner / "stability" / "whole.png"), "stability"]
     stray = [replace(pictured.pictures[0], path=path) for path in paths]
-    text = study_page(fake_stability(studies=[replace(pictured, findings=stray)]), tmp_path / "outer")
+    text = study_page(with_findings("stability", *stray), tmp_path / "outer")
     assert "data:image/png" not in without_code(text)
     assert text.count("The picture is missing") == 4
 
 
-def test_the_page_of_a_whole_catalogue_with_pictures_stays_small(tmp_path):
-    out = write_fake_stability(tmp_path)
+def test_a_page_with_large_pictures_stays_small(tmp_path):
+    out = write_fake_studies(tmp_path, "stability")
     noise = np.random.default_rng(0).random((900, 900, 3)).astype(np.float32)
-    for name in ("whole", "chunks", "difference", "gone"):
+    for name in ("whole", "difference", "gone"):
         matplotlib.image.imsave(out / "stability" / f"{name}.png", noise)
-    assert len(study_page(fake_stability(with_charts=False), out)) < 4_000_000
+    assert len(study_page(fake_studies("stability", charts=False), out)) < 4_000_000
 
 
-def test_a_report_without_studies_has_no_trace_of_them(records):
-    text = page(records)
-    assert "stability" not in seen(text).lower()
-    assert not any(words in text for words in ("stability.html", "speed.html", "evidence.html", 'id="stability"'))
+def test_a_report_without_studies_has_no_trace_of_them(whole_page):
+    assert "stability" not in seen(whole_page).lower()
+    assert not any(words in whole_page for words in ("stability.html", "speed.html", "evidence.html"))
 
 
 def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_path):
-    record = fake_stability()
-    found = find_studies(write_fake_stability(tmp_path, record), "stability")
+    record = fake_studies("stability")
+    found = find_studies(write_fake_studies(tmp_path, record), "stability")
     assert [one for _, one in found.checks()] == [one for _, one in record.checks()]
     lost = [line for study_of in found.studies for line in study_of.series if None in line.y]
     assert [(line.name, line.y[:2]) for line in lost] == [("log_space", [None, None])]
-    assert found.studies[1].tables[0].rows[2][4] == "not finite (nan)"
+    assert found.studies[1].tables[0].rows[0][2] == "not finite (nan)"
     assert find_studies(tmp_path / "stability", "stability") is None
 
 
@@ -187,7 +154,7 @@ def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_pa
 )
 def test_a_line_of_uneven_lists_is_named(tmp_path, y, low, words):
     line = Series("p", 9, "a", "x", "y", [1.0], y, low, [1.0])
-    out = write_fake_speed(tmp_path, studies=[StudyRecord(INFO, findings=[line])])
+    out = write_fake_studies(tmp_path, with_findings("speed", line))
     with pytest.raises(DamagedRecord, match=re.escape(words)) as caught:
         find_studies(out, "speed")
     assert str(caught.value).startswith(str(out / "speed.json"))

@@ -1,0 +1,349 @@
+"""The one builder of made-up records of studies: for each shelf a small record with every kind of finding.
+
+python -m tests.reports.fake_studies OUT    writes the record and the pictures of every shelf
+"""
+
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+from msgspec.structs import replace
+
+from harness.records.study import (
+    SHELVES,
+    Answer,
+    Check,
+    Effect,
+    Finding,
+    Picture,
+    Series,
+    Studies,
+    StudyInfo,
+    StudyRecord,
+    Table,
+    check,
+    write_studies,
+)
+from harness.records.verdict import OPEN, verdict_of
+from harness.studies.frontier.error_against_time import ERROR
+from harness.studies.frontier.frontier_studies import STUDIES
+from harness.studies.speed.questions import QUESTIONS
+from reports.studies.publishing import without
+
+PROVENANCE: dict[str, Any] = {"commit": "0123456789ab", "python": "3.11.2", "cores": 2, "packages": {"torch": "2.15.0"}}
+INTEREST = {"psnr": 0.2, "ssim": 0.005}
+SETTINGS: dict[str, dict[str, Any]] = {
+    "evidence": {"quick": False, "device": "cpu", "smallest_of_interest": INTEREST},
+    "stability": {"methods": ["nerf", "qnerf"], "quick": False},
+    "speed": {"quick": False, "repeats": 5, "rays": 1024},
+    "serving": {"scenes": ["chair"], "methods": ["nerf", "qnerf"], "seed": 0, "width": 40, "quick": False},
+    "frontier": {"amount": {"scenes": ["chair", "ship"], "seeds": [0]}, "device": "cpu"},
+}
+MACHINE = {"processor": "AMD EPYC 9R14", "threads": 2, "device": "cpu", "bfloat16_products": True}
+
+
+def fake_studies(shelf: str, failing: bool = False, charts: bool = True, **changes: Any) -> Studies:
+    """With `failing` a check of ours fails, as in no good run; charts take most of the time of a page."""
+    made: dict[str, Callable[[], list[StudyRecord]]] = {
+        "evidence": lambda: _evidence(failing),
+        "stability": lambda: _stability(failing),
+        "speed": _speed,
+        "serving": lambda: list(serving_studies().values()),
+        "frontier": _frontier,
+    }
+    provenance = PROVENANCE | MACHINE if shelf == "speed" else PROVENANCE
+    record = Studies(shelf, provenance, SETTINGS[shelf], made[shelf](), finished=True)
+    return replace(record if charts else without(record, Series), **changes)
+
+
+def write_fake_studies(out: Path, record: Studies | str, pictures: bool = True) -> Path:
+    """Write the record, or that of a shelf, and the pictures that it names but those called gone; return `out`."""
+    record = fake_studies(record) if isinstance(record, str) else record
+    out.mkdir(parents=True, exist_ok=True)
+    write_studies(out / SHELVES[record.shelf], record)
+    for picture in (picture for study in record.studies if pictures for picture in study.pictures):
+        if "gone" not in picture.path:
+            (out / picture.path).parent.mkdir(parents=True, exist_ok=True)
+            matplotlib.image.imsave(out / picture.path, np.linspace(0.0, 1.0, 64 * 64 * 3).reshape(64, 64, 3))
+    return out
+
+
+def study(name: str, title: str, *findings: Finding, question: str = "", method: str = "", bar: str = "",
+          scale: str = "", seconds: float = 12.3) -> StudyRecord:  # fmt: skip
+    facts = {"input": f"what is put into {name}", "danger": f"the danger of {name}", "bar": bar} if bar else {}
+    return StudyRecord(StudyInfo(name, title, question, method, facts), scale, list(findings), seconds)
+
+
+def effect(name: str, against: str, difference: float | None, half: float = 0.1, /, **changes: Any) -> Effect:
+    """A difference over all scenes: ± `half` alone, and three times that together."""
+    near, wide = (
+        None if difference is None else (round(difference - k * half, 4), round(difference + k * half, 4))
+        for k in (1, 3)
+    )
+    verdict = OPEN if wide is None else verdict_of(wide, INTEREST[changes.get("metric", "psnr")])
+    usual = Effect(name, against, "all", "psnr", "steps", difference, near, wide, 8, verdict, 0.4, 9, 0)
+    return replace(usual, **changes)
+
+
+def lines(
+    panel: str, item: int, axes: tuple[str, str], x: list[float], y_of: Callable[..., float],
+    names: dict[str, tuple[float, ...]], log: str = "xy", band: float = 0.0,
+) -> list[Series]:  # fmt: skip
+    """A line for each name: `y_of` of x and what stands behind the name; `log` are the logarithmic axes, `band` is the
+    relative half width of a band."""
+    made = [
+        Series(panel, item, name, *axes, x, [y_of(at, *more) for at in x], log_x="x" in log, log_y="y" in log)
+        for name, more in names.items()
+    ]
+    if not band:
+        return made
+    edges = [([(1 - band) * y for y in line.y], [(1 + band) * y for y in line.y]) for line in made]
+    return [replace(line, low=low, high=high) for line, (low, high) in zip(made, edges, strict=True)]
+
+
+def _evidence(failing: bool) -> list[StudyRecord]:
+    checks = [
+        check("share of simulated A/A comparisons that are called better or worse", 0.024, high=0.05, why="of 4000"),
+        check("share of real A/A comparisons that are called better or worse", 0.081 if failing else 0.031, high=0.05,
+              why="15 pairs of seeds on 8 scenes"),
+        check("share of planted effects that are found", 0.846, low=0.8, why="each the smallest detectable"),
+    ]  # fmt: skip
+    power = lines("Power: how often a planted effect is found", 0, ("planted / detectable", "share found"),
+                  [0.0, 0.5, 1.0, 1.5], lambda size, slope: min(1.0, slope * size), {"8 scenes": (0.7,)},
+                  log="", band=0.05)  # fmt: skip
+    spread = Table("spread", 0, "Spread between seeds", ["scene", "SD (dB)", "range (dB)"], [["mic", None, 0.52]])
+    parts = {"φ encoding": 0.92, "amplifier": -2.61, "φ skip": -0.04, "φ encoding × amplifier": -0.31}
+    effects = [
+        effect(name, "", size + 0.02 * place, 0.1 + 0.04 * abs(size), scene=scene, budget=budget, note="Listing 2")
+        for budget in ("steps", "seconds")
+        for place, scene in enumerate(("all", "lego", "ficus"))
+        for name, size in parts.items()
+    ]
+    effects += [effect(name, "", 0.01 * size, 0.003, metric="ssim") for name, size in parts.items()]
+    effects.append(effect("qnerf", "nerf", -1.9, 3.4, unpaired=2, verdict=OPEN))
+    effects.append(effect("qnerf", "nerf", None, scene="lego", budget="seconds", pairs=0, unpaired=3))
+    table4 = [["Baseline NeRF", 24.31, 32.5], ["+ Amplifier", "diverged", None]]
+    rivals = {"nerf_phi_encoding": (0.9,), "nerf_matched": (0.93,)}
+    gains = lines("Difference from nerf over resolution", 0, ("pixels across", "difference (dB)"), [100.0, 200.0],
+                  lambda size, gain: gain * 100 / size, rivals, log="x")  # fmt: skip
+    scale, how = "lego, ficus; 3 seeds; 500 steps", "In real training runs."
+    return [
+        study("calibration", "Is the comparer calibrated?", Answer("It sees a difference in 2.4 % of 4000 cases."),
+              Answer("Test PSNR spreads by 0.21 dB on hotdog."), *checks, *power, spread,
+              question="How often does it see a difference where there is none?", method=how, scale=scale),
+        study("factorial", "What does each part do?", Answer("The φ encoding brings +0.92 dB."), *effects,
+              Table("table4", 0, "Rows of Table 4", ["row", "PSNR (dB)", "the paper"], table4),
+              question="What do the parts contribute?", method=how, scale=scale),
+        study("bandwidth", "The golden ratio, or bandwidth?", Answer("2^k with the same reach brings +0.93 dB."),
+              *gains, *(effect(name, "nerf", gain, 0.15, note="100 px") for name, (gain,) in rivals.items()),
+              question="Is it φ, or how far its frequencies reach?", method=how, scale=scale),
+    ]  # fmt: skip
+
+
+def judged(what: str, values: dict[str, float], high: float | None = None, **more: Any) -> list[Check]:
+    """The figure of each subject against one limit; the owner of its form stands before a colon, if it is not ours."""
+    rows = [(owner or "ours", name, value) for key, value in values.items() for owner, _, name in [key.rpartition(":")]]
+    return [check(what, value, high=high, subject=name, owner=owner, **more) for owner, name, value in rows]
+
+
+def _stability(failing: bool) -> list[StudyRecord]:
+    q1 = judged("largest relative error", {"midpoint": 2.1e-7, "linear_in_tau": 1.8e-7, "paper:listing4": 1.0,
+                                           "usual:log_space": 1.0}, 1e-6)  # fmt: skip
+    q1 += [*judged("the same over 10^6 bins", {"midpoint": 1.3e-7}, 1e-6),
+           Check("half precision is refused", None, subject="harness", status="pass")]  # fmt: skip
+    taus = [10.0**power for power in range(-8, 3)]
+    midpoint, listing4, log_space = lines(
+        "Rounding in float32", 1, ("τ of the ray", "relative error of colour"), taus,
+        lambda tau, floor, loses: min(1.0, floor / tau) if loses and tau < 1 else floor,
+        {"midpoint": (1e-7, False), "listing4": (3e-8, True), "log_space": (6e-8, True)},
+    )  # fmt: skip
+    zeros = replace(midpoint, y=[*midpoint.y[:-3], 0.0, 0.0, 0.0])
+    gaps = replace(log_space, y=[math.nan, math.inf, *log_space.y[2:]])
+    q2 = judged("distance from the declared order", {"midpoint": 0.02, "paper:listing4": 0.03}, 0.15)
+    q2.append(Check("", None, why="no last bin", subject="listing4", owner="paper", status="not_applicable"))
+    fitted = Table("orders", 2, "Fitted orders", ["rule", "declared", "ramp"], [["midpoint", 2, math.nan]])
+    truncation = lines("ramp, against samples", 2, ("bins", "error of colour"), [8.0, 16.0, 32.0],
+                       lambda bins, order: (8 / bins) ** order, {"midpoint": (2,), "left_point": (1,)},
+                       band=0.3)  # fmt: skip
+    q3 = judged("error of the gradient", {"midpoint": 1.2e-6, "usual:log_space": math.nan}, 5e-6, why="σ = 0 once")
+    slopes = lines("Gradient of a ray", 3, ("τ of a bin", "error of the gradient"), taus,
+                   lambda tau, slope: max(1e-7, slope * tau), {"midpoint": (0.0,), "torch.expm1": (0.2,)})  # fmt: skip
+    a2 = judged("largest change of a pixel", {"nerf": 0.0, "nerf_matched": 0.0, "paper:qnerf": 0.31}, 2e-6)
+    a2 += judged("after a reload", {"harness": 3e-4 if failing else 3e-7}, 2e-6)
+    pictures = [
+        Picture(4, "One view, one call", "qnerf, contrasted weights", "stability/whole.png"),
+        Picture(4, "Difference × 4", "black: none", "stability/difference.png"),
+        Picture(4, "A picture that is gone", "its file was deleted", "stability/gone.png"),
+    ]
+    s3 = [Check("", None, why="no shared library of LLVM 16 or newer", subject="volpath", status="not_available"),
+          *judged("largest |z| of 64 rays", {"midpoint": 1.9}, 4.0)]  # fmt: skip
+    ladder = lines("Ladder of frequency", 9, ("frequency", "explained share"), [1.0, 2.0, 4.0],
+                   lambda rung, slope: max(0.0, 1 - slope * rung / 10), {"nerf": (0.4,), "qnerf": (0.9,)},
+                   log="x")  # fmt: skip
+    rungs = Table("ladders", 9, "First rung on which a method breaks", ["ladder", "nerf"], [["frequency", None]])
+    l1 = Check("rung on which it breaks", 4.0, subject="nerf", status="pass")
+    return [
+        study("Q1", "Homogeneous ray", *q1, zeros, listing4, gaps, bar="relative error ≤ 1e-6"),
+        study("Q2", "Order of convergence", *q2, *truncation, fitted, bar="fitted order within ±0.15"),
+        study("Q3", "Gradients of a ray", *q3, *slopes, bar="≤ 5e-6 of the largest gradient"),
+        study("A2", "Chunks", *a2, *pictures, bar="≤ 2e-6"),
+        study("S3", "Fog", *s3, bar="≤ 1e-4; |z| < 4"),
+        study("L1", "Ladders", l1, *ladder, rungs, bar="recorded"),
+    ]
+
+
+def _speed() -> list[StudyRecord]:
+    def figure(id: str, title: str, value: float | None, unit: str, spread: Any = None, repeats: int = 1,
+               low: float | None = None, high: float | None = None, why: str = "") -> Check:  # fmt: skip
+        return check(title, value, low, high, unit, why, owner="machine", spread=spread, repeats=repeats, id=id)
+
+    profile: list[list[str | float | None]] = [["products", 210.4, 71.2, "bfloat16"], ["optimiser", 9, None, "Adam"]]
+    plain, library = "Dense step, plain float32", "no shared library of LLVM 16 or newer"
+    scores = dict(zip((10.0, 30.0, 100.0, 300.0), (15.0, 18.1, 20.2, 22.0), strict=True))
+    found: dict[int, list[Finding]] = {
+        1: [
+            figure("training.plain.rate", plain, 30_120.0, "samples/s", (29_870.0, 30_410.0), 5),
+            figure("training.dense.ratio", "Same step against plain", 7.418, "×", (7.11, 7.63), 5, 10.0, why="medians"),
+        ],
+        2: [
+            figure("matrix.share", "Share in the steady state", 66.1, "%", (63.9, 67.0), 5, 65.0),
+            Table("profile", 2, "Where the time of one step goes", ["part", "ms", "share (%)", "note"], profile),
+        ],
+        3: [
+            figure("target.chair.ratio", "chair: sooner by", 19.8, "×", low=15.0),
+            figure("target.ship.ratio", "ship: sooner by", None, "×", low=15.0, why="plain never reached 22 dB"),
+            *lines("PSNR against training seconds, chair", 3, ("training seconds", "PSNR of test pixels (dB)"),
+                   [*scores], lambda x, ahead: scores[x] + ahead, {"plain": (0.0,), "reduced settings": (2.0,)},
+                   log="x"),
+        ],
+        7: [figure("truth.llvm", "llvm_ad_rgb against scalar_rgb", None, "×", low=2.0, why=library)],
+        8: [
+            figure("memory.reduced", "Peak at `reduced`", 1.42, "GB", high=2.0),
+            figure("memory.images", "Growth with 4 × the images", 0.31, "GB", high=0.1),
+        ],
+        9: [
+            *lines("Rays a step", 9, ("rays a step", "seconds a step"), [256.0, 512.0], lambda rays: rays / 1e4,
+                   {"this code": ()}, band=0.1),
+            Series("Nothing", 9, "empty", "x", "y", [], []),
+        ],
+    }  # fmt: skip
+    return [StudyRecord(QUESTIONS[str(item)].info, findings=some, seconds=61.2) for item, some in found.items()]
+
+
+def hit(place: str, ratio: float, method: str = "nerf", spread: float = 1.1) -> Check:
+    """Return a hit that is spread by a factor both ways."""
+    target = 50.0 if place.startswith("disk") else 1000.0
+    low, high = ratio / spread, ratio * spread
+    status = "pass" if low >= target else "fail" if high < target else "inconclusive"
+    return Check(
+        f"rendering against a hit of {place}", ratio, low=target, unit="×", why="30.9 µs against 59.4 ms on chair",
+        subject=method, owner="machine", status=status, spread=(low, high), repeats=100, id=f"hit.{place}.{method}",
+    )  # fmt: skip
+
+
+def stale(kinds: int, ours: float = 100.0) -> list[Check]:
+    why = "of 9 kinds, off by up to 0.857 (a black background); invisible in 8 bits: near and far"
+    status = "fail" if kinds else "pass"
+    pose = Check("stale kinds", float(kinds), high=0.0, why=why, owner="paper", status=status, repeats=9, id="key.pose")
+    return [pose, check("share of views for which our key is new", ours, 100.0, unit="%", id="key.ours")]
+
+
+def earlier(measure: str, cases: int, status: Any = "measured") -> Check:
+    what, why = f"cases in which attention is earlier, {measure}", "of 6 cases, later in 1"
+    return Check(what, float(cases), why=why, owner="paper", status=status, repeats=6, id=f"earlier.{measure}")
+
+
+def phi(changed: int) -> Check:
+    why = "of 18 maps; the priorities sum to 1.618, not to 1: they are no probabilities"
+    return Check("maps that φ changes", float(changed), why=why, owner="paper", repeats=18, id="phi.changed")
+
+
+def serving_studies(**changes: list[Finding] | None) -> dict[str, StudyRecord]:
+    """Study → its record; with other findings of some, or without those that are None."""
+    ratios = {"memory.0": 3000.0, "memory.1": 1050.0, "disk.warm": 70.0, "disk.cold": 30.0}
+    axes, at = ("seconds since the view was asked for", "RMSE, display"), [0.0, 0.2, 0.4]
+    findings: dict[str, list[Finding] | None] = {
+        "latency": [
+            Answer("Rendering takes 3000 times as long as a hit in memory."),
+            *(hit(place, ratio) for place, ratio in ratios.items()),
+            hit("memory.0", 2000.0, "qnerf"),
+            Table("latencies", 0, "How long a view takes", ["method", "a view", "median s"], [["nerf", "hit", 3e-5]]),
+        ],
+        "confusions": [
+            Answer("A key of the pose alone would return another picture after 8 of 9 kinds of change."),
+            *stale(8),
+            Table("confusions", 0, "What a key has to tell apart", ["changed", "off by"], [["more <b>steps", 0.1]]),
+        ],
+        "anytime": [
+            Answer("Attention is first in 1 of 6 cases of scene and map."),
+            *(earlier(measure, 4) for measure in ("whole", "hardest")),
+            earlier("attended", 6, "pass"),
+            Check("raster order against attention", 1.5, unit="×", owner="machine", spread=(1.2, 1.9), repeats=6,
+                  id="sooner.attended"),
+            *lines("chair, the whole picture, point", 0, axes, at, lambda x, slow: 0.0001 + 0.1 * slow * (x < 0.4),
+                   {"attention": (1.0,), "plain rendering": (3.0,)}, log="y"),
+            Picture(0, "raster order, after 40 % of the time", "24.1 dB", "records/images/serving/chair.nerf.png"),
+        ],
+        "priorities": [Answer("The priorities sum to 1.618, not to 1."), phi(0)],
+        **changes,
+    }  # fmt: skip
+    return {
+        name: study(name, name.capitalize(), *some, question=f"Does {name} hold?", method="Timed in turn.")
+        for name, some in findings.items()
+        if some is not None
+    }
+
+
+def fake_serving(settings: dict[str, Any] | None = None, **changes: list[Finding] | None) -> Studies:
+    """Return the record with other findings of some studies, or without them; with other settings beside its own."""
+    studies = list(serving_studies(**changes).values())
+    return fake_studies("serving", settings={**SETTINGS["serving"], **(settings or {})}, studies=studies)
+
+
+def _frontier() -> list[StudyRecord]:
+    means = Table("over_scenes", 0, "PSNR over scenes, dB", ["family", "4 core s"], [["nerf", "20.46 ± 1.58"]])
+    errors = lines("Error against core seconds of training, all scenes", 0, ("core seconds of training", ERROR),
+                   [4.0, 60.0], lambda x, first: first / x, {"nerf": (0.4,), "splats": (0.16,)}, band=0.2)  # fmt: skip
+    grown = effect("planes_phi", "planes_same_ends", 0.4, budget="core_seconds")
+    return [
+        StudyRecord(STUDIES["error_against_time"].info, "8 scenes", [Answer("Splats lead."), *errors, means], 3000.0),
+        StudyRecord(STUDIES["phi"].info, "8 scenes", [Answer("φ changes planes by +0.40 dB."), grown], 700.0),
+    ]
+
+
+def hostile(record: Studies, word: str) -> Studies:
+    """`record` with `word` wherever it holds text of its own."""
+
+    def spoiled(finding: Any) -> Any:
+        match finding:
+            case Check():
+                return replace(finding, subject=f"{word} {finding.subject}", what=word, why=word, unit=word, id=word)
+            case Series():
+                return replace(finding, panel=word, name=f"{word} {finding.name}", x_label=word, y_label=word)
+            case Effect():
+                return replace(finding, name=f"{word} {finding.name}", against=word, metric=word, note=word)
+            case Table():
+                columns = [word for _ in finding.columns]
+                return replace(finding, title=word, columns=columns, rows=[columns for _ in finding.rows])
+            case Picture():
+                return replace(finding, title=word, caption=word)
+            case Answer():
+                return Answer(word)
+        raise AssertionError(finding)
+
+    facts = dict.fromkeys(("input", "danger", "reference", "bar"), word)
+    studies = []
+    for one in record.studies:
+        info = StudyInfo(f"{word} {one.info.id}", word, word, word, facts=facts)
+        studies.append(StudyRecord(info, word, [spoiled(finding) for finding in one.findings], 1.0))
+    provenance = {word: word, "processor": word, "device": word}
+    return replace(record, studies=studies, provenance=provenance, settings={word: [word]})
+
+
+if __name__ == "__main__":
+    for name in SETTINGS:
+        write_fake_studies(Path(sys.argv[1]), name)
