@@ -20,7 +20,7 @@ from scenes.files.installed import packages_needed
 from scenes.files.stopping import stop_on_signals
 
 if TYPE_CHECKING:
-    from scenes.rendering.store import Standing
+    from scenes.rendering.writer import Standing
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -100,6 +100,12 @@ class VoxelSettings:
     smoothed: int = 8192
     """The number of voxels per step that are pulled towards their neighbours; `smoothing` is the weight of that."""
     smoothing: float = 1e-4
+    density_scale: float = DENSITY_SCALE
+    """The unit of density, and below the density of a fresh field, per half of the box's longest side."""
+    start: float = START
+    betas: tuple[float, float] = (0.9, 0.999)
+    """The decay rates of Adam's two moments."""
+    epsilon: float = 1e-15
 
     def stages(self) -> tuple[tuple[float, int], ...]:
         """Return (share of the budget from which it holds, voxels along the longest side)."""

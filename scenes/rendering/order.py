@@ -48,6 +48,11 @@ class Order:
         chosen = evenly_spread(self.counts[split], everything, f"{split} views")
         return chosen, everything[chosen]
 
+    @property
+    def focal(self) -> float:
+        """Return the focal length in pixels."""
+        return float(0.5 * self.resolution / np.tan(0.5 * FOV_X_RADIANS))
+
     def digest(self, variant: str) -> str:
         """Return the hexadecimal hash of everything that the images depend on.
 

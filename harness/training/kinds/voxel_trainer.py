@@ -29,7 +29,7 @@ class VoxelTrainer(BudgetedTrainer):
         # several threads would add up gradients in an order that changes from run to run
         dr.set_thread_count(1)
         self._stages = list(self.own.stages())
-        self.field = VoxelField(self.box, self._stages.pop(0)[1], self.view_dependent, backend)
+        self.field = VoxelField(self.box, self._stages.pop(0)[1], self.view_dependent, backend, self.own)
         self._optimiser = Adam(self.field)
 
     @property
