@@ -78,7 +78,6 @@ def ray_weights(tau: Any, bins: int) -> tuple[Any, Any]:
 
 
 def over_rays(values: Any, bins: int) -> Any:
-    """Sum over the points of each ray."""
     return dr.block_reduce(dr.ReduceOp.Add, values, bins)
 
 
@@ -128,7 +127,6 @@ class VoxelField:
 
     @property
     def coefficients(self) -> int:
-        """The number of coefficients of a colour channel in a voxel."""
         return (self.degree + 1) ** 2
 
     def parameter_counts(self) -> dict[str, int]:
@@ -152,7 +150,6 @@ class VoxelField:
         return field
 
     def refined(self, voxels: int) -> "VoxelField":
-        """Return the same field on a finer grid, interpolated."""
         finer = VoxelField(self.box, voxels, self.degree > 0, self._backend, self.own)
         for name in self.values:
             grid = self._as_grid(name)
@@ -207,7 +204,7 @@ class VoxelField:
         rough = self._roughness(self.types.UInt32(self.types.TensorXi(smooth.to(torch.int32).contiguous()).array))
         dr.backward(error + smoothing * rough)
         gradients = {name: dr.grad(value) for name, value in self.values.items()}
-        dr.disable_grad(self.values)  # leaves plain numbers behind, whatever comes of this step
+        dr.disable_grad(self.values)  # leaves plain numbers behind, also after an error
         square = sum(dr.sum(dr.square(gradient)) for gradient in gradients.values())
         dr.eval(error, square, gradients)
         return float(error[0]), float(square[0]), gradients
@@ -347,13 +344,13 @@ def shape_of(box: Box, voxels: int) -> tuple[int, int, int]:
 
 
 def _zeros(kind: Any, sizes: dict[str, int]) -> dict[str, Any]:
-    """Return zeros, each in memory of its own: a zero that Dr.Jit knows of, or that two arrays share, is compiled into
+    """Return zeros, each in separate memory: a zero that Dr.Jit knows of, or that two arrays share, is compiled into
     the kernel, and the first steps would need other kernels than those after them.
     """
     return {name: dr.opaque(kind, 0.0, size) for name, size in sizes.items()}
 
 
 def _finished(device: torch.device) -> None:
-    """Wait for Dr.Jit, which works in a queue of its own and does not wait for torch's."""
+    """Wait for torch: Dr.Jit has another queue, which does not wait for torch's."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)

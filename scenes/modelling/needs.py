@@ -37,8 +37,6 @@ Unit = Literal["dB", "colour"]
 
 @dataclass(frozen=True)
 class Part:
-    """A part that a scene may need."""
-
     what: str
     """The work that is saved where the part is not needed."""
     concerns: Literal["model", "sampling", "rendering", "metrics"]

@@ -30,7 +30,7 @@ NEAR_CLIP = 1e-3
 NORMAL_SPP = {False: 2, True: 16}
 """The samples per pixel for normals, scalar and vectorised: Mitsuba has no cheap way to them in the scalar variant."""
 LARGEST_WAVEFRONT = 1 << 22
-"""The most paths in flight at once in a vectorised variant; more are rendered in passes."""
+"""The maximum number of paths in flight in a vectorised variant; more are rendered in passes."""
 _OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
@@ -64,7 +64,7 @@ class LoadedScene:
     ) -> None:  # fmt: skip
         """Load a description; `load` makes the scene instead of `description` (`scenes.modelling.scene.Scene`).
 
-        `integrator` is `path` or `volpath`, whatever the scene needs; `box` is the possible extent of a
+        `integrator` is `path` or `volpath`, by default what the scene needs; `box` is the possible extent of a
         description without shapes. Raises `InputError` for a scene so small or so far away that its images would
         be biased.
         """

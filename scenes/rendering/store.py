@@ -134,7 +134,7 @@ def checked_order(
 
 
 def is_complete(folder: Path) -> bool:
-    """Return whether every file of the view set is there and intact; False whatever else is wrong with it."""
+    """Return whether every file of the view set is there and intact."""
     return folder.is_dir() and first_fault(folder) is None
 
 

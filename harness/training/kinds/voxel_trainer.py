@@ -20,8 +20,6 @@ from harness.training.trainer import BudgetedTrainer, Diverged
 
 
 class VoxelTrainer(BudgetedTrainer):
-    """A trainer of the voxel field."""
-
     own: VoxelSettings
 
     def __init__(self, job: Job, backend: Backend = "llvm") -> None:
