@@ -21,7 +21,7 @@ from harness.training.scoring import evaluate
 from harness.training.shared_state import left_as_it_was
 from scenes.files.errors import InputError
 from scenes.modelling.needs import part_name
-from scenes.view_sets.view_set import Split, ViewSet
+from scenes.view_sets.view_set import ViewSet
 
 T = TypeVar("T")
 
@@ -151,9 +151,3 @@ def trained_alone(
     batch_at = batches.for_learner(learner.whole_views, stream, settings.rays)
     warm_up(learner, batch_at)
     return train(learner, batch_at)
-
-
-def psnr_on(trainer: Learner, views: ViewSet, split: Split, chunk: int) -> float | None:
-    """Return the mean PSNR over a split of `views`; raises `Diverged` on a pixel that is not finite."""
-    cameras = evaluate.cameras_of(views, split, trainer.device)
-    return evaluate.quick_scores(evaluate.render_split(trainer, cameras, chunk), split)["psnr"]
