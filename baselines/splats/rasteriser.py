@@ -453,9 +453,8 @@ def add_densities(
 
 
 class Drawn(torch.autograd.Function):
-    """Colour and depth [rays, 4] without a background, transmittance [rays], and the number of times that a Gaussian
-    was drawn on a ray; differentiable once in the Gaussians. The direction from which a Gaussian is seen counts as
-    given.
+    """Colour and depth [rays, 4] without a background, transmittance [rays], and how often a Gaussian was drawn on a
+    ray; differentiable once in the Gaussians, where the direction from which one is seen counts as given.
     """
 
     @staticmethod
@@ -487,8 +486,7 @@ class Drawn(torch.autograd.Function):
         rays, projected = ctx.rays, Projected(*parts)
         v_shapes, v_colours = np.zeros_like(projected.shapes), np.zeros_like(projected.colours)
         behind = through * v_through.numpy()[rays.order]
-        v_rays = v_out.numpy().T[:, rays.order]
-        _backward(rays, projected, v_rays, through.copy(), behind, last, v_shapes, v_colours)
+        _backward(rays, projected, v_out.numpy().T[:, rays.order], through.copy(), behind, last, v_shapes, v_colours)
         v_values = np.zeros_like(values)
         _project_back(values, order, ctx.camera, ctx.widened, projected, v_shapes, v_colours, v_values)
         return None, None, None, torch.from_numpy(v_values)
