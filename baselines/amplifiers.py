@@ -67,7 +67,6 @@ class MeanAmplifier(Amplifier):
         self.mean = RunningMean()
 
     def update_mean(self) -> None:
-        """End a step."""
         self.mean.update()
 
 

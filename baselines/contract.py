@@ -67,7 +67,6 @@ class Rays:
         return Rays(self.origins[start:stop], self.directions[start:stop], self.near, self.far)
 
     def to(self, where: torch.device | torch.dtype) -> "Rays":
-        """Return the rays on a device, or as numbers of a type."""
         return Rays(self.origins.to(where), self.directions.to(where), self.near, self.far)
 
     def require_finite(self) -> None:
@@ -257,6 +256,5 @@ def glorot(named: Iterable[tuple[str, nn.Parameter]], seed: int | str) -> None:
 
 
 def counts_by_component(field: nn.Module) -> dict[str, int]:
-    """Count the weights of each child, with their `total`."""
     counts = {name: sum(weight.numel() for weight in part.parameters()) for name, part in field.named_children()}
     return {**counts, "total": sum(counts.values())}

@@ -141,7 +141,6 @@ class NetworkField(nn.Module):
         return self._composed(position.to(self.dtype), view, ray)
 
     def _composed(self, position: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
-        """Compute the network from single operations, differentiable by autograd."""
         *_, (last, hidden) = self._hidden(position)
         skipped = position if last == self.skip else None
         raw = self._split_linear(self.density_head, hidden, skipped)[:, 0].to(self.density_head.weight.dtype)

@@ -222,7 +222,6 @@ def _forward(
 
 
 def _add_product(total: Tensor, a: Tensor, b: Tensor) -> None:
-    """Add aᵀ b."""
     if a.dtype == total.dtype:
         total.addmm_(a.t(), b)
     else:
@@ -277,7 +276,6 @@ class _Gradients:
         return [*self.density, self.heads, *self.colour]
 
     def flat(self, view: Tensor) -> list[Tensor]:
-        """Return the gradients in the order of the flat weights."""
         heads, bias = self.heads.weight(), self.heads.bias
         direction = torch.mm(self.of_view.t(), view)
         flat = [part for stage in self.density for part in (stage.weight(), stage.bias)]

@@ -41,5 +41,4 @@ class RunningMean(nn.Module):
         self._seen = None
 
     def drop(self) -> None:
-        """End the step without any change."""
         self._seen = None

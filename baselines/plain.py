@@ -87,7 +87,6 @@ def plain_render(
 def plain_loss(
     field: PlainField, rays: Rays, colours: Float[Tensor, "rays 3"], samples: int, generator: torch.Generator | None
 ) -> Float[Tensor, ""]:
-    """Return the mean squared error of display colours over white."""
     return torch.mean((plain_render(field, rays, samples, torch.ones_like(colours[0]), generator) - colours) ** 2)
 
 

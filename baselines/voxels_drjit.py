@@ -14,14 +14,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from baselines.composition import DENSITY_SCALE, START
 from baselines.contract import Box, Densities, Points, Rays, Rendering
+from baselines.methods.explicit import VoxelSettings
 from baselines.numerics.amplifier import softplus_shift
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 
-SHIFT = softplus_shift(START / DENSITY_SCALE)
-"""The shift before softplus with which a fresh field has its start."""
 THIN = 0.05
 """The optical depth below which 1 − exp(−τ) is taken from its series, as Dr.Jit has no expm1: the terms left out are
 below 3e-9 of it, while the difference would lose a digit for each power of ten.
@@ -80,13 +78,13 @@ def ray_weights(tau: Any, bins: int) -> tuple[Any, Any]:
 
 
 def over_rays(values: Any, bins: int) -> Any:
-    """Sum over the points of each ray."""
     return dr.block_reduce(dr.ReduceOp.Add, values, bins)
 
 
 Backend = Literal["llvm", "cuda"]
 
 CHANNELS = ("red", "green", "blue")
+USUAL = VoxelSettings()
 DEGREE = 1
 """The degree of the spherical harmonics, where colour depends on the direction."""
 
@@ -111,12 +109,16 @@ class VoxelField:
     density_limit = math.inf
     pointwise = True
 
-    def __init__(self, box: Box, voxels: int, view_dependent: bool, backend: Backend) -> None:
+    def __init__(
+        self, box: Box, voxels: int, view_dependent: bool, backend: Backend, own: VoxelSettings = USUAL
+    ) -> None:
         """Make thin grey fog everywhere, with `voxels` along the longest side of the box."""
         self.types: Any = importlib.import_module(f"drjit.{backend}.ad")
         self.box = box
         self.lower, self.upper = box.lower.tolist(), box.upper.tolist()
-        self.density_unit = DENSITY_SCALE / box.half_extent  # as the networks have it, and their thin fog at first
+        self.own = own
+        self.density_unit = own.density_scale / box.half_extent
+        self.shift = softplus_shift(own.start / own.density_scale)  # before softplus: a fresh field has its start
         self.degree = DEGREE if view_dependent else 0
         self.shape = shape_of(box, voxels)
         count = math.prod(self.shape)
@@ -125,7 +127,6 @@ class VoxelField:
 
     @property
     def coefficients(self) -> int:
-        """The number of coefficients of a colour channel in a voxel."""
         return (self.degree + 1) ** 2
 
     def parameter_counts(self) -> dict[str, int]:
@@ -140,7 +141,7 @@ class VoxelField:
     def filled(self, values: dict[str, Tensor]) -> "VoxelField":
         """Return a field of a `state_dict`; raises `ValueError` if it is of another box or degree."""
         shape = tuple(values["density"].shape[::-1])
-        field = VoxelField(self.box, max(shape), self.degree > 0, self._backend)
+        field = VoxelField(self.box, max(shape), self.degree > 0, self._backend, self.own)
         for name in field.values:
             expected = shape[::-1] if name == "density" else (*shape[::-1], self.coefficients)
             if field.shape != shape or tuple(values[name].shape) != expected:
@@ -149,8 +150,7 @@ class VoxelField:
         return field
 
     def refined(self, voxels: int) -> "VoxelField":
-        """Return the same field on a finer grid, interpolated."""
-        finer = VoxelField(self.box, voxels, self.degree > 0, self._backend)
+        finer = VoxelField(self.box, voxels, self.degree > 0, self._backend, self.own)
         for name in self.values:
             grid = self._as_grid(name)
             channels = (grid.unsqueeze(-1) if grid.ndim == 3 else grid).permute(3, 0, 1, 2)
@@ -204,7 +204,7 @@ class VoxelField:
         rough = self._roughness(self.types.UInt32(self.types.TensorXi(smooth.to(torch.int32).contiguous()).array))
         dr.backward(error + smoothing * rough)
         gradients = {name: dr.grad(value) for name, value in self.values.items()}
-        dr.disable_grad(self.values)  # leaves plain numbers behind, whatever comes of this step
+        dr.disable_grad(self.values)  # leaves plain numbers behind, also after an error
         square = sum(dr.sum(dr.square(gradient)) for gradient in gradients.values())
         dr.eval(error, square, gradients)
         return float(error[0]), float(square[0]), gradients
@@ -246,7 +246,7 @@ class VoxelField:
 
     def _density(self, at: Any) -> Any:
         raw = interpolated(self.values["density"], at, self.types.Float)
-        return self.density_unit * softplus(raw + SHIFT)
+        return self.density_unit * softplus(raw + self.shift)
 
     def _roughness(self, voxel: Any) -> Any:
         """Return the mean squared difference of the chosen voxels from the next along each axis."""
@@ -298,11 +298,10 @@ class VoxelField:
 class Adam:
     """Adam (Kingma & Ba) on the flat arrays of a field, in Dr.Jit."""
 
-    BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-15
-
     def __init__(self, field: VoxelField) -> None:
         sizes = {name: len(value) for name, value in field.values.items()}
         self.first, self.second = _zeros(field.types.Float, sizes), _zeros(field.types.Float, sizes)
+        self.betas, self.epsilon = field.own.betas, field.own.epsilon
         self.steps = 0
 
     def state_dict(self) -> dict[str, Tensor]:
@@ -325,14 +324,15 @@ class Adam:
         number = field.types.Float
         # opaque: what changes from step to step must not be part of the compiled kernel
         share = dr.opaque(number, scale)
-        ahead = dr.opaque(number, rate / (1.0 - self.BETA_1**self.steps))
-        spread = dr.opaque(number, 1.0 / (1.0 - self.BETA_2**self.steps))
+        beta_1, beta_2 = self.betas
+        ahead = dr.opaque(number, rate / (1.0 - beta_1**self.steps))
+        spread = dr.opaque(number, 1.0 / (1.0 - beta_2**self.steps))
         for name, gradient in gradients.items():
             g = dr.detach(gradient) * share
-            first = self.BETA_1 * self.first[name] + (1.0 - self.BETA_1) * g
-            second = self.BETA_2 * self.second[name] + (1.0 - self.BETA_2) * g * g
+            first = beta_1 * self.first[name] + (1.0 - beta_1) * g
+            second = beta_2 * self.second[name] + (1.0 - beta_2) * g * g
             self.first[name], self.second[name] = first, second
-            field.values[name] = field.values[name] - ahead * first / (dr.sqrt(second * spread) + self.EPSILON)
+            field.values[name] = field.values[name] - ahead * first / (dr.sqrt(second * spread) + self.epsilon)
         dr.eval(field.values, self.first, self.second)
 
 
@@ -344,13 +344,13 @@ def shape_of(box: Box, voxels: int) -> tuple[int, int, int]:
 
 
 def _zeros(kind: Any, sizes: dict[str, int]) -> dict[str, Any]:
-    """Return zeros, each in memory of its own: a zero that Dr.Jit knows of, or that two arrays share, is compiled into
+    """Return zeros, each in separate memory: a zero that Dr.Jit knows of, or that two arrays share, is compiled into
     the kernel, and the first steps would need other kernels than those after them.
     """
     return {name: dr.opaque(kind, 0.0, size) for name, size in sizes.items()}
 
 
 def _finished(device: torch.device) -> None:
-    """Wait for Dr.Jit, which works in a queue of its own and does not wait for torch's."""
+    """Wait for torch: Dr.Jit has another queue, which does not wait for torch's."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)

@@ -1,8 +1,8 @@
 """`python -m scenes render | export | integrators | noise | …`: in a process of its own, which Dr.Jit may end.
 
-`render` prints one JSON object a line: `{"scene", "done", "total", "kept", "share", "view"}` (`scenes.rendering.store`)
-once all is loaded and for each view, then `{"scene", "path", "variant", "seconds"}`; for a scene of the user's own
-`{"scene", "note"}` first. Exit codes: 0 done, 1 our own error, 2 bad input, 130 stopped.
+`render` prints one JSON object per line: `{"scene", "done", "total", "kept", "share", "view"}`
+(`scenes.rendering.writer`) once all is loaded and for each view, then `{"scene", "path", "variant", "seconds"}`; for a
+scene of the user's own `{"scene", "note"}` first. Exit codes: 0 done, 1 our own error, 2 bad input, 130 stopped.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from scenes.files.installed import packages_needed
 from scenes.files.stopping import stop_on_signals
 
 if TYPE_CHECKING:
-    from scenes.rendering.store import Standing
+    from scenes.rendering.writer import Standing
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -64,8 +64,6 @@ class Decoder(nn.Module):
 
 
 class FeatureField(nn.Module):
-    """A radiance field of learnt features (`baselines.contract.TrainableField`)."""
-
     pointwise = True
     density_limit = math.inf
 
@@ -80,7 +78,6 @@ class FeatureField(nn.Module):
         self.decoder = Decoder(features, directions, self.own.width, spec.precision, spec.seed)
 
     def parameter_counts(self) -> dict[str, int]:
-        """Count the learnt numbers: `encoder`, `decoder` and `total`."""
         return counts_by_component(self)
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views:

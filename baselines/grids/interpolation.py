@@ -36,7 +36,6 @@ def _cell(x: float, cells: int) -> tuple[int, np.float32]:
 @njit(cache=True, error_model="numpy", nogil=True)
 @no_type_check
 def _planes_forward(x: np.ndarray, planes: np.ndarray, out: np.ndarray, first: int) -> None:
-    """Fill the columns of `out` from `first` on."""
     cells = planes.shape[1] - 1
     for point in range(x.shape[0]):
         i, u = _cell(x[point, 0], cells)
@@ -142,7 +141,6 @@ def _entry(i: int, j: int, k: int, nodes: int, entries: int) -> int:
 @njit(cache=True, error_model="numpy", nogil=True)
 @no_type_check
 def _tables_forward(x: np.ndarray, table: np.ndarray, cells: int, out: np.ndarray, first: int) -> None:
-    """Fill the columns of `out` from `first` on."""
     entries = table.shape[0]
     for point in range(x.shape[0]):
         i, u = _cell(x[point, 0], cells)

@@ -27,8 +27,6 @@ class FeatureSettings:
 
 @dataclass(frozen=True)
 class PlaneSettings(FeatureSettings):
-    """Three planes of features at several resolutions."""
-
     nodes: tuple[int, ...]
     """The nodes along each side of a plane, coarse to fine."""
     first: float = 0.3
@@ -38,8 +36,6 @@ class PlaneSettings(FeatureSettings):
 
 @dataclass(frozen=True)
 class TableSettings(FeatureSettings):
-    """Hash tables, coarse to fine."""
-
     cells: tuple[int, ...]
     """The cells along a side of each level."""
     entries: int = 1 << 15
@@ -85,8 +81,6 @@ class GaussianSettings:
 
 @dataclass(frozen=True)
 class VoxelSettings:
-    """An explicit field of voxels."""
-
     finest: int = 128
     """The number of voxels along the longest side of the box in the end; a quarter of them at first."""
     halves: tuple[float, float] = (0.1, 0.3)
@@ -100,6 +94,12 @@ class VoxelSettings:
     smoothed: int = 8192
     """The number of voxels per step that are pulled towards their neighbours; `smoothing` is the weight of that."""
     smoothing: float = 1e-4
+    density_scale: float = DENSITY_SCALE
+    """The unit of density, and below the density of a fresh field, per half of the box's longest side."""
+    start: float = START
+    betas: tuple[float, float] = (0.9, 0.999)
+    """The decay rates of Adam's two moments."""
+    epsilon: float = 1e-15
 
     def stages(self) -> tuple[tuple[float, int], ...]:
         """Return (share of the budget from which it holds, voxels along the longest side)."""
@@ -113,7 +113,6 @@ def geometric(coarsest: int, finest: int, levels: int) -> tuple[int, ...]:
 
 
 def by_phi(coarsest: int, levels: int) -> tuple[int, ...]:
-    """Return resolutions that grow by φ."""
     return tuple(round(coarsest * PHI**level) for level in range(levels))
 
 

@@ -1,5 +1,5 @@
 """Candidates for a Q-NeRF that keeps the paper's idea and works: φ frequencies, φ skip, an amplifier with a learnable
-contrast. In each, density is a function of the point, whatever shares the chunk.
+contrast. In each, density is a function of the point, independent of the rest of the chunk.
 
 `python -m harness study constants` compares them on validation views, each with its best unit of density and start;
 `REPAIRED` is the one that it chose.

@@ -32,8 +32,6 @@ LARGEST_SIDE = 1024
 
 @runtime_checkable
 class Optimiser(Protocol):
-    """An optimiser of a field's weights."""
-
     def step(self, rate: float) -> None:
         """Take one step with that learning rate; a zero gradient is a gradient, and none is finite for want of one."""
 
@@ -131,5 +129,4 @@ OPTIMISERS: dict[OptimiserName, Callable[[list[nn.Parameter], OptimiserSettings]
 
 
 def optimiser_of(weights: Iterable[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
-    """Return a fresh optimiser of these weights."""
     return OPTIMISERS[settings.name](list(weights), settings)

@@ -70,14 +70,12 @@ class Rule:
         return self.weights(sigma, self.lengths(t, t_edges))
 
     def bins_with(self, points: Bool[Tensor, "rays points"]) -> Bool[Tensor, "rays bins"]:
-        """Return the bins that contain a marked point."""
         if not self.closed:
             return points
         own = points[:, :-1].unflatten(-1, (-1, self.stride)).any(dim=-1)
         return own | points[:, self.stride :: self.stride]
 
     def points_of(self, bins: Bool[Tensor, "rays bins"]) -> Bool[Tensor, "rays points"]:
-        """Return all points of the marked bins."""
         if not self.closed:
             return bins
         points = torch.nn.functional.pad(bins.repeat_interleave(self.stride, dim=-1), (0, 1))

@@ -129,7 +129,6 @@ class Soap:
 
     @torch.no_grad()
     def step(self, rate: float) -> None:
-        """Take one step with that learning rate."""
         gradients = [_stacked(group.weights) for group in self._groups]
         for group, g in zip(self._groups, gradients, strict=True):
             group.observe(g, self.betas[1])
@@ -157,7 +156,6 @@ class Soap:
         return first / (second.sqrt() + EPSILON)
 
     def tensors(self) -> dict[str, Tensor]:
-        """Return the complete state by name."""
         groups = enumerate(self._groups)
         stacks = {f"{number}.{name}": value for number, group in groups for name, value in group.state().items()}
         return {**stacks, "first": self._first, "second": self._second, "taken": torch.tensor(self.taken)}

@@ -50,7 +50,6 @@ class WeightAverage:
                 weight.data = data
 
     def tensors(self) -> dict[str, Tensor]:
-        """Return the complete state by name."""
         return {**{str(place): mean for place, mean in enumerate(self.means)}, "observed": torch.tensor(self.observed)}
 
     def restore(self, tensors: dict[str, Tensor]) -> None:

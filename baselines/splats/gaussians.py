@@ -83,7 +83,6 @@ class Gaussians:
 
     @property
     def columns(self) -> int:
-        """Return the learnt numbers of a Gaussian."""
         return sum(COLUMNS.values()) + 3 * ((self.degree + 1) ** 2 - 1)
 
     def parameter_counts(self) -> dict[str, int]:

@@ -12,8 +12,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any, no_type_check
+from typing import Any, NamedTuple, no_type_check
 
 import numpy as np
 import torch
@@ -43,8 +42,7 @@ Y2, Y20 = (np.float32(c * math.sqrt(x / math.pi)) for c, x in ((0.5, 15.0), (0.2
 CLAMP, END, MOST_FAINT = np.float32(MOST_OPAQUE), np.float32(LET_THROUGH), np.float32(1.0 / FAINTEST)
 
 
-@dataclass(frozen=True, eq=False)
-class RayCells:
+class RayCells(NamedTuple):
     """Points of a plane, those of one cell of a regular grid side by side, about one in each."""
 
     order: np.ndarray
@@ -76,9 +74,19 @@ class RayCells:
         return RayCells(order, back, at, start, rows, columns, lower, size)
 
     def bands(self, count: int) -> list[tuple[int, int]]:
-        """Return at most `count` ranges of rows."""
         ends = [self.rows * i // count for i in range(count + 1)]
         return [(low, high) for low, high in itertools.pairwise(ends) if low < high]
+
+
+class Projected(NamedTuple):
+    """Gaussians as a camera sees them, front to back."""
+
+    shapes: np.ndarray
+    """The centre x, y in the picture, the conic (inverse covariance) xx, xy, yy, and the opacity [n, 6]."""
+    halves: np.ndarray
+    """The half sides of the bounding boxes [n, 2]."""
+    colours: np.ndarray
+    """Red, green, blue, and depth [n, 4]."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -106,10 +114,10 @@ def _sort(
 
 @njit(inline="always")
 @no_type_check
-def _rotate(v: np.ndarray, turn: np.ndarray) -> float:
+def _rotate(row: np.ndarray, turn: np.ndarray) -> float:
     """Fill `turn` [3, 3] with the rotation of a Gaussian, and return the length of its quaternion."""
-    length = math.sqrt(v[6] * v[6] + v[7] * v[7] + v[8] * v[8] + v[9] * v[9])
-    w, x, y, z = v[6] / length, v[7] / length, v[8] / length, v[9] / length
+    length = math.sqrt(row[6] * row[6] + row[7] * row[7] + row[8] * row[8] + row[9] * row[9])
+    w, x, y, z = row[6] / length, row[7] / length, row[8] / length, row[9] / length
     turn[0, 0], turn[0, 1], turn[0, 2] = ONE - TWO * (y * y + z * z), TWO * (x * y - w * z), TWO * (x * z + w * y)
     turn[1, 0], turn[1, 1], turn[1, 2] = TWO * (x * y + w * z), ONE - TWO * (x * x + z * z), TWO * (y * z - w * x)
     turn[2, 0], turn[2, 1], turn[2, 2] = TWO * (x * z - w * y), TWO * (y * z + w * x), ONE - TWO * (x * x + y * y)
@@ -131,18 +139,18 @@ def _fill_harmonics(x: float, y: float, z: float, out: np.ndarray) -> None:
 @njit(inline="always")
 @no_type_check
 def _flatten(
-    v: np.ndarray, origin: np.ndarray, axes: np.ndarray, turn: np.ndarray, flat: np.ndarray, deep: np.ndarray
+    row: np.ndarray, origin: np.ndarray, axes: np.ndarray, turn: np.ndarray, flat: np.ndarray, deep: np.ndarray
 ) -> tuple[float, float, float, float]:
     """Project one Gaussian: fill `turn`, its axes in the picture `flat` [3, 2] and their depths `deep` [3]. Return
     where it is seen, its depth along the axis, and the length of its quaternion.
     """
-    px, py, pz = v[0] - origin[0], v[1] - origin[1], v[2] - origin[2]
+    px, py, pz = row[0] - origin[0], row[1] - origin[1], row[2] - origin[2]
     z = px * axes[0, 2] + py * axes[1, 2] + pz * axes[2, 2]
     a = (px * axes[0, 0] + py * axes[1, 0] + pz * axes[2, 0]) / z
     b = (px * axes[0, 1] + py * axes[1, 1] + pz * axes[2, 1]) / z
-    length = _rotate(v, turn)
+    length = _rotate(row, turn)
     for j in range(3):
-        scale = math.exp(v[3 + j])
+        scale = math.exp(row[3 + j])
         deep[j] = scale * (turn[0, j] * axes[0, 2] + turn[1, j] * axes[1, 2] + turn[2, j] * axes[2, 2])
         right = scale * (turn[0, j] * axes[0, 0] + turn[1, j] * axes[1, 0] + turn[2, j] * axes[2, 0])
         down = scale * (turn[0, j] * axes[0, 1] + turn[1, j] * axes[1, 1] + turn[2, j] * axes[2, 1])
@@ -154,19 +162,20 @@ def _flatten(
 @njit(cache=True, error_model="numpy", nogil=True)
 @no_type_check
 def _project(
-    values: np.ndarray, order: np.ndarray, origin: np.ndarray, axes: np.ndarray, widened: float,
-    shapes: np.ndarray, halves: np.ndarray, colours: np.ndarray,
-) -> None:  # fmt: skip
-    """Fill a row of `shapes`, `halves` and `colours` (`_forward`) for each Gaussian of `order`, a row of `values`
-    (`COLUMNS`); `widened` is a standard deviation in space.
+    values: np.ndarray, order: np.ndarray, camera: tuple[np.ndarray, np.ndarray], widened: float, projected: Projected
+) -> None:
+    """Fill a row of `projected` for each Gaussian of `order`, a row of `values` (`COLUMNS`); `camera` is origin and
+    axes, `widened` a standard deviation in space.
     """
+    origin, axes = camera
+    shapes, halves, colours = projected.shapes, projected.halves, projected.colours
     kind = values.dtype
     turn, flat, deep = np.empty((3, 3), kind), np.empty((3, 2), kind), np.empty(3, kind)
     terms = (values.shape[1] - HARMONICS) // 3
     toward = np.empty(terms, kind)
     for place in range(order.shape[0]):
-        v = values[order[place]]
-        a, b, z, _ = _flatten(v, origin, axes, turn, flat, deep)
+        row = values[order[place]]
+        a, b, z, _ = _flatten(row, origin, axes, turn, flat, deep)
         wide = (widened / z) * (widened / z)
         xx, xy, yy = wide * (ONE + a * a), wide * a * b, wide * (ONE + b * b)
         for j in range(3):
@@ -174,90 +183,99 @@ def _project(
             xy += flat[j, 0] * flat[j, 1]
             yy += flat[j, 1] * flat[j, 1]
         determinant = xx * yy - xy * xy
-        opacity = ONE / (ONE + math.exp(-v[OPACITY]))
+        opacity = ONE / (ONE + math.exp(-row[OPACITY]))
         shapes[place, 0], shapes[place, 1] = a, b
         shapes[place, 2], shapes[place, 3], shapes[place, 4] = yy / determinant, -xy / determinant, xx / determinant
         shapes[place, 5] = opacity
         reach = math.sqrt(max(TWO * math.log(MOST_FAINT * opacity), 0.0))
         halves[place, 0], halves[place, 1] = reach * math.sqrt(xx), reach * math.sqrt(yy)
-        px, py, pz = v[0] - origin[0], v[1] - origin[1], v[2] - origin[2]
+        px, py, pz = row[0] - origin[0], row[1] - origin[1], row[2] - origin[2]
         distance = math.sqrt(px * px + py * py + pz * pz)
         _fill_harmonics(px / distance, py / distance, pz / distance, toward)
         for c in range(3):
-            colour = HALF + Y0 * v[COLOUR + c]
+            colour = HALF + Y0 * row[COLOUR + c]
             for t in range(terms):
-                colour += toward[t] * v[HARMONICS + c * terms + t]
+                colour += toward[t] * row[HARMONICS + c * terms + t]
             colours[place, c] = max(colour, 0.0)
         colours[place, 3] = distance
+
+
+@njit(inline="always")
+@no_type_check
+def _rotate_back(row: np.ndarray, length: float, v_turn: np.ndarray, v_row: np.ndarray) -> None:
+    """Fill the quaternion of `v_row` with the gradient of `_rotate`."""
+    w, x, y, z = row[6] / length, row[7] / length, row[8] / length, row[9] / length
+    g = v_turn
+    v_quat_w = TWO * (z * (g[1, 0] - g[0, 1]) + y * (g[0, 2] - g[2, 0]) + x * (g[2, 1] - g[1, 2]))
+    v_quat_x = TWO * (y * (g[0, 1] + g[1, 0]) + z * (g[0, 2] + g[2, 0]) + w * (g[2, 1] - g[1, 2]))
+    v_quat_x -= TWO * TWO * x * (g[1, 1] + g[2, 2])
+    v_quat_y = TWO * (x * (g[0, 1] + g[1, 0]) + z * (g[1, 2] + g[2, 1]) + w * (g[0, 2] - g[2, 0]))
+    v_quat_y -= TWO * TWO * y * (g[0, 0] + g[2, 2])
+    v_quat_z = TWO * (x * (g[0, 2] + g[2, 0]) + y * (g[1, 2] + g[2, 1]) + w * (g[1, 0] - g[0, 1]))
+    v_quat_z -= TWO * TWO * z * (g[0, 0] + g[1, 1])
+    along = v_quat_w * w + v_quat_x * x + v_quat_y * y + v_quat_z * z
+    v_row[6], v_row[7] = (v_quat_w - w * along) / length, (v_quat_x - x * along) / length
+    v_row[8], v_row[9] = (v_quat_y - y * along) / length, (v_quat_z - z * along) / length
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 @no_type_check
 def _project_back(
-    values: np.ndarray, order: np.ndarray, origin: np.ndarray, axes: np.ndarray, widened: float,
-    shapes: np.ndarray, colours: np.ndarray, to_shapes: np.ndarray, to_colours: np.ndarray, to_values: np.ndarray,
+    values: np.ndarray, order: np.ndarray, camera: tuple[np.ndarray, np.ndarray], widened: float,
+    projected: Projected, v_shapes: np.ndarray, v_colours: np.ndarray, v_values: np.ndarray,
 ) -> None:  # fmt: skip
-    """Fill the rows `order` of `to_values` with the gradient of `_project`."""
+    """Fill the rows `order` of `v_values` with the gradient of `_project`; `v_x` is the gradient of x throughout."""
+    origin, axes = camera
+    shapes, colours = projected.shapes, projected.colours
     kind = values.dtype
     turn, flat, deep = np.empty((3, 3), kind), np.empty((3, 2), kind), np.empty(3, kind)
-    to_turn, to_axis = np.empty((3, 3), kind), np.empty(3, kind)
+    v_turn, direction = np.empty((3, 3), kind), np.empty(3, kind)
     terms = (values.shape[1] - HARMONICS) // 3
     toward = np.empty(terms, kind)
     for place in range(order.shape[0]):
-        v, to = values[order[place]], to_values[order[place]]
-        a, b, z, length = _flatten(v, origin, axes, turn, flat, deep)
+        row, v_row = values[order[place]], v_values[order[place]]
+        a, b, z, length = _flatten(row, origin, axes, turn, flat, deep)
         wide = (widened / z) * (widened / z)
-        # K of the covariance C is its inverse: dC = −K dK K
-        p, q, r = shapes[place, 2], shapes[place, 3], shapes[place, 4]
-        to_p, to_q, to_r = to_shapes[place, 2], HALF * to_shapes[place, 3], to_shapes[place, 4]
-        to_xx = -(p * p * to_p + TWO * p * q * to_q + q * q * to_r)
-        to_yy = -(q * q * to_p + TWO * q * r * to_q + r * r * to_r)
-        to_xy = -TWO * (p * q * to_p + (p * r + q * q) * to_q + q * r * to_r)
-        to_wide = to_xx * (ONE + a * a) + to_yy * (ONE + b * b) + to_xy * a * b
-        to_a = to_shapes[place, 0] + wide * (TWO * to_xx * a + to_xy * b)
-        to_b = to_shapes[place, 1] + wide * (TWO * to_yy * b + to_xy * a)
-        to_z = -TWO * wide * to_wide / z
+        # the conic K is the inverse of the covariance C: dC = −K dK K
+        k_xx, k_xy, k_yy = shapes[place, 2], shapes[place, 3], shapes[place, 4]
+        v_conic_xx, v_conic_xy, v_conic_yy = v_shapes[place, 2], HALF * v_shapes[place, 3], v_shapes[place, 4]
+        v_xx = -(k_xx * k_xx * v_conic_xx + TWO * k_xx * k_xy * v_conic_xy + k_xy * k_xy * v_conic_yy)
+        v_yy = -(k_xy * k_xy * v_conic_xx + TWO * k_xy * k_yy * v_conic_xy + k_yy * k_yy * v_conic_yy)
+        v_xy = -TWO * (k_xx * k_xy * v_conic_xx + (k_xx * k_yy + k_xy * k_xy) * v_conic_xy + k_xy * k_yy * v_conic_yy)
+        v_wide = v_xx * (ONE + a * a) + v_yy * (ONE + b * b) + v_xy * a * b
+        v_a = v_shapes[place, 0] + wide * (TWO * v_xx * a + v_xy * b)
+        v_b = v_shapes[place, 1] + wide * (TWO * v_yy * b + v_xy * a)
+        v_z = -TWO * wide * v_wide / z
         for j in range(3):
-            to_right = (TWO * to_xx * flat[j, 0] + to_xy * flat[j, 1]) / z
-            to_down = (TWO * to_yy * flat[j, 1] + to_xy * flat[j, 0]) / z
-            to_deep = -(a * to_right + b * to_down)
-            to_a -= to_right * deep[j]
-            to_b -= to_down * deep[j]
-            to_z -= to_right * flat[j, 0] + to_down * flat[j, 1]
-            scale = math.exp(v[3 + j])
-            to_scale = np.float32(0.0)
+            v_right = (TWO * v_xx * flat[j, 0] + v_xy * flat[j, 1]) / z
+            v_down = (TWO * v_yy * flat[j, 1] + v_xy * flat[j, 0]) / z
+            v_deep = -(a * v_right + b * v_down)
+            v_a -= v_right * deep[j]
+            v_b -= v_down * deep[j]
+            v_z -= v_right * flat[j, 0] + v_down * flat[j, 1]
+            scale = math.exp(row[3 + j])
+            v_scale = np.float32(0.0)
             for i in range(3):
-                along = to_right * axes[i, 0] + to_down * axes[i, 1] + to_deep * axes[i, 2]
-                to_turn[i, j] = scale * along
-                to_scale += scale * along * turn[i, j]
-            to[3 + j] = to_scale
-        to_z -= (to_a * a + to_b * b) / z
+                along = v_right * axes[i, 0] + v_down * axes[i, 1] + v_deep * axes[i, 2]
+                v_turn[i, j] = scale * along
+                v_scale += scale * along * turn[i, j]
+            v_row[3 + j] = v_scale
+        v_z -= (v_a * a + v_b * b) / z
         distance = colours[place, 3]
         for i in range(3):
-            away = (v[i] - origin[i]) / distance
-            seen = (to_a * axes[i, 0] + to_b * axes[i, 1]) / z + to_z * axes[i, 2]
-            to[i] = seen + to_colours[place, 3] * away
-            to_axis[i] = away
-        w, x, y, z = v[6] / length, v[7] / length, v[8] / length, v[9] / length
-        g = to_turn
-        to_w = TWO * (z * (g[1, 0] - g[0, 1]) + y * (g[0, 2] - g[2, 0]) + x * (g[2, 1] - g[1, 2]))
-        to_x = TWO * (y * (g[0, 1] + g[1, 0]) + z * (g[0, 2] + g[2, 0]) + w * (g[2, 1] - g[1, 2]))
-        to_x -= TWO * TWO * x * (g[1, 1] + g[2, 2])
-        to_y = TWO * (x * (g[0, 1] + g[1, 0]) + z * (g[1, 2] + g[2, 1]) + w * (g[0, 2] - g[2, 0]))
-        to_y -= TWO * TWO * y * (g[0, 0] + g[2, 2])
-        to_q = TWO * (x * (g[0, 2] + g[2, 0]) + y * (g[1, 2] + g[2, 1]) + w * (g[1, 0] - g[0, 1]))
-        to_q -= TWO * TWO * z * (g[0, 0] + g[1, 1])
-        along = to_w * w + to_x * x + to_y * y + to_q * z
-        to[6], to[7] = (to_w - w * along) / length, (to_x - x * along) / length
-        to[8], to[9] = (to_y - y * along) / length, (to_q - z * along) / length
+            away = (row[i] - origin[i]) / distance
+            seen = (v_a * axes[i, 0] + v_b * axes[i, 1]) / z + v_z * axes[i, 2]
+            v_row[i] = seen + v_colours[place, 3] * away
+            direction[i] = away
+        _rotate_back(row, length, v_turn, v_row)
         opacity = shapes[place, 5]
-        to[OPACITY] = to_shapes[place, 5] * opacity * (ONE - opacity)
-        _fill_harmonics(to_axis[0], to_axis[1], to_axis[2], toward)
+        v_row[OPACITY] = v_shapes[place, 5] * opacity * (ONE - opacity)
+        _fill_harmonics(direction[0], direction[1], direction[2], toward)
         for c in range(3):
-            seen = to_colours[place, c] if colours[place, c] > 0.0 else np.float32(0.0)
-            to[COLOUR + c] = Y0 * seen
+            seen = v_colours[place, c] if colours[place, c] > 0.0 else np.float32(0.0)
+            v_row[COLOUR + c] = Y0 * seen
             for t in range(terms):
-                to[HARMONICS + c * terms + t] = toward[t] * seen
+                v_row[HARMONICS + c * terms + t] = toward[t] * seen
 
 
 @njit(inline="always")
@@ -306,14 +324,13 @@ def _falloff_of(power):
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "arcp"})
 @no_type_check
 def _forward(
-    at: np.ndarray, start: np.ndarray, columns: int, lower: np.ndarray, size: np.ndarray, band: tuple[int, int],
-    shapes: np.ndarray, halves: np.ndarray, colours: np.ndarray,
-    out: np.ndarray, through: np.ndarray, last: np.ndarray,
-) -> int:  # fmt: skip
-    """Draw Gaussians `shapes` [n, 6] (centre, inverse covariance xx xy yy, opacity), of bounding boxes `halves` [n, 2]
-    and `colours` [n, 4] (the last one is depth), over the rows `band`. Adds to `out` [4, rays]; `through` [rays] holds
-    the transmittance, `last` [rays] the last Gaussian drawn. Returns how often one was drawn on a ray.
+    rays: RayCells, band: tuple[int, int], projected: Projected, out: np.ndarray, through: np.ndarray, last: np.ndarray
+) -> int:
+    """Draw Gaussians over the rows `band`. Adds to `out` [4, rays]; `through` [rays] holds the transmittance, `last`
+    [rays] the last Gaussian drawn. Returns how often one was drawn on a ray.
     """
+    at, start, columns, lower, size = rays.at, rays.start, rays.columns, rays.lower, rays.size
+    shapes, halves, colours = projected.shapes, projected.halves, projected.colours
     drawn, row_of = 0, np.empty(at.shape[1], at.dtype)
     for g in range(shapes.shape[0]):
         cx, cy, xx, xy, yy, opacity = shapes[g]
@@ -357,32 +374,31 @@ def _add(total: np.ndarray, weight: np.ndarray, value: float) -> None:
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "arcp", "reassoc"})
 @no_type_check
 def _backward(
-    at: np.ndarray, start: np.ndarray, columns: int, rows: int, lower: np.ndarray, size: np.ndarray,
-    shapes: np.ndarray, halves: np.ndarray, colours: np.ndarray,
-    through: np.ndarray, behind: np.ndarray, last: np.ndarray, gradient: np.ndarray,
-    to_shapes: np.ndarray, to_colours: np.ndarray,
+    rays: RayCells, projected: Projected, v_out: np.ndarray,
+    through: np.ndarray, behind: np.ndarray, last: np.ndarray, v_shapes: np.ndarray, v_colours: np.ndarray,
 ) -> None:  # fmt: skip
-    """Undo `_forward` from back to front. `gradient` [4, rays] is that of its `out`, `behind` [rays] that of the
-    transmittance, times it; both `through` and `behind` are used up.
+    """Undo `_forward` from back to front, and fill `v_shapes` and `v_colours` from `v_out` [4, rays]. `behind` [rays]
+    is the gradient of the transmittance, times it; both `through` and `behind` are used up.
     """
-    kind, longest = at.dtype, at.shape[1]
-    alphas, shares, weights = np.empty(longest, kind), np.empty(longest, kind), np.empty(longest, kind)
-    owns, slopes = np.empty(longest, kind), np.empty(longest, kind)
+    at, start, columns, lower, size = rays.at, rays.start, rays.columns, rays.lower, rays.size
+    shapes, halves, colours = projected.shapes, projected.halves, projected.colours
+    alphas, shares, weights = np.empty_like(through), np.empty_like(through), np.empty_like(through)
+    owns, slopes = np.empty_like(through), np.empty_like(through)
     for g in range(shapes.shape[0] - 1, -1, -1):
         cx, cy, xx, xy, yy, opacity = shapes[g]
         red, green, blue, depth = colours[g]
         faintest = math.log(np.float32(255.0) * opacity)
-        row, end = _covered(cy, halves[g, 1], lower[1], size[1], rows)
+        row, end = _covered(cy, halves[g, 1], lower[1], size[1], rays.rows)
         left, right = _covered(cx, halves[g, 0], lower[0], size[0], columns)
         if left > right:
             continue
-        to_cx = to_cy = to_xx = to_xy = to_yy = to_opacity = c0 = c1 = c2 = c3 = opacity * NOTHING
+        v_cx = v_cy = v_xx = v_xy = v_yy = v_opacity = c0 = c1 = c2 = c3 = opacity * NOTHING
         for r in range(row, end + 1):
             some = slice(start[r * columns + left], start[r * columns + right + 1])
             x, y, let, rest, final = at[0, some], at[1, some], through[some], behind[some], last[some]
-            g0, g1, g2, g3 = gradient[0, some], gradient[1, some], gradient[2, some], gradient[3, some]
+            g0, g1, g2, g3 = v_out[0, some], v_out[1, some], v_out[2, some], v_out[3, some]
             alpha, share, weight = alphas[: x.shape[0]], shares[: x.shape[0]], weights[: x.shape[0]]
-            own, to_alpha = owns[: x.shape[0]], slopes[: x.shape[0]]
+            own, v_alpha = owns[: x.shape[0]], slopes[: x.shape[0]]
             for i in range(x.shape[0]):
                 dx, dy = x[i] - cx, y[i] - cy
                 power = HALF * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
@@ -397,7 +413,7 @@ def _backward(
             for i in range(x.shape[0]):
                 own[i] = red * g0[i] + green * g1[i] + blue * g2[i] + depth * g3[i]
             for i in range(x.shape[0]):
-                to_alpha[i] = let[i] * own[i] - rest[i] / (ONE - alpha[i])
+                v_alpha[i] = let[i] * own[i] - rest[i] / (ONE - alpha[i])
             for i in range(x.shape[0]):
                 rest[i] += weight[i] * own[i]
             for i in range(x.shape[0]):
@@ -407,16 +423,16 @@ def _backward(
                 c3 += weight[i] * g3[i]
             for i in range(x.shape[0]):
                 dx, dy = x[i] - cx, y[i] - cy
-                to_opacity += share[i] * to_alpha[i]
-                to_power = -opacity * share[i] * to_alpha[i]
-                to_xx += HALF * dx * dx * to_power
-                to_xy += dx * dy * to_power
-                to_yy += HALF * dy * dy * to_power
-                to_cx -= (xx * dx + xy * dy) * to_power
-                to_cy -= (yy * dy + xy * dx) * to_power
-        to_shapes[g, 0], to_shapes[g, 1], to_shapes[g, 2] = to_cx, to_cy, to_xx
-        to_shapes[g, 3], to_shapes[g, 4], to_shapes[g, 5] = to_xy, to_yy, to_opacity
-        to_colours[g, 0], to_colours[g, 1], to_colours[g, 2], to_colours[g, 3] = c0, c1, c2, c3
+                v_opacity += share[i] * v_alpha[i]
+                v_power = -opacity * share[i] * v_alpha[i]
+                v_xx += HALF * dx * dx * v_power
+                v_xy += dx * dy * v_power
+                v_yy += HALF * dy * dy * v_power
+                v_cx -= (xx * dx + xy * dy) * v_power
+                v_cy -= (yy * dy + xy * dx) * v_power
+        v_shapes[g, 0], v_shapes[g, 1], v_shapes[g, 2] = v_cx, v_cy, v_xx
+        v_shapes[g, 3], v_shapes[g, 4], v_shapes[g, 5] = v_xy, v_yy, v_opacity
+        v_colours[g, 0], v_colours[g, 1], v_colours[g, 2], v_colours[g, 3] = c0, c1, c2, c3
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -437,9 +453,8 @@ def add_densities(
 
 
 class Drawn(torch.autograd.Function):
-    """Colour and depth [rays, 4] without a background, transmittance [rays], and the number of times that a Gaussian
-    was drawn on a ray; differentiable once in the Gaussians. The direction from which a Gaussian is seen counts as
-    given.
+    """Colour and depth [rays, 4] without a background, transmittance [rays], and how often a Gaussian was drawn on a
+    ray; differentiable once in the Gaussians, where the direction from which one is seen counts as given.
     """
 
     @staticmethod
@@ -451,35 +466,30 @@ class Drawn(torch.autograd.Function):
         depth = (given[:, :3] - origin) @ axes[:, 2]
         order = np.argsort(depth, kind="stable")
         order = order[np.searchsorted(depth[order], NEAREST) :]
-        shapes, halves, colours = (np.empty((len(order), size), kind) for size in (6, 2, 4))
-        _project(given, order, origin, axes, widened, shapes, halves, colours)
+        projected = Projected(*(np.empty((len(order), size), kind) for size in (6, 2, 4)))
+        _project(given, order, camera, widened, projected)
         out, through = np.zeros((4, count), kind), np.ones(count, kind)
         last = np.full(count, -1, np.int32)
-        place = rays.at, rays.start, rays.columns, rays.lower, rays.size
 
         def draw(band: tuple[int, int]) -> int:
-            return int(_forward(*place, band, shapes, halves, colours, out, through, last))
+            return int(_forward(rays, band, projected, out, through, last))
 
         drawn = sum(_at_once(draw, rays.bands(torch.get_num_threads())))
-        ctx.save_for_backward(values, *map(torch.from_numpy, (order, shapes, halves, colours, through, last)))
+        ctx.save_for_backward(values, *map(torch.from_numpy, (order, *projected, through, last)))
         ctx.rays, ctx.camera, ctx.widened = rays, camera, widened
         return torch.from_numpy(out[:, rays.back]).T, torch.from_numpy(through[rays.back]), drawn
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, to_out: Tensor, to_through: Tensor, _: Any) -> tuple[Tensor | None, ...]:
-        values, order, shapes, halves, colours, through, last = (tensor.numpy() for tensor in ctx.saved_tensors)
-        rays = ctx.rays
-        to_shapes, to_colours = np.zeros_like(shapes), np.zeros_like(colours)
-        _backward(
-            rays.at, rays.start, rays.columns, rays.rows, rays.lower, rays.size, shapes, halves, colours,
-            through.copy(), through * to_through.numpy()[rays.order], last, to_out.numpy().T[:, rays.order],
-            to_shapes, to_colours,
-        )  # fmt: skip
-        to_values = np.zeros_like(values)
-        camera = *ctx.camera, ctx.widened
-        _project_back(values, order, *camera, shapes, colours, to_shapes, to_colours, to_values)
-        return None, None, None, torch.from_numpy(to_values)
+    def backward(ctx: Any, v_out: Tensor, v_through: Tensor, _: Any) -> tuple[Tensor | None, ...]:
+        values, order, *parts, through, last = (tensor.numpy() for tensor in ctx.saved_tensors)
+        rays, projected = ctx.rays, Projected(*parts)
+        v_shapes, v_colours = np.zeros_like(projected.shapes), np.zeros_like(projected.colours)
+        behind = through * v_through.numpy()[rays.order]
+        _backward(rays, projected, v_out.numpy().T[:, rays.order], through.copy(), behind, last, v_shapes, v_colours)
+        v_values = np.zeros_like(values)
+        _project_back(values, order, ctx.camera, ctx.widened, projected, v_shapes, v_colours, v_values)
+        return None, None, None, torch.from_numpy(v_values)
 
 
 def _at_once(draw: Callable[[tuple[int, int]], int], bands: list[tuple[int, int]]) -> Iterable[int]:

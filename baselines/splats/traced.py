@@ -21,17 +21,17 @@ from mitsuba.python.ad.integrators.volprim_rf_basic import (  # noqa: E402 — o
 )
 
 MOST_HITS = 128
-"""The most Gaussians on a ray."""
+"""The maximum number of Gaussians per ray."""
 END = 0.01
 """The transmittance below which a ray ends, Mitsuba's own."""
 TINY = 1e-4
-"""The distance by which a ray goes on behind a Gaussian that it met, Mitsuba's own."""
+"""The distance by which a ray resumes behind a Gaussian that it met, Mitsuba's own."""
 NAMES = ("shape.data", "shape.opacities", "shape.sh_coeffs")
 """Centre, scales, and a unit quaternion x, y, z, w; opacity; harmonics, red, green and blue of one after the other."""
 
 
 class OverWhite(BasicVolumetricPrimitiveRadianceFieldIntegrator):
-    """Mitsuba's integrator, and what it has no output for: the background, and where matter is."""
+    """Mitsuba's integrator, and what it has no output for: the background, and where geometry is."""
 
     @dr.syntax
     @no_type_check
@@ -80,7 +80,6 @@ class Traced:
         self.sampler = mi.load_dict({"type": "independent"})
 
     def move(self, numbers: tuple[Tensor, ...]) -> None:
-        """Give the Gaussians other numbers."""
         for name, part in zip(NAMES, numbers, strict=True):
             self.parameters[name] = mi.Float(part.detach().numpy().ravel())
         self.parameters.update()

@@ -31,10 +31,10 @@ from harness.records.json_record import DamagedRecord, shown
 from harness.training.batches import Camera
 from harness.training.checkpoints import checkpoint_path, load_checkpoint
 from harness.training.learner import Job, Learner
-from harness.training.lockstep import needs_view_direction_of, stream_of
+from harness.training.lockstep import stream_of
 from harness.training.make_learner import learner_for
 from scenes.files.errors import InputError
-from scenes.modelling.needs import with_needs
+from scenes.modelling.needs import part_name, with_needs
 from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.formats.transforms import transforms_file
 from scenes.view_sets.source import Region
@@ -138,7 +138,7 @@ class FinishedRun:
         if [len(corner) for corner in scene.bounds] != [3, 3] or not scene.bounds[0] < scene.bounds[1]:
             raise DamagedRecord(f"{self.out}: {scene.name}: bounds {shown(scene.bounds)} are no box; run again")
         box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
-        directed = needs_view_direction_of([row.what for row in scene.left_out])
+        directed = "view_direction" not in [part_name(row.what, row.name) for row in scene.left_out]
         learner = learner_for(Job(method, box, settings, budget, stream_of(scene.name, seed), device, directed))
         written = cell.files.get(checkpoint_name(scene.name, method, seed))  # none in old records
         load_checkpoint(learner, checkpoint, cell.steps, written)

@@ -99,11 +99,9 @@ class Camera:
         return Camera(self.camera_to_world, width, height, self.focal * scale, self.near, self.far)
 
     def at(self, camera_to_world: np.ndarray) -> "Camera":
-        """Return the same lens at another pose."""
         return Camera(camera_to_world, self.width, self.height, self.focal, self.near, self.far)
 
     def cameras(self, device: torch.device) -> Cameras:
-        """Return a set of this one camera."""
         pose = self.camera_to_world[None].copy()  # torch warns of an array that it may not write to
         return Cameras.of(pose, self.width, self.height, self.focal, self.near, self.far).to(device)
 
@@ -150,7 +148,6 @@ class Batches:
         return self._last[1]
 
     def stream(self, seed: int | str, count: int) -> Callable[[int], Batch]:
-        """Return the function of a step that draws its batch."""
         return lambda step: self.batch(seed, step, count)
 
     def views(self, seed: int | str) -> Callable[[int], Batch]:
@@ -159,7 +156,6 @@ class Batches:
         return lambda step: self._timed(lambda: self._view(seed, step))
 
     def for_learner(self, whole_views: bool, seed: int | str, count: int) -> Callable[[int], Batch]:
-        """Return the stream of a method: whole views if it draws, else `count` rays."""
         return self.views(seed) if whole_views else self.stream(seed, count)
 
     def _timed(self, make: Callable[[], Batch]) -> Batch:

@@ -183,7 +183,7 @@ class CellTraining:
         return f"{self.task.scene}, {self.trainer.method}, seed {self.task.seed}"
 
     def keep(self) -> str | None:
-        """Write the complete state; returns, the first time, why that cannot be done, in words. Raises `OSError`,
+        """Write the complete state; returns the reason, the first time that it cannot be written. Raises `OSError`,
         naming the file.
         """
         if not self.can_be_kept:
@@ -258,7 +258,7 @@ class CellTraining:
         return dict(json.loads(json.dumps(facts)))
 
     def advance(self) -> CellRecord | None:
-        """Take one step and run whatever is due after it; returns the record when the cell has ended."""
+        """Take one step and run what is due after it; returns the record when the cell has ended."""
         try:
             with left_as_it_was():
                 take_step(self.trainer, self.batch_at)
@@ -383,7 +383,7 @@ class CellTraining:
 
 
 def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
-    """Return the states that a reader of the scores must know, in words."""
+    """Return sentences on states that a reader of the scores must know."""
     warnings = []
     psnr, floor, train, ceiling = (scores.get(f"psnr{name}") for name in ("", "_floor", "_train", "_ceiling"))
     if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:

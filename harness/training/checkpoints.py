@@ -97,7 +97,6 @@ class Keeping:
 
     @contextmanager
     def done(self) -> Iterator[None]:
-        """Enclose the writing."""
         began = self._clock()
         yield
         ended = self._clock()
@@ -105,8 +104,6 @@ class Keeping:
 
 
 def training_state(learner: "Learner") -> Unfinished:
-    """Return all that training has changed in a learner."""
-
     tensors = {f"trained.{name}": value for name, value in tensors_of(learner).items()}
     tensors |= {f"optimiser.{name}": value for name, value in learner.optimiser_tensors().items()}
     listing: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""The interface of a method in training, whatever its kind; the loop that steps it; the clipping of gradients."""
+"""The interface of a method in training; the loop that steps it; the clipping of gradients."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
@@ -37,7 +37,6 @@ class Clipping:
 
     @property
     def allowed(self) -> float:
-        """Return the largest norm that the next gradient may have."""
         return self.norm if self.usual_norm is None else min(self.norm, self.ratio * self.usual_norm)
 
     def scale(self, norm: float) -> float:
@@ -162,12 +161,10 @@ def steps(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], boo
 
 
 def train(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], bool] | None = None) -> L:
-    """Return the learner after all of its `steps`."""
     for _ in steps(learner, batch_at, until):
         pass
     return learner
 
 
 def at_step(count: int) -> Callable[[Stepped], bool]:
-    """Return the condition that a learner has taken `count` steps since its start."""
     return lambda learner: learner.step >= count

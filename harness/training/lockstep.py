@@ -20,7 +20,8 @@ from harness.training.saved_renders import keep_truth
 from harness.training.scoring import evaluate
 from harness.training.shared_state import left_as_it_was
 from scenes.files.errors import InputError
-from scenes.view_sets.view_set import Split, ViewSet
+from scenes.modelling.needs import part_name
+from scenes.view_sets.view_set import ViewSet
 
 T = TypeVar("T")
 
@@ -44,7 +45,6 @@ def train_group(
     box, directed = box_of(views, device), needs_view_direction(views)
     floor = evaluate.floor_psnr(views)
     keep_truth(task.out, task.scene, views, task.score.stored_views)
-    runners = []
 
     def fresh(method: str) -> CellTraining:
         job = Job(method, box, task.train, task.budget, stream, device, directed)
@@ -52,33 +52,13 @@ def train_group(
         batch_at = batches.for_learner(learner.whole_views, stream, task.train.rays)
         return CellTraining(learner, batch_at, views, task, provenance, floor)
 
+    runners = []
     for method in task.methods:
-        try:
-            with left_as_it_was():
-                runner = fresh(method)
-        except NotAvailable as missing:
-            yield unscored(task.scene, method, task.seed, "not_available", str(missing))
-            continue
-        except InputError:
-            raise
-        except (Exception, SystemExit) as error:
-            yield unscored(
-                task.scene, method, task.seed, "error", f"{type(error).__name__} before the first step: {error}"
-            )
-            continue
-        failed = runner.warm_up()
-        if failed is not None:
-            del runner  # its memory is free for the next one
-            yield failed
-            continue
-        try:
-            notice = runner.go_on()
-        except IncompatibleSnapshot as unfit:
-            notice, runner = str(unfit), fresh(method)
-            runner.warm_up()
-        if notice:
-            on_notice(notice)
-        runners.append(runner)
+        started = _started(method, task, fresh, on_notice)
+        if isinstance(started, CellRecord):
+            yield started
+        else:
+            runners.append(started)
     active = list(runners)
     keeping = Keeping(task.keep_every)
     for order in turns(active):
@@ -92,6 +72,32 @@ def train_group(
                     for notice in filter(None, [cell.keep() for cell in active]):
                         on_notice(notice)
         on_progress(sum(min(runner.progress, 1.0) for runner in runners) / len(runners))
+
+
+def _started(
+    method: str, task: GroupTask, fresh: Callable[[str], CellTraining], on_notice: Callable[[str], None]
+) -> CellTraining | CellRecord:
+    """Return the cell before its next step, resumed if it was kept; its record if it ends before the first step."""
+    try:
+        with left_as_it_was():
+            runner = fresh(method)
+    except NotAvailable as missing:
+        return unscored(task.scene, method, task.seed, "not_available", str(missing))
+    except InputError:
+        raise
+    except (Exception, SystemExit) as error:
+        reason = f"{type(error).__name__} before the first step: {error}"
+        return unscored(task.scene, method, task.seed, "error", reason)
+    if (failed := runner.warm_up()) is not None:
+        return failed
+    try:
+        notice = runner.go_on()
+    except IncompatibleSnapshot as unfit:
+        notice, runner = str(unfit), fresh(method)
+        runner.warm_up()
+    if notice:
+        on_notice(notice)
+    return runner
 
 
 def turns(active: list[T]) -> Iterator[list[T]]:
@@ -120,12 +126,8 @@ def stream_of(scene: str, seed: int) -> str:
 
 def needs_view_direction(views: ViewSet) -> bool:
     """Return False if the scene's own description says that it looks the same from all sides."""
-    return needs_view_direction_of([row["what"] for row in views.rendered.get("left_out", [])])
-
-
-def needs_view_direction_of(left_out: list[str]) -> bool:
-    """Return whether a list of omissions, in words, keeps the view direction."""
-    return "view-direction branch" not in left_out
+    rows = views.rendered.get("left_out", [])
+    return "view_direction" not in [part_name(row["what"], row.get("name", "")) for row in rows]
 
 
 def trained_alone(
@@ -149,9 +151,3 @@ def trained_alone(
     batch_at = batches.for_learner(learner.whole_views, stream, settings.rays)
     warm_up(learner, batch_at)
     return train(learner, batch_at)
-
-
-def psnr_on(trainer: Learner, views: ViewSet, split: Split, chunk: int) -> float | None:
-    """Return the mean PSNR over a split of `views`; raises `Diverged` on a pixel that is not finite."""
-    cameras = evaluate.cameras_of(views, split, trainer.device)
-    return evaluate.quick_scores(evaluate.render_split(trainer, cameras, chunk), split)["psnr"]

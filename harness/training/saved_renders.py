@@ -97,7 +97,6 @@ def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
 
 
 def drop_truth(out: Path, scene: str) -> None:
-    """Remove the truth of views that nothing was trained on."""
     (records_folder(out) / truth_pictures(scene)).unlink(missing_ok=True)
 
 

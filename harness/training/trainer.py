@@ -49,7 +49,7 @@ class Diverged(ArithmeticError):
 
 
 class BudgetedTrainer(ABC):
-    """One method of whatever kind on one scene with one seed: its budget, clock, counters and trace."""
+    """One method on one scene with one seed: its budget, clock, counters and trace."""
 
     whole_views: ClassVar[bool] = False
 
@@ -79,7 +79,6 @@ class BudgetedTrainer(ABC):
 
     @property
     def _is_traced(self) -> bool:
-        """Return whether the trace takes note of the next step."""
         return (self.step + 1) % TRACE_EVERY == 0 or self.step == 0
 
     def _count(
@@ -314,7 +313,6 @@ class Trainer(BudgetedTrainer):
         return norm, float(nn.utils.get_total_norm(gradients)) if self._is_traced else math.nan
 
     def _norms_by_layer(self) -> dict[str, float]:
-        """Return the norm of the gradient of each layer's weights and biases together."""
         squares: dict[str, float] = {}
         for name, weight in self.fields.named_parameters():
             layer = LAYER + name.removeprefix("coarse.").removesuffix(".weight").removesuffix(".bias")

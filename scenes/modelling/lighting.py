@@ -18,7 +18,6 @@ def directions(height: int, width: int) -> np.ndarray:
 
 
 def towards(azimuth: float, elevation: float) -> np.ndarray:
-    """Return the unit vector of two angles in degrees."""
     a, e = np.radians([azimuth, elevation])
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
 

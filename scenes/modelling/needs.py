@@ -37,8 +37,6 @@ Unit = Literal["dB", "colour"]
 
 @dataclass(frozen=True)
 class Part:
-    """A part that a scene may need."""
-
     what: str
     """The work that is saved where the part is not needed."""
     concerns: Literal["model", "sampling", "rendering", "metrics"]
@@ -67,7 +65,7 @@ PARTS: dict[str, Part] = {
     "hdr_metrics": Part("logarithmic error metrics", "metrics", 0.0, "dB"),
     "depth_metric": Part("depth error", "metrics", 0.0, "dB"),
 }
-"""The parts by name.
+"""The parts by name, which is stable; `what` is read by people.
 
 `behind_opaque` is the transmittance at which a ray ends, times the largest display colour; 1/510 is half an 8-bit
 step. A part that no score depends on, or that is exact, has bound 0.
@@ -164,6 +162,13 @@ def left_out(known: Needs) -> list[dict[str, Any]]:
     omitted = [need for need in known.values() if not need.needed and not need.kept and need.name not in NOBODY_HAS]
     # in the order of the keys that manifests have
     return [{"name": need.name, "what": need.part.what, "reason": need.reason, **asdict(need.part)} for need in omitted]
+
+
+def part_name(what: str, name: str = "") -> str:
+    """Return the part that a row of `left_out` names; rows of older manifests and records have only `what`. Returns an
+    empty string for a part that this version does not know.
+    """
+    return name or next((known for known, part in PARTS.items() if part.what == what), "")
 
 
 def as_rows(known: Needs) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The noise of a render: a stored view beside the same view with other random numbers, and error against samples.
+"""The noise of a render: a stored view compared with the same view of other random numbers, and error against samples.
 
 Colours are compared as scores compare them, over white; `MEASURES` names the two ways.
 """
@@ -35,7 +35,7 @@ class Again:
     stored: float
     """The manifest's value: mean square error of the display image over white that noise causes."""
     again: float
-    """The noise of one of these images, whatever the manifest says: half the mean square difference of two."""
+    """The measured noise of one of these images: half the mean square difference of two."""
     halves: float
     """The manifest's formula applied to the renders that were made now."""
     spp: int

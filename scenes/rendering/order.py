@@ -23,14 +23,12 @@ class NoiseTarget:
     ceiling_db: float
     """The PSNR of an image with that noise against one without."""
     most: int
-    """The most samples per pixel, whatever noise is left then."""
+    """The maximum number of samples per pixel, even if more noise is left."""
     least: int = 4
 
 
 @dataclass(frozen=True)
 class Order:
-    """A view set to be rendered, checked."""
-
     scene: Scene
     description: Description
     """The description as it is rendered: normalised where necessary."""
@@ -40,13 +38,18 @@ class Order:
     counts: dict[str, int]
     spp: Mapping[str, int | NoiseTarget]
     integrator: str | None = None
-    """The integrator, `path` or `volpath`, whatever the scene needs."""
+    """The integrator, `path` or `volpath`; None for the one that the scene needs."""
 
     def poses(self, split: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the indices [n] of the viewpoints in the full split, and their cameras [n, 4, 4]."""
         everything = all_poses(split, self.scene.view_from)  # type: ignore[arg-type]
         chosen = evenly_spread(self.counts[split], everything, f"{split} views")
         return chosen, everything[chosen]
+
+    @property
+    def focal(self) -> float:
+        """Return the focal length in pixels."""
+        return float(0.5 * self.resolution / np.tan(0.5 * FOV_X_RADIANS))
 
     def digest(self, variant: str) -> str:
         """Return the hexadecimal hash of everything that the images depend on.

@@ -20,7 +20,7 @@ from scenes.modelling.placement import Placement
 from scenes.modelling.scene import Corners, Description, Scene
 from scenes.rendering.variant import Variant
 from scenes.view_sets.pixels import display_from_linear, over_white
-from scenes.view_sets.viewpoints import FOV_X_RADIANS, check_field_of_view, check_poses
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, check_poses
 
 RENDERER_VERSION = 3
 """The version, increased with every change that changes images, so that cached view sets are rendered again."""
@@ -30,7 +30,7 @@ NEAR_CLIP = 1e-3
 NORMAL_SPP = {False: 2, True: 16}
 """The samples per pixel for normals, scalar and vectorised: Mitsuba has no cheap way to them in the scalar variant."""
 LARGEST_WAVEFRONT = 1 << 22
-"""The most paths in flight at once in a vectorised variant; more are rendered in passes."""
+"""The maximum number of paths in flight in a vectorised variant; more are rendered in passes."""
 _OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
@@ -59,20 +59,19 @@ class LoadedScene:
 
     def __init__(
         self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
-        fov_x_radians: float = FOV_X_RADIANS, integrator: str | None = None, emitters_seen: bool = False,
-        box: Corners | None = None, any_scale: bool = False,
+        integrator: str | None = None, emitters_seen: bool = False, box: Corners | None = None,
         load: Callable[[Any], tuple[Any, Placement, np.ndarray]] | None = None,
     ) -> None:  # fmt: skip
         """Load a description; `load` makes the scene instead of `description` (`scenes.modelling.scene.Scene`).
 
-        `integrator` is `path` or `volpath`, whatever the scene needs; `box` is the possible extent of a
-        description without shapes. Raises `InputError` for an invalid field of view and, unless `any_scale`, for
-        a scene so small or so far away that its images would be biased."""
-        check_field_of_view(fov_x_radians, "the camera")
+        `integrator` is `path` or `volpath`, by default what the scene needs; `box` is the possible extent of a
+        description without shapes. Raises `InputError` for a scene so small or so far away that its images would
+        be biased.
+        """
         mi = use(variant)
         self.needs: Needs = needs(description)
         self.integrator_name = integrator or ("volpath" if self.needs["participating_media"].needed else "path")
-        self.width, self.height, self.fov_x_radians = width, height, fov_x_radians
+        self.width, self.height = width, height
         self._variant = variant
         self._vectorised = not variant.name.startswith("scalar")
         self.placement: Placement | None = None
@@ -96,8 +95,7 @@ class LoadedScene:
         self._normal = mi.load_dict({"type": "aov", "aovs": "normal:sh_normal"})
         self._sensors: dict[int, Any] = {}
         self._declared = box
-        if not any_scale:
-            check_scale(self.box())
+        check_scale(self.box())
 
     @staticmethod
     def of(
@@ -138,7 +136,7 @@ class LoadedScene:
         hits = distance[..., 3]
         mean = distance[..., 0] / np.where(hits > 0, hits, 1.0)
         # Mitsuba's rays start on the near plane, not at the camera
-        focal = 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
+        focal = 0.5 * self.width / math.tan(0.5 * FOV_X_RADIANS)
         x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / focal
         y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / focal
         depth = np.where(hits > 0, mean + NEAR_CLIP * np.sqrt(1 + x**2 + y[:, None] ** 2), 0.0)
@@ -187,7 +185,7 @@ class LoadedScene:
             }  # fmt: skip
             self._sensors[spp] = mi.load_dict(
                 {
-                    "type": "perspective", "fov": math.degrees(self.fov_x_radians), "fov_axis": "x",
+                    "type": "perspective", "fov": math.degrees(FOV_X_RADIANS), "fov_axis": "x",
                     "near_clip": NEAR_CLIP, "far_clip": 1e5, "film": film,
                     "sampler": {"type": "multijitter", "sample_count": spp},
                 }

@@ -4,72 +4,30 @@ A view set is rendered into a temporary sibling and renamed into place, so that 
 """
 
 import errno
-import platform
 import shutil
 import tempfile
-import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from scenes.catalog.entries import scene_named
-from scenes.catalog.mitsuba_xml import cautious
 from scenes.catalog.scene_file import mistakes_in
 from scenes.files.errors import InputError
 from scenes.files.partial_folders import PARTIAL, abandoned, remove, remove_stale, working_folder
-from scenes.modelling.needs import as_rows, left_out, needs
 from scenes.modelling.normalise import fitted, normalised
 from scenes.modelling.scene import Scene
 from scenes.rendering.occupancy import with_occupancy
-from scenes.rendering.order import NoiseTarget, Order, similarity_facts, versions
-from scenes.rendering.variant import VARIANTS, Variant, choose_variant, known_variant
-from scenes.view_sets.formats.nerfstudio import NAME as NERFSTUDIO
-from scenes.view_sets.formats.nerfstudio import write_nerfstudio
-from scenes.view_sets.formats.transforms import transforms_file, write_transforms
-from scenes.view_sets.images import write_channels, write_png
-from scenes.view_sets.manifest import check_all, note, salvaged, write_manifest
-from scenes.view_sets.pixels import display_from_linear
-from scenes.view_sets.source import Region
-from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, SPLITS
-
-
-@dataclass(frozen=True)
-class Standing:
-    """The progress of a view set: the finished views and what is left."""
-
-    done: int
-    """The number of finished views, including those found in the cache."""
-    total: int
-    kept: int
-    """The number of views found in the cache: they take no time."""
-    share: float
-    """The share of the samples to take that is done: a test view has several times those of a training view."""
-    view: str
-    """The view that is rendered next, `<split>/r_<number>`; empty once all are done."""
-
-
-def standings(counts: dict[str, int], spp: dict[str, int], kept: Collection[str]) -> Iterator[Standing]:
-    """Yield the state before anything is rendered, and after each rendered view; those that `kept` names are not."""
-    total = sum(counts.values())
-    views = [(f"{split}/r_{number}", spp[split]) for split in counts for number in range(counts[split])]
-    missing = [(name, samples) for name, samples in views if name not in kept]
-    taken, all_samples = 0, sum(samples for _, samples in missing)
-    for place, (name, samples) in enumerate([*missing, ("", 0)]):
-        yield Standing(len(kept) + place, total, len(kept), taken / all_samples if all_samples else 1.0, name)
-        taken += samples
-
+from scenes.rendering.order import NoiseTarget, Order
+from scenes.rendering.variant import VARIANTS, choose_variant, known_variant
+from scenes.rendering.writer import Progress, write_view_set
+from scenes.view_sets.manifest import check_all
+from scenes.view_sets.viewpoints import SPLITS
 
 LARGEST_RESOLUTION = 4096
 LARGEST_SPP = 1 << 16
 CEILINGS = (10.0, 100.0)
 """The PSNR in dB that the noise of a view may be asked to allow."""
-
-Progress = Callable[[Standing], None]
-"""A callback, called once all is loaded, and after each rendered view."""
 
 
 def ensure_view_set(
@@ -176,7 +134,7 @@ def checked_order(
 
 
 def is_complete(folder: Path) -> bool:
-    """Return whether every file of the view set is there and intact; False whatever else is wrong with it."""
+    """Return whether every file of the view set is there and intact."""
     return folder.is_dir() and first_fault(folder) is None
 
 
@@ -189,113 +147,6 @@ def first_fault(folder: Path) -> str | None:
     except (OSError, KeyError, TypeError) as error:
         return f"{folder}: {type(error).__name__}: {error}"
     return None
-
-
-def write_view_set(
-    folder: Path, order: Order, variant: Variant, progress: Progress | None = None, donors: Sequence[Path] = ()
-) -> None:
-    """Render into an empty folder, but for views that are valid in one of `donors`; the manifest is written last."""
-    from scenes.rendering.render import LoadedScene, render_views, seed_from
-    from scenes.rendering.samples import chosen_samples
-
-    scene, size, started = order.scene, order.resolution, time.perf_counter()
-    loaded = LoadedScene(
-        order.description, variant, scene.max_depth, size, size, integrator=order.integrator,
-        emitters_seen=scene.emitters_seen, box=scene.box, load=scene.load,
-    )  # fmt: skip
-    if scene.file is not None and np.linalg.norm(np.abs(loaded.box()).max(axis=0)) > RADIUS - scene.near:
-        low, high = loaded.box().tolist()
-        raise InputError(
-            f"{scene.file}: reaches from {low} to {high}, nearer to the cameras, {RADIUS:.4g} from the origin, "
-            f"than near, {scene.near:g}; scale it to fit"
-        )
-    placed = {split: order.poses(split) for split in SPLITS}
-    spp, chosen = chosen_samples(loaded, order.spp, {split: poses for split, (_, poses) in placed.items()})
-    # of the numbers that were chosen: where another machine chooses others, its images are others
-    digest = replace(order, spp=spp).digest(variant.name)
-    names_of = {split: [f"{split}/r_{number}" for number in range(order.counts[split])] for split in SPLITS}
-    kept = salvaged(folder, list(donors), digest, [name for names in names_of.values() for name in names])
-    standing = standings(order.counts, spp, kept)
-    if progress:
-        progress(next(standing))
-    facts_of = dict(kept)
-    files: list[Path] = []
-    views: dict[str, Any] = {}
-    listed: dict[str, tuple[list[str], np.ndarray]] = {}
-    for split, names in names_of.items():
-        if not names:
-            continue
-        (folder / split).mkdir(exist_ok=True)
-        viewpoints, poses = placed[split]
-        places = [place for place, name in enumerate(names) if name not in kept]
-        missing = [names[place] for place in places]
-        seeds = [seed_from(scene.name, split, int(viewpoints[place])) for place in places]
-        began = time.perf_counter()
-        rendered = render_views(loaded, poses[places], spp[split], seeds, missing)
-        for name, view in zip(missing, rendered, strict=True):
-            write_png(folder / f"{name}.png", display_from_linear(view.rgba))
-            channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
-            channels["Z"] = view.depth
-            channels |= {f"N.{axis}": view.normal[..., i] for i, axis in enumerate("XYZ")}
-            channels |= {f"V.{channel}": view.variance[..., i] for i, channel in enumerate("RGBA")}
-            write_channels(folder / f"{name}.exr", channels)
-            met, shining = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
-            facts_of[name] = {"noise_mse": view.noise_mse, "seen": met, "lit": shining}
-            note(folder, digest, name, {**facts_of[name], "seconds": time.perf_counter() - began})
-            if progress:
-                progress(next(standing))
-            began = time.perf_counter()
-        for name, viewpoint in zip(names, viewpoints, strict=True):
-            files += [folder / f"{name}.png", folder / f"{name}.exr"]
-            views[name] = {"noise_mse": facts_of[name]["noise_mse"], "viewpoint": int(viewpoint)}
-        listing = transforms_file(folder, split)
-        write_transforms(listing, FOV_X_RADIANS, [f"./{name}" for name in names], poses)
-        files.append(listing)
-        listed[split] = [f"{name}.png" for name in names], poses
-    seen, lit = (any(facts.get(key, True) for facts in facts_of.values()) for key in ("seen", "lit"))
-    if scene.file is not None and not (seen and lit):
-        what = "no light reaches what is seen, every view is black" if seen else "nothing is seen in any view"
-        raise InputError(f"{scene.file}: {what}; mend the scene")
-    bounds = loaded.bounds()
-    region = Region(tuple(bounds.ravel().tolist()), scene.near, scene.far)
-    focal = 0.5 * size / np.tan(0.5 * FOV_X_RADIANS)
-    write_nerfstudio(folder / NERFSTUDIO, listed, (size, size), focal, region)
-    files.append(folder / NERFSTUDIO)
-    described = bounds if order.similarity is None else order.similarity.inverse.points(bounds)
-    if loaded.placement is not None:
-        described = loaded.box_in_file
-    # the length of a pixel in the middle of the box, from the nearest camera
-    eyes = np.concatenate([poses[:, :3, 3] for _, poses in placed.values()])
-    pixel = float(np.linalg.norm(eyes - bounds.mean(axis=0), axis=1).min() / focal)
-    needed = needs(order.description, bounds, pixel, described)
-    if scene.load is not None:
-        needed = cautious(needed)
-    manifest = {
-        "scene": scene.name,
-        "title": scene.title,
-        "digest": digest,
-        "near": scene.near,
-        "far": scene.far,
-        "bounds": bounds.tolist(),
-        "view_from": scene.view_from,
-        "resolution": order.resolution,
-        "counts": order.counts,
-        "empty_splits": [split for split in SPLITS if not order.counts[split]],
-        "spp": {split: loaded.actual_spp(spp[split]) for split in SPLITS},
-        "noise_target": chosen,
-        "max_depth": scene.max_depth,
-        "emitters_seen": scene.emitters_seen,
-        "normalised": similarity_facts(loaded.placement or order.similarity),
-        "variant": variant.name,
-        "variant_why": variant.why,
-        "integrator": loaded.integrator_name,
-        "versions": {**versions(), "python": platform.python_version()},
-        "seconds": time.perf_counter() - started + sum(facts.get("seconds", 0.0) for facts in kept.values()),
-        "needs": as_rows(needed),
-        "left_out": left_out(needed),
-        "views": views,
-    }
-    write_manifest(folder, manifest, files)
 
 
 def _move_into_place(partial: Path, target: Path) -> None:

@@ -157,11 +157,11 @@ def test_a_refined_field_is_the_same_field() -> None:
 
 
 def test_adam_steps_as_torch_does() -> None:
-    from baselines.voxels_drjit import Adam
+    from baselines.voxels_drjit import USUAL, Adam
 
     field = rough()
     state = {name: value.clone().requires_grad_() for name, value in field.state_dict().items()}
-    theirs = torch.optim.Adam(list(state.values()), lr=1e-2, betas=(Adam.BETA_1, Adam.BETA_2), eps=Adam.EPSILON)
+    theirs = torch.optim.Adam(list(state.values()), lr=1e-2, betas=USUAL.betas, eps=USUAL.epsilon)
     ours, generator = Adam(field), torch.Generator().manual_seed(2)
     for _ in range(5):
         gradients = {}

@@ -1,7 +1,7 @@
 """Eq. 7: attention → priorities, the order of regions and the samples that each of them gets.
 
 `attention` is an array [regions] of numbers ≥ 0 of any scale, the mean attention of each region's pixels. All zero is
-taken as equal attention, which is plain rendering: nobody said that anything matters more.
+taken as equal attention, which is plain rendering.
 """
 
 import math

@@ -24,12 +24,10 @@ class Regions:
 
     @property
     def rows(self) -> int:
-        """The number of regions from top to bottom."""
         return -(-self.height // self.tile)
 
     @property
     def columns(self) -> int:
-        """The number of regions from left to right."""
         return -(-self.width // self.tile)
 
     @property
@@ -44,7 +42,6 @@ class Regions:
 
     @cached_property
     def rays(self) -> np.ndarray:
-        """The number of pixels of each region, [count]."""
         return np.bincount(self.of_pixel.reshape(-1), minlength=self.count)
 
     def corner(self, region: int) -> tuple[int, int, int, int]:

@@ -1,1 +1,1 @@
-"""Trainers of what is no network: each has a model of its own, and imports what that needs."""
+"""Trainers of models that are not networks; each imports what its model needs."""

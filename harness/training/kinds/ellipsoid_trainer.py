@@ -56,7 +56,7 @@ class EllipsoidTrainer(GaussianTrainer):
         return data, torch.sigmoid(logit), torch.cat([base, high], dim=1)
 
     def _traced(self, numbers: tuple[Tensor, ...]) -> Traced:
-        """Return the scene with these numbers, made anew if their count changed."""
+        """Return the scene with these numbers, rebuilt if their number changed."""
         if self._scene is None or self._scene.count != len(numbers[0]):
             self._scene = Traced(numbers)
         else:

@@ -70,7 +70,6 @@ class GaussianTrainer(BudgetedTrainer):
         """Return the loss, its gradient, and how often a Gaussian was met by a ray. Raises `Diverged`."""
 
     def _lightness(self, values: Tensor) -> Tensor:
-        """Return what the loss charges for opacity and size."""
         _, log_scale, _, logit, *_ = parts_of(values)
         opacity, scale = torch.sigmoid(logit).mean(), log_scale.exp().mean()
         return self.own.lighter_opacity * opacity + self.own.lighter_scale * scale

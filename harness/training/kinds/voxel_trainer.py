@@ -20,8 +20,6 @@ from harness.training.trainer import BudgetedTrainer, Diverged
 
 
 class VoxelTrainer(BudgetedTrainer):
-    """A trainer of the voxel field."""
-
     own: VoxelSettings
 
     def __init__(self, job: Job, backend: Backend = "llvm") -> None:
@@ -29,7 +27,7 @@ class VoxelTrainer(BudgetedTrainer):
         # several threads would add up gradients in an order that changes from run to run
         dr.set_thread_count(1)
         self._stages = list(self.own.stages())
-        self.field = VoxelField(self.box, self._stages.pop(0)[1], self.view_dependent, backend)
+        self.field = VoxelField(self.box, self._stages.pop(0)[1], self.view_dependent, backend, self.own)
         self._optimiser = Adam(self.field)
 
     @property

@@ -99,7 +99,6 @@ def scores_of(
 
 
 def mean_of(values: Iterable[float | None]) -> float | None:
-    """Return the mean of the values that are there; None if none is."""
     there = [value for value in values if value is not None]
     return float(np.mean(there)) if there else None
 

@@ -29,7 +29,6 @@ def psnr(image: np.ndarray, truth: np.ndarray) -> float:
 
 
 def rmse_linear(image: np.ndarray, truth: np.ndarray) -> float:
-    """Return the root mean squared difference in linear light."""
     _require_finite(image, truth)
     return float(np.sqrt(mse(decode_srgb(image), decode_srgb(truth))))
 

@@ -1,6 +1,6 @@
 """Whether pictures of others seem to be in another order, colour space or orientation than they are read in.
 
-A wrong reading costs a method 5 to 20 dB that are nobody's fault. So every usual mistake is tried, and a picture that
+A wrong reading costs a method 5 to 20 dB that are not the method's. So every usual mistake is tried, and a picture that
 fits the truth far better under one is not scored in silence.
 """
 

@@ -90,21 +90,7 @@ def score_pictures(
     `as_they_are`. `lpips` is the file of its weights.
     """
     distance = None if lpips is None else lpips_of(lpips)
-    images: _Pictures | _Arrays
-    if isinstance(pictures, Path):
-        found = pictures_in(pictures)
-        views = _truth(view_set, resolution or display_image(found[0]).shape[1])
-        images = _Pictures(of_views(found, views.test.names), views.width, views.height)
-        where = images.files[0].parent
-    else:
-        images = _Arrays(pictures)
-        views = _truth(view_set, images.shape[2])
-        where = view_set
-        if images.shape != views.test.rgba.shape[:3]:
-            raise InputError(
-                f"{view_set}: its test views are {views.test.rgba.shape[:3]} (views, height, width), the pictures "
-                f"{images.shape}; give one of each view, in their order"
-            )
+    images, views, where = _read(pictures, view_set, resolution)
     if not as_they_are and (mistake := likely_mistake(images, views.test.rgba)):
         raise InputError(f"{where}: the pictures {mistake}; if they are meant as they are, --as-they-are")
     rows = []
@@ -128,6 +114,25 @@ def score_pictures(
         },
         **scores,
     )
+
+
+def _read(
+    pictures: Path | Sequence[np.ndarray], view_set: Path, resolution: int | None
+) -> tuple[_Pictures | _Arrays, ViewSet, Path]:
+    """Return pictures, the truth at their size, and the folder that a message names."""
+    if isinstance(pictures, Path):
+        paths = pictures_in(pictures)
+        views = _truth(view_set, resolution or display_image(paths[0]).shape[1])
+        images = _Pictures(of_views(paths, views.test.names), views.width, views.height)
+        return images, views, images.files[0].parent
+    arrays = _Arrays(pictures)
+    views = _truth(view_set, arrays.shape[2])
+    if arrays.shape != views.test.rgba.shape[:3]:
+        raise InputError(
+            f"{view_set}: its test views are {views.test.rgba.shape[:3]} (views, height, width), the pictures "
+            f"{arrays.shape}; give one of each view, in their order"
+        )
+    return arrays, views, view_set
 
 
 def _truth(view_set: Path, width: int | None) -> ViewSet:

@@ -101,7 +101,6 @@ def planks() -> np.ndarray:
 
 
 def on_side(x: float, t: float, starboard: bool) -> np.ndarray:
-    """Return a point of the planking."""
     point = side(np.array([x]), np.array([t]))[0, 0]
     return point * np.array([1, 1 if starboard else -1, 1])
 

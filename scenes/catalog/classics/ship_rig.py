@@ -12,8 +12,6 @@ from scenes.modelling.solids import Solid, between, lathe, sheet, smooth, tube
 
 @dataclass(frozen=True)
 class Mast:
-    """A mast with its square yards."""
-
     x: float
     foot: float
     top: float

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Ladder:
-    """A difficulty and its rungs."""
-
     name: str
     title: str
     unit: str
@@ -21,7 +19,6 @@ class Ladder:
 
     @property
     def scenes(self) -> tuple[str, ...]:
-        """Return the names of the rungs' scenes."""
         return tuple(f"{self.name}_{number}" for number in range(1, len(self.values) + 1))
 
 

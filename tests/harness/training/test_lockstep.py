@@ -292,6 +292,9 @@ def test_states_that_a_reader_must_know(
 
 def test_the_direction_is_left_out_where_the_scene_says_so(ball: ViewSet, tmp_path: Path) -> None:
     assert needs_view_direction(ball)
+    named = {"name": "view_direction", "what": "in other words"}
+    assert not needs_view_direction(replace(ball, rendered={"left_out": [named]}))
+    # older manifests have no names
     same_from_all_sides = replace(ball, rendered={"left_out": [{"what": "view-direction branch"}]})
     assert not needs_view_direction(same_from_all_sides)
     score = replace(SCORE, checkpoints=1)

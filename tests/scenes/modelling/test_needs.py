@@ -22,35 +22,26 @@ def fog(sigma_t: object, shape: str = "cube", **others: object) -> Description:
     return {"sky": SKY, "fog": {"type": shape, "bsdf": {"type": "null"}, "interior": medium}}
 
 
+SHINY = "plastic", "dielectric", "roughconductor", "principled", "not_invented_yet"
+
+
 @pytest.mark.parametrize(
-    "bsdf",
+    ("description", "reason"),
     [
-        DIFFUSE,
-        {"type": "twosided", "bsdf": DIFFUSE},
-        {"type": "mask", "opacity": 0.5, "nested": {"type": "twosided", "bsdf": DIFFUSE}},
-        {"type": "bumpmap", "texture": {"type": "checkerboard"}, "bsdf": DIFFUSE},
-        {"type": "blendbsdf", "weight": 0.5, "a": DIFFUSE, "b": DIFFUSE},
+        (scene_of(DIFFUSE), "Lambertian and"),
+        (scene_of({"type": "twosided", "bsdf": DIFFUSE}), "Lambertian and"),
+        (scene_of({"type": "mask", "nested": {"type": "twosided", "bsdf": DIFFUSE}}), "Lambertian and"),
+        (scene_of({"type": "bumpmap", "texture": {"type": "checkerboard"}, "bsdf": DIFFUSE}), "Lambertian and"),
+        (scene_of({"type": "blendbsdf", "weight": 0.5, "a": DIFFUSE, "b": DIFFUSE}), "Lambertian and"),
+        *((scene_of({"type": "twosided", "bsdf": {"type": "blendbsdf", "a": DIFFUSE, "b": {"type": kind}}}), kind)
+          for kind in SHINY),
+        (fog(1.0), "homogeneous"),
     ],
-)
-def test_lambertian_scenes_need_no_view_direction(bsdf: Description) -> None:
-    need = needs(scene_of(bsdf))["view_direction"]
-    assert not need.needed
-    assert "Lambertian" in need.reason
-
-
-@pytest.mark.parametrize("kind", ["plastic", "dielectric", "roughconductor", "principled", "not_invented_yet"])
-def test_one_shiny_part_needs_it(kind: str) -> None:
-    wrapped = {"type": "twosided", "bsdf": {"type": "blendbsdf", "a": DIFFUSE, "b": {"type": kind}}}
-    need = needs(scene_of(wrapped))["view_direction"]
-    assert need.needed
-    assert kind in need.reason
-
-
-def test_media_need_the_volumetric_integrator() -> None:
-    found = needs(fog(1.0))
-    assert found["participating_media"].needed
-    assert found["view_direction"].needed
-    assert "homogeneous" in found["participating_media"].reason
+)  # fmt: skip
+def test_the_view_direction_is_needed_unless_all_is_lambertian(description: Description, reason: str) -> None:
+    need = needs(description)["view_direction"]
+    assert need.needed == (reason != "Lambertian and")
+    assert reason in need.reason
 
 
 @pytest.mark.parametrize(
@@ -58,6 +49,7 @@ def test_media_need_the_volumetric_integrator() -> None:
     [
         ("view_direction", {"sky": SKY, "thing": {"type": "sphere"}}, False),  # Mitsuba's usual material is diffuse
         ("participating_media", scene_of(DIFFUSE), False),
+        ("participating_media", fog(1.0), True),
         ("depth_metric", scene_of(DIFFUSE), True),
         ("depth_metric", fog(1.0), False),
         ("depth_metric", fog(1.0) | scene_of(DIFFUSE), True),

@@ -234,12 +234,6 @@ def test_what_a_description_cannot_say_is_refused(scalar: Variant, entry: Descri
         LoadedScene({"sky": WHITE_SKY, "thing": entry}, scalar, 4, 8, 8)
 
 
-@pytest.mark.parametrize("fov", [0.0, -1.0, math.pi, math.nan])
-def test_a_lens_that_is_none_is_refused_before_anything_is_loaded(scalar: Variant, fov: float) -> None:
-    with pytest.raises(InputError, match="field of view"):
-        LoadedScene({"nothing": {"type": "no such plugin"}}, scalar, 2, 4, 4, fov)
-
-
 def test_what_glows_is_seen_only_where_the_scene_says_so(scalar: Variant) -> None:
     glow = {"type": "area", "radiance": {"type": "rgb", "value": [0.3, 0.2, 0.1]}}
     lamp = {"lamp": {**sphere(0.8, grey(0.0)), "emitter": glow}}

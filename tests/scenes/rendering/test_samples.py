@@ -35,25 +35,22 @@ def test_what_is_no_such_curve_keeps_the_larger_number(few: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("a", "b", "spp"),
+    ("target", "a", "b", "spp"),
     [
-        (0.0, 0.0, 4),  # black, or without noise
-        (1e-4, 0.0, 4),
-        (9.9e-3, 0.0, 112),  # 99 samples: 2 · 7 · 7 are too few, 2 · 7 · 8 are enough
-        (9.8e-3, 0.0, 98),
-        (0.0, 1e-4 * 50**1.5 * (1 - 1e-12), 50),
-        (0.0, 1e-4 * 50**1.5 * (1 + 1e-6), 60),
-        (1.0, 0.0, 256),  # out of reach
+        (TARGET, 0.0, 0.0, 4),  # black, or without noise
+        (TARGET, 1e-4, 0.0, 4),
+        (TARGET, 9.9e-3, 0.0, 112),  # 99 samples: 2 · 7 · 7 are too few, 2 · 7 · 8 are enough
+        (TARGET, 9.8e-3, 0.0, 98),
+        (TARGET, 0.0, 1e-4 * 50**1.5 * (1 - 1e-12), 50),
+        (TARGET, 0.0, 1e-4 * 50**1.5 * (1 + 1e-6), 60),
+        (TARGET, 1.0, 0.0, 256),  # out of reach
+        (NoiseTarget(40.0, most=256, least=30), 0.0, 0.0, 32),
+        (NoiseTarget(40.0, most=2), 1.0, 1.0, 2),
+        (NoiseTarget(40.0, most=4), 0.0, 0.0, 4),
     ],
 )
-def test_the_least_number_that_is_enough(a: float, b: float, spp: int) -> None:
-    assert samples_for(TARGET, *at_pilots(a, b)) == spp
-
-
-def test_limits_hold() -> None:
-    assert samples_for(NoiseTarget(40.0, most=256, least=30), 0.0, 0.0) == 32
-    assert samples_for(NoiseTarget(40.0, most=2), 1.0, 1.0) == 2
-    assert samples_for(NoiseTarget(40.0, most=4), 0.0, 0.0) == 4
+def test_the_least_number_that_is_enough(target: NoiseTarget, a: float, b: float, spp: int) -> None:
+    assert samples_for(target, *at_pilots(a, b)) == spp
 
 
 class Noisy:

@@ -21,7 +21,9 @@ from scenes.modelling.normalise import Similarity
 from scenes.modelling.scene import Scene
 from scenes.rendering import store
 from scenes.rendering.occupancy import NAME
-from scenes.rendering.store import Order, Standing, checked_order, is_complete
+from scenes.rendering.order import Order
+from scenes.rendering.store import checked_order, is_complete
+from scenes.rendering.writer import Standing
 from scenes.view_sets.manifest import check_all
 from scenes.view_sets.view_set import ViewSet, read_view_set
 
@@ -194,7 +196,7 @@ def test_a_disk_that_refuses_is_bad_input_and_leaves_nothing(
     def refuse(file: Path, _: object) -> None:
         raise OSError(number, os.strerror(number), str(file))
 
-    monkeypatch.setattr(store, "write_channels", refuse)
+    monkeypatch.setattr("scenes.rendering.writer.write_channels", refuse)
     with pytest.raises(InputError, match=f"{said}.*--view-sets"):
         render_tiny(tmp_path)
     assert list(tmp_path.iterdir()) == []
