@@ -7,8 +7,9 @@ import re
 import pytest
 from markupsafe import Markup
 
-from harness.records.study import check
+from harness.records.study import StudyInfo, StudyRecord, check
 from reports.claims.psnr_table import scores_grid
+from reports.data.beside import ALONE
 from reports.data.selection import Selection
 from reports.drawing.figure import svg
 from reports.drawing.traces import Panel, Trace, rounded
@@ -16,6 +17,8 @@ from reports.page.grid import Entry
 from reports.page.shell import of_entry, of_row
 from reports.run.metrics_table import comparisons_grid, metrics_grid
 from reports.run.runs_data import density_data, runs_data
+from reports.run.saving.export import tables
+from reports.studies.check_words import checks_grid
 from tests.replacing import replace
 
 HOSTILE = '"><img src=x onerror=alert(1)>'
