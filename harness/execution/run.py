@@ -195,7 +195,7 @@ def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
         write_comparisons(out, compare(complete, list(record.methods), record.roles), digests)
         everywhere = record.main_methods
         reached = targets(
-            [cell for cell in complete if cell.method in everywhere], everywhere, record.roles, record.claims
+            [cell for cell in complete if cell.method in everywhere], everywhere, record.roles, record.claims or ()
         )
         write_targets(out, structs.replace(reached, digests=digests))
     return cells

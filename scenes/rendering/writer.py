@@ -98,11 +98,13 @@ def write_view_set(
     scene, started = order.scene, time.perf_counter()
     loaded = _loaded(order, variant)
     placed = {split: order.poses(split) for split in SPLITS}
-    poses_of = {split: poses for split, (_, poses) in placed.items()}
+    poses_of: dict[str, np.ndarray] = {split: poses for split, (_, poses) in placed.items()}
     spp, chosen = chosen_samples(loaded, order.spp, poses_of)
     # of the numbers that were chosen: where another machine chooses others, its images are others
     digest = replace(order, spp=spp).digest(variant.name)
-    names_of = {split: [f"{split}/r_{number}" for number in range(order.counts[split])] for split in SPLITS}
+    names_of: dict[str, list[str]] = {
+        split: [f"{split}/r_{number}" for number in range(order.counts[split])] for split in SPLITS
+    }
     kept = salvaged(folder, list(donors), digest, [name for names in names_of.values() for name in names])
     standing, report = standings(names_of, spp, kept), progress or (lambda standing: None)
     report(next(standing))
