@@ -109,8 +109,8 @@ def write_view_set(
     standing, report = standings(names_of, spp, kept), progress or (lambda standing: None)
     report(next(standing))
     facts_of = dict(kept)
-    for split, names in names_of.items():
-        began = time.perf_counter()
+    for split in SPLITS:
+        names, began = names_of[split], time.perf_counter()
         for name, view in _missing(loaded, scene, split, names, placed[split], spp[split], kept):
             _write_view(folder / name, view)
             facts_of[name] = _facts(view)
