@@ -27,7 +27,7 @@ class Attempt:
     ended: int = 0
     """The number of its methods that had ended before."""
     handle: Any = None
-    """What its place knows it by."""
+    """What its executor knows it by."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ News = float | str | CellRecord | End
 """The share that is trained, a notice, a cell that has ended, or the end."""
 
 
-class Place(Protocol):
+class Executor(Protocol):
     room: int
     """The number of attempts at once; 0 if no more are taken."""
     refusal: str
@@ -60,10 +60,10 @@ class Place(Protocol):
         """Return the attempts that follow a lost one and a notice of it, or none and the reason for its records."""
 
     def cancel(self, running: list[Attempt]) -> None:
-        """End what is running, and whatever belongs to the place."""
+        """End what is running, and whatever belongs to the executor."""
 
 
-def run_at(place: Place, tasks: list[GroupTask]) -> Iterator[Event]:
+def run_at(executor: Executor, tasks: list[GroupTask]) -> Iterator[Event]:
     """Yield the events of all groups; closing it (Ctrl-C) cancels what runs, and ended cells are on disk.
 
     A lost attempt is followed by others, without the methods that had ended, or recorded as errors; an error of ours is
@@ -73,28 +73,28 @@ def run_at(place: Place, tasks: list[GroupTask]) -> Iterator[Event]:
     running: list[Attempt] = []
 
     def submit() -> None:
-        while waiting and len(running) < place.room:
+        while waiting and len(running) < executor.room:
             attempt = waiting.pop(0)
             missing = missing_methods(attempt.task)
             attempt.ended = len(attempt.task.methods) - len(missing)
-            place.submit(attempt, replace(attempt.task, methods=missing))
+            executor.submit(attempt, replace(attempt.task, methods=missing))
             running.append(attempt)
 
     try:
         submit()
         while running:
-            for attempt, news in place.poll(running):
+            for attempt, news in executor.poll(running):
                 if isinstance(news, End):
                     running.remove(attempt)
-                    events = _after(place, attempt, news, waiting)
+                    events = _after(executor, attempt, news, waiting)
                     submit()  # first, as a consumer may take its time
                     yield from events
                 else:
                     yield _event(attempt, news)
         for attempt in waiting:
-            yield from _failed(attempt.task, place.refusal)
+            yield from _failed(attempt.task, executor.refusal)
     finally:
-        place.cancel(running)
+        executor.cancel(running)
 
 
 def _event(attempt: Attempt, news: float | str | CellRecord) -> Event:
@@ -106,14 +106,14 @@ def _event(attempt: Attempt, news: float | str | CellRecord) -> Event:
     return Event(attempt.task, cell=news)
 
 
-def _after(place: Place, attempt: Attempt, end: End, waiting: list[Attempt]) -> list[Event]:
+def _after(executor: Executor, attempt: Attempt, end: End, waiting: list[Attempt]) -> list[Event]:
     if end.refused:
         waiting.insert(0, attempt)
         return []
     missing = missing_methods(attempt.task)
     if end.lost is None or not missing:
         return [Event(attempt.task, share=1.0)]
-    following, words = place.again(attempt, end.lost, missing)
+    following, words = executor.again(attempt, end.lost, missing)
     waiting[:0] = following
     return [Event(attempt.task, notice=words)] if following else _failed(attempt.task, words)
 
