@@ -177,7 +177,7 @@ def commands(session: nox.Session) -> None:
 
 @nox.session
 def fuzz(session: nox.Session) -> None:
-    """Try bad input by the thousand on everything that reads a file or an option; `-- -k NAME` chooses."""
+    """Try bad input by the thousand on everything that reads a file or an option."""
     install(session, "test")
     campaign = ("-n", "auto", "--timeout", "0", "--hypothesis-profile", "fuzz")
     session.run("pytest", *campaign, "tests/fuzz", *session.posargs)

@@ -105,7 +105,7 @@ def test_outputs_of_other_plans_are_refused_in_words(first: Path, tmp_path: Path
     others = {
         "scenes a, b against a": output(tmp_path / "1", [record for record in cells if record.scene == "a"]),
         "seeds 0, 1, 2 against 0, 1": output(tmp_path / "2", [record for record in cells if record.seed < 2]),
-        "b qnerf 2 is in one alone": output(tmp_path / "3", cells[:-1]),
+        "b qnerf 2 is in only one of them": output(tmp_path / "3", cells[:-1]),
         "budget.steps is 10 against 20": output(tmp_path / "4", cells, settings={"budget": {"steps": 20}}),
         "no run in it": tmp_path / "nothing",
     }
