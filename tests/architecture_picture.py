@@ -17,7 +17,7 @@ PICTURE = ROOT / "docs" / "architecture.svg"
 SOURCES = (".py", ".js", ".css", ".html")
 
 WIDTH, MARGIN, TOP = 1000, 20, 84
-BOX, LEFT = 148, 176
+BOX, LEFT = 156, 182
 """Width of a box, and where the column of the first room begins."""
 INK, FAINT, WIRE, PAPER = "#1c2430", "#5b6675", "#bcc4cf", "#ffffff"
 COLOURS = {"reports": "#2563a8", "harness": "#1f7a5c", "baselines": "#7b4ba0", "scenes": "#a85a12"}
