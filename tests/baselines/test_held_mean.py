@@ -73,6 +73,18 @@ def test_a_step_of_training_moves_the_mean_to_that_of_what_it_evaluated(method: 
 
 
 @pytest.mark.parametrize("method", CANDIDATES)
+def test_training_and_rendering_see_the_same_field_in_whatever_calls(method: str) -> None:
+    field, x = roughened(field_of(method), alpha=0.9), some_points(200)[0]
+    with training_step([field]):
+        field.density(some_points(400)[0])
+    with torch.no_grad():
+        rendered = field.density(x)
+    with training_step([field]):
+        trained = torch.cat([field.density(x[:50]), field.density(x[50:])])
+    torch.testing.assert_close(trained.detach(), rendered, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("method", CANDIDATES)
 def test_a_step_that_is_left_by_an_error_and_whatever_is_outside_leave_the_mean_alone(method: str) -> None:
     field = roughened(field_of(method))
     x = some_points(50)[0]

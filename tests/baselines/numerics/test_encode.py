@@ -230,3 +230,5 @@ def test_inference_mode_leaves_nothing_behind_that_training_cannot_use() -> None
 def test_half_precision_is_refused(dtype: torch.dtype) -> None:
     with pytest.raises(TypeError, match="needs float32 or float64"):
         encode(torch.zeros(2, 3, dtype=dtype), 2.0, 3)
+    with pytest.raises(TypeError, match="float32 or better"):
+        fourier_features(torch.zeros(2, 3, dtype=dtype), frequency_ladder(2.0, 3))
