@@ -6,36 +6,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from baselines.composition import LADDERS, encoding_bands, reaching
+from baselines.composition import reaching
 from baselines.contract import NetworkSize
 from baselines.methods.ablations import combination, partial_combinations
 from baselines.methods.nerf import NERF
 from baselines.methods.qnerf import QNERF, QNERF_THEOREM
 from baselines.numerics.encoding import PHI
 from tests.baselines.small_fields import field_of
-
-
-def highest(encoding: str, bands: int = 10) -> float:
-    """Frequency of the last band where the paper has `bands`."""
-    return LADDERS[encoding].base ** (encoding_bands(encoding, bands) - 1)
-
-
-@pytest.mark.parametrize(
-    ("encoding", "base", "position", "direction", "frequency"),
-    [
-        ("base2", 2.0, 10, 4, 512.0),
-        ("base2_matched", 2.0, 7, 3, 64.0),
-        ("phi", PHI, 10, 4, 76.013),
-        ("phi_matched", PHI, 14, 5, 521.0),
-        ("base1.65", 1.65, 10, 4, 90.647),
-    ],
-)
-def test_ladders_at_the_size_of_the_paper(
-    encoding: str, base: float, position: int, direction: int, frequency: float
-) -> None:
-    assert LADDERS[encoding].base == base
-    assert (encoding_bands(encoding, 10), encoding_bands(encoding, 4)) == (position, direction)
-    assert highest(encoding) == pytest.approx(frequency, abs=2e-3)
 
 
 @pytest.mark.parametrize("bands", range(1, 17))

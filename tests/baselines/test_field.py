@@ -13,7 +13,6 @@ from baselines.field import NetworkField
 from baselines.numerics.encoding import encode
 from tests.baselines.small_fields import (
     BOX,
-    EIGHT,
     PARTS,
     SMALL,
     every_depth,
@@ -76,16 +75,6 @@ def test_with_view_dependence_directions_change_colour_alone(method: str) -> Non
 
 
 @every_method
-def test_density_before_and_after_the_amplifier(method: str) -> None:
-    field = roughened(field_of(method))
-    before, after = field.density_before_and_after(some_points(300)[0])
-    assert torch.equal(after, field.density(some_points(300)[0]))
-    if PARTS[method].amplifier == "none":
-        assert torch.equal(before, after)
-    assert before.dtype == after.dtype == torch.float32
-
-
-@every_method
 def test_bfloat16_is_near_float32_and_keeps_float32_weights(method: str) -> None:
     parts = PARTS[method]
     reduced, full = (roughened(NetworkField(parts, SMALL, BOX, precision, 0)) for precision in ("bfloat16", "float32"))
@@ -103,15 +92,6 @@ def test_what_an_encoding_sees_keeps_the_aspect_ratio() -> None:
     corners = torch.tensor([[0.0, 0.0, 0.0], [4.0, 2.0, 1.0], [2.0, 1.0, 0.5]])
     assert box.normalised(corners).tolist() == [[-1.0, -0.5, -0.25], [1.0, 0.5, 0.25], [0.0, 0.0, 0.0]]
     assert torch.equal(box.from_unit(box.to_unit(corners)), corners)
-
-
-def test_methods_share_nearly_all_first_weights_with_nerf() -> None:
-    """Pairing holds shared ones to be equal; here it is that there are some to share."""
-    reference = dict(field_of("nerf", EIGHT).named_parameters())
-    for method in PARTS:
-        weights = field_of(method, EIGHT).named_parameters()
-        shared = [name for name, weight in weights if name in reference and weight.shape == reference[name].shape]
-        assert len(shared) >= len(reference) - 3, method
 
 
 def test_initial_weights_are_glorot_uniform_with_zero_biases() -> None:

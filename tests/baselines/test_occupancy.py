@@ -30,15 +30,15 @@ def refreshed(field: AnalyticField, share: float = 1.0, times: int = 1, box: Box
     return grid
 
 
-def least(densest: float) -> float:
-    """The density that a cell needs to count as occupied where another has `densest`."""
-    return -math.log1p(THRESHOLD * math.expm1(-densest * SIDE)) / SIDE
-
-
 def centres() -> Tensor:
     """Middle of each cell of `BOX`, in the grid's order: the last axis fastest."""
     axis = (torch.arange(CELLS) + 0.5) * SIDE - 1.0
     return torch.cartesian_prod(axis, axis, axis)
+
+
+def least(densest: float) -> float:
+    """The density that a cell needs to count as occupied where another has `densest`."""
+    return -math.log1p(THRESHOLD * math.expm1(-densest * SIDE)) / SIDE
 
 
 def cell_by_cell(density: Tensor) -> AnalyticField:
@@ -49,6 +49,12 @@ def cell_by_cell(density: Tensor) -> AnalyticField:
         return density.to(x.dtype)[(index[:, 0] * CELLS + index[:, 1]) * CELLS + index[:, 2]]
 
     return AnalyticField(sigma)
+
+
+def corner_alone() -> OccupancyGrid:
+    density = torch.zeros(CELLS**3)
+    density[0] = 100.0
+    return refreshed(cell_by_cell(density))
 
 
 def colours(field: AnalyticField, grid: OccupancyGrid | None, **options: object) -> Tensor:
@@ -69,14 +75,6 @@ def test_matter_is_never_dropped(share: float) -> None:
     for _ in range(30):
         grid.refresh(AnalyticField(ball(density, 0.7)), share, source)
         assert grid.occupied[whole].all()
-
-
-def test_nothing_is_left_out_before_it_has_been_measured() -> None:
-    grid = OccupancyGrid(CELLS, BOX, THRESHOLD)
-    field = AnalyticField(ball(100.0, 0.5))
-    measured = grid.refresh(field, 0.25, generator())
-    assert measured == CELLS**3 // 4
-    assert grid.occupied_share() >= 0.75
 
 
 def test_order_of_cells_is_that_of_lookups() -> None:
@@ -137,18 +135,14 @@ def test_dropped_haze_costs_no_more_than_the_threshold_allows() -> None:
 
 
 def test_exploration_of_everything_is_as_if_there_were_no_grid() -> None:
-    field, corner = AnalyticField(gaussian(30.0, 0.2)), torch.zeros(CELLS**3)
-    corner[0] = 100.0
-    empty_grid = refreshed(cell_by_cell(corner))
+    field, empty_grid = AnalyticField(gaussian(30.0, 0.2)), corner_alone()
     explored = colours(field, empty_grid, exploration=1.0, random=True)
     assert torch.equal(explored, colours(field, None, random=True))
     assert not torch.equal(colours(field, empty_grid, exploration=0.0, random=True), explored)
 
 
 def test_exploration_evaluates_its_share_in_training_alone() -> None:
-    field, corner = AnalyticField(homogeneous(1.0)), torch.zeros(CELLS**3)
-    corner[0] = 100.0
-    grid = refreshed(cell_by_cell(corner))
+    field, grid = AnalyticField(homogeneous(1.0)), corner_alone()
     colours(field, None, random=True)
     everything = field.points
     colours(field, grid, exploration=0.1, random=True)
@@ -160,9 +154,7 @@ def test_exploration_evaluates_its_share_in_training_alone() -> None:
 
 def test_a_batch_in_which_no_sample_survives_is_background() -> None:
     """Also for the gradient: there is none, and nothing crashes."""
-    corner = torch.zeros(CELLS**3)
-    corner[0] = 100.0
-    grid = refreshed(cell_by_cell(corner))
+    grid = corner_alone()
     weight = torch.ones((), requires_grad=True)
     field = AnalyticField(lambda x: weight * homogeneous(5.0)(x))
     rays = rays_at(0.0, 9, dtype=torch.float32).part(0, 3)

@@ -5,7 +5,6 @@ from itertools import chain, combinations, pairwise
 
 import pytest
 import torch
-from torch import nn
 
 from baselines.composition import Parts, skip_layer
 from baselines.contract import Box, NetworkSize
@@ -50,16 +49,6 @@ def test_layer_of_the_skip(skip: str, depth: int, layer: int) -> None:
         assert layer == int(PHI * depth / 2), "Listing 3"
 
 
-@pytest.mark.parametrize("depth", [4, 5])
-def test_phi_skip_of_small_depths_reaches_the_heads(depth: int) -> None:
-    field = field_of("qnerf", replace(SMALL, depth=depth))
-    position, direction = 3 * 13, 3 * 5
-    assert field.density_head.in_features == SMALL.width + position
-    first = field.colour_net[0]
-    assert isinstance(first, nn.Linear)
-    assert first.in_features == SMALL.width + position + direction
-
-
 def test_catalogue_holds_every_combination_once() -> None:
     parts = list(ALL_PARTS.values())
     subsets = list(chain.from_iterable(combinations(PARTS_OF_QNERF, count) for count in range(4)))
@@ -97,16 +86,3 @@ def test_with_every_part_put_back_training_is_nerf_bit_for_bit(start: Parts) -> 
     for one, two in zip(trained(NERF).parameters(), trained(back).parameters(), strict=True):
         assert torch.equal(one, two)
     assert not torch.equal(trained(NERF).density_head.weight, field_of("nerf", seed=5).density_head.weight)
-
-
-def test_the_released_encoding_has_neither_the_box_nor_pi() -> None:
-    """Sines of 2^k x in scene units, and of 2^k d: what `run_nerf_helpers.py` of the original computes."""
-    box = Box(torch.tensor([-1.0, -2.0, -3.0]), torch.tensor([1.5, 2.0, 1.0]))
-    field = NetworkField(ALL_PARTS["nerf_released"], SMALL, box, "float32", seed=0)
-    x = torch.rand(20, 3, generator=torch.Generator().manual_seed(1)) * 4.0 - 2.0
-    bands = (2.0 ** torch.arange(SMALL.position_bands)).view(-1, 1, 1)
-    waves = torch.stack([torch.sin(bands * x), torch.cos(bands * x)], dim=1)
-    expected = waves.permute(2, 0, 1, 3).reshape(20, -1)
-    torch.testing.assert_close(field._encoded(x)[:, 3:], expected, rtol=0.0, atol=2e-5)
-    view = field.encode_directions(x)
-    torch.testing.assert_close(view[:, 3:6], torch.sin(x), rtol=0.0, atol=1e-6)

@@ -7,9 +7,8 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from baselines import plain
 from baselines.contract import Accelerations, Box, NetworkSize, Rays
-from baselines.plain import PlainField, plain_loss, plain_render, plain_step, positional_encoding
+from baselines.plain import PlainField, plain_loss, plain_render, positional_encoding
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings
@@ -155,29 +154,8 @@ def test_trainer_agrees_with_the_plain_step_outside_of_the_box() -> None:
     assert gradient < 5 * GRADIENT_BOUND
 
 
-def test_rays_cut_to_the_box_are_another_rendering() -> None:
-    learner = trainer(replace(SETTINGS, accelerations=replace(DENSE, clipping=True)))
-    assert colour_gap(learner, oracle(learner), rays_through()) > 25 * COLOUR_BOUND
-
-
-def _fewer_bands(field: PlainField) -> None:
-    original = field.density_net[0].weight
-    with torch.no_grad():
-        original[:, -6:] = 0.0
-
-
 def _another_box(field: PlainField) -> None:
     field.box = Box(field.box.lower, 1.001 * field.box.upper)
-
-
-def _no_skip(field: PlainField) -> None:
-    with torch.no_grad():
-        field.density_net[field.skip + 1].weight[:, SIZE.width :] = 0.0
-
-
-def _no_view(field: PlainField) -> None:
-    with torch.no_grad():
-        field.colour_net[0].weight[:, SIZE.width :] = 0.0
 
 
 def _a_bias(field: PlainField) -> None:
@@ -185,7 +163,7 @@ def _a_bias(field: PlainField) -> None:
         field.colour_net[1].bias[0] += 0.01
 
 
-@pytest.mark.parametrize("spoil", [_fewer_bands, _another_box, _no_skip, _no_view, _a_bias])
+@pytest.mark.parametrize("spoil", [_another_box, _a_bias])
 def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> None:
     learner = trainer()
     field = oracle(learner)
@@ -194,21 +172,6 @@ def test_a_field_that_differs_is_seen(spoil: Callable[[PlainField], None]) -> No
     loss, gradient = loss_gap(spoil=spoil, batches=1)
     assert loss > 5 * LOSS_BOUND
     assert gradient > 5 * GRADIENT_BOUND
-
-
-@pytest.mark.parametrize(("name", "factor"), [("start", 1.01), ("density_scale", 1.2)])
-def test_a_density_that_differs_is_seen(name: str, factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At a given start, the unit is the slope alone, which a fresh field hardly shows."""
-    learner = trainer()
-    field = oracle(learner)
-    monkeypatch.setattr(plain, "NERF", replace(plain.NERF, **{name: factor * getattr(plain.NERF, name)}))
-    assert colour_gap(learner, field) > 5 * COLOUR_BOUND
-    assert loss_gap(batches=1)[1] > 5 * GRADIENT_BOUND
-
-
-def test_fewer_samples_are_seen() -> None:
-    learner = trainer(replace(SETTINGS, bins=SAMPLES - 1, first_bins=SAMPLES - 1))
-    assert colour_gap(learner, oracle(learner)) > 5 * COLOUR_BOUND
 
 
 def test_weights_start_as_those_of_the_field() -> None:
@@ -236,11 +199,3 @@ def test_quadrature_by_hand() -> None:
     colour = plain_render(Fog(SIZE, BOX, 0), rays, SAMPLES, torch.ones(3), generator_for(1))
     expected = 1.0 - 0.75 * (1.0 - torch.exp(torch.tensor(-0.7 * 1.5)))
     torch.testing.assert_close(colour, expected.expand(RAYS, 3), rtol=0, atol=2e-6)
-
-
-def test_steps_lower_the_loss() -> None:
-    rays, colours = rays_inside()
-    field = PlainField(SIZE, BOX, SEED)
-    optimiser = torch.optim.Adam(field.parameters(), lr=2e-3)
-    losses = [plain_step(field, optimiser, rays, colours, SAMPLES, generator_for(SEED, step)) for step in range(25)]
-    assert losses[-1] < 0.8 * losses[0]

@@ -1,6 +1,7 @@
 """The renderer on fields whose pictures are known."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import torch
 from torch import Tensor
 
 from baselines.contract import Box, RadianceField, Rays, Rendering
+from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import Sampling, render_rays
 from tests.baselines.analytic import (
@@ -43,8 +45,9 @@ def render(
     return render_rays(field, fine, rays, box or cube(), settings, grid, background, generator)
 
 
-def straight_ray(dtype: torch.dtype = torch.float64) -> Rays:
-    return Rays(torch.tensor([[0.0, 0.0, 4.0]], dtype=dtype), torch.tensor([[0.0, 0.0, -1.0]], dtype=dtype), 2.0, 6.0)
+def along_z(offset: float = 0.0) -> Rays:
+    kind = torch.float64
+    return Rays(torch.tensor([[offset, 0.0, 4.0]], dtype=kind), torch.tensor([[0.0, 0.0, -1.0]], dtype=kind), 2.0, 6.0)
 
 
 def over_background(opacity: Tensor) -> Tensor:
@@ -52,32 +55,43 @@ def over_background(opacity: Tensor) -> Tensor:
     return opacity.unsqueeze(-1) * orange + (1.0 - opacity).unsqueeze(-1) * BACKGROUND.to(opacity.dtype)
 
 
+SOUND = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
+every_sound_rule = pytest.mark.parametrize("rule", SOUND)
+
+
+@every_sound_rule
 @pytest.mark.parametrize("bins", [1, 5, 64])
 @pytest.mark.parametrize("density", [0.01, 1.0, 20.0])
-def test_fog_that_fills_the_box_is_exact_with_any_number_of_bins(bins: int, density: float) -> None:
-    rendering = render(AnalyticField(homogeneous(density)), straight_ray(), bins)
+def test_fog_that_fills_the_box_is_exact_with_any_number_of_bins(rule: str, bins: int, density: float) -> None:
+    rendering = render(AnalyticField(homogeneous(density)), along_z(), bins, quadrature=rule)
     opacity = torch.tensor([-math.expm1(-2.0 * density)], dtype=torch.float64)
     torch.testing.assert_close(rendering.opacity, opacity, rtol=1e-12, atol=0.0)
     torch.testing.assert_close(rendering.colour, over_background(opacity), rtol=1e-12, atol=0.0)
-    assert rendering.network_evaluations == bins
+    assert rendering.network_evaluations == bins * QUADRATURES[rule].stride + QUADRATURES[rule].closed
 
 
-def test_depth_in_fog_converges_with_order_two() -> None:
-    exact = 3.0 + mean_depth_in_fog(1.5, 2.0)
-    counts = [8, 16, 32, 64, 128]
-    errors = [abs(float(render(AnalyticField(homogeneous(1.5)), straight_ray(), n).depth) - exact) for n in counts]
-    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    assert slope == pytest.approx(2.0, abs=0.15)
+def gaussian_opacity(density: float, width: float, offset: float) -> float:
+    """∫ exp(−z²/2s²) over the box, exactly by erf, times the Gaussian of the ray's offset."""
+    profile = density * math.exp(-0.5 * (offset / width) ** 2)
+    return -math.expm1(-profile * width * math.sqrt(2.0 * math.pi) * math.erf(1.0 / (width * math.sqrt(2.0))))
 
 
-def test_homogeneous_ball_converges_with_order_one() -> None:
-    density, rays, counts = 2.0, rays_at(0.4, 400), [16, 32, 64, 128, 256, 512]
-    exact = -torch.expm1(-density * chord(rays, 0.8))
-    errors = [
-        float((render(AnalyticField(ball(density, 0.8)), rays, n).opacity - exact).square().mean().sqrt())
-        for n in counts
-    ]
-    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.25)
+@pytest.mark.parametrize(
+    ("what", "density", "rays", "exact", "order"),
+    [
+        ("depth", homogeneous(1.5), along_z(), 3.0 + mean_depth_in_fog(1.5, 2.0), 2.0),
+        ("opacity", ball(2.0, 0.8), rays_at(0.4, 400), -torch.expm1(-2.0 * chord(rays_at(0.4, 400), 0.8)), 1.0),
+        ("opacity", gaussian(3.0, 0.6), along_z(0.35), gaussian_opacity(3.0, 0.6, 0.35), 2.0),
+    ],
+    ids=["depth in fog", "a ball with an edge", "a Gaussian cut by the box"],
+)
+def test_closed_forms_are_met_with_their_order(
+    what: str, density: Callable[[Tensor], Tensor], rays: Rays, exact: Tensor | float, order: float
+) -> None:
+    counts = [16, 32, 64, 128, 256]
+    found = [getattr(render(AnalyticField(density), rays, n), what) for n in counts]
+    errors = [float((values - exact).square().mean().sqrt()) for values in found]
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(order, abs=0.25)
 
 
 def test_depth_of_an_opaque_ball_is_its_surface() -> None:
@@ -88,24 +102,6 @@ def test_depth_of_an_opaque_ball_is_its_surface() -> None:
     surface = closest - 0.5 * chord(rays, 0.8)
     assert float((rendering.depth - surface)[hit].abs().max()) <= math.sqrt(12.0) / bins
     assert torch.equal(rendering.depth[chord(rays, 0.8) == 0], torch.full((int((chord(rays, 0.8) == 0).sum()),), 6.0))
-
-
-def test_gaussian_cut_by_the_box_converges_with_order_two() -> None:
-    """∫ exp(−z²/2s²) over the box, exactly by erf, times the Gaussian of the ray's offset."""
-    density, width, offset = 3.0, 0.6, 0.35
-    rays = Rays(
-        torch.tensor([[offset, 0.0, 4.0]], dtype=torch.float64),
-        torch.tensor([[0.0, 0.0, -1.0]], dtype=torch.float64),
-        2.0,
-        6.0,
-    )
-    profile = density * math.exp(-0.5 * (offset / width) ** 2)
-    tau = profile * width * math.sqrt(2.0 * math.pi) * math.erf(1.0 / (width * math.sqrt(2.0)))
-    counts = [16, 32, 64, 128, 256]
-    errors = [
-        abs(float(render(AnalyticField(gaussian(density, width)), rays, n).opacity) - -math.expm1(-tau)) for n in counts
-    ]
-    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(2.0, abs=0.15)
 
 
 def test_cutting_rays_to_the_box_changes_nothing_for_a_field_that_is_zero_outside() -> None:
@@ -189,7 +185,7 @@ def test_fine_pass_improves_the_picture_of_a_thin_shell() -> None:
 
 def test_evaluations_of_both_passes_are_counted() -> None:
     coarse, fine = AnalyticField(homogeneous(1.0)), AnalyticField(homogeneous(1.0))
-    rendering = render(coarse, straight_ray(), 16, fine=fine, fine_bins=20)
+    rendering = render(coarse, along_z(), 16, fine=fine, fine_bins=20)
     assert coarse.points == 16
     assert fine.points == 36, "17 + 20 fenceposts"
     assert rendering.network_evaluations == 52

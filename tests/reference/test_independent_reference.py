@@ -97,19 +97,6 @@ def test_empty_voxels_have_their_gradient(llvm: Variant) -> None:
     assert errors(theirs, by_autograd(sigma, colour, some))[1] <= SIGMA_BAR
 
 
-def test_the_gradient_by_autograd_is_that_of_finite_differences() -> None:
-    sigma, colour = random_grids(0.3)
-    some = bundle(count=3, bins=32)
-    whole = by_autograd(sigma, colour, some)
-    place, step = np.unravel_index(np.abs(whole.d_sigma).argmax(), sigma.shape), 1e-4
-    both = []
-    for sign in (1, -1):
-        moved = sigma.copy()
-        moved[place] += sign * step
-        both.append((by_autograd(moved, colour, some).colour * some.weights.numpy()).sum())
-    assert (both[0] - both[1]) / (2 * step) == pytest.approx(whole.d_sigma[place], rel=1e-5)
-
-
 def test_closed_form_of_layers_against_ordinary_integration() -> None:
     sigma, grey = layered()
     colour, opacity = closed_form(sigma, grey)

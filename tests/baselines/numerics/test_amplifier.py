@@ -1,12 +1,34 @@
-"""The two amplifiers against the printed code and in their limits."""
+"""Every reading of the amplifier against its formula and the printed code, and in its limits."""
+
+import math
 
 import pytest
 import torch
 from torch import Tensor, nn
 
-from baselines.amplifiers import AMPLIFIERS, Equation4Amplifier, Listing2Amplifier, NoAmplifier
-from baselines.numerics.amplifier import amplify_about_mean, amplify_listing2, softplus_density
+from baselines.amplifiers import AMPLIFIERS, Amplifier, HeldMeanAmplifier, Listing2Amplifier, MeanAmplifier
+from baselines.composition import DENSITY_SCALE
 from baselines.numerics.encoding import PHI
+
+START = 0.012
+HELD = [name for name, make in AMPLIFIERS.items() if isinstance(make(None), HeldMeanAmplifier)]
+every_reading = pytest.mark.parametrize("reading", AMPLIFIERS)
+every_held = pytest.mark.parametrize("reading", HELD)
+
+
+def made(
+    reading: str, alpha: float = 1.0 / PHI, mean: float = 0.0, beta: float = 1.0, start: float | None = START
+) -> Amplifier:
+    """Return the reading about that mean, as if training had taken a step."""
+    amplifier = AMPLIFIERS[reading](start)
+    with torch.no_grad():
+        if isinstance(amplifier, MeanAmplifier):
+            amplifier.mean.value.fill_(mean)
+            amplifier.mean.steps.fill_(1.0)
+        for name, value in (("alpha", alpha), ("beta", beta)):
+            if hasattr(amplifier, name):
+                getattr(amplifier, name).fill_(value)
+    return amplifier
 
 
 class Listing2(nn.Module):
@@ -31,19 +53,12 @@ class Listing2(nn.Module):
         return torch.clamp(amplified * boost, 0, 1)
 
 
-def raw_densities(scale: float = 3.0) -> Tensor:
-    return scale * torch.randn(500, generator=torch.Generator().manual_seed(5))
-
-
-def scalar(value: float, dtype: torch.dtype = torch.float32) -> Tensor:
-    return torch.tensor(value, dtype=dtype)
-
-
 @pytest.mark.parametrize("alpha", [1.0 / PHI, 0.0, -1.0, 1.0, 10.0])
 @pytest.mark.parametrize("beta", [1.0, 0.5, 3.0])
 def test_listing_2_is_the_printed_code_with_its_gradients(alpha: float, beta: float) -> None:
     printed, ours = Listing2(), Listing2Amplifier()
-    raws = [raw_densities().requires_grad_() for _ in range(2)]
+    raw = 3.0 * torch.randn(500, generator=torch.Generator().manual_seed(5))
+    raws = [raw.clone().requires_grad_() for _ in range(2)]
     outputs = []
     for module, forward, raw in [(printed, printed, raws[0]), (ours, lambda r: ours.before_and_after(r)[1], raws[1])]:
         with torch.no_grad():
@@ -57,108 +72,107 @@ def test_listing_2_is_the_printed_code_with_its_gradients(alpha: float, beta: fl
     torch.testing.assert_close(ours.beta.grad, printed.beta.grad, rtol=1e-4, atol=1e-4)
 
 
-def test_equation_4_is_the_identity_at_one_over_phi() -> None:
-    sigma = torch.rand(1000, generator=torch.Generator().manual_seed(6))
-    amplified = amplify_about_mean(sigma, sigma.mean(), scalar(1.0 / PHI))
-    assert float((amplified - sigma).abs().max()) <= 1.2e-7
-    exact = amplify_about_mean(sigma.double(), sigma.double().mean(), scalar(1.0 / PHI, torch.float64))
-    assert float((exact - sigma.double()).abs().max()) <= 1e-15
+def slowly(reading: str, raw: float, alpha: float, mean: float, beta: float) -> float:
+    """One density in double precision, from the formulas alone."""
+    if "listing2" in reading:
+        s = 1.0 / (1.0 + math.exp(-raw) * (1.0 - START) / START)
+        amplified = mean + alpha * (s - mean) * PHI
+        return min(max(amplified * (beta if s > 0.5 else 1.0), 0.0), 1.0)
+    sigma = math.log1p(math.expm1(START) * math.exp(raw))
+    return sigma if reading == "none" else max(mean + alpha * (sigma - mean) * PHI, 0.0)
 
 
-@pytest.mark.parametrize("alpha", [-1.0, 0.0, 0.3, 1.0, 4.0])
-def test_equation_4_point_by_point(alpha: float) -> None:
-    sigma = torch.rand(40, dtype=torch.float64, generator=torch.Generator().manual_seed(7)) * 30.0
-    mean = sum(sigma.tolist()) / 40
-    expected = [mean + alpha * (value - mean) * PHI for value in sigma.tolist()]
-    amplified = amplify_about_mean(sigma, sigma.mean(), scalar(alpha, torch.float64))
-    torch.testing.assert_close(amplified, torch.tensor(expected, dtype=torch.float64))
-    # the mean stays where it is, whatever alpha; the spread grows by alpha phi
-    torch.testing.assert_close(amplified.mean(), sigma.mean())
-    torch.testing.assert_close(amplified.std(), abs(alpha) * PHI * sigma.std())
+@every_reading
+@pytest.mark.parametrize("alpha", [-1.0, 0.0, 0.2, 0.9, 3.0])
+def test_every_reading_is_its_formula_point_by_point(reading: str, alpha: float) -> None:
+    beta = 1.5 if "listing2" in reading else 1.0
+    for mean in (0.05, 0.4, 0.9):
+        raws = torch.linspace(-9.0, 14.0, 47)
+        found = made(reading, alpha, mean, beta).before_and_after(raws)[1]
+        expected = [slowly(reading, float(raw), alpha, mean, beta) for raw in raws]
+        torch.testing.assert_close(found.detach(), torch.tensor(expected), rtol=1e-4, atol=1e-5)
 
 
-def test_equation_4_of_a_negative_density_is_empty_space() -> None:
-    amplifier = Equation4Amplifier()
-    with torch.no_grad():
-        amplifier.alpha.fill_(5.0)
-    before, after = amplifier.before_and_after(raw_densities())
-    assert (before >= 0).all()
-    assert (after >= 0).all()
-    assert (after == 0).any()
+@every_reading
+def test_at_first_a_reading_is_the_identity_whatever_the_mean(reading: str) -> None:
+    """To the last bit about a mean that the field holds; the printed ones subtract it and add it again."""
+    raw = torch.linspace(-40.0, 40.0, 801)
+    for mean in (0.0, 0.3, 17.0):
+        before, after = made(reading, mean=mean).before_and_after(raw)
+        if reading in ("none", *HELD):
+            assert torch.equal(before, after)
+        elif mean <= 1.0:
+            assert float((after - before).detach().abs().max() / before.max()) <= 1.2e-7
+    assert torch.equal(made("running_mean").before_and_after(raw)[1], made("none").before_and_after(raw)[1])
 
 
-def test_listing_2_stays_within_0_and_1_and_boosts_above_the_threshold_alone() -> None:
-    normalised = torch.tensor([0.0, 0.2, 0.5, 0.6, 1.0])
-    mean, alpha = scalar(0.3), scalar(1.0 / PHI)
-    boosted = amplify_listing2(normalised, mean, alpha, scalar(1.5))
-    torch.testing.assert_close(boosted, torch.tensor([0.0, 0.2, 0.5, 0.9, 1.0]), rtol=0.0, atol=2e-7)
-    moved = amplify_listing2(normalised, mean, alpha, scalar(1.5), threshold=0.55)
-    torch.testing.assert_close(moved, boosted)
-
-
-@pytest.mark.parametrize("make", [NoAmplifier, Listing2Amplifier, Equation4Amplifier])
-def test_bounded_says_whether_density_stays_within_0_and_1(make: type[nn.Module]) -> None:
-    amplifier = make(None)
-    assert amplifier.bounded == bool((amplifier.before_and_after(raw_densities(scale=30.0))[1] <= 1.0).all())
+@every_reading
+def test_bounded_says_whether_density_stays_within_0_and_1(reading: str) -> None:
+    amplifier = AMPLIFIERS[reading](None)
+    assert amplifier.bounded == bool((amplifier.before_and_after(torch.linspace(-90.0, 90.0, 50))[1] <= 1.0).all())
     assert amplifier.before_and_after(torch.zeros(0))[1].shape == (0,), "no points are no points"
 
 
-def test_softplus_density_in_closed_form() -> None:
-    raw = torch.linspace(-30.0, 30.0, 601, dtype=torch.float64)
-    sigma = softplus_density(raw, -4.4)
-    torch.testing.assert_close(sigma, torch.log1p(torch.exp(raw - 4.4)))
-    assert (sigma > 0).all()
+@every_held
+def test_solid_geometry_is_within_reach(reading: str) -> None:
+    for alpha in (1.0 / PHI, 1.0, 2.0):
+        sigma = DENSITY_SCALE * made(reading, alpha, mean=0.3).before_and_after(torch.tensor([1e3]))[1].item()
+        assert -math.expm1(-0.3 * sigma) >= 0.999, "a third of half of the box"
 
 
-@pytest.mark.parametrize("name", AMPLIFIERS)
+@every_reading
 @pytest.mark.parametrize("start", [1e-6, 0.012, 0.3, 0.9, 12.5, 1e3])
-def test_a_fresh_field_has_its_start(name: str, start: float) -> None:
+def test_a_fresh_field_has_its_start(reading: str, start: float) -> None:
     """Where the raw output is 0, density is the start, whatever the reading; a bounded one cannot start above 1."""
-    if start >= 1.0 and AMPLIFIERS[name](None).bounded:
+    if start >= 1.0 and AMPLIFIERS[reading](None).bounded:
         with pytest.raises(ValueError, match="a sigmoid lies between 0 and 1"):
-            AMPLIFIERS[name](start)
+            AMPLIFIERS[reading](start)
         return
-    before, after = AMPLIFIERS[name](start).before_and_after(torch.zeros(3))
+    before, after = AMPLIFIERS[reading](start).before_and_after(torch.zeros(3))
     torch.testing.assert_close(after, torch.full((3,), start), rtol=1e-5, atol=0.0)
     torch.testing.assert_close(before, after)
 
 
-@pytest.mark.parametrize("name", AMPLIFIERS)
+@every_reading
 @pytest.mark.parametrize("start", [0.0, -1.0, float("nan")])
-def test_a_start_that_is_no_density_is_refused(name: str, start: float) -> None:
+def test_a_start_that_is_no_density_is_refused(reading: str, start: float) -> None:
     with pytest.raises(ValueError, match="a start of"):
-        AMPLIFIERS[name](start)
+        AMPLIFIERS[reading](start)
 
 
-@pytest.mark.parametrize(("name", "printed"), [("none", 0.6931472), ("listing2", 0.5), ("equation4", 0.6931472)])
-def test_as_printed_nothing_is_shifted(name: str, printed: float) -> None:
-    assert AMPLIFIERS[name](None).before_and_after(torch.zeros(1))[1].item() == pytest.approx(printed)
+@every_reading
+def test_as_printed_nothing_is_shifted(reading: str) -> None:
+    printed = 0.5 if "listing2" in reading else math.log(2.0)
+    assert AMPLIFIERS[reading](None).before_and_after(torch.zeros(1))[1].item() == pytest.approx(printed)
 
 
-SIXTY_DECADES = [0.0, 1e-45, 1e-30, 1e-10, 1e-4, 1.0, 1e4, 1e10, 1e30]
+@every_reading
+@pytest.mark.parametrize("mean", [None, 0.0, 0.5, 1e4])
+def test_sixty_decades_of_raw_density_are_finite_with_finite_gradients(reading: str, mean: float | None) -> None:
+    """At any contrast where the mean is held, α gone to infinity included; as printed at the first one."""
+    decades = [0.0, *(sign * 10.0**k for k in range(-45, 31, 3) for sign in (1.0, -1.0))]
+    for alpha in (1.0 / PHI, -1.0, 0.0, 10.0, 1e3, math.inf) if reading in HELD else (1.0 / PHI,):
+        for raw in (torch.tensor(decades), torch.full((500,), 1e30), torch.full((500,), -1e30)):
+            amplifier = AMPLIFIERS[reading](None) if mean is None else made(reading, alpha, mean, start=None)
+            values = amplifier.before_and_after(raw.requires_grad_())
+            values[1].sum().backward()
+            assert (values[1] >= 0).all()
+            for each in (*values, raw.grad, *(weight.grad for weight in amplifier.parameters())):
+                assert each is not None
+                assert torch.isfinite(each).all()
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("largest", SIXTY_DECADES)
-@pytest.mark.parametrize("make", [NoAmplifier, Listing2Amplifier, Equation4Amplifier])
-def test_sixty_decades_of_raw_density_are_finite_with_finite_gradients(
-    make: type[nn.Module], largest: float, sign: float
-) -> None:
-    amplifier = make(None)
-    raw = torch.tensor([value for value in SIXTY_DECADES if value <= largest] + [largest] * 500)
-    raw = (sign * raw).requires_grad_()
-    before, after = amplifier.before_and_after(raw)
-    after.sum().backward()
-    assert torch.isfinite(before).all()
-    assert torch.isfinite(after).all()
-    assert (after >= 0).all()
-    assert torch.isfinite(raw.grad).all()  # type: ignore[arg-type]
-    assert all(torch.isfinite(weight.grad) for weight in amplifier.parameters())
+@every_reading
+def test_gradients_are_those_of_differences(reading: str) -> None:
+    amplifier = made(reading, 0.8, mean=0.3, beta=1.2).double()
+    raw = torch.tensor([-1.0, 2.5, 5.0], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(
+        lambda raw, *_: amplifier.before_and_after(raw)[1], (raw, *amplifier.parameters()), atol=1e-6
+    )
 
 
+@every_reading
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
-def test_half_precision_is_refused(dtype: torch.dtype) -> None:
-    raw = torch.zeros(4, dtype=dtype)
-    for make in (NoAmplifier, Listing2Amplifier, Equation4Amplifier):
-        with pytest.raises(TypeError, match="the amplifier needs float32 or better, got torch"):
-            make(None).before_and_after(raw)
+def test_half_precision_is_refused(reading: str, dtype: torch.dtype) -> None:
+    with pytest.raises(TypeError, match="the amplifier needs float32 or better, got torch"):
+        AMPLIFIERS[reading](None).before_and_after(torch.zeros(4, dtype=dtype))

@@ -118,27 +118,6 @@ def test_nothing_is_quite_opaque_and_what_cannot_be_seen_ends_the_ray() -> None:
     assert count <= 3 * 4
 
 
-def test_gradients_are_those_of_finite_differences() -> None:
-    """Every part of a Gaussian, where no ray passes the edge at which it ends."""
-    values, at = scene(6, seed=3), 0.3 * rays(5)
-    values[:, 3:6] += 1.0
-    weight = torch.randn(len(at), 4, dtype=torch.float64, generator=torch.Generator().manual_seed(4))
-
-    def loss(some: Tensor) -> Tensor:
-        out, through, _ = drawn(some, at)
-        return (weight * out).sum() + (weight[:, 1] * through).sum()
-
-    leaf = values.clone().requires_grad_()
-    (gradient,) = torch.autograd.grad(loss(leaf), leaf)
-    step = 1e-6
-    for column in range(3, values.shape[1]):  # of a position, the direction of the colour counts as given
-        moved = [values.clone() for _ in range(2)]
-        for sign, some in zip((1.0, -1.0), moved, strict=True):
-            some[2, column] += sign * step
-        slope = float(loss(moved[0]) - loss(moved[1])) / (2.0 * step)
-        assert float(gradient[2, column]) == pytest.approx(slope, rel=2e-3, abs=2e-5), column
-
-
 def test_the_same_bits_on_one_thread_and_on_three() -> None:
     values, at = scene(200, kind=torch.float32), rays(40, torch.float32)
     before = torch.get_num_threads()

@@ -155,18 +155,33 @@ def test_other_options_are_not_resumed(
     assert done(tmp_path / "out") == ["2"]
 
 
-@pytest.mark.parametrize("shelf", ["speed", "stability", "evidence"])
-def test_bad_options_and_folders_are_refused(shelf: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("shelf", "options", "said"),
+    [
+        ("stability", "--cases Q1 Q99", "--studies: unknown 'Q99'; known: Q1 Q2"),
+        ("stability", "--cases Q1 Q1", "--studies: Q1 named twice"),
+        ("stability", "--methods nope", "--methods: unknown 'nope'; known: nerf"),
+        ("speed", "--items 0", "--studies: unknown '0'; known: 1 2 3"),
+        ("speed", "--plain-seconds 0", "--plain-seconds 0: must lie between"),
+        ("speed", "--plain-seconds nan", "--plain-seconds nan"),
+        ("speed", "--plain-seconds 1e9", "--plain-seconds 1e+09"),
+        *((shelf, options, said) for shelf in ("speed", "stability", "evidence") for options, said in (
+            ("--studies none", "--studies: unknown 'none'"),
+            ("--resume", "--resume: name the folder"),
+            ("--out .", "is in use"),
+            ("--out mine.txt", "is a file"),
+            ("--out mine.txt/run", "cannot be written"),
+            ("--out . --resume", f"holds no {SHELVES[shelf]}"),
+        )),
+    ],
+)  # fmt: skip
+def test_bad_options_and_folders_are_refused(
+    shelf: str, options: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     (tmp_path / "mine.txt").write_text("mine")
-    for options, said in {
-        ("--studies", "none"): "--studies: unknown 'none'",
-        ("--resume",): "--resume: name the folder",
-        ("--out", tmp_path): "is in use",
-        ("--out", tmp_path / "mine.txt"): "is a file",
-        ("--out", tmp_path / "mine.txt" / "run"): "cannot be written",
-        ("--out", tmp_path, "--resume"): f"holds no {SHELVES[shelf]}",
-    }.items():
-        assert said in refused(capsys, "--quiet", *options, command=shelf)
+    monkeypatch.chdir(tmp_path)
+    assert said in refused(capsys, "--quiet", *options.split(), command=shelf)
     assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
 
 

@@ -39,12 +39,6 @@ def test_counted_from_shapes_is_what_torch_does(method: str, size: NetworkSize) 
     assert flops_per_evaluation(field_of(method, size)) == really_done(method, size)
 
 
-def test_the_paper_s_network_by_hand() -> None:
-    density = 63 * 256 + 6 * 256 * 256 + (256 + 63) * 256
-    colour = (256 + 27) * 128 + 128 * 128 + 128 * 3
-    assert flops_per_evaluation(field_of("nerf", NetworkSize())) == 2 * (density + 256 + colour)
-
-
 @pytest.mark.parametrize(("method", "features", "encoder"), [("planes", 24, 24 * 26), ("hash_grid", 24, 24 * 16)])
 def test_learnt_features_by_hand(method: str, features: int, encoder: int) -> None:
     """A weight and a sum for each of 12 corners, and two products; or of 8 corners."""

@@ -9,22 +9,28 @@ import numpy as np
 import pytest
 import torch
 
-from harness.records.cells import CellRecord, write_cell
+from harness.records.cells import CellRecord, cell_path, read_cell, write_cell
 from harness.records.pictures import read_renders
 from harness.training import lockstep
+from harness.training.learner import Job
+from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet
-from tests.harness.training.test_lockstep import group, watched, without_time
+from tests.harness.training.test_lockstep import THREE, group, watched, without_time
 
 
-def ends(learner: Trainer) -> None:
-    raise SystemExit(0)
+def raises(error: BaseException) -> Callable[[Trainer], None]:
+    def act(learner: Trainer) -> None:
+        raise error
+
+    return act
 
 
 MISDEEDS: dict[str, tuple[Callable[[Trainer], object], str]] = {
-    "ends": (ends, "SystemExit at step 7: 0"),
+    "a bug": (raises(RuntimeError("a bug")), "RuntimeError at step 7: a bug"),
+    "ends": (raises(SystemExit(0)), "SystemExit at step 7: 0"),
     "dtype": (
         lambda _: torch.set_default_dtype(torch.float64),
         "torch's default dtype from torch.float32 to torch.float64",
@@ -46,6 +52,10 @@ def poisoned(learner: Trainer) -> None:
         learner.coarse.density_head.weight[0, 0] = math.nan
 
 
+def others_are_the_same(cells: dict[str, CellRecord], trained: dict[str, CellRecord], failed: str) -> bool:
+    return all(without_time(cells[one]) == without_time(trained[one]) for one in THREE if one != failed)
+
+
 def test_a_method_that_diverges_does_not_stop_or_change_the_others(
     trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -60,8 +70,7 @@ def test_a_method_that_diverges_does_not_stop_or_change_the_others(
     assert [one.step for one in kept] == [6], "and so do its pictures"
     assert set(broken.properties) == {"flops_per_evaluation", "rays_per_step"}, "known before the first step"
     write_cell(tmp_path, broken)
-    for method in ("nerf", "nerf_matched"):
-        assert without_time(cells[method]) == without_time(trained[method])
+    assert others_are_the_same(cells, trained, "qnerf")
     assert shares[-1] == 1.0
 
 
@@ -74,92 +83,68 @@ def test_what_a_method_does_to_its_process_costs_its_own_cell_alone(
     cells = group(ball, tmp_path)
     assert cells["nerf"].status == "error"
     assert said in (cells["nerf"].reason or "")
-    for method in ("nerf_matched", "qnerf"):
-        assert without_time(cells[method]) == without_time(trained[method])
+    assert others_are_the_same(cells, trained, "nerf")
 
 
-def test_an_error_of_ours_costs_its_own_cell_alone(
-    trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("where", ["not available", "__init__", "warm_up"])
+def test_what_fails_before_the_first_step_costs_its_own_cell_alone(
+    where: str, trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(learner: Trainer, *_: object) -> None:
-        if learner.method == "nerf" and learner.step == 7:
-            raise RuntimeError("a bug")
-
-    watched(monkeypatch, broken)
-    cells = group(ball, tmp_path)
-    assert (cells["nerf"].status, cells["nerf"].reason) == ("error", "RuntimeError at step 7: a bug")
-    for method in ("nerf_matched", "qnerf"):
-        assert without_time(cells[method]) == without_time(trained[method])
-
-
-def test_a_pixel_that_is_not_finite_at_a_checkpoint_is_a_divergence(
-    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    original = evaluate.render_split
-
-    def spoilt(trainer: Trainer, *others: Any) -> Any:
-        if trainer.method == "nerf_matched":
-            with torch.no_grad():
-                trainer.coarse.colour_net[0].bias[0] = math.inf
-                trainer.coarse.colour_net[1].weight[:] = 0.0  # 0 × ∞ in the next layer
-        return original(trainer, *others)
-
-    monkeypatch.setattr(lockstep.evaluate, "render_split", spoilt)
-    cells = group(ball, tmp_path)
-    assert {method: cell.status for method, cell in cells.items()} == {
-        "nerf": "done", "nerf_matched": "diverged", "qnerf": "done",
-    }  # fmt: skip
-    assert cells["nerf_matched"].reason == "not finite at step 6: rendered colour of ray 0"
-
-
-@pytest.mark.parametrize("part", ["__init__", "warm_up"])
-def test_an_error_before_the_first_step_costs_its_own_cell_alone(
-    part: str,
-    trained: dict[str, CellRecord],
-    ball: ViewSet,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    original = getattr(Trainer, part)
+    def missing(job: Job) -> Any:
+        if job.method == "nerf_matched":
+            raise NotAvailable("needs a library that is not here")
+        return learner_for(job)
 
     def broken(self: Trainer, *arguments: Any) -> None:
         original(self, *arguments)
         if self.method == "nerf_matched":
             raise torch.OutOfMemoryError("no room")
 
-    monkeypatch.setattr(Trainer, part, broken)
+    if where == "not available":
+        expected = ("not_available", "needs a library that is not here")
+        monkeypatch.setattr(lockstep, "learner_for", missing)
+    else:
+        expected = ("error", "OutOfMemoryError before the first step: no room")
+        original = getattr(Trainer, where)
+        monkeypatch.setattr(Trainer, where, broken)
     shares: list[float] = []
     cells = group(ball, tmp_path, progress=shares.append)
     failed = cells["nerf_matched"]
-    assert (failed.status, failed.reason) == ("error", "OutOfMemoryError before the first step: no room")
-    assert (failed.steps, failed.train_seconds, failed.scores) == (0, 0.0, {})
+    assert (failed.status, failed.reason) == expected
+    assert (failed.steps, failed.train_seconds, failed.scores, failed.curve) == (0, 0.0, {}, [])
     write_cell(tmp_path, failed)
-    for method in ("nerf", "qnerf"):
-        assert without_time(cells[method]) == without_time(trained[method])
+    assert read_cell(cell_path(tmp_path, "ball", "nerf_matched", 0)).reason == failed.reason
+    assert others_are_the_same(cells, trained, "nerf_matched")
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
 
-def test_what_is_not_finite_in_the_warm_up_is_a_divergence(
-    ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [("warm_up", "0: weight of coarse.density_head.weight"), ("render_split", "6: rendered colour of ray 0")],
+)
+def test_what_is_not_finite_in_the_warm_up_or_at_a_checkpoint_is_a_divergence(
+    part: str, said: str, ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = Trainer.warm_up
+    owner: Any = Trainer if part == "warm_up" else evaluate
+    original = getattr(owner, part)
 
-    def spoilt(self: Trainer, *batch: Any) -> None:
-        if self.method == "nerf":
-            poisoned(self)
-        original(self, *batch)
+    def spoilt(trainer: Trainer, *others: Any) -> Any:
+        if trainer.method == "nerf" and part == "warm_up":
+            poisoned(trainer)
+        elif trainer.method == "nerf":
+            with torch.no_grad():
+                trainer.coarse.colour_net[0].bias[0] = math.inf
+                trainer.coarse.colour_net[1].weight[:] = 0.0  # 0 × ∞ in the next layer
+        return original(trainer, *others)
 
-    monkeypatch.setattr(Trainer, "warm_up", spoilt)
+    monkeypatch.setattr(owner, part, spoilt)
     cells = group(ball, tmp_path, ("nerf", "qnerf"))
     assert (cells["nerf"].status, cells["qnerf"].status) == ("diverged", "done")
-    assert cells["nerf"].reason == "not finite at step 0: weight of coarse.density_head.weight"
+    assert cells["nerf"].reason == f"not finite at step {said}"
 
 
 def test_a_mistake_of_the_user_ends_the_group(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def mistaken(*arguments: Any) -> None:
-        raise InputError("--network: too deep")
-
-    monkeypatch.setattr(lockstep, "learner_for", mistaken)
+    monkeypatch.setattr(lockstep, "learner_for", raises(InputError("--network: too deep")))
     with pytest.raises(InputError, match="too deep"):
         group(ball, tmp_path)

@@ -125,17 +125,19 @@ def test_it_may_be_stopped_again_and_again(
 
 
 @pytest.mark.parametrize(
-    "changes", [{"train": replace(TRAIN, learning_rate=5e-3)}, {"budget": replace(BUDGET, steps=25)}]
+    ("changes", "why"),
+    [
+        ({"train": replace(TRAIN, learning_rate=5e-3)}, "settings"),
+        ({"budget": replace(BUDGET, steps=25)}, "settings"),
+        ({"origin": {**ORIGIN, "sources": "another"}}, "this program"),
+    ],
 )
-def test_other_settings_begin_again(ball: ViewSet, stopped: Path, changes: dict[str, Any]) -> None:
+def test_other_settings_and_other_code_begin_again(
+    ball: ViewSet, stopped: Path, changes: dict[str, Any], why: str
+) -> None:
     _, notices = train(ball, stopped, until=0.0, **changes)
-    assert notices[0] == "ball, nerf, seed 0: trained from the start, as settings changed since it was kept"
+    assert notices[0] == f"ball, nerf, seed 0: trained from the start, as {why} changed since it was kept"
     assert read_unfinished(unfinished_path(stopped, "ball", "nerf", 0)).listing["step"] == 1
-
-
-def test_other_code_begins_again(ball: ViewSet, stopped: Path) -> None:
-    _, notices = train(ball, stopped, until=0.0, origin={**ORIGIN, "sources": "another"})
-    assert notices[1] == "ball, qnerf, seed 0: trained from the start, as this program changed since it was kept"
 
 
 def test_a_damaged_byte_is_found_and_its_cell_begins_again(

@@ -11,7 +11,7 @@ from harness.records.cells import CellRecord, LeftOut
 from harness.records.study import Check, Effect
 from harness.studies.evidence.contrasts import chosen, listed
 from harness.studies.evidence.evidence_context import TRAININGS
-from harness.studies.evidence.positive_controls import CONTROLS, HISTORY, ORIGINAL, TIMES, positive_controls
+from harness.studies.evidence.positive_controls import CONTROLS, HISTORY, positive_controls
 from harness.studies.trained_context import StudyRun
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.evidence.planted import Planted, sentences
@@ -112,12 +112,6 @@ def test_a_lost_run_keeps_the_loss_from_being_found() -> None:
     quarter = [diverged(scene, "nerf", seed) for scene in SCENES for seed in range(3)]
     lost = [check for check in checks(situation(LOSSES, quarter_images=quarter)) if "quarter" in check.what]
     assert [(check.value, check.holds) for check in lost] == [(0.0, False), (None, False)]
-
-
-def test_the_plausible_range_is_the_declared_one() -> None:
-    sizes = [(check.low, check.high) for check in checks(situation(LOSSES)) if "difference in PSNR" in check.what]
-    known = [control.original for control in CONTROLS if control.original is not None]
-    assert sizes == [(pytest.approx(TIMES * (original - ORIGINAL)), -0.2) for original in known]
 
 
 def test_a_small_loss_is_judged_at_the_end_of_its_own_steps_with_its_power() -> None:

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 import torch
-from torch import Tensor
 
-from baselines.contract import Box, Rays
+from baselines.contract import Rays
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from harness.execution.progress import Quiet
@@ -27,38 +26,15 @@ from harness.studies.evidence.work.rendering_work import (
 from harness.training.lockstep import trained_alone
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
+from tests.baselines.analytic import AnalyticField, cube, gaussian, homogeneous
+from tests.baselines.test_rendering import gaussian_opacity
 from tests.harness.tiny import BUDGET, CPU, TRAIN
 
-BOX = Box(-torch.ones(3), torch.ones(3))
-PEAK, SPREAD = 3.0, 0.3
-BOX_SAMPLER = next(sampler for sampler in SAMPLERS if sampler.name == "box")
+BOX = cube(dtype=torch.float32)
+BLOB = AnalyticField(gaussian(3.0, 0.3), (0.5, 0.5, 0.5))
+FOG = AnalyticField(homogeneous(1.0), (0.5, 0.5, 0.5))
+NAMED = {sampler.name: sampler for sampler in SAMPLERS}
 OURS = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
-
-
-class Blob:
-    """σ = 3 exp(−|x|² / 2·0.3²), colour ½ everywhere: a ray through the middle has depth 3·0.3·√(2π), nearly all of it
-    within the box."""
-
-    pointwise = True
-
-    def encode_directions(self, d: Tensor) -> Tensor:
-        return d
-
-    def density(self, x: Tensor) -> Tensor:
-        return PEAK * torch.exp(-x.square().sum(dim=-1) / (2 * SPREAD**2))
-
-    def density_before_and_after(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        return self.density(x), self.density(x)
-
-    def density_and_colour(self, x: Tensor, view: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
-        return self.density(x), torch.full_like(x, 0.5)
-
-
-class Fog(Blob):
-    """σ = 1 everywhere, outside of the box as well."""
-
-    def density(self, x: Tensor) -> Tensor:
-        return torch.ones_like(x[..., 0])
 
 
 def axial(offsets: tuple[float, ...] = (0.0, 0.2, 0.5)) -> Rays:
@@ -67,34 +43,24 @@ def axial(offsets: tuple[float, ...] = (0.0, 0.2, 0.5)) -> Rays:
     return Rays(origins, torch.tensor([[0.0, 0.0, -1.0]]).expand(len(offsets), 3).contiguous(), 2.0, 6.0)
 
 
-def frame(field: Blob, rays: Rays | None = None) -> Frame:
+def frame(field: AnalyticField = BLOB, rays: Rays | None = None) -> Frame:
     return Frame(EmptyOutside(field, BOX), rays or axial(), BOX, OccupancyGrid(8, BOX, 0.01), torch.ones(3), 2)
-
-
-def blob_opacity(offset: Tensor) -> Tensor:
-    within = math.erf(1.0 / (math.sqrt(2) * SPREAD))
-    depth = PEAK * torch.exp(-(offset**2) / (2 * SPREAD**2)) * SPREAD * math.sqrt(2 * math.pi) * within
-    return 1.0 - torch.exp(-depth)
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS, ids=lambda sampler: sampler.name)
 @pytest.mark.parametrize("rule", OURS)
 def test_every_rule_and_sampler_tends_to_the_closed_form(rule: str, sampler: Sampler) -> None:
-    pictures, _ = frame(Blob()).rendered(rule, sampler, 512)
-    expected = blob_opacity(torch.tensor([0.0, 0.2, 0.5]))
+    pictures, _ = frame().rendered(rule, sampler, 512)
+    expected = torch.tensor([gaussian_opacity(3.0, 0.3, offset) for offset in (0.0, 0.2, 0.5)])
     bar = 2e-2 if sampler.random or sampler.two_passes else 5e-3
     assert pictures["opacity"] == pytest.approx(expected, abs=bar)
     assert pictures["colour"][:, 0] == pytest.approx(1.0 - 0.5 * expected, abs=bar)
 
 
-def sampler_called(name: str) -> Sampler:
-    return next(sampler for sampler in SAMPLERS if sampler.name == name)
-
-
 @pytest.mark.parametrize("name", ["near to far", "box"])
 def test_nothing_outside_of_the_box_is_seen(name: str) -> None:
     """Two units of fog of density 1, though the field goes on; a ray beside the box sees none."""
-    pictures, _ = frame(Fog(), axial((0.0, 0.9, 1.5))).rendered("midpoint", sampler_called(name), 256)
+    pictures, _ = frame(FOG, axial((0.0, 0.9, 1.5))).rendered("midpoint", NAMED[name], 256)
     assert pictures["opacity"] == pytest.approx(torch.tensor([1 - math.exp(-2), 1 - math.exp(-2), 0.0]), abs=5e-3)
 
 
@@ -106,7 +72,7 @@ def test_nothing_outside_of_the_box_is_seen(name: str) -> None:
     ],
 )  # fmt: skip
 def test_what_is_counted_is_what_was_asked_for(name: str, rule: str, evaluations: int) -> None:
-    assert frame(Blob()).rendered(rule, sampler_called(name), 64)[1] == 3 * evaluations
+    assert frame().rendered(rule, NAMED[name], 64)[1] == 3 * evaluations
 
 
 def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
@@ -120,10 +86,10 @@ def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
         now += ((tick + 1) / 2) ** 2 if tick % 2 else 0.0
         return now
 
-    shown = frame(Blob())
-    reference, _ = shown.rendered("midpoint", BOX_SAMPLER, 256)
+    shown = frame()
+    reference, _ = shown.rendered("midpoint", NAMED["box"], 256)
     reference["colour"] += 0.25
-    lines = measured_lines(shown, ("midpoint", "left"), (BOX_SAMPLER,), (128, 256), reference, 3, clock=clock)
+    lines = measured_lines(shown, ("midpoint", "left"), (NAMED["box"],), (128, 256), reference, 3, clock=clock)
     assert [(line.rule, line.sampler, line.samples) for line in lines] == [
         ("midpoint", "box", [128, 256]), ("left", "box", [128, 256]),
     ]  # fmt: skip
@@ -134,7 +100,7 @@ def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
     assert lines[0].evaluations == [3 * 128, 3 * 256]
     reference["colour"][0] = math.nan
     with pytest.raises(ValueError, match=r"midpoint \(box\): an error is not finite"):
-        measured_lines(shown, ("midpoint",), (BOX_SAMPLER,), (128,), reference, 1)
+        measured_lines(shown, ("midpoint",), (NAMED["box"],), (128,), reference, 1)
 
 
 def test_orders_are_fitted_clear_of_the_reference() -> None:

@@ -13,7 +13,7 @@ from harness.studies.framework import Found
 from harness.studies.frontier.costs import time_to_score
 from harness.studies.frontier.error_against_time import error_against_time
 from harness.studies.frontier.front import front
-from harness.studies.frontier.frontier_context import AMOUNTS, PHI_METHODS, Amount, FrontierContext
+from harness.studies.frontier.frontier_context import PHI_METHODS, Amount, FrontierContext
 from harness.studies.frontier.frontier_studies import STUDIES
 from harness.studies.frontier.needs import needs, pick
 from harness.studies.frontier.phi import phi
@@ -80,13 +80,6 @@ def test_every_budget_is_a_training_of_its_own_in_core_seconds_for_all_families_
     assert plans[2].methods == PHI_METHODS
     assert plans[0].train.grid.first_step < plans[1].train.grid.first_step
     assert {training for study in STUDIES.values() for training in study.trainings} == {"budgets", "phi"}
-
-
-def test_the_default_takes_an_hour_of_two_cores_and_quick_five_minutes() -> None:
-    minutes = {name: sum(amount.core_seconds.values()) / 120 for name, amount in AMOUNTS.items()}
-    assert minutes["default"] < 50
-    assert minutes["quick"] < 5
-    assert set(AMOUNTS["long"].budgets) > set(AMOUNTS["default"].budgets)
 
 
 def test_the_best_mean_is_named_and_curves_are_errors_with_intervals_over_scenes() -> None:

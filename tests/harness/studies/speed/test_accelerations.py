@@ -55,13 +55,6 @@ def test_one_of_them_off_is_another_way_to_compute() -> None:
         assert not torch.equal(on.colour, off.colour), name
 
 
-def test_without_the_grid_every_bin_is_evaluated() -> None:
-    made = after_steps("nerf", without("grid", without("early_stop")))
-    rays, _ = rays_and_colours(50, seed=99)
-    assert made.grid is None
-    assert made.render(rays, 50).network_evaluations == 50 * TRAIN.bins
-
-
 def test_without_clipping_rays_run_from_near_to_far() -> None:
     whole = without("grid", without("early_stop"))
     made = after_steps("nerf", without("clipping", whole))

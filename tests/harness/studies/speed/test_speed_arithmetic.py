@@ -22,15 +22,6 @@ from harness.studies.speed.throughput import step_flops
 from tests.harness.tiny import rays_and_colours
 
 
-def test_products_of_the_paper_by_hand() -> None:
-    """Table 1: 63 → 256, 256 → 256 seven times, 63 once more, heads, 27 once a ray."""
-    size = NetworkSize()
-    a_point = 63 * 256 + 7 * 256 * 256 + 63 * 256 + 256 * 1 + 256 * 128 + 128 * 128 + 128 * 3
-    expected = 6 * a_point * 65536 - 2 * (2 * 63 * 256) * 65536 + 4 * 27 * 128 * 1024
-    assert step_flops(size, 65536, 1024) == expected
-    assert step_flops(size, 65536, 1024, view_dependent=False) == expected - 4 * 27 * 128 * 1024
-
-
 @pytest.mark.parametrize("depth", [1, 2, 4, 5, 8])
 @pytest.mark.parametrize("view_dependent", [True, False])
 def test_flops_against_those_that_torch_counts(depth: int, view_dependent: bool) -> None:

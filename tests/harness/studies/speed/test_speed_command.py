@@ -2,34 +2,13 @@
 
 import json
 import sys
-from functools import partial
 from pathlib import Path
 
 import pytest
 
 from harness.command.main import main
 from harness.records.study import Check, read_studies
-from tests.harness import shell
 from tests.test_architecture import heavy_imports_of, run_module
-
-refused = partial(shell.refused, command="speed")
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ("--items 0", "--studies: unknown '0'; known: 1 2 3"),
-        ("--plain-seconds 0", "--plain-seconds 0: must lie between"),
-        ("--plain-seconds nan", "--plain-seconds nan"),
-        ("--plain-seconds 1e9", "--plain-seconds 1e+09"),
-    ],
-)
-def test_bad_options_are_said_in_one_line(
-    options: str, said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert said in refused(capsys, "--quiet", *options.split())
-    assert list(tmp_path.iterdir()) == []
 
 
 def answers(out: Path, *items: int) -> dict[str, Check]:

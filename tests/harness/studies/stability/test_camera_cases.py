@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-import torch
 
 from harness.studies.stability.rays import camera_cases
 from tests.harness.studies.stability.made_up import checks, context_in
@@ -25,10 +24,3 @@ def test_a_check_that_is_gone_and_a_careless_slab_are_noticed(tmp_path: Path, mo
     assert poses.value == 7
     assert "pose: mirrored" in poses.why
     assert slab.what.startswith("axis-parallel rays")
-
-
-def test_the_exact_interval_is_by_cases() -> None:
-    inside = camera_cases._exact(torch.tensor([0.0, 1.0, -0.5]), torch.tensor([0.0, 0.0, -1.0]), 0.1, 6.0)
-    assert inside == (0.1, 0.5)
-    outside = camera_cases._exact(torch.tensor([0.0, 1.5, -2.0]), torch.tensor([0.0, 0.0, 1.0]), 0.1, 6.0)
-    assert outside is None

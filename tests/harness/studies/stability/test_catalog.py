@@ -11,7 +11,7 @@ from harness.records.study import CHAPTERS, check, read_studies
 from harness.run_folder.integrity import mend
 from harness.studies.framework import Found, Shelf
 from harness.studies.stability.cases import CASES
-from harness.studies.stability.stability_context import METHODS, StabilityContext, whose
+from harness.studies.stability.stability_context import METHODS, StabilityContext
 from tests.harness import shell
 
 REQUIRED = (
@@ -30,29 +30,7 @@ def test_every_case_of_the_catalogue_is_there_and_says_what_it_is() -> None:
     assert list(CHAPTERS) == list(range(1, len(CHAPTERS) + 1))
 
 
-def test_a_method_with_a_printed_part_is_the_papers() -> None:
-    assert whose("nerf") == "ours"
-    assert whose("qnerf") == "paper"
-    assert whose("qnerf_listing4") == "paper"
-
-
 refused = partial(shell.refused, command="stability")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ("--cases Q1 Q99", "--studies: unknown 'Q99'; known: Q1 Q2"),
-        ("--cases Q1 Q1", "--studies: Q1 named twice"),
-        ("--methods nope", "--methods: unknown 'nope'; known: nerf"),
-    ],
-)
-def test_bad_options_are_said_in_one_line(
-    options: str, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert message in refused(capsys, "--quiet", *options.split())
-    assert list(tmp_path.iterdir()) == []
 
 
 def trains_in_the_same_folder(context: StabilityContext) -> Iterator[Found]:

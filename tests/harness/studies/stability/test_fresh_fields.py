@@ -8,16 +8,6 @@ import torch
 from harness.studies.stability.fields import fresh_fields
 
 
-def test_nothing_helps() -> None:
-    settings = fresh_fields.PAPER
-    assert settings.grid.cells == 0
-    assert settings.covered_share == 0.0
-    on = settings.accelerations
-    assert (on.grid, on.hull, on.hidden) == (False, False, False)
-    assert (settings.optimiser.name, settings.learning_rate, settings.last_learning_rate) == ("adam", 5e-4, 5e-4)
-    assert (settings.network.depth, settings.network.width) == (8, 256)
-
-
 def test_a_ball_covers_as_many_pixels_as_its_cone() -> None:
     """A cone about the axis of a square view: π (f tan θ)² pixels, where sin θ = radius / distance."""
     seen = fresh_fields.cameras(256)

@@ -10,7 +10,6 @@ from harness.studies.choices.omissions import Omission, Verdict
 from harness.studies.stability.whole_scenes.ladder_cases import (
     LEAST_RUNGS,
     RungScore,
-    _control,
     _worst,
     outcome_of,
     rungs_climbed,
@@ -147,9 +146,3 @@ def test_the_worst_scene_of_an_omission_decides(
     outcome = _worst(omitted)
     assert (outcome.status, outcome.value, outcome.limit) == (status, value, WITHIN.bound)
     assert words in outcome.why
-
-
-def test_a_control_must_cost_and_be_measured() -> None:
-    assert _control(omission("costs more", -20.0)).status == "pass"
-    assert _control(omission("within its bound", 0.0)).is_broken
-    assert _control(omission("inconclusive", None, None, pairs=0)).status == "not_available"

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from baselines.numerics.bounds import ray_box
 from harness.training.scoring.densities import (
     density_properties,
     opacity_of,
@@ -15,6 +16,7 @@ from harness.training.scoring.densities import (
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
+from tests.baselines.analytic import chord
 from tests.harness.tiny import CPU, TRAIN, rays_and_colours, trainer
 
 DISTANCE, NAMES = 1.0 / 138.88875 * 4.0311, ("density_by_weight_50", "density_by_weight_90", "density_by_weight_99")
@@ -90,10 +92,9 @@ def test_a_solid_in_fog_has_the_weight_of_its_pixels(ball: ViewSet) -> None:
     at_ceiling = whole = 0.0
     for view in range(len(cameras)):
         rays = cameras.all_rays(view)
-        enter, leave = (crossing(rays.origins, rays.directions, sign) for sign in (-1.0, 1.0))
-        along, across = closest(rays.origins, rays.directions)
-        inside = (0.25 - across**2).clamp(min=0.0).sqrt()
-        fog = 1.0 - torch.exp(-0.2 * (leave - enter).clamp(min=0.0))
+        enter, leave, _ = ray_box(rays.origins, rays.directions, -torch.ones(3), torch.ones(3), rays.near, rays.far)
+        along, inside = -(rays.origins * rays.directions).sum(-1), 0.5 * chord(rays, 0.5)
+        fog = 1.0 - torch.exp(-0.2 * (leave - enter))
         before = torch.exp(-0.2 * (along - inside - enter).clamp(min=0.0))
         solid = torch.where(inside > 0, before * (1.0 - torch.exp(-50.0 * inside)), 0.0)
         behind = before * torch.exp(-50.0 * inside) * (1.0 - torch.exp(-0.2 * (leave - along - inside).clamp(min=0.0)))
@@ -103,17 +104,6 @@ def test_a_solid_in_fog_has_the_weight_of_its_pixels(ball: ViewSet) -> None:
     assert found["weight_at_ceiling"] == pytest.approx(at_ceiling / whole, rel=0.02)
     assert 0.1 < at_ceiling / whole < 0.9
     assert found["density_by_weight_99"] == 25.0
-
-
-def crossing(origins: torch.Tensor, directions: torch.Tensor, sign: float) -> torch.Tensor:
-    """Where rays enter (−1) or leave (+1) the box ±1; entered after it is left where they miss it."""
-    towards = (sign * directions.sign() - origins) / directions
-    return towards.amax(-1) if sign < 0 else towards.amin(-1)
-
-
-def closest(origins: torch.Tensor, directions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    along = -(origins * directions).sum(-1)
-    return along, (origins + along[:, None] * directions).norm(dim=-1)
 
 
 def test_a_method_without_a_limit_has_no_ceiling(ball: ViewSet) -> None:
