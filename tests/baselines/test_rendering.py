@@ -24,7 +24,6 @@ from tests.baselines.analytic import (
     mean_depth_in_fog,
     rays_at,
     smooth_ball,
-    soft_shell,
 )
 
 BACKGROUND = torch.tensor([1.0, 1.0, 0.5], dtype=torch.float64)
@@ -163,24 +162,6 @@ def test_random_points_are_unbiased_enough_and_reproducible() -> None:
     assert torch.equal(draws[0], render(field, rays, 32, generator=torch.Generator().manual_seed(0)).colour)
     assert not torch.equal(draws[0], draws[1])
     assert float((torch.stack(draws).mean(0) - exact).abs().max()) <= 5e-3
-
-
-def test_fine_pass_improves_the_picture_of_a_thin_shell() -> None:
-    """A shell of half the width of a coarse bin. (As many even bins would do better still: the midpoint rule is
-    spectrally accurate there, and what the coarse pass misses the fine one is never sent to.)
-    """
-    rays, field = rays_at(0.2, 200), AnalyticField(soft_shell(10.0, 0.6, 0.01))
-    truth = render(field, rays, 8192)
-    both = render(field, rays, 64, fine=field, fine_bins=128)
-    coarse = render(field, rays, 64)
-    assert both.coarse_colour is not None
-    torch.testing.assert_close(both.coarse_colour, coarse.colour)
-
-    def error(ours: Tensor, exact: Tensor) -> float:
-        return float((ours - exact).square().mean().sqrt())
-
-    assert error(both.colour, truth.colour) < 0.5 * error(coarse.colour, truth.colour)
-    assert error(both.depth, truth.depth) < 0.5 * error(coarse.depth, truth.depth)
 
 
 def test_evaluations_of_both_passes_are_counted() -> None:

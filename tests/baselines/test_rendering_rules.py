@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from baselines.catalog import CATALOG, Method
+from baselines.contract import Rendering
 from baselines.methods.nerf import NERF
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
@@ -79,12 +80,14 @@ def test_importance_samples_help(rule: str, random: bool) -> None:
     truth = render(field, rays, 4096)
     generator = torch.Generator().manual_seed(4) if random else None
     both = render(field, rays, 32, fine=field, fine_bins=128, quadrature=rule, generator=generator)
-    assert both.coarse_colour is not None
+    coarse = render(field, rays, 32, quadrature=rule, generator=torch.Generator().manual_seed(4) if random else None)
+    torch.testing.assert_close(both.coarse_colour, coarse.colour)
 
-    def error(colour: torch.Tensor) -> float:
-        return float((colour - truth.colour).square().mean().sqrt())
+    def error(of: Rendering, what: str) -> float:
+        return float((getattr(of, what) - getattr(truth, what)).square().mean().sqrt())
 
-    assert error(both.colour) < 0.5 * error(both.coarse_colour)
+    for what in ("colour", "depth"):
+        assert error(both, what) < 0.5 * error(coarse, what)
 
 
 @pytest.mark.parametrize("rule", QUADRATURES)

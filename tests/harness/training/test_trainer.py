@@ -121,16 +121,6 @@ def test_another_seed_gives_other_weights_and_other_samples() -> None:
 # what is not finite
 
 
-def test_a_weight_that_is_nan_is_named_with_its_step() -> None:
-    learner = train(trainer(), 3)
-    with torch.no_grad():
-        learner.coarse.density_net[2].weight[0, 0] = math.nan
-    with pytest.raises(Diverged) as caught:
-        learner.train_on(*rays_and_colours())
-    assert (caught.value.step, caught.value.tensor) == (3, "weight of coarse.density_net.2.weight")
-    assert str(caught.value) == "not finite at step 3: weight of coarse.density_net.2.weight"
-
-
 def test_a_gradient_that_is_nan_is_named_and_leaves_the_weights_alone() -> None:
     learner = train(trainer(), 1)
     before = weights(learner)
