@@ -44,7 +44,7 @@ def judge(
     """
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
     from harness.verdicts.judging import judgement
-    from harness.verdicts.judging.result_table import read_table, rows_given, table_of
+    from harness.verdicts.judging.result_table import rows_given, table_of
 
     if isinstance(table, str | Path):
         table = [table]
@@ -52,8 +52,10 @@ def judge(
         table = table.astype(object).where(table.notna(), None).to_dict("records")
     rows = [each for each in table if isinstance(each, Mapping)]
     files = [Path(each) for each in table if not isinstance(each, Mapping)]
-    results = read_table(files, metric, lower) if files else table_of(rows_given(rows), metric, lower)
-    judged = judgement.judge(results, margin, baseline, {})
+    if files:
+        judged = judgement.judge_files(files, metric, lower, margin, baseline)
+    else:
+        judged = judgement.judge(table_of(rows_given(rows), metric, lower), margin, baseline, {})
     if out is not None:
         write_judgement(Path(out) / JUDGEMENT_FILE, judged)
     return judged

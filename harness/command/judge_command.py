@@ -58,14 +58,10 @@ COMPARE: Options = {
 def run_judge(options: argparse.Namespace, show: "Progress") -> int:
     import time
 
-    from harness.records.json_record import file_digest
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
-    from harness.verdicts.judging.judgement import judge, lines
-    from harness.verdicts.judging.result_table import read_table
+    from harness.verdicts.judging.judgement import judge_files, lines
 
-    table = read_table(options.tables, options.metric, options.lower)
-    digests = {str(path): file_digest(path) for path in options.tables if path.is_file()}
-    record = judge(table, options.margin, options.baseline, digests)
+    record = judge_files(options.tables, options.metric, options.lower, options.margin, options.baseline)
     out = options.out or Path("out") / f"judge-{time.strftime('%Y%m%d-%H%M%S')}"
     require_folder(out)
     write_judgement(out / JUDGEMENT_FILE, record)

@@ -6,12 +6,10 @@ from typing import Any
 from baselines.contract import NetworkSize
 from baselines.methods.explicit import VoxelSettings
 from baselines.numerics.optimisers import OptimiserName, OptimiserSettings
-from harness.plan.run_plan import Extra, Machine, Plan
+from harness.plan.run_plan import Extra, Plan
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
 from scenes.catalog.entries import CLASSICS, RUNGS, STRESS
-
-__all__ = ["PROFILES", "REDUCED_TRAINING", "SHORT_TRAINING", "TUNED", "Machine", "Plan"]
 
 EXPLAINED = "lego"
 """The scene of the paper's ablation, Table 4."""

@@ -89,19 +89,19 @@ def chosen_target(runs: list[CellRecord], baseline: str, printed: ClaimFile | No
     if not math.isfinite(median):
         return None, f"No target: fewer than half of {baseline}'s runs have a score."
 
-    def reaching(target: float) -> str:
-        return f"{sum(psnr >= target for psnr in best)} of {len(best)}"
+    def reaching(target: float) -> int:
+        return sum(psnr >= target for psnr in best)
 
     also = ""
     if printed is not None and printed.target is not None:
         if median >= printed.target:
-            many = reaching(printed.target)
-            return printed.target, f"{printed.target:g} dB as in {printed.title}: {many} runs of {baseline} reach it."
-        also = f"; {reaching(printed.target).partition(' ')[0]} reach the {printed.target:g} dB of {printed.title}"
+            many = f"{reaching(printed.target)} of {len(best)} runs of {baseline}"
+            return printed.target, f"{printed.target:g} dB as in {printed.title}: {many} reach it."
+        also = f"; {reaching(printed.target)} reach the {printed.target:g} dB of {printed.title}"
     target = math.floor(median)
     return float(target), (
         f"{target} dB, the largest whole number that at least half of {baseline}'s runs reach "
-        f"({reaching(target)}{also}); chosen from {baseline}'s runs alone."
+        f"({reaching(target)} of {len(best)}{also}); chosen from {baseline}'s runs alone."
     )
 
 

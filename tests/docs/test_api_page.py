@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 import radiance_verdict as rv
+from harness.records.json_record import file_digest
 from harness.verdicts.judging.judgement import judge
 from harness.verdicts.judging.result_table import read_table
 from scenes.view_sets.images import write_png
@@ -43,6 +44,7 @@ def test_a_file_its_rows_and_its_data_frame_are_judged_alike() -> None:
     expected = judge(read_table([TABLE]), None, "nerf", {})
     for table in (TABLE, [str(TABLE)], frame, frame.to_dict("records")):
         assert rv.judge(table, baseline="nerf").given == expected.given
+    assert rv.judge(TABLE, baseline="nerf").digests == {str(TABLE): file_digest(TABLE)}
 
 
 def test_a_missing_value_of_a_data_frame_is_a_missing_result_and_nan_in_a_row_is_refused() -> None:

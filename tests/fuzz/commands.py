@@ -121,24 +121,31 @@ def call(package: str, arguments: list[str], folder: Path) -> None:
 
 
 def names_what_is_wrong(message: str, arguments: list[str], package: str) -> bool:
-    """Tell whether a refusal is the parser's own, names an option of the program, or a value that was given or that is
-    the default.
+    """Tell whether a refusal starts as the parser's own do or with an option of the command, holds an option that was
+    given, tells the name that is unknown, or starts with a path that was given or that is meant where none is.
     """
-    actions = [action for parser in _all_parsers(parser_of(package)) for action in parser._actions]
-    options = {option for action in actions for option in action.option_strings}
-    paths = [str(Path(word)) for word in (*arguments, PUBLISHED_FRONTIER) if word not in options]
-    paths += [str(action.default) for action in actions if isinstance(action.default, Path)]
-    return (
-        OF_THE_PARSER.match(message) is not None
-        or not options.isdisjoint(re.findall(r"(?<![\w-])--[a-z][a-z-]*", message))
-        # the beginning of a long one, as messages are cut
-        or message.startswith(tuple(readable(path)[:200].replace("\n", "\\n") for path in paths))
-        or any(f"unknown {thing}{word!r}"[:200] in message for word in arguments for thing in ("", "scene "))
-    )
+    if OF_THE_PARSER.match(message):
+        return True
+    command = _command_of(arguments, package)
+    known = {option for action in command._actions for option in action.option_strings}
+    given = known & {argument.partition("=")[0] for argument in arguments}
+    if message.split(" ")[0].rstrip(":") in known or given & set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", message)):
+        return True
+    values = [argument for argument in arguments if argument not in given]
+    if any(f"unknown {thing}{value!r}"[:200] in message for value in values for thing in ("", "scene ")):
+        return True
+    defaults = [str(action.default) for action in command._actions if isinstance(action.default, Path)]
+    # the beginning of a long one, as messages are cut
+    paths = [str(Path(value)).strip()[:200] for value in [*values, *defaults, str(PUBLISHED_FRONTIER)]]
+    return any(message.startswith((path, readable(path).replace("\n", "\\n"))) for path in paths)
 
 
-def _all_parsers(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
-    return [parser, *(inner for part in _commands_of(parser).values() for inner in _all_parsers(part))]
+def _command_of(arguments: list[str], package: str) -> argparse.ArgumentParser:
+    """Return the parser of the command that is named, and of the study within it; or the whole parser."""
+    parser = parser_of(package)
+    while named := [inner for name, inner in _commands_of(parser).items() if name in arguments]:
+        parser = named[0]
+    return parser
 
 
 def _commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:

@@ -149,7 +149,10 @@ OPTIONS: dict[str, tuple[str, str]] = {
     "no such case": ("harness stability --cases Z9 --out {}/s", "unknown 'Z9'; known: Q1 Q2"),
     "a study in a file": ("harness evidence --studies ceilings --quick --out {}/t.csv", "--out {}/t.csv"),
     "a pick of nothing": ("harness frontier --pick lego --out {}/none", "name a file that `nox -s frontier` wrote"),
-    "a budget below 0": ("harness frontier --budgets -1 --out {}/f", "--budgets -1: must lie between 0.1 and 1e+06"),
+    "a budget below 0": (
+        "harness frontier --budgets -1 --out {}/f",
+        "--budgets -1: must lie between 0.1 and 1e6 core seconds",
+    ),
     "a budget of nothing": ("harness frontier --budgets nan --out {}/f", "--budgets nan: must lie between"),
     "no such family": ("harness frontier --methods nope --out {}/f", "--methods: unknown 'nope'; known: nerf"),
     "no such method": ("harness conformance nope", "unknown 'nope'; known: nerf"),

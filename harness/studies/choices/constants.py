@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from statistics import fmean
-from typing import Any
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
@@ -155,9 +154,15 @@ def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:
 
 
 def best_of(rows: list[ConstantsRow], methods: Sequence[str], many: int) -> Pairs:
-    """Return the `many` best pairs of each method after the longest training of a search."""
-    longest = [row for row in rows if row.steps == max(row.steps for row in rows)]
-    return {method: list(means(longest, method))[:many] for method in methods}
+    """Return the `many` best pairs of each method after the longest training of a search; raises `InputError` for a
+    method without any.
+    """
+    steps = max((row.steps for row in rows), default=0)
+    longest = [row for row in rows if row.steps == steps]
+    pairs = {method: list(means(longest, method))[:many] for method in methods}
+    if lacking := [method for method, best in pairs.items() if not best]:
+        raise InputError(f"{lacking[0]} has no pair that ended well in the shorter search; leave the method out")
+    return pairs
 
 
 def chosen(rows: list[ConstantsRow], steps: int, carried: Pairs | None = None) -> dict[str, DensityConstants]:
@@ -175,9 +180,9 @@ def chosen(rows: list[ConstantsRow], steps: int, carried: Pairs | None = None) -
     return {method: best[0] for method, best in choice.items() if best}
 
 
-def settings_of(plan: Plan) -> dict[str, Any]:
+def settings_of(plan: Plan) -> dict[str, object]:
     """Return the settings of a search, as JSON: those of its plan without the constants that it chooses."""
-    settings: dict[str, Any] = json.loads(json.dumps(plan.settings()))
+    settings: dict[str, object] = json.loads(json.dumps(plan.settings()))
     for own in settings["train"]["own"].values():
         for name in DensityConstants(1.0, None).fields:
             del own[name]
@@ -185,8 +190,8 @@ def settings_of(plan: Plan) -> dict[str, Any]:
 
 
 def as_json(
-    rows: list[ConstantsRow], plan: Plan, provenance: dict[str, Any], carried: Pairs | None = None
-) -> dict[str, Any]:
+    rows: list[ConstantsRow], plan: Plan, provenance: dict[str, object], carried: Pairs | None = None
+) -> dict[str, object]:
     """Return the record of a search; one that was stopped has no choice."""
     choice = chosen(rows, plan.budget.steps or 0, carried)
     return {

@@ -1,15 +1,17 @@
 """Judgement of a table of results: methods that differ, methods that do not, and suspect results; and that in words."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 
+from harness.records.json_record import file_digest
 from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
 from harness.records.metric_table import PRIMARY
-from harness.verdicts.judging.result_table import MARGINS, ResultTable
+from harness.verdicts.judging.result_table import MARGINS, ResultTable, read_table
 from harness.verdicts.statistics import estimate, on_these_scenes, paired_difference
 from scenes.files.errors import InputError
 
@@ -108,6 +110,14 @@ SUSPECT_MARGINS = 10.0
 SMALLEST_FIT = 3
 """The number of methods, and of scenes, below which nobody can say which of two results is off."""
 POLISHES = 20
+
+
+def judge_files(
+    paths: Sequence[Path], metric: str | None, lower: Sequence[str], margin: float | None, baseline: str | None
+) -> JudgementRecord:
+    """Judge the table in `paths`, and keep the digests of its files; raises `InputError` as its two steps do."""
+    table = read_table(paths, metric, lower)
+    return judge(table, margin, baseline, {str(path): file_digest(path) for path in paths if path.is_file()})
 
 
 def judge(table: ResultTable, margin: float | None, baseline: str | None, digests: dict[str, str]) -> JudgementRecord:

@@ -79,6 +79,9 @@ def test_the_best_pairs_of_a_shorter_search_are_carried_over_and_judged_alone() 
     full = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0), LOST: (10.0, 10.0)}, 40)
     carried = constants.best_of(BRIEF + full, ["nerf"], 2)
     assert carried == {"nerf": [SECOND, FIRST]}, "by the longest training of the search"
+    for rows in ([], BRIEF + full):
+        with pytest.raises(InputError, match="qnerf has no pair that ended well"):
+            constants.best_of(rows, ["qnerf"], 2)
     late = rows_of("nerf", {FIRST: (33.0, 33.0), SECOND: (32.0, 33.5)}, 160)
     assert constants.chosen(late, 160, carried) == {"nerf": FIRST}
     assert constants.chosen(late[:-1], 160, carried) == {}, "stopped"
