@@ -13,7 +13,7 @@ from harness.verdicts.changes import Situation, change
 from harness.verdicts.headline_family import headline_budgets
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
-from reports.data.outcome import Outcome, change_in_words, clause, doubts, on_few_scenes, size_words
+from reports.data.outcome import Outcome, change_in_words, clause, clauses, doubts, on_few_scenes, size_words
 from reports.data.scale import value_at
 from reports.data.table import average_of, cells_frame, shared_scenes
 from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
@@ -80,7 +80,7 @@ def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: s
         return told
     same = f"{vs_control.against}, which has the same bandwidth,"
     if vs_control.verdict.sign == "open":
-        return f"{told}; {clause(vs_control)}: {same} may do as well"
+        return f"{clauses([vs_baseline, vs_control])}: {same} may do as well"
     if vs_control.verdict.sign == "above 0":
         return f"{told}; over {same} {vs_control.method} gains {vs_control.size}{size_words(vs_control.verdict)}"
     return f"{told}; {same} scores {vs_control.size} more{size_words(vs_control.verdict)}"
@@ -114,6 +114,7 @@ def _title(records: Records, method: str, fought: list[Duel]) -> str:
         how.append("on scenes like these" if like else "on these scenes")
     gains = (row.gain for row in last_doublings(records.cells, [method, baseline]))
     unfinished = [rising(gains)] if found else []
+    title = title if title.startswith(method) else title[0].upper() + title[1:]
     return "; ".join(filter(None, [f"{title} ({', '.join(how)})" if how else title, *unfinished, *losses]))
 
 
@@ -145,8 +146,8 @@ def _means(records: Records) -> str:
 def _others(records: Records, method: str, fought: list[Duel]) -> str:
     further = [name for name in dict.fromkeys(duel.method for duel in fought) if name != method][:FURTHER]
     found = [outcome_of(records, duel.steps) for duel in fought if duel.method in further]
-    told = [clause(outcome) for outcome in found if outcome]
-    return f"At equal steps, {'; '.join(told)}." if told else ""
+    told = clauses([outcome for outcome in found if outcome])
+    return f"At equal steps, {told}." if told else ""
 
 
 def _bandwidth(records: Records, method: str) -> str:

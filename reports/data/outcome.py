@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from harness.records.cells import Comparison
 from harness.records.metric_table import METRICS, PRIMARY, metric_of
-from harness.records.verdict import Verdict, common
+from harness.records.verdict import OPEN, Verdict, common
 from harness.verdicts.changes import Change
 from reports.data.wording import interval, listed, number, signed
 
@@ -58,6 +58,14 @@ def clause(found: Outcome) -> str:
     return f"{found.method} {verb.format(found.size)} {found.against}{size_words(found.verdict)}"
 
 
+def clauses(outcomes: Sequence[Outcome]) -> str:
+    """Return the clauses of several differences, one clause for all if nothing is known of any."""
+    if len(outcomes) < 2 or any(found.verdict != OPEN or on_few_scenes(found) for found in outcomes):
+        return "; ".join(map(clause, outcomes))
+    pairs = listed([f"{found.method} − {found.against} ({_measured(found)})" for found in outcomes])
+    return f"signs and sizes of {pairs} are open"
+
+
 def size_words(verdict: Verdict) -> str:
     return {
         "matters": f", more than the {MARGIN} that matter",
@@ -67,12 +75,16 @@ def size_words(verdict: Verdict) -> str:
 
 
 def _open(found: Outcome) -> str:
-    pair = f"{found.method} − {found.against}"
-    more = f" in {counted_runs(len(found.differences))}" if len(found.differences) > 1 else ""
-    start = f"the sign of {pair} is open ({between_runs(found.differences)}{more})"
+    start = f"the sign of {found.method} − {found.against} is open ({_measured(found)})"
     if found.verdict.size == "smaller than matters":
         return f"{start}, its size below the {MARGIN} that matter"
     return f"{start}, and so is whether it reaches the {MARGIN} that matter"
+
+
+def _measured(found: Outcome) -> str:
+    """Format `+0.14 dB`, or `+0.12 to +0.14 dB in three runs`."""
+    many = len(found.differences)
+    return between_runs(found.differences) + (f" in {counted_runs(many)}" if many > 1 else "")
 
 
 def on_few_scenes(found: Outcome) -> str:

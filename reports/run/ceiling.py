@@ -2,10 +2,9 @@
 its pictures comes from densities there.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from statistics import fmean
 
-from harness.records.cells import CellRecord
 from reports.data.load import Records
 from reports.data.wording import NARROW, bare, counted, number
 
@@ -15,14 +14,16 @@ OPAQUE = 0.99
 
 def ceilings(records: Records) -> list[str]:
     """Return one line for each bounded method; none for records that lack the properties."""
-    lines = (_ceiling(method, records.cells) for method in records.methods)
+    own = ([cell.properties for cell in records.cells if cell.method == method] for method in records.methods)
+    lines = map(ceiling_of, records.methods, own)
     return [line for line in lines if line]
 
 
-def _ceiling(method: str, cells: Iterable[CellRecord]) -> str:
-    own = [cell for cell in cells if cell.method == method]
+def ceiling_of(method: str, cells: Iterable[Mapping[str, float | str | None]]) -> str:
+    """Return the line of a method from the properties of its cells; empty if it has no limit."""
+    own = list(cells)
     opacities, limits, shares = (
-        [float(cell.properties[name] or 0.0) for cell in own if cell.properties.get(name) is not None]
+        [float(cell[name] or 0.0) for cell in own if cell.get(name) is not None]
         for name in ("opacity_of_a_pixel", "density_limit", "weight_at_ceiling")
     )
     if not limits or not opacities:

@@ -8,7 +8,7 @@ from harness.records.former.four_words import NO_INTERVAL
 from harness.records.json_record import as_promised
 from harness.records.verdict import Verdict, common
 from reports.claims.headline import rising, title_of
-from reports.data.outcome import Outcome, clause
+from reports.data.outcome import Outcome, clauses
 from reports.run.saving.published_cells import Run
 
 BASELINE, CONTROL, FAVOURITE, REPAIRED = "nerf", "nerf_matched", "qnerf", "qnerf_repaired"
@@ -37,16 +37,20 @@ class Replicated:
 
     @property
     def repeated(self) -> bool:
-        """Return whether every replicate has the verdict of the published run."""
-        return len(set(self.verdicts)) == 1
+        """Return whether all replicates share what the verdict of the published run says."""
+        return common(self.verdicts) == self.verdicts[0]
 
 
 def replicated(run: Run, replicates: Run) -> dict[tuple[str, str], Replicated]:
-    """Map a pair of methods → what the published run and its replicates say of it, where there are replicates."""
+    """Map a pair of methods → what the published run and its replicates say of it, where there are replicates. The
+    published run may be among the runs that were compared; it is counted once.
+    """
     found = {}
     for first, second, differences, verdicts in _of_replicates(replicates):
         if duel := row(run, "all", first, second):
-            found[first, second] = Replicated((duel["difference"], *differences), (verdict_in(duel), *verdicts))
+            others = [pair for pair in zip(differences, verdicts, strict=True) if pair[0] != duel["difference"]]
+            values, words = zip((duel["difference"], verdict_in(duel)), *others, strict=True)
+            found[first, second] = Replicated(values, words)
     return found
 
 
@@ -77,8 +81,8 @@ def answer(run: Run, replicates: Run) -> str:
     title = title_of(found(FAVOURITE, BASELINE), found(FAVOURITE, CONTROL), CONTROL)
     if not title:
         return str(run["headline"])
-    repaired = (found(REPAIRED, rival) for rival in (BASELINE, CONTROL))
-    title = "; ".join([title, *(clause(outcome) for outcome in repaired if outcome)])
+    repaired = [outcome for rival in (BASELINE, CONTROL) if (outcome := found(REPAIRED, rival))]
+    title = "; ".join(filter(None, [title, clauses(repaired)]))
     gains = {gained["method"]: gained["gain"] for gained in run.get("last_doubling", [])}
     more = rising(gains.get(method) for method in (FAVOURITE, BASELINE))
     return "; ".join(filter(None, [f"{title[0].upper()}{title[1:]} (at equal steps, on scenes like these)", more]))

@@ -9,11 +9,13 @@ import numpy as np
 from harness.records.cells import Comparison
 from harness.records.json_record import as_promised
 from harness.records.study import Check, Studies
+from harness.records.verdict import common
 from harness.verdicts.changes import Situation, changes
 from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between, judged_in_words
-from reports.data.outcome import doubts, shared
+from reports.data.outcome import between_runs, counted_runs, doubts, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
+from reports.run.ceiling import ceiling_of
 from reports.run.saving.published_cells import Run, situation
 from reports.run.saving.replicates import (
     BASELINE,
@@ -253,7 +255,18 @@ def ceiling(run: Run, late: Run) -> str:
                 f"`{method}` cannot exceed {limit}{late_too}, and reaches it in {reached} of {len(shares)} trainings"
             )
     words = f"Largest density of each training, per half of the box: {listed(ranges)}."
-    return f"{words} {'; '.join(bound)}." if bound else words
+    reached_in = f"{'; '.join(bound)}." if bound else ""
+    lines = [
+        f"After {side['settings']['budget']['steps']} steps: {line}" for side in (run, late) for line in limited(side)
+    ]
+    return "\n\n".join([f"{words} {reached_in}".strip(), *lines])
+
+
+def limited(run: Run) -> list[str]:
+    """Return the line of each bounded method of the headline, where the run recorded what its limit does."""
+    own = ([cell["properties"] for cell in run["cells"] if cell["method"] == method] for method in main_methods(run))
+    lines = map(ceiling_of, (f"`{method}`" for method in main_methods(run)), own)
+    return [line for line in lines if line]
 
 
 def failed(run: Run) -> str:
@@ -344,16 +357,15 @@ def processors(run: Run, published: Run) -> str:
         f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}"
         for place, (ours, theirs) in run["origins"].items()
     )
-    told = listed(
-        [
-            f"`{first}` − `{second}` {shared(found.differences, found.verdicts)}"
-            + ("" if found.repeated else f" (published: {found.verdicts[0].phrase}, which they do not all repeat)")
-            for (first, second), found in replicated(published, run).items()
-        ]
-    )
+    by_verdict: dict[str, list[str]] = {}
+    for (first, second), found in replicated(published, run).items():
+        unlike = "" if found.repeated else f", published as {found.verdicts[0].phrase}"
+        pair = f"`{first}` − `{second}` ({between_runs(found.differences)} in {counted_runs(len(found.differences))}"
+        by_verdict.setdefault(common(found.verdicts).phrase, []).append(f"{pair}{unlike})")
+    told = "; ".join(f"*{phrase}* for {listed(pairs)}" for phrase, pairs in by_verdict.items())
     return (
         f"The same plan and seeds on another processor or instruction set (here: {here}) {_moved(run)} "
-        f"(`python -m harness compare A B`). Over all scenes, of the published run and these: {told}."
+        f"(`python -m harness compare A B`). What the published run and these share over all scenes: {told}."
     )
 
 
@@ -380,17 +392,19 @@ def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> s
 
 def _moved(run: Run) -> str:
     """State how far scores moved, and by how much the differences at equal steps did, where it was recorded."""
-    told = [
-        f"`{found['method']}` − `{found['against']}` by {signed(found['difference'])} dB"
-        f" ({judged_in_words(known['simultaneous'], verdict_in(known))})"
-        for found in run.get("moved", ())
-        if found["budget"] == "steps"
-        and (known := found["scenes_like_these"] or found["on_these_scenes"])
-        and known["simultaneous"]
-    ]
+    moves, told = [], []
+    for found in run.get("moved", ()):
+        known = found["scenes_like_these"] or found["on_these_scenes"]
+        if found["budget"] == "steps" and known and known["simultaneous"]:
+            moves.append(found["difference"])
+            if (verdict := verdict_in(known)).sign != "open":
+                words = judged_in_words(known["simultaneous"], verdict)
+                told.append(f"`{found['method']}` − `{found['against']}` {signed(found['difference'])} dB ({words})")
+    signs = f"with a sign: {listed(told)}" if told else "no sign is known of any"
     return (
         f"move a training's score by {number(run['all']['rms'])} dB (RMS of {run['all']['cells']}; at most "
-        f"{number(abs(run['all']['largest']))}){f', and {listed(told)}' if told else ''}"
+        f"{number(abs(run['all']['largest']))})"
+        f"{f', and the differences over all scenes by {between_runs(moves)} ({signs})' if moves else ''}"
     )
 
 

@@ -6,7 +6,7 @@ from harness.records.cells import Roles
 from harness.records.verdict import OPEN, Verdict
 from reports.claims.headline import headline, title_of
 from reports.data.load import Records
-from reports.data.outcome import Outcome, clause
+from reports.data.outcome import Outcome, clause, clauses
 from tests.replacing import replace
 from tests.reports.fake_run import METHODS, fake_records
 
@@ -77,6 +77,15 @@ def test_a_difference_is_told_with_sign_and_size(found: Outcome, told: str) -> N
 def test_the_control_stands_behind_the_baseline(vs_control: Outcome | None, told: str) -> None:
     found = outcome(MORE, 0.81)
     assert title_of(found, vs_control, "nerf_matched") == clause(found) + told
+
+
+def test_differences_of_which_nothing_is_known_share_a_clause() -> None:
+    found = outcome(OPEN, 0.137, 0.12), outcome(OPEN, -0.3, against="nerf_matched")
+    pairs = "qnerf − nerf (+0.12 to +0.14 dB in two runs) and qnerf − nerf_matched (−0.30 dB)"
+    assert title_of(*found, "nerf_matched").startswith(f"signs and sizes of {pairs} are open: nerf_matched, which")
+    few = outcome(OPEN, -3.0, by_scene=(-2.0, -4.0))
+    for others in (found[:1], (few, found[1]), (outcome(SMALL, 0.0), found[1])):
+        assert clauses(others) == "; ".join(map(clause, others))
 
 
 def test_a_gain_of_the_control_itself_is_that_of_bandwidth() -> None:

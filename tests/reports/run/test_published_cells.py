@@ -8,6 +8,7 @@ import pytest
 from harness.records.former.four_words import in_two_words
 from harness.verdicts.changes import change
 from reports.run.saving.published_cells import cells_of, judged_again, situation
+from reports.run.saving.run_blocks import DUELS
 from tests.harness.shell import ROOT
 
 METHODS = ["nerf", "nerf_matched", "qnerf"]
@@ -28,7 +29,7 @@ def test_differences_are_those_that_were_published_and_verdicts_those_of_today()
         assert after[key]["difference"] == pytest.approx(row["difference"], abs=1e-9)
         assert after[key]["interval"] is None or key[0] != "all" or after[key]["pairs"] == row["pairs"]
     main = after["all", "qnerf", "nerf", "psnr", "steps"]
-    assert main["family"] == 6
+    assert main["family"] == len(DUELS) * 2, "at equal steps and at equal core seconds"
     assert main["scenes_like_these"]["interval"] == pytest.approx(
         before["all", "qnerf", "nerf", "psnr", "steps"]["interval"]
     )
