@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from torch import Tensor, nn
+
 from baselines.amplifiers import Amplifier
 from baselines.composition import Ladder, Parts
 from baselines.contract import FieldSpec
@@ -38,18 +40,19 @@ class Method:
     """A one-line description for the report."""
     trainer: str | Callable[[Any], Any] = NETWORK
     """`harness.training.learner.Job` → its `Learner`; as "module:name" it is imported when the method is trained."""
-    make_field: Callable[[FieldSpec], Any] | None = None
+    make_field: Callable[[FieldSpec], nn.Module] | None = None
     """A factory of a field that is not composed of our parts: a `torch.nn.Module` that implements
     `baselines.contract.TrainableField`. None for a composition, and for a method with a trainer of its own.
     """
     deviations: tuple[str, ...] = ()
     """What a report states of its training; `{name}` stands for a setting of its own."""
     ladders: Mapping[str, Ladder] = field(default_factory=dict)
-    """Additional encodings that `settings` names; `amplifiers` and `skips` likewise. They have the form of the tables
-    `LADDERS`, `AMPLIFIERS` and `SKIPS`, to which they are added.
+    """Additional encodings that `settings` names; `amplifiers`, `skips` and `activations` likewise. They have the form
+    of the tables `LADDERS`, `AMPLIFIERS`, `SKIPS` and `ACTIVATIONS`, to which they are added.
     """
     amplifiers: Mapping[str, Callable[[float | None], Amplifier]] = field(default_factory=dict)
     skips: Mapping[str, Callable[[int], int]] = field(default_factory=dict)
+    activations: Mapping[str, Callable[[Tensor], Tensor]] = field(default_factory=dict)
 
     @property
     def parts(self) -> Parts | None:
@@ -67,14 +70,14 @@ class Method:
         return [text.format_map(values) for text in self.deviations]
 
 
-def _planes(spec: FieldSpec) -> Any:
+def _planes(spec: FieldSpec) -> nn.Module:
     """Return the field; its compiler is imported here and below for the methods that need it."""
     from baselines.grids.planes import planes
 
     return planes(spec)
 
 
-def _hash_grid(spec: FieldSpec) -> Any:
+def _hash_grid(spec: FieldSpec) -> nn.Module:
     from baselines.grids.hash_grid import hash_grid
 
     return hash_grid(spec)

@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from baselines.contract import Box
+from torch import Tensor
+from torch.nn.functional import relu, silu, softplus
+
+from baselines.contract import Box, NetworkSize
 from baselines.numerics.encoding import PHI, matched_bands
 
 DENSITY_SCALE = 25.0
@@ -26,6 +29,8 @@ class Parts:
                 scene units without π, as the released code of NeRF encodes positions and directions
     amplifier   a name in `baselines.amplifiers.AMPLIFIERS`
     skip        a name in `SKIPS`: "half" (the standard) or "phi" (Eq. 5, Listing 3)
+    activation  a name in `ACTIVATIONS`: "relu" (Table 1), …, behind every hidden layer
+    depth, width    layers and units of the density network; None: those that the run gives all networks
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
     sees_direction  whether colour may depend on the view direction
     density_scale   density σ where the amplifier gives 1: the unit of density. It is a slope for softplus, and for
@@ -40,11 +45,18 @@ class Parts:
     coordinates: Literal["box", "scene"] = "box"
     amplifier: str = "none"
     skip: str = "half"
+    activation: str = "relu"
+    depth: int | None = None
+    width: int | None = None
     quadrature: str = "midpoint"
     sees_direction: bool = True
     density_scale: float = DENSITY_SCALE
     density_per: Literal["box", "scene"] = "box"
     start: float | None = START
+
+    def size(self, given: NetworkSize) -> NetworkSize:
+        """Return the size of the networks, where a run gives all networks this one."""
+        return replace(given, depth=self.depth or given.depth, width=self.width or given.width)
 
     @property
     def start_in_units(self) -> float | None:
@@ -94,6 +106,10 @@ SKIPS: dict[str, Callable[[int], int]] = {
     "phi": lambda depth: int(PHI * depth / 2),
 }
 """Map depth to the layer after which the encoded position is concatenated: depth/2, ⌊φ·depth/2⌋."""
+
+
+ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": relu, "silu": silu, "softplus": softplus}
+"""The functions between two layers of a network by name."""
 
 
 def skip_layer(skip: str, depth: int) -> int:

@@ -13,12 +13,12 @@ from typing import Any, cast
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import linear, relu
+from torch.nn.functional import linear
 
 from baselines import fused_network
 from baselines.amplifiers import AMPLIFIERS, Amplifier, MeanAmplifier
 from baselines.catalog import Method
-from baselines.composition import LADDERS, Parts, encoding_bands, skip_layer
+from baselines.composition import ACTIVATIONS, LADDERS, Parts, encoding_bands, skip_layer
 from baselines.contract import (
     DTYPES,
     EVERY_ACCELERATION,
@@ -58,6 +58,10 @@ class NetworkField(nn.Module):
         accelerations: Accelerations = EVERY_ACCELERATION,
     ) -> None:
         super().__init__()
+        size = parts.size(size)
+        self.activation = ACTIVATIONS[parts.activation]
+        # the fused pass rectifies activations where they lie
+        self.fused = accelerations.fused and parts.activation == "relu"
         self.accelerations = accelerations
         self.box = box
         self.dtype = DTYPES[precision]
@@ -133,7 +137,7 @@ class NetworkField(nn.Module):
         float32.
         """
         position = self._encoded(x)
-        if self.accelerations.fused and (view is not None or not torch.is_grad_enabled()):
+        if self.fused and (view is not None or not torch.is_grad_enabled()):
             layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
             layers = [*_linears(self.density_net), self.density_head, *_linears(self.colour_net)]
             weights = [weight for layer in layers for weight in (layer.weight, layer.bias)]
@@ -151,14 +155,14 @@ class NetworkField(nn.Module):
         of_view = linear(view.to(self.dtype), for_view, first.bias.to(self.dtype))
         h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, ray)
         for layer in others:
-            h = linear(relu(h), self._weight(layer), layer.bias.to(self.dtype))
+            h = linear(self.activation(h), self._weight(layer), layer.bias.to(self.dtype))
         return raw, h.to(raw.dtype)
 
     def _hidden(self, position: Tensor) -> Iterator[tuple[int, Tensor]]:
         """Yield the outputs of the layers of the density network, [points, width] each."""
         hidden, skipped = position, None
         for index, layer in enumerate(_linears(self.density_net)):
-            hidden = relu(self._split_linear(layer, hidden, skipped))
+            hidden = self.activation(self._split_linear(layer, hidden, skipped))
             skipped = position if index == self.skip else None
             yield index, hidden
 

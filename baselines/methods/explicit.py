@@ -54,6 +54,11 @@ class GaussianSettings:
     """The number of Gaussians at the start."""
     most: int
     """The number of them in the end."""
+    first_opacity: float = 0.1
+    degree: int = 2
+    """The degree of the spherical harmonics, 0 to 2, where colour depends on the direction."""
+    widened: float = 0.5
+    """The standard deviation, in pixels of the training views, by which a Gaussian is widened."""
     faster: float = 1.0
     """The factor of the learning rates, which are those at the start."""
     position: float = 1e-2
@@ -70,6 +75,10 @@ class GaussianSettings:
     """The steps between two relocations."""
     moved_until: float = 0.9
     """The share of the budget after which Gaussians stay where they are."""
+    growth: float = 0.05
+    """The share of Gaussians that join at each relocation."""
+    dead: float = 0.005
+    """The opacity below which a Gaussian is moved to another one."""
     wander: float = 2000.0
     """The random step of a Gaussian that is hardly seen, in units of the position's rate (the paper's 5e5 go with a
     rate per scene unit and the squared scale).

@@ -1,7 +1,7 @@
 """A scene of three-dimensional Gaussians with spherical harmonics, as 3D Gaussian Splatting has it (Kerbl et al. 2023,
 arXiv 2308.04079), and their projection to a camera.
 
-Every Gaussian is widened by half a pixel of the training views where it lies in space, not in the picture (Yu et al.
+Every Gaussian is widened by part of a pixel of the training views where it lies in space, not in the picture (Yu et al.
 2024, arXiv 2311.16493), so that a picture of another size shows the same scene.
 """
 
@@ -19,11 +19,6 @@ from torch.nn.functional import normalize
 from baselines.contract import Box, Densities, Points, Rays, Rendering
 from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, Drawn, RayCells, add_densities
 
-DEGREE = 2
-"""The degree of the spherical harmonics, where colour depends on the direction."""
-WIDENED = 0.5
-"""The standard deviation, in pixels, by which a Gaussian is widened."""
-
 
 def rotations(quaternions: Float[Tensor, "gaussians 4"]) -> Float[Tensor, "gaussians 3 3"]:
     """Return the rotation matrices of quaternions w, x, y, z of any length but 0."""
@@ -39,7 +34,8 @@ def rotations(quaternions: Float[Tensor, "gaussians 4"]) -> Float[Tensor, "gauss
 def parts_of(values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
     """Return the columns by part, as `COLUMNS` lists them, and the harmonics [gaussians, 3 · terms] last."""
     sizes = list(COLUMNS.values())
-    return values.split([*sizes, values.shape[1] - sum(sizes)], dim=1)
+    parts: tuple[Tensor, ...] = values.split([*sizes, values.shape[1] - sum(sizes)], dim=1)
+    return parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +65,16 @@ class Gaussians:
     """The learnt scene: a `baselines.contract.LearnedField` that draws itself."""
 
     box: Box
-    view_dependent: bool
+    degree: int
+    """The degree of the spherical harmonics; 0 if colour does not depend on the direction."""
     values: Float[Tensor, "gaussians columns"]
     """The numbers of `COLUMNS`, then the harmonics of red, green and blue."""
     pixel: float
     """The side of a pixel of the training views in the middle of the box, in halves of the box's longest side."""
+    widened: float
+    """The standard deviation, in such pixels, by which a Gaussian is widened."""
     pointwise: bool = field(default=True, init=False)
     density_limit: float = field(default=math.inf, init=False)
-
-    @property
-    def degree(self) -> int:
-        return DEGREE if self.view_dependent else 0
 
     @property
     def columns(self) -> int:
@@ -95,7 +90,7 @@ class Gaussians:
 
     def scales(self, log_scale: Float[Tensor, "gaussians 3"]) -> Float[Tensor, "gaussians 3"]:
         """Return the standard deviations along a Gaussian's own axes, widened, in halves of the box's longest side."""
-        return (torch.exp(2.0 * log_scale) + (WIDENED * self.pixel) ** 2).sqrt()
+        return (torch.exp(2.0 * log_scale) + (self.widened * self.pixel) ** 2).sqrt()
 
     def draw(
         self, pencil: Pencil, values: Float[Tensor, "gaussians columns"]
@@ -105,7 +100,7 @@ class Gaussians:
         """
         origin = self.box.normalised(pencil.origin).to(values.dtype).numpy()
         camera = origin, pencil.axes.to(values.dtype).numpy()
-        return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, camera, WIDENED * self.pixel, values))
+        return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, camera, self.widened * self.pixel, values))
 
     def render(self, rays: Rays) -> Rendering:
         """Render rays of any cameras over white, one camera after the other. Raises `ValueError` for rays of one camera

@@ -12,13 +12,10 @@ from baselines.contract import Box
 from baselines.splats.gaussians import rotations
 from baselines.splats.rasteriser import OPACITY
 
-FIRST_OPACITY = 0.1
-DEAD = 0.005
-"""The opacity below which a Gaussian is moved to where another one is."""
 SEEN = 1e-4
 """The share of its random step below which a Gaussian stays where it is."""
 MOST_COPIES = 51
-"""The most Gaussians that take the place of one at a time, itself included."""
+"""The maximum number of Gaussians that take the place of one at a time, itself included."""
 ORDERS = torch.arange(1, MOST_COPIES + 1, dtype=torch.float64)
 TERMS = torch.tensor(
     [
@@ -30,7 +27,9 @@ TERMS = torch.tensor(
 """Number of copies → the factor of each power of their opacity in what they have together along a line."""
 
 
-def first_values(box: Box, count: int, columns: int, generator: torch.Generator) -> Float[Tensor, "gaussians columns"]:
+def first_values(
+    box: Box, count: int, columns: int, opacity: float, generator: torch.Generator
+) -> Float[Tensor, "gaussians columns"]:
     """Return grey balls at random on the surface of the hull of the silhouettes, or in the whole box without one; as
     wide as fills the surface.
     """
@@ -48,7 +47,7 @@ def first_values(box: Box, count: int, columns: int, generator: torch.Generator)
     values[:, :3] = (unit - 0.5) * sides
     values[:, 3:6] = math.log(0.5 * spacing)
     values[:, 6] = 1.0
-    values[:, OPACITY] = math.log(FIRST_OPACITY / (1.0 - FIRST_OPACITY))
+    values[:, OPACITY] = math.log(opacity / (1.0 - opacity))
     return values
 
 
@@ -78,23 +77,23 @@ def split_among(
 
 
 def relocated(
-    values: Float[Tensor, "gaussians columns"], more: int, generator: torch.Generator
+    values: Float[Tensor, "gaussians columns"], more: int, dead: float, generator: torch.Generator
 ) -> tuple[Float[Tensor, "all columns"], Int[Tensor, " moved"]]:
-    """Return the Gaussians after the faint ones have moved to where others are, drawn by opacity, and `more` new ones
-    have joined them; and which of them changed.
+    """Return the Gaussians after those of at most the opacity `dead` have moved to others, drawn by opacity, and `more`
+    new ones have joined them; and which of them changed.
     """
     opacity = torch.sigmoid(values[:, OPACITY])
-    dead = torch.nonzero(opacity <= DEAD)[:, 0]
-    alive = torch.nonzero(opacity > DEAD)[:, 0]
+    faint = torch.nonzero(opacity <= dead)[:, 0]
+    alive = torch.nonzero(opacity > dead)[:, 0]
     if not len(alive):
-        return values, dead[:0]
-    places = torch.cat([dead, torch.arange(len(values), len(values) + more)])
+        return values, faint[:0]
+    places = torch.cat([faint, torch.arange(len(values), len(values) + more)])
     if not len(places):
         return values, places
     drawn = alive[torch.multinomial(opacity[alive], len(places), replacement=True, generator=generator)]
     sources, first, copies = torch.unique(drawn, return_inverse=True, return_counts=True)
     each, wider = split_among(opacity[sources].double(), (copies + 1).clamp(max=MOST_COPIES))
-    each = each.clamp(DEAD, 1.0 - 1e-6)
+    each = each.clamp(dead, 1.0 - 1e-6)
     values = torch.cat([values, values.new_zeros(more, values.shape[1])])
     shared = values[sources].clone()
     shared[:, OPACITY] = torch.log(each / (1.0 - each)).float()
@@ -105,10 +104,10 @@ def relocated(
 
 
 def wandering(
-    values: Float[Tensor, "gaussians columns"], size: float, generator: torch.Generator
+    values: Float[Tensor, "gaussians columns"], size: float, dead: float, generator: torch.Generator
 ) -> Float[Tensor, "gaussians 3"]:
-    """Return a random step of the positions along each Gaussian's own extent, of those alone that are hardly seen."""
-    faint = torch.sigmoid(-100.0 * (torch.sigmoid(values[:, OPACITY]) - DEAD))
+    """Return a random step of the positions along each Gaussian's own extent, only of those near the opacity `dead`."""
+    faint = torch.sigmoid(-100.0 * (torch.sigmoid(values[:, OPACITY]) - dead))
     noise = torch.randn(len(values), 3, generator=generator) * faint[:, None]
     moved = torch.nonzero(faint > SEEN)[:, 0]
     axes = rotations(values[moved, 6:10]) * values[moved, 3:6].exp()[:, None, :]

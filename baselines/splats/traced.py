@@ -30,7 +30,7 @@ NAMES = ("shape.data", "shape.opacities", "shape.sh_coeffs")
 """Centre, scales, and a unit quaternion x, y, z, w; opacity; harmonics, red, green and blue of one after the other."""
 
 
-class OverWhite(BasicVolumetricPrimitiveRadianceFieldIntegrator):
+class OverWhite(BasicVolumetricPrimitiveRadianceFieldIntegrator):  # type: ignore[misc]
     """Mitsuba's integrator, and what it has no output for: the background, and where geometry is."""
 
     @dr.syntax

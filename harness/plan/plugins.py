@@ -25,7 +25,7 @@ from typing import Any
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG, Method
-from baselines.composition import LADDERS, SKIPS, Parts
+from baselines.composition import ACTIVATIONS, LADDERS, SKIPS, Parts
 from baselines.numerics.quadrature import QUADRATURES
 from scenes.files.errors import InputError
 from scenes.files.trial import how_it_ends
@@ -92,7 +92,7 @@ def method_named(name: str) -> Method:
     return CATALOG[name]
 
 
-def own_settings(name: str, given: Mapping[str, Any]) -> Any:
+def own_settings(name: str, given: Mapping[str, object]) -> Any:
     """Return the settings of a method that are its own: those given, else those of the catalogue; None if it has none.
     Raises `InputError` as `method_named` does.
     """
@@ -105,7 +105,7 @@ def origin_of(name: str) -> dict[str, str] | None:
     return dict(_loaded[name]) if name in _loaded else None
 
 
-def origins(names: Iterable[str]) -> dict[str, Any]:
+def origins(names: Iterable[str]) -> dict[str, object]:
     """Return the entry of a record: `{"plugins": {name: origin}}`, or nothing if all are ours."""
     packages = {name: origin for name in names if (origin := origin_of(name)) is not None}
     return {"plugins": packages} if packages else {}
@@ -145,12 +145,7 @@ def _take(name: str, points: list[EntryPoint]) -> None:
         origin = {"package": package, "version": version, "entry_point": point.value, "sources": sources_digest(point)}
     except (OSError, ValueError, TypeError, csv.Error) as error:
         raise InputError(f"{where}: its files cannot be read ({one_line(error)}); install it again") from error
-    tables: list[tuple[dict[str, Any], Any]] = [
-        (LADDERS, method.ladders),
-        (AMPLIFIERS, method.amplifiers),
-        (SKIPS, method.skips),
-    ]
-    for table, own in tables:
+    for _, table, own in _named_parts(method):
         table.update(own)
     CATALOG[name] = method
     _loaded[name] = origin
@@ -171,7 +166,7 @@ def one_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:300]
 
 
-def _is_frozen_dataclass(settings: Any) -> bool:
+def _is_frozen_dataclass(settings: object) -> bool:
     return getattr(getattr(type(settings), "__dataclass_params__", None), "frozen", False)
 
 
@@ -189,6 +184,16 @@ def _wrong_in_records(method: Method) -> str | None:
     return None
 
 
+def _named_parts(method: Method) -> list[tuple[str, dict[str, Any], Mapping[str, Any]]]:
+    """Return kind, table and the method's own entries of each part that `Parts` names."""
+    return [
+        ("encoding", LADDERS, method.ladders),
+        ("amplifier", AMPLIFIERS, method.amplifiers),
+        ("skip", SKIPS, method.skips),
+        ("activation", ACTIVATIONS, method.activations),
+    ]
+
+
 def _wrong_with(method: object) -> str | None:
     if not isinstance(method, Method):
         return f"gives a {type(method).__name__}, not a baselines.catalog.Method"
@@ -202,11 +207,7 @@ def _wrong_with(method: object) -> str | None:
         return "gives parts as its settings, make_field, or a trainer: one of them"
     if (wrong := _wrong_in_records(method)) is not None:
         return wrong
-    for kind, table, own in (
-        ("encoding", LADDERS, method.ladders),
-        ("amplifier", AMPLIFIERS, method.amplifiers),
-        ("skip", SKIPS, method.skips),
-    ):
+    for kind, table, own in _named_parts(method):
         if taken := [name for name in own if name in table and table[name] is not own[name]]:
             return f"its {kind} {taken[0]!r} is taken already; give it another name"
         if method.parts is not None and getattr(method.parts, kind) not in {**table, **own}:

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 import numpy as np
@@ -27,13 +27,13 @@ from harness.records.cells import (
     read_run,
     records_folder,
 )
-from harness.records.json_record import DamagedRecord, shown
+from harness.records.json_record import shown
 from harness.training.batches import Camera
 from harness.training.checkpoints import checkpoint_path, load_checkpoint
 from harness.training.learner import Job, Learner
 from harness.training.lockstep import stream_of
 from harness.training.make_learner import learner_for
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 from scenes.modelling.needs import part_name, with_needs
 from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.formats.transforms import transforms_file
@@ -41,10 +41,13 @@ from scenes.view_sets.source import Region
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import RADIUS
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 VIEW_SETS = Path("out/view_sets")
 """The default cache of view sets."""
 
-Settings = TypeVar("Settings")
+Settings = TypeVar("Settings", bound="DataclassInstance")
 
 
 @dataclass(frozen=True)
@@ -234,9 +237,9 @@ LARGEST = {
 EXPLICIT = (VoxelSettings, PlaneSettings, TableSettings, GaussianSettings)
 
 
-def _require_possible(settings: TrainSettings, own: Any, path: Path, checkpoint: Path) -> None:
+def _require_possible(settings: TrainSettings, own: object, path: Path, checkpoint: Path) -> None:
     """Raise `InputError` for sizes that no run has before memory is allocated."""
-    network = settings.network
+    network = own.size(settings.network) if isinstance(own, Parts) else settings.network
     shared = {**asdict(network), **asdict(settings), "grid.cells": settings.grid.cells}
     for sizes in (shared, asdict(own) if isinstance(own, EXPLICIT) else {}):
         for name in sizes.keys() & LARGEST.keys():
@@ -254,12 +257,12 @@ def _require_possible(settings: TrainSettings, own: Any, path: Path, checkpoint:
         )
 
 
-def from_plain(kind: type[Settings], data: Any, path: Path) -> Settings:
+def from_plain(kind: type[Settings], data: object, path: Path) -> Settings:
     """Make a frozen dataclass from the JSON of its `asdict`; raises `InputError` naming the file if a key is missing or
     unknown: settings that silently differ would render another picture.
     """
     try:
-        settings: Any = msgspec.convert(data, kind)
+        settings = msgspec.convert(data, kind)
         ours = settings.settings() if isinstance(settings, Budget) else asdict(settings)
         if unlike := _unlike(ours, data):
             raise ValueError(f"{kind.__name__}: {unlike}")
@@ -268,7 +271,7 @@ def from_plain(kind: type[Settings], data: Any, path: Path) -> Settings:
     return settings
 
 
-def _unlike(ours: Any, theirs: Any) -> str:
+def _unlike(ours: object, theirs: object) -> str:
     """Return the keys that only one of two JSON documents has."""
     if not (isinstance(ours, dict) and isinstance(theirs, dict)):
         return ""

@@ -7,9 +7,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.composition import Parts, skip_layer
+from baselines.composition import ACTIVATIONS, Parts, skip_layer
 from baselines.contract import Box
 from baselines.field import NetworkField
+from baselines.methods.nerf import NERF
 from baselines.numerics.encoding import encode
 from tests.baselines.small_fields import (
     BOX,
@@ -22,22 +23,29 @@ from tests.baselines.small_fields import (
     some_points,
 )
 
+PLAIN = {
+    "relu": lambda x: x.clamp(min=0.0),
+    "silu": lambda x: x / (1.0 + torch.exp(-x)),
+    "softplus": lambda x: torch.log1p(torch.exp(x)),
+}
+
 
 def plain_field(field: NetworkField, parts: Parts, x: Tensor, d: Tensor, ray: Tensor) -> tuple[Tensor, Tensor]:
     """Listing 3 and the heads with every concatenation built, reading the parameters of `field`."""
+    between = PLAIN[parts.activation]
     released = parts.coordinates == "scene"
     per_pi = math.pi if released else 1.0
     position = encode((x if released else field.box.normalised(x)) / per_pi, field.base, field.position_bands)
     h = position
     for index, layer in enumerate(field.density_net):
-        h = torch.relu(layer(h))
+        h = between(layer(h))
         if index == skip_layer(parts.skip, len(field.density_net)):
             h = torch.cat([h, position], dim=-1)
     sigma = field.density_unit * field.amplifier.rendered(field.density_head(h).squeeze(-1))
     if field.view_dependent:
         h = torch.cat([h, encode(d / per_pi, field.base, field.direction_bands)[ray]], dim=-1)
     for layer in list(field.colour_net)[:-1]:
-        h = torch.relu(layer(h))
+        h = between(layer(h))
     return sigma, torch.sigmoid(field.colour_net[-1](h))
 
 
@@ -62,6 +70,19 @@ def test_field_equals_a_plain_one_with_concatenations(method: str, depth: int, v
         if two is not None:
             assert one is not None
             assert float((one - two).abs().max()) <= 2e-5 * max(1.0, float(two.abs().max()))
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+def test_a_method_has_an_activation_a_depth_and_a_width_of_its_own(activation: str) -> None:
+    parts = replace(NERF, activation=activation, depth=5, width=24)
+    field = roughened(NetworkField(parts, SMALL, BOX, "float32", 0))
+    assert [layer.out_features for layer in field.density_net] == [24] * 5
+    x, d, ray = some_points(200)
+    ours = field.density_and_colour(x, field.encode_directions(d), ray)
+    for one, plain in zip(ours, plain_field(field, parts, x, d, ray), strict=True):
+        torch.testing.assert_close(one, plain, rtol=5e-6, atol=2e-6 * parts.density_scale)
+    assert parts.size(SMALL) == replace(SMALL, depth=5, width=24)
+    assert NERF.size(SMALL) == SMALL, "without its own, as the run has it"
 
 
 @every_method

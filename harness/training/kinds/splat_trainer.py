@@ -30,9 +30,10 @@ class GaussianTrainer(BudgetedTrainer):
         super().__init__(job)
         # bins are counted per pixel of the box's longest side, where they are (`harness.plan.needed.at_scale`)
         pixel = 2.0 * (self.settings.bins_per_pixel or 1.0) / self.settings.bins
-        self.field = Gaussians(self.box, self.view_dependent, torch.zeros(0, 0), pixel)
+        degree = self.own.degree if self.view_dependent else 0
+        self.field = Gaussians(self.box, degree, torch.zeros(0, 0), pixel, self.own.widened)
         self.field.values = first_values(
-            self.box, self.own.first, self.field.columns, generator_for(self.seed, "first")
+            self.box, self.own.first, self.field.columns, self.own.first_opacity, generator_for(self.seed, "first")
         )
         self.mean = torch.zeros_like(self.field.values)
         self.square = torch.zeros_like(self.field.values)
@@ -85,12 +86,12 @@ class GaussianTrainer(BudgetedTrainer):
         self.field.values = self.field.values - rate * self.rates * mean / (square.sqrt() + self.own.epsilon)
 
     def _move(self, rate: float, generator: torch.Generator) -> None:
-        values = self.field.values
-        values[:, :3] += wandering(values, self.own.wander * rate * self.own.faster * self.own.position, generator)
-        if (self.step + 1) % self.own.moved_every:
+        values, own = self.field.values, self.own
+        values[:, :3] += wandering(values, own.wander * rate * own.faster * own.position, own.dead, generator)
+        if (self.step + 1) % own.moved_every:
             return
-        more = max(min(self.own.most - len(values), len(values) // 20), 0)
-        values, changed = relocated(values, more, generator)
+        more = max(min(own.most - len(values), int(own.growth * len(values))), 0)
+        values, changed = relocated(values, more, own.dead, generator)
         for name in ("mean", "square", "seen"):
             state = getattr(self, name)
             state = torch.cat([state, state.new_zeros(len(values) - len(state), state.shape[1])])

@@ -7,9 +7,10 @@ import torch
 
 from baselines.contract import Box, Rays
 from baselines.splats.gaussians import Gaussians, Pencil, rotations
-from baselines.splats.population import DEAD, first_values, relocated, split_among, wandering
+from baselines.splats.population import first_values, relocated, split_among, wandering
 from harness.plan.seeds import generator_for
 
+DEAD = 0.005
 BOX = Box(-torch.ones(3), torch.tensor([1.0, 1.0, 0.5]))
 
 
@@ -21,7 +22,7 @@ def with_hull() -> Box:
 
 
 def values(count: int = 50, box: Box = BOX) -> torch.Tensor:
-    return first_values(box, count, 38, generator_for(1, "first"))
+    return first_values(box, count, 38, 0.1, generator_for(1, "first"))
 
 
 def test_the_first_ones_lie_on_the_surface_of_the_hull_and_in_the_box() -> None:
@@ -38,7 +39,7 @@ def test_a_ray_through_the_middle_of_a_ball_loses_its_opacity_to_the_density() -
     """The integral of the density along it is −log(1 − opacity)."""
     some = values(1)
     some[:, :3], some[:, 3:6], some[:, 10] = 0.0, math.log(0.1), math.log(0.7 / 0.3)
-    field = Gaussians(BOX, True, some, 1e-6)
+    field = Gaussians(BOX, 2, some, 1e-6, 0.5)
     line = torch.zeros(2001, 3)
     line[:, 0] = torch.linspace(-0.5, 0.5, 2001)
     line[:, 2] = -0.25  # the middle of the box
@@ -63,7 +64,7 @@ def test_copies_let_through_as_much_as_the_one_that_they_replace(copies: int) ->
 def test_faint_ones_move_to_where_others_are_and_new_ones_join_them() -> None:
     some = values(50)
     some[:10, 10] = math.log(0.5 * DEAD)
-    moved, changed = relocated(some.clone(), 5, generator_for(0, "move"))
+    moved, changed = relocated(some.clone(), 5, DEAD, generator_for(0, "move"))
     assert len(moved) == 55
     opacity = torch.sigmoid(moved[:, 10])
     assert float(opacity.min()) >= DEAD * 0.999
@@ -76,9 +77,9 @@ def test_faint_ones_move_to_where_others_are_and_new_ones_join_them() -> None:
 def test_all_faint_or_none_leaves_them_as_they_are() -> None:
     some = values(4)
     some[:, 10] = -20.0
-    assert torch.equal(relocated(some, 3, generator_for(0, "move"))[0], some)
+    assert torch.equal(relocated(some, 3, DEAD, generator_for(0, "move"))[0], some)
     some[:, 10] = 2.0
-    kept, changed = relocated(some, 0, generator_for(0, "move"))
+    kept, changed = relocated(some, 0, DEAD, generator_for(0, "move"))
     assert torch.equal(kept, some)
     assert len(changed) == 0
 
@@ -87,7 +88,7 @@ def test_only_what_is_hardly_seen_wanders_and_along_its_own_extent() -> None:
     some = values(2).repeat(200, 1)
     some[:, 3:6] = torch.tensor([0.5, 0.1, 1e-4]).log()
     some[:200, 10], some[200:, 10] = 2.0, -20.0
-    steps = wandering(some, 1.0, generator_for(0, "wander"))
+    steps = wandering(some, 1.0, DEAD, generator_for(0, "wander"))
     assert float(steps[:200].abs().max()) < 1e-9
     spread = (rotations(some[:, 6:10]).mT @ steps[:, :, None])[200:, :, 0].std(dim=0)
     share = 1.0 / (1.0 + math.exp(-100.0 * DEAD))
@@ -95,7 +96,7 @@ def test_only_what_is_hardly_seen_wanders_and_along_its_own_extent() -> None:
 
 
 def test_rays_of_several_cameras_are_drawn_camera_by_camera() -> None:
-    field = Gaussians(BOX, False, first_values(BOX, 80, 14, generator_for(2, "first")), 0.02)
+    field = Gaussians(BOX, 0, first_values(BOX, 80, 14, 0.1, generator_for(2, "first")), 0.02, 0.5)
     towards = torch.nn.functional.normalize(
         torch.tensor([[0.1, 0.0, -1.0], [0.0, 0.2, -1.0], [0.1, 0.2, -1.0]]), dim=-1
     )

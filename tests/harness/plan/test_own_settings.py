@@ -21,7 +21,9 @@ OTHERS = {"base2": "phi", "phi": "base2", "half": "phi", "none": "equation4", "b
 """Another name of the same kind; others become what nothing is called, as nothing is trained here."""
 
 
-def changed(value: Any) -> Any:
+def changed(name: str, value: Any) -> Any:
+    if name == "start" and value is None:
+        return 1.0
     match value:
         case bool():
             return not value
@@ -30,7 +32,7 @@ def changed(value: Any) -> Any:
         case tuple():
             return tuple(2 * part for part in value)
         case None:
-            return 1.0
+            return 3
         case _:
             return OTHERS.get(value, f"another {value}")
 
@@ -49,7 +51,7 @@ def test_each_setting_of_a_method_is_one_of_its_run_and_of_its_cells_alone(metho
     own = plan.own_settings([method])[method]
     seen = [plan.settings()]
     for each in fields(own):
-        other = replace(own, **{each.name: changed(getattr(own, each.name))})
+        other = replace(own, **{each.name: changed(each.name, getattr(own, each.name))})
         changed_plan = replace(plan, train=replace(plan.train, own={method: other}))
         assert changed_plan.settings() not in seen, each.name
         seen.append(changed_plan.settings())
@@ -76,6 +78,7 @@ def test_constants_chosen_at_the_scale_of_a_profile_are_those_of_all_that_was_se
     ("method", "changes"),
     [
         ("nerf", {"encoding": "base2_matched"}),
+        ("nerf", {"width": 20}),
         ("planes", {"nodes": (8, 16)}),
         ("hash_grid", {"cells": (8, 16), "entries": 64}),
         ("splats", {"first": 50}),
