@@ -81,7 +81,8 @@ def plain_render(
     through = torch.exp(-torch.cumsum(tau, dim=-1))
     before = torch.cat([torch.ones_like(through[:, :1]), through[:, :-1]], dim=-1)
     w = before * (1.0 - torch.exp(-tau))
-    return (w.unsqueeze(-1) * colour).sum(dim=1) + through[:, -1:] * background
+    shown: Tensor = (w.unsqueeze(-1) * colour).sum(dim=1) + through[:, -1:] * background
+    return shown
 
 
 def plain_loss(

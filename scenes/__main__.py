@@ -12,7 +12,7 @@ import time
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from scenes.catalog.entries import CATALOG
 from scenes.files.errors import InputError
@@ -86,7 +86,7 @@ def _render(options: argparse.Namespace) -> None:
         event({"path": str(path), "variant": read_manifest(path)["variant"], "seconds": seconds})
 
 
-def _event(scene: str, facts: "str | dict[str, Any] | Standing") -> None:
+def _event(scene: str, facts: "str | dict[str, object] | Standing") -> None:
     """Print a note or facts as one line of JSON."""
     if isinstance(facts, str):
         facts = {"note": facts}

@@ -95,7 +95,8 @@ class FeatureField(nn.Module):
         return self._sigma(raw), torch.sigmoid(logits)
 
     def _features(self, x: Points) -> Float[Tensor, "points features"]:
-        return self.encoder(self.box.normalised(x))
+        features: Tensor = self.encoder(self.box.normalised(x))
+        return features
 
     def _sigma(self, raw: Float[Tensor, " points"]) -> Densities:
         return softplus(raw + self.shift) * self.density_unit

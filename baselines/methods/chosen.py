@@ -40,7 +40,7 @@ def parts_of(method: str) -> dict[str, Any]:
     return chosen("reduced")[method].fields
 
 
-def adopt(profile: str, choice: dict[str, Any]) -> None:
+def adopt(profile: str, choice: dict[str, object]) -> None:
     """Write the constants of a profile, as plain data, into the file that holds them for every profile."""
     choices = json.loads(FILE.read_text(encoding="utf-8"))
     FILE.write_text(json.dumps({**choices, profile: choice}, indent=2) + "\n", encoding="utf-8")

@@ -72,7 +72,7 @@ class Rule:
     def bins_with(self, points: Bool[Tensor, "rays points"]) -> Bool[Tensor, "rays bins"]:
         if not self.closed:
             return points
-        own = points[:, :-1].unflatten(-1, (-1, self.stride)).any(dim=-1)
+        own: Tensor = points[:, :-1].unflatten(-1, (-1, self.stride)).any(dim=-1)
         return own | points[:, self.stride :: self.stride]
 
     def points_of(self, bins: Bool[Tensor, "rays bins"]) -> Bool[Tensor, "rays points"]:

@@ -25,7 +25,12 @@ class Command(NamedTuple):
     description: str | None = None
 
 
-def option(help: str = "", metavar: Any = None, type: Any = None, **more: Any) -> dict[str, Any]:
+def option(
+    help: str = "",
+    metavar: str | tuple[str, ...] | None = None,
+    type: Callable[[str], object] | None = None,
+    **more: object,
+) -> dict[str, Any]:
     """Return the arguments of `add_argument` that are given; those of the same name in `SHARED` fill in the others."""
     given = {"help": help or None, "metavar": metavar, "type": type}
     return {name: value for name, value in given.items() if value is not None} | more

@@ -9,7 +9,6 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -24,7 +23,6 @@ from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.records.cells import WAITED, cell_path, read_cell
-from harness.records.json_record import DamagedRecord
 from harness.records.metric_table import METRICS
 from harness.records.snapshot import ENDED
 from harness.training.batches import Cameras
@@ -32,7 +30,7 @@ from harness.training.learner import Job, Learner
 from harness.training.make_learner import learner_for
 from harness.training.scoring import metrics
 from harness.training.trainer import Diverged, Trainer
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world
 
 SERVED_VIEWS = 1000
@@ -97,7 +95,7 @@ def estimate(
     return estimate_from(plan, machine, paces, groups_left(plan, before), missing, verify=verify, serving=serving)
 
 
-def estimate_apart(*arguments: Any) -> CostEstimate:
+def estimate_apart(*arguments: object) -> CostEstimate:
     """Return `estimate` from a process of its own: what it loads is no part of the run, and a method may end it."""
     try:
         return in_child(estimate, *arguments)
@@ -256,7 +254,7 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
     return Pace(first, later, chunks / chunk)
 
 
-def seconds_of(work: Callable[[int], Any], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
+def seconds_of(work: Callable[[int], object], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
     """Return the median seconds of `work` on `rays` rays; if that takes long, extrapolated from the largest try that
     does not: a GPU takes as long for a few rays as for thousands.
     """

@@ -4,7 +4,6 @@ import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord, cell_path, unscored, with_files, write_cell
@@ -16,7 +15,7 @@ def run_group(
     task: GroupTask,
     on_progress: Callable[[float], None],
     on_cell: Callable[[CellRecord], None],
-    placed: dict[str, Any] | None = None,
+    placed: dict[str, object] | None = None,
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> None:
     """Train, score and write every method of the group; an error of ours ends in records of status `error`.

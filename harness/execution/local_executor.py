@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any
 
 from harness.execution.group import run_group
 from harness.execution.group_loop import Attempt, End, Event, News, run_at
@@ -121,7 +120,7 @@ def _ending(exit_code: int | None) -> str:
 
 
 def _work(
-    connection: Connection, gpu: dict[str, str], threads: int, known: dict[str, str], origin: dict[str, Any]
+    connection: Connection, gpu: dict[str, str], threads: int, known: dict[str, str], origin: dict[str, object]
 ) -> None:
     """Serve a driver of the `known` versions on cores and a GPU of its own."""
     end_with_parent()
@@ -150,7 +149,7 @@ def _other_code(known: dict[str, str]) -> str:
     return changed_since(known)
 
 
-def _serve(connection: Connection, placed: dict[str, Any]) -> None:
+def _serve(connection: Connection, placed: dict[str, object]) -> None:
     """Take tasks; send progress (float), finished cells, notices (str), `End` and `OSError` (cannot write)."""
     while (task := connection.recv()) is not None:
         last = 0.0

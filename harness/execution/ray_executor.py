@@ -3,13 +3,12 @@
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 from harness.execution.cluster.connection import give_up
 from harness.execution.cluster.head import Head
 from harness.execution.cluster.mailbox import Files, Handle, Key, Mailbox, Message
 from harness.execution.cluster.node_work import GroupOrder, group_on_node
-from harness.execution.cluster.room import Room, needs_of
+from harness.execution.cluster.room import Node, Room, needs_of
 from harness.execution.cluster.view_set_files import Listing, listed
 from harness.execution.group_loop import Attempt, End, Event, News, run_at
 from harness.machine.provenance import versions
@@ -25,7 +24,7 @@ errors.
 """
 POLL_SECONDS = 0.2
 
-Look = tuple[list[dict[str, Any]], dict[str, float]]
+Look = tuple[list[Node], dict[str, float]]
 """A view of the cluster: its nodes, and the free part of all their resources."""
 
 
@@ -146,7 +145,7 @@ def _beside_us(listings: list[Listing]) -> tuple[Handle, Handle]:
     return mailbox, ray.remote(Files).options(num_cpus=0, scheduling_strategy=here, max_concurrency=4).remote(by_digest)
 
 
-def _resources(task: GroupTask) -> dict[str, Any]:
+def _resources(task: GroupTask) -> dict[str, object]:
     """Return what Ray reserves; it shows a process the GPU that it has, of either vendor. Retries are ours."""
     needs = needs_of(task.threads, task.device)
     return {
@@ -189,7 +188,7 @@ def news_of(
                 yield attempt, news
 
 
-def _lost(reference: Any) -> str | None:
+def _lost(reference: object) -> str | None:
     """Return why an attempt ended without an end of its own; None if it had one. Raises errors that end the run."""
     import ray
     from ray import exceptions as crashed

@@ -89,7 +89,7 @@ class SlurmJob:
 
         return DelayedSubmission(self)
 
-    def _tell(self, news: float | str | list[Any]) -> None:
+    def _tell(self, news: float | str | list[object]) -> None:
         with self.journal.open("a", encoding="utf-8") as journal:
             journal.write(json.dumps(news) + "\n")
 
@@ -100,9 +100,9 @@ class SlurmJob:
         return self.journal.stat().st_mtime - self.alive.stat().st_mtime > ORPHAN_SECONDS
 
 
-def job_parameters(given: list[str]) -> dict[str, Any]:
+def job_parameters(given: list[str]) -> dict[str, object]:
     """Return the parameters of submitit that `NAME=VALUE` set; numbers are numbers. Raises `InputError`."""
-    parameters: dict[str, Any] = dict(USUAL)
+    parameters: dict[str, object] = dict(USUAL)
     for text in given:
         name, equals, value = text.partition("=")
         if not equals or not name:

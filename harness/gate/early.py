@@ -9,7 +9,6 @@ import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import torch
@@ -180,11 +179,11 @@ def deviation(new: Course, stored: Course) -> tuple[float | None, str]:
     return max(sizes)
 
 
-def profile_settings() -> dict[str, Any]:
+def profile_settings() -> dict[str, object]:
     """Return what the profiles of the paper's two scales train, score and look at, setting by setting."""
-    settings: dict[str, Any] = {}
+    settings: dict[str, object] = {}
 
-    def walk(name: str, value: Any) -> None:
+    def walk(name: str, value: object) -> None:
         if isinstance(value, dict):
             for key, inner in value.items():
                 walk(f"{name}.{key}", inner)
@@ -194,5 +193,5 @@ def profile_settings() -> dict[str, Any]:
     for profile in ("reduced", "full"):
         for part in ("budget", "train", "score", "views"):
             walk(f"{profile}.{part}", PROFILES[profile].settings()[part])
-    as_stored: dict[str, Any] = json.loads(json.dumps(settings))
+    as_stored: dict[str, object] = json.loads(json.dumps(settings))
     return as_stored

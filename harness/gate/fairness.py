@@ -10,7 +10,6 @@ from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -109,7 +108,7 @@ def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[Cel
     weights: dict[tuple[str, int], dict[str, Tensor]] = {}
     with listed(methods[1], method):
         for seed in (0, 1):
-            learners: list[Any] = []
+            learners: list[Learner] = []
             cells += train_group(task_of(methods, seed, out), views, {}, lambda share: None, watching(learners))
             weights |= {(learner.method, seed): dict(learner.fields.state_dict()) for learner in learners}
     if any(cell.status != "done" for cell in cells):
@@ -138,7 +137,7 @@ def listed(name: str, method: str) -> Iterator[None]:
         del CATALOG[name]
 
 
-def watching(made: list[Any], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:
+def watching(made: list[Learner], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:
     """Return a maker of learners that puts them into `made`, and the batches they are given into `batches`."""
 
     def make(job: Job) -> Learner:

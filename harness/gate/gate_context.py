@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Any
 
 from harness.gate.gates import Gate, Kind
 from harness.gate.limits import LimitsFile, judge, unfit
@@ -26,7 +25,7 @@ class GateContext(StudyContext):
     first_steps: Callable[[], Courses]
     """Trains the first steps, once for a run: `changed` compares them, and `worse` asks whether they have changed."""
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         return {"class": class_here(), "gates": [gate.name for gate in self.gates]}
 
     @property

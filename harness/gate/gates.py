@@ -1,7 +1,7 @@
 """The gates: one table made from a few literal settings."""
 
 from dataclasses import dataclass
-from typing import Any, Literal, cast, get_args
+from typing import Literal, cast, get_args
 
 Kind = Literal["changed", "worse", "families", "images", "fairness", "speed"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -142,9 +142,9 @@ def gates() -> tuple[Gate, ...]:
     return tuple(table)
 
 
-def settings_of(kind: Kind) -> dict[str, Any]:
+def settings_of(kind: Kind) -> dict[str, object]:
     """Return, as JSON, the settings that what is stored for a kind is only valid for."""
-    settings: dict[Kind, dict[str, Any]] = {
+    settings: dict[Kind, dict[str, object]] = {
         "changed": {"starts": list(STARTS)},
         "worse": {
             "steps": STEPS,

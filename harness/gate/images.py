@@ -64,7 +64,8 @@ class Reference:
         A pixel that a surface touches by a hair may have been missed by all samples of the reference: its variance
         is then 0, and the first hit would be infinitely unlikely.
         """
-        return self.variance + (self.mean.max() / self.spp) ** 2 / self.batches
+        variances: np.ndarray = self.variance + (self.mean.max() / self.spp) ** 2 / self.batches
+        return variances
 
 
 def biases(renders: np.ndarray, reference: Reference) -> np.ndarray:
@@ -74,7 +75,8 @@ def biases(renders: np.ndarray, reference: Reference) -> np.ndarray:
     r = reference.mean[..., :3]
     weighted = r / reference.variances()[..., :3]
     difference = np.asarray(renders, dtype=np.float64)[..., :3] - r
-    return 100.0 * np.einsum("hwc,bhwc->b", weighted, difference) / float((weighted * r).sum())
+    percent: np.ndarray = 100.0 * np.einsum("hwc,bhwc->b", weighted, difference) / float((weighted * r).sum())
+    return percent
 
 
 def mean_square(renders: np.ndarray, reference: Reference) -> float:
@@ -93,7 +95,8 @@ def mean_square(renders: np.ndarray, reference: Reference) -> float:
 def standardised(images: np.ndarray, reference: Reference, count: int = 1) -> np.ndarray:
     """Return the deviation of means of `count` renders [..., height, width, 4] in standard errors of both."""
     x = np.asarray(images, dtype=np.float64)
-    return (x - reference.mean) / np.sqrt(reference.variances() * (1 / count + 1 / reference.batches))
+    deviations: np.ndarray = (x - reference.mean) / np.sqrt(reference.variances() * (1 / count + 1 / reference.batches))
+    return deviations
 
 
 def largest(renders: np.ndarray, reference: Reference) -> np.ndarray:

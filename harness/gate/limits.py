@@ -18,11 +18,11 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from harness.gate.gates import Gate, Kind, gates, settings_of
-from harness.records.json_record import DamagedRecord, Record, plain, read_record
+from harness.records.json_record import Record, plain, read_record
 from harness.records.study import Check, check
 from harness.verdicts.statistics import POWER, shift_found
 from scenes.files.atomic import write_atomically
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 
 LEVEL = 0.01 / 80
 EULER = 0.5772156649

@@ -44,7 +44,7 @@ class References(Record, frozen=True):
     """The references of the gates."""
 
     kinds: dict[Kind, KindFacts] = field(default_factory=dict)
-    profiles: dict[str, Any] = field(default_factory=dict)
+    profiles: dict[str, object] = field(default_factory=dict)
     """Setting of a profile → its value."""
     courses: Courses = field(default_factory=dict)
     cells: dict[str, dict[str, Numbers]] = field(default_factory=dict)

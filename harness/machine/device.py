@@ -80,7 +80,7 @@ def multiplies_bfloat16(device: torch.device) -> bool:
     (8 × 256) as long as in float32.
     """
     if device.type == "cuda":
-        return torch.cuda.is_bf16_supported()
+        return bool(torch.cuda.is_bf16_supported())
     return has_amx()
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from harness.plan.defaults import KEPT_EVERY
 from harness.plan.plugins import own_settings
@@ -33,7 +32,7 @@ class GroupTask:
     lpips: Path | None = None
     """The weights of LPIPS, if there are any."""
 
-    def settings(self, method: str) -> dict[str, Any]:
+    def settings(self, method: str) -> dict[str, object]:
         """Return the settings of one of its cells, as records hold them."""
         own = own_settings(method, self.train.own)
         train = asdict(replace(self.train, own={} if own is None else {method: own}))

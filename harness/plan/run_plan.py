@@ -106,7 +106,7 @@ class Plan:
         """Return the plan with matrix multiplications in float32, the rest as it is."""
         return replace(self, train=replace(self.train, precision="float32"))
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         """Return everything that the results depend on, as JSON."""
         kept = {key: value for key, value in asdict(self).items() if key not in APART}
         kept["budget"] = self.budget.settings()
@@ -171,7 +171,7 @@ class Machine:
     job_options: tuple[str, ...] = ()
     """`NAME=VALUE` for the jobs of submitit; change no result."""
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         """Return the settings as JSON, without defaults, so that runs from before there was a choice can be resumed."""
         usual = ("device", "workers", "threads")
         return {key: getattr(self, key) for key in (usual if self.executor == "local" else (*usual, "executor"))}

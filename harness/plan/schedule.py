@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Literal
 
 Decay = Literal["exponential", "linear"]
 
@@ -20,7 +20,7 @@ class Budget:
         spent = (step, self.steps), (seconds, self.seconds), (core_seconds, self.core_seconds)
         return max(used / given if given else 0.0 for used, given in spent)
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         """Return the budget as JSON; without core seconds if there are none, as in records from before."""
         return {name: value for name, value in asdict(self).items() if name != "core_seconds" or value is not None}
 

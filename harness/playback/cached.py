@@ -1,7 +1,5 @@
 """A trained method behind a cache (Listing 5)."""
 
-from typing import Any
-
 import numpy as np
 
 from harness.playback.keys import camera_key, method_digest, plain_calls, switches
@@ -27,7 +25,7 @@ class CachedMethod:
         self.store = store
         self.chunk = chunk
         self._plain = plain_calls(chunk)
-        self._known: tuple[tuple[Any, ...], bytes] | None = None
+        self._known: tuple[tuple[object, ...], bytes] | None = None
 
     def key(self, camera: Camera, calls: str | None = None) -> str:
         """Return the key of a view with rays put into chunks as `calls` describes, by default those of

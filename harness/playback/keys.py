@@ -47,7 +47,7 @@ def camera_key(method: bytes, camera: Camera, calls: str) -> str:
     return digest.hexdigest()
 
 
-def machine(learner: Learner) -> dict[str, Any]:
+def machine(learner: Learner) -> dict[str, object]:
     """Return the facts that determine arithmetic: our sources and the libraries, which choose their sums by processor,
     threads and matmul precision.
 
@@ -92,7 +92,7 @@ def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
 
 
 @cache
-def _drjit() -> list[Any]:
+def _drjit() -> list[object]:
     """Return the versions of Mitsuba and of the compiler of Dr.Jit's kernels on a processor."""
     import drjit
 

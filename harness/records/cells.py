@@ -11,7 +11,6 @@ from harness.records.claims import ClaimFile
 from harness.records.former.four_words import in_two_words
 from harness.records.json_record import (
     REMEDY,
-    DamagedRecord,
     Record,
     digest_of,
     file_digest,
@@ -22,6 +21,7 @@ from harness.records.json_record import (
 )
 from harness.records.metric_table import POSSIBLE
 from harness.records.verdict import Verdict
+from scenes.files.errors import DamagedRecord
 
 Budget = Literal["steps", "seconds", "core_seconds"]
 """What two methods are given equal amounts of: training steps, wall seconds or core seconds, each on its own clock."""
@@ -270,7 +270,7 @@ class CellRecord(Record, frozen=True):
 
         Such threads use all of their cores' time where nothing else runs. Older records do not say how they waited.
         """
-        threads = self.provenance.get("threads", 1)
+        threads: int = self.provenance.get("threads", 1)
         if threads == 1 or self.provenance.get("waiting", "active") != "active":
             return False
         return threads * (self.wall_per_core_second or 0.0) > WAITED

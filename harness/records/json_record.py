@@ -84,7 +84,7 @@ def digest_of(data: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def without_gaps(data: Any) -> Any:
+def without_gaps(data: object) -> object:
     """Return plain data with the keys of every object in order, and without those that hold nothing: what a version
     adds to a record changes no digest of one that lacks it.
     """
@@ -115,7 +115,7 @@ def read_record(
     formerly: tuple[str, ...] = (),
     remedy: str = REMEDY,
     by_hand: bool = False,
-    former: Callable[[Any], Any] | None = None,
+    former: Callable[[object], object] | None = None,
 ) -> One:
     """Read a record; keys that were there `formerly` are dropped, and `former` brings what earlier versions wrote into
     this version's form. Raises `DamagedRecord` for anything else, and for one
@@ -147,7 +147,7 @@ def _plain_scalar(value: object) -> float | str:
     return float(value) if isinstance(value, float) else str.__str__(value)
 
 
-def as_promised(data: Any, kind: Any) -> Any:
+def as_promised(data: object, kind: type[One]) -> One:
     """Return plain data as `kind`; raises `ValueError` with the first place that is not of its type."""
     try:
         return msgspec.convert(data, kind)

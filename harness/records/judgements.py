@@ -8,8 +8,9 @@ from pathlib import Path
 
 from harness.records.cells import Estimate
 from harness.records.former.four_words import in_two_words
-from harness.records.json_record import DamagedRecord, Record, read_record, write_record
+from harness.records.json_record import Record, read_record, write_record
 from harness.records.verdict import OPEN, Verdict
+from scenes.files.errors import DamagedRecord
 
 JUDGEMENT_SCHEMA = 1
 JUDGEMENT_FILE = "judgement.json"

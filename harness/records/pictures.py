@@ -7,6 +7,7 @@ import errno
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -18,13 +19,14 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from harness.records.json_record import DamagedRecord, Record, as_promised, plain
+from harness.records.json_record import Record, as_promised, plain
 from scenes.files.atomic import write_atomically
+from scenes.files.errors import DamagedRecord
 
-Tensors = dict[str, NDArray[Any]]
+Tensors = dict[str, np.ndarray]
 
 
-def sealed(key: str, listing: dict[str, Any], tensors: Tensors) -> bytes:
+def sealed(key: str, listing: dict[str, object], tensors: Tensors) -> bytes:
     """Return the bytes of a file whose only metadata is `key`; raises `ValueError` for NaN or Infinity in `listing`."""
     text = json.dumps({**listing, "digest": digest_of(listing, tensors)}, allow_nan=False)
     # safetensors writes memory as it lies there, whatever the strides
@@ -45,7 +47,7 @@ def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
     return listing, tensors
 
 
-def digest_of(listing: dict[str, Any], tensors: Tensors) -> str:
+def digest_of(listing: dict[str, object], tensors: Tensors) -> str:
     state = hashlib.blake2b(json.dumps(listing, sort_keys=True).encode(), digest_size=32)
     for name, tensor in sorted(tensors.items()):
         state.update(f"{name} {tensor.dtype} {tensor.shape}\n".encode())
@@ -134,7 +136,8 @@ def half(values: np.ndarray) -> Half:
     """Return values as float16, clipped to its range. Raises `ValueError` if one is NaN."""
     if np.isnan(values).any():
         raise ValueError("a picture holds NaN")
-    return np.clip(values, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
+    clipped: np.ndarray = np.clip(values, -LARGEST_HALF, LARGEST_HALF)
+    return clipped.astype(np.float16)
 
 
 def cell_pictures(scene: str, method: str, seed: int) -> str:
@@ -180,7 +183,9 @@ def last_of(renders: list[Render]) -> list[Render]:
     return [render for render in renders if render.step == step]
 
 
-def _write(path: Path, kind: str, rows: list[ListedPicture], pictures: list[Any], turn: Turn | None) -> None:
+def _write(
+    path: Path, kind: str, rows: list[ListedPicture], pictures: Sequence[Truth | Render], turn: Turn | None
+) -> None:
     tensors: Tensors = {
         f"{place:04}.{name}": np.ascontiguousarray(getattr(picture, name), dtype=np.float16)
         for place, (row, picture) in enumerate(zip(rows, pictures, strict=True))
@@ -209,7 +214,7 @@ def _read(
         if path.stat().st_size > LARGEST_BYTES:
             raise ValueError(f"larger than {LARGEST_BYTES} bytes")
         listing, tensors = unsealed(LISTING, path.read_bytes())
-        read: PicturesListing = as_promised(listing, PicturesListing)
+        read = as_promised(listing, PicturesListing)
         if (read.schema, read.kind) != (SCHEMA, kind):
             raise ValueError(f"{read.kind} of schema {read.schema}, not {kind} of schema {SCHEMA}")
         rows = [(row, _parts(place, row, tensors, channels, needed)) for place, row in enumerate(read.pictures)]
@@ -223,14 +228,14 @@ def _read(
         raise DamagedRecord(f"{path}: not the pictures of a run ({reason}); {remedy}") from error
 
 
-def _frames(tensor: NDArray[Any], views: int) -> NDArray[np.uint8]:
+def _frames(tensor: np.ndarray, views: int) -> NDArray[np.uint8]:
     if tensor.dtype != np.uint8 or tensor.ndim != 4 or tensor.shape[::3] != (views, 3) or min(tensor.shape) < 1:
         raise ValueError(f"turn of {views} views is {tensor.dtype} {tensor.shape}")
     return tensor
 
 
 def _parts(
-    place: int, row: ListedPicture, tensors: dict[str, Any], channels: dict[str, int | None], needed: set[str]
+    place: int, row: ListedPicture, tensors: Tensors, channels: dict[str, int | None], needed: set[str]
 ) -> dict[str, Half]:
     if (row.step is UNSET) is (channels is RENDER):
         raise ValueError("a checkpoint without a step, or a truth with one")

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from harness.records.cells import CellRecord
-from harness.records.json_record import DamagedRecord
 from harness.records.pictures import Tensors, sealed, unsealed
 from scenes.files.atomic import write_atomically
+from scenes.files.errors import DamagedRecord
 
 FOLDER = "unfinished"
 """The folder of snapshots in OUT, and the key of their listings."""

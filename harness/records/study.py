@@ -15,8 +15,9 @@ from msgspec import field
 
 from harness.records.cells import Budget, Estimate
 from harness.records.former.four_words import in_two_words
-from harness.records.json_record import DamagedRecord, Record, as_promised, finite_or_none, load_record, write_record
+from harness.records.json_record import Record, as_promised, finite_or_none, load_record, write_record
 from harness.records.verdict import Verdict
+from scenes.files.errors import DamagedRecord
 
 SCHEMA = 2
 SHELVES = {

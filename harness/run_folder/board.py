@@ -7,7 +7,7 @@ on; its *Wall* axis means nothing. A score that a record does not have is left o
 import importlib.util
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -118,7 +118,7 @@ def _pictures(writer: "SummaryWriter", out: Path, cell: CellRecord) -> None:
         _picture(writer, f"{true.view}/truth", true.display, 0, 0.0)
 
 
-def _picture(writer: "SummaryWriter", tag: str, values: Any, step: int, seconds: float) -> None:
+def _picture(writer: "SummaryWriter", tag: str, values: np.ndarray, step: int, seconds: float) -> None:
     """Write `values` [h, w, channels], clipped to 0 … 1, as 8 bits."""
     eight = np.round(np.clip(np.asarray(values, dtype=np.float32), 0.0, 1.0) * 255.0).astype(np.uint8)
     writer.add_image(tag, eight, step, seconds, dataformats="HWC")

@@ -1,14 +1,13 @@
 """The facts that the record of a run holds already when the run is resumed: clocks, notices, costs of omissions."""
 
 from pathlib import Path
-from typing import Any
 
 from msgspec.structs import replace
 
 from harness.records.cells import LeftOut, RunRecord, SceneRecord, read_run
-from harness.records.json_record import DamagedRecord
+from scenes.files.errors import DamagedRecord
 
-UNMEASURED: dict[str, Any] = dict(seconds_saved=None, difference=None, interval=None, clock="", verdict="", study="")
+UNMEASURED: dict[str, object] = dict(seconds_saved=None, difference=None, interval=None, clock="", verdict="", study="")
 """The fields of `LeftOut` that `--verify-omissions` fills in, before it does."""
 
 
@@ -20,7 +19,7 @@ def earlier_run(out: Path) -> RunRecord | None:
         return None
 
 
-def notices_of(earlier: RunRecord | None) -> dict[str, Any]:
+def notices_of(earlier: RunRecord | None) -> dict[str, object]:
     """Return the notices of an executor for a record, `{"notices": lines}`, or an empty dictionary."""
     notices = earlier.provenance.get("notices", []) if earlier is not None else []
     return {"notices": list(notices)} if notices else {}

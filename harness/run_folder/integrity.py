@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from harness.plan.run_plan import Plan
 from harness.plan.settings import TrainSettings
@@ -21,7 +20,7 @@ from harness.records.cells import (
     read_comparisons,
     read_run,
 )
-from harness.records.json_record import DamagedRecord, file_digest
+from harness.records.json_record import file_digest
 from harness.records.pictures import read_truth, truth_pictures
 from harness.records.snapshot import ENDED, read_unfinished, unfinished_path
 from harness.records.snapshot import FOLDER as UNFINISHED
@@ -29,7 +28,7 @@ from harness.records.study import SHELVES, read_studies
 from harness.records.targets import TARGETS_FILE, read_targets
 from harness.run_folder.folder_lock import remove_abandoned
 from scenes.files.atomic import remove_leftovers
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 
 DAMAGED = "damaged"
 """The folder under OUT for damaged files."""
@@ -96,7 +95,7 @@ def plan_of_cells(out: Path, plan: Plan) -> list[str]:
         with suppress(DamagedRecord):
             settings = read_cell(cell_path(out, scene, method, seed)).settings
             # what a scene does not need is derived from its view set, and differs from the plan's
-            pairs: dict[str, tuple[Any, Any]] = {}
+            pairs: dict[str, tuple[object, object]] = {}
             for name in ("score", "budget"):
                 if settings.get(name) is not None:
                     pairs[name] = settings[name], wanted[name]
@@ -153,7 +152,7 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
         name = f"records/{truth_pictures(scene)}"
         if (out / name).exists() or (plan.score.stored_views and scene in started):
             yield from _fault(out, name, read_truth, "taken from the view set again")
-    tries: dict[str, tuple[Callable[[Path], Any], str]] = {
+    tries: dict[str, tuple[Callable[[Path], object], str]] = {
         "records/run.json": (lambda _: read_run(out), "written again"),
         "records/comparisons.json": (lambda _: read_comparisons(out, read_cells(out)), "computed again"),
         f"records/{TARGETS_FILE}": (lambda _: read_targets(out, read_cells(out)), "computed again"),
@@ -164,7 +163,7 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
             yield from _fault(out, name, read, remedy)
 
 
-def _fault(out: Path, name: str, read: Callable[[Path], Any], remedy: str) -> Iterator[tuple[str, str]]:
+def _fault(out: Path, name: str, read: Callable[[Path], object], remedy: str) -> Iterator[tuple[str, str]]:
     try:
         read(out / name)
     except (DamagedRecord, OSError) as error:

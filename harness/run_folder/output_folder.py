@@ -11,11 +11,11 @@ from typing import Any, TypeVar
 
 from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import records_folder
-from harness.records.json_record import DamagedRecord, load_record, shown, write_record
+from harness.records.json_record import load_record, shown, write_record
 from harness.run_folder.folder_lock import LOCK_FILE, locked_folder
 from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells, reason_of, sweep
 from scenes.files.atomic import replacing
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 
 LEAST_FREE_BYTES = 200 << 20
 
@@ -170,7 +170,7 @@ def release(out: Path) -> None:
             return  # not empty, or not ours to remove
 
 
-def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> str | None:
+def _same_plan(out: Path, plan: Plan, started_with: dict[str, object]) -> str | None:
     """Check that the plan is the same; returns why it is lost if the options, which fit what is there, replace it."""
     path = records_folder(out) / "plan.json"
     try:
@@ -196,12 +196,12 @@ def _same_plan(out: Path, plan: Plan, started_with: dict[str, Any]) -> str | Non
     return None
 
 
-def differences(before: dict[str, Any], now: dict[str, Any]) -> str:
+def differences(before: dict[str, object], now: dict[str, object]) -> str:
     """Return in words the keys whose values changed; empty if none did."""
     return "; ".join(_differences("", before, now))
 
 
-def _differences(within: str, before: Any, now: Any) -> list[str]:
+def _differences(within: str, before: object, now: object) -> list[str]:
     if not (isinstance(before, dict) and isinstance(now, dict)):
         return [] if before == now else [f"{within} was {before}, is {now}"]
     inner = f"{within}." if within else ""

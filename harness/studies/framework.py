@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from harness.records.json_record import DamagedRecord
 from harness.records.study import (
     Answer,
     Check,
@@ -25,7 +24,7 @@ from harness.records.study import (
     read_studies,
     write_studies,
 )
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 
 if TYPE_CHECKING:
     import torch
@@ -116,7 +115,7 @@ class StudyContext(ABC):
         return self.machine.threads
 
     @abstractmethod
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         """Return everything that the figures depend on but the machine, as JSON: a record of others is not resumed."""
 
     def within(self, scratch: Path, missing: tuple[str, ...]) -> "StudyContext":

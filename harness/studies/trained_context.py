@@ -16,10 +16,10 @@ from harness.execution import run as execution
 from harness.machine.provenance import provenance
 from harness.plan.run_plan import Plan
 from harness.records.cells import CellRecord, SceneRecord, cell_path, read_cells, read_cells_of, read_run
-from harness.records.json_record import DamagedRecord
 from harness.records.study import Studies
 from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells
 from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, StudyContext
+from scenes.files.errors import DamagedRecord
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from harness.plan.group_task import GroupTask
 from harness.plan.plugins import origins
 from harness.plan.schedule import checkpoint_fractions
 from harness.records.cells import CellRecord, Checkpoint, Status, ViewScore, cell_path, read_cell
-from harness.records.json_record import DamagedRecord, as_promised, finite_or_none, plain
+from harness.records.json_record import as_promised, finite_or_none, plain
 from harness.records.metric_table import METRICS
 from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
@@ -32,7 +32,7 @@ from harness.training.scoring.densities import density_properties
 from harness.training.scoring.lpips import lpips_of
 from harness.training.shared_state import left_as_it_was
 from harness.training.trainer import Diverged
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 from scenes.rendering.occupancy import read_occupancy
 from scenes.view_sets.view_set import ViewSet
 
@@ -47,9 +47,9 @@ def flops_per_evaluation(field: object) -> int | None:
     """
     if isinstance(field, nn.Module):
         layers = [layer for layer in field.modules() if isinstance(layer, nn.Linear)]
-        encoder = getattr(getattr(field, "encoder", None), "operations", 0)
+        encoder: int = getattr(getattr(field, "encoder", None), "operations", 0)
         return encoder + 2 * sum(layer.in_features * layer.out_features for layer in layers) or None
-    coefficients = getattr(field, "coefficients", None)
+    coefficients: int | None = getattr(field, "coefficients", None)
     if coefficients is None:
         return None
     return 2 * CORNERS * (1 + 3 * coefficients) + (2 * 3 * coefficients if coefficients > 1 else 0)
@@ -64,7 +64,7 @@ SAME = 1e-6
 """The relative tolerance: values found from cameras may differ in their last bits between processors."""
 
 
-def view_set_facts(views: ViewSet) -> dict[str, Any]:
+def view_set_facts(views: ViewSet) -> dict[str, object]:
     """Return the facts of a view set as a cell's record holds them."""
     return {
         "name": views.path.resolve().name,
@@ -104,7 +104,7 @@ def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet)
     return finished
 
 
-def _same(before: Any, now: Any) -> bool:
+def _same(before: object, now: object) -> bool:
     if isinstance(before, list) and isinstance(now, list):
         return len(before) == len(now) and all(map(_same, before, now))
     if isinstance(before, int | float) and isinstance(now, int | float):
@@ -112,7 +112,7 @@ def _same(before: Any, now: Any) -> bool:
     return bool(before == now)
 
 
-def _short(value: Any) -> Any:
+def _short(value: object) -> object:
     return f"{value[:12]}…" if isinstance(value, str) and len(value) > 12 else value
 
 
@@ -242,7 +242,7 @@ class CellTraining:
             ) from error
         return f"{self.name}: goes on at step {self.trainer.step}"
 
-    def _made_with(self) -> dict[str, Any]:
+    def _made_with(self) -> dict[str, object]:
         """Return all that its next steps depend on, except what training changed, as it comes back from JSON."""
         place = ("processor", "threads", "device", "torch_build", "bfloat16_products")
         packages = self.provenance.get("packages", {})
@@ -280,7 +280,7 @@ class CellTraining:
         images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
         test = self.views.test
         rows: list[ViewScore] = []
-        opacities: list[np.floating[Any]] = []
+        opacities: list[np.floating] = []
         angles: list[float | None] = []
         for index, image in enumerate(images):  # one view is in memory at a time
             rows.append(evaluate.view_scores(image, test, index, lpips=self.lpips))

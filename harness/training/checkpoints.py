@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -106,7 +106,7 @@ class Keeping:
 def training_state(learner: "Learner") -> Unfinished:
     tensors = {f"trained.{name}": value for name, value in tensors_of(learner).items()}
     tensors |= {f"optimiser.{name}": value for name, value in learner.optimiser_tensors().items()}
-    listing: dict[str, Any] = {
+    listing: dict[str, object] = {
         "step": learner.step,
         "seconds": learner.clock.seconds,
         "core_seconds": learner.clock.core_seconds,

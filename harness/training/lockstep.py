@@ -1,7 +1,7 @@
 """All methods of one scene and one seed, trained in turn on the same batches, each on its own clock; or one alone."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import torch
 
@@ -29,7 +29,7 @@ T = TypeVar("T")
 def train_group(
     task: GroupTask,
     views: ViewSet,
-    provenance: dict[str, Any],
+    provenance: dict[str, object],
     on_progress: Callable[[float], None],
     made_by: Callable[..., Learner] | None = None,
     on_notice: Callable[[str], None] = lambda text: None,

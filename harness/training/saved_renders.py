@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.records.cells import records_folder
-from harness.records.json_record import DamagedRecord
 from harness.records.pictures import (
     EVERY_CHECKPOINT_SEED,
     HEADER_BYTES,
@@ -28,7 +27,7 @@ from harness.records.pictures import (
     write_truth,
 )
 from harness.training.scoring.evaluate import View
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.pixels import area_average, over_white
 from scenes.view_sets.view_set import Split, ViewSet, linear_over_white
 from scenes.view_sets.viewpoints import by_azimuth, evenly_spread

@@ -34,7 +34,8 @@ def best_shares(table: Float[np.ndarray, "methods scenes"]) -> Float[np.ndarray,
     """Return the share of draws in which each method has the best mean; all 0 if none has one."""
     means = drawn_means(table, resamples(table.shape[1]))
     first = np.argmax(means, axis=0)[np.isfinite(means.max(axis=0))]
-    return np.bincount(first, minlength=len(table)) / means.shape[1]
+    shares: np.ndarray = np.bincount(first, minlength=len(table)) / means.shape[1]
+    return shares
 
 
 def front_shares(

@@ -162,7 +162,7 @@ def _quantile(share: float, freedom: float) -> float:
 def sign_test(ahead: int, behind: int) -> float:
     """Return the two-sided p-value of the exact sign test: the chance of so unequal counts, or more, of fair coins."""
     tosses = ahead + behind
-    return min(1.0, 2 * sum(math.comb(tosses, heads) for heads in range(min(ahead, behind) + 1)) / 2**tosses)
+    return min(1.0, 2 * sum(math.comb(tosses, heads) for heads in range(min(ahead, behind) + 1)) / (1 << tosses))
 
 
 def shift_found(threshold: float, freedom: float) -> float:

@@ -52,7 +52,7 @@ class Orbit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def pose(self) -> np.ndarray:
         """Return camera to world [4, 4], OpenGL axes; elevations beyond the poles are taken to be just below them."""
         elevation = min(max(self.elevation, -STEEPEST), STEEPEST)
-        pose = poses_on_sphere(np.array([self.azimuth]), np.array([elevation]), self.distance)[0]
+        pose: np.ndarray = poses_on_sphere(np.array([self.azimuth]), np.array([elevation]), self.distance)[0]
         pose[:3, 3] += self.target
         return pose
 

@@ -20,9 +20,10 @@ from harness.playback.keys import plain_calls
 from harness.playback.progressive import Canvas, coarse, estimated_error, refine, why_plain
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import Place, ViewStore
+from harness.records.metric_table import LARGEST_PSNR
 from harness.training.batches import Camera
 from harness.training.learner import Learner
-from harness.training.scoring.evaluate import LARGEST_PSNR, View
+from harness.training.scoring.evaluate import View
 from harness.training.scoring.metrics import psnr
 from harness.training.trainer import Diverged
 from harness.viewer.attended import Attention, attention_map

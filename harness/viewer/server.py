@@ -5,12 +5,12 @@ import socket
 import sys
 import traceback
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import uvicorn
 from starlette.applications import Starlette
@@ -67,7 +67,7 @@ class Desk:
     """Map page → the generation of its newest request."""
     streams: int = 0
 
-    async def done(self, work: Callable[..., Made], *arguments: Any) -> Made:
+    async def done(self, work: Callable[..., Made], *arguments: object) -> Made:
         return await asyncio.get_running_loop().run_in_executor(self.worker, work, *arguments)
 
     def enter(self, asked: ViewRequest) -> None:
@@ -82,7 +82,7 @@ class Desk:
         while len(self.newest) > MOST_CLIENTS:
             self.newest.popitem(last=False)
 
-    async def stream(self, asked: ViewRequest, gone: Callable[[], Any]) -> AsyncIterator[bytes]:
+    async def stream(self, asked: ViewRequest, gone: Callable[[], Awaitable[bool]]) -> AsyncIterator[bytes]:
         messages = self.shown.messages(asked)
         try:
             while not await gone():
@@ -197,7 +197,7 @@ async def _body(request: Request) -> bytes:
     return body
 
 
-def _file(path: Path) -> Callable[[Request], Any]:
+def _file(path: Path) -> Callable[[Request], Awaitable[Response]]:
     content = path.read_bytes()
 
     async def answer(request: Request) -> Response:

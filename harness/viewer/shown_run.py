@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -15,13 +15,12 @@ from msgspec.structs import asdict
 from harness.playback.run_loader import FinishedRun
 from harness.playback.store import ViewStore
 from harness.records.cells import SceneRecord, cell_path, read_cell
-from harness.records.json_record import DamagedRecord
 from harness.training.batches import Camera
 from harness.viewer import engine
 from harness.viewer.asked import LARGEST_WIDTH, BadRequest, Orbit, ViewRequest, covering, orbit_of
 from harness.viewer.attended import ATTENTIONS
 from harness.viewer.wire import frame_message, message, picture_message
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import Split
 
@@ -92,7 +91,7 @@ class ShownRun:
             store, memory_alone = ViewStore(), str(reason)
         return ShownRun(run, view_sets, seed, trained[0], tuple(asked), device, store, memory_alone, width)
 
-    def listing(self) -> dict[str, Any]:
+    def listing(self) -> dict[str, object]:
         return {
             "run": self.run.out.resolve().name,
             "profile": self.run.run.profile,
@@ -104,7 +103,7 @@ class ShownRun:
             "largest_width": LARGEST_WIDTH,
         }
 
-    def scene_listing(self, name: str) -> dict[str, Any]:
+    def scene_listing(self, name: str) -> dict[str, object]:
         """List one scene: its pictures' size, where the camera begins and stands at each test view, and its cells."""
         scene = self.scene(name)
         truth = self.truth(scene)
@@ -127,7 +126,7 @@ class ShownRun:
             "cells": {method: self._cell(name, method) for method in self.run.run.methods},
         }
 
-    def _cell(self, scene: str, method: str) -> dict[str, Any]:
+    def _cell(self, scene: str, method: str) -> dict[str, object]:
         try:
             cell = read_cell(cell_path(self.run.out, scene, method, self.seed))
         except DamagedRecord:
@@ -224,7 +223,7 @@ class ShownRun:
             yield frame_message(frame)
         yield message("end", cache=self.cache_listing())
 
-    def cache_listing(self) -> dict[str, Any]:
+    def cache_listing(self) -> dict[str, object]:
         return {"sources": dict(self.sources), "memory_alone": self.memory_alone}
 
     def _camera(self, scene: SceneRecord, camera: Camera, width: int | None, free: bool = True) -> Camera:

@@ -11,7 +11,6 @@ Everything is little-endian. A stream is such messages one after another.
 import json
 import struct
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ HIT = 0.5
 """The opacity from which the depth of a pixel is shown."""
 
 
-def message(kind: str, **header: Any) -> bytes:
+def message(kind: str, **header: object) -> bytes:
     return _packed({"kind": kind, **header, "pixels": 0}, b"")
 
 
@@ -35,7 +34,7 @@ def frame_message(frame: FreshPixels) -> bytes:
 
 
 def picture_message(
-    kind: str, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray | None, **header: Any
+    kind: str, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray | None, **header: object
 ) -> bytes:
     """Return the message of a complete picture: [h, w, 3], [h, w] and [h, w] or, if depth is unknown, None."""
     size = opacity.size
@@ -44,7 +43,7 @@ def picture_message(
 
 
 def _with_pixels(
-    kind: str, header: dict[str, Any], pixels: np.ndarray, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray
+    kind: str, header: dict[str, object], pixels: np.ndarray, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray
 ) -> bytes:
     shown = np.where(opacity >= HIT, depth, 0.0)
     parts = (pixels.astype("<u4"), shown.astype("<f4"), _bytes(colour), _bytes(opacity))
@@ -52,9 +51,10 @@ def _with_pixels(
 
 
 def _bytes(values: np.ndarray) -> np.ndarray:
-    return np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8)
+    levels: np.ndarray = np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8)
+    return levels
 
 
-def _packed(header: dict[str, Any], payload: bytes) -> bytes:
+def _packed(header: dict[str, object], payload: bytes) -> bytes:
     text = json.dumps(header, allow_nan=False, ensure_ascii=False).encode()
     return struct.pack("<I", len(text)) + text + payload

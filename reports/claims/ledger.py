@@ -101,9 +101,9 @@ def half_unit(printed: Number, unit: str = "") -> float:
     if isinstance(printed, int) or float(printed).is_integer():
         digits = str(abs(int(printed)))
         zeros = len(digits) - len(digits.rstrip("0")) if digits != "0" else 0
-        return 0.5 * 10**zeros
+        return float(0.5 * 10**zeros)
     decimals = len(repr(float(printed)).split(".")[1])
-    return 0.5 * 10**-decimals
+    return float(0.5 * 10**-decimals)
 
 
 def judge_gain(

@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from harness.records.cells import CellRecord
-from harness.records.json_record import DamagedRecord
 from harness.records.pictures import Render, Truth, read_renders, read_truth, truth_pictures
 from reports.data.load import Records, if_sound
+from scenes.files.errors import DamagedRecord
 
 NOT_KEPT = "no picture was kept"
 

@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from harness.records.json_record import DamagedRecord, as_promised
+from harness.records.json_record import as_promised
 from harness.records.study import SHELVES, Studies, StudyRecord, again, read_studies
+from scenes.files.errors import DamagedRecord
 
 
 def find_studies(out: Path, shelf: str) -> Studies | None:
@@ -23,7 +24,8 @@ def _contradictions(record: Studies, shelf: str) -> Iterator[str]:
     if record.shelf != shelf:
         yield f"holds studies of {record.shelf!r}"
     try:
-        as_promised(record.settings.get("smallest_of_interest"), dict[str, float] | None)
+        if (of_interest := record.settings.get("smallest_of_interest")) is not None:
+            as_promised(of_interest, dict[str, float])
     except ValueError as error:
         yield f"smallest_of_interest: {error}"
     for name, many in Counter(study.info.id for study in record.studies).items():

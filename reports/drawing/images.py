@@ -31,7 +31,8 @@ def smaller(picture: Picture, side: int) -> Picture:
     block = max(1, -(-max(picture.shape[:2]) // side))
     height, width = (length // block * block for length in picture.shape[:2])
     blocks = picture[:height, :width].reshape(height // block, block, width // block, block, -1)
-    return blocks.mean(axis=(1, 3))
+    means: Picture = blocks.mean(axis=(1, 3))
+    return means
 
 
 BYTES_A_PIXEL = 2.6

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.records.cells import CellRecord
+from harness.records.cells import Budget, CellRecord
 from harness.records.metric_table import METRICS, PRIMARY, Metric
-from harness.verdicts.comparisons import Budget, Judgement, differences, family_of, judged, scored_along
+from harness.verdicts.comparisons import Judgement, differences, family_of, judged, scored_along
 from reports.claims.claim_list import claims
 from reports.claims.psnr_table import lines, losses, spent_entry, tone_of
 from reports.data.load import Records

@@ -166,7 +166,7 @@ class SceneData:
 
 
 class PictureData(NamedTuple):
-    data: dict[str, Any]
+    data: dict[str, object]
     inline: dict[str, str]
     """Map element's id → base64."""
     files: dict[str, str]
@@ -226,7 +226,7 @@ def _fitting(spent: np.ndarray, budget: int) -> int:
     return int((np.cumsum(spent) <= budget).sum()) - 1
 
 
-def _data(records: Records, scenes: list[SceneData], beside: str) -> dict[str, Any]:
+def _data(records: Records, scenes: list[SceneData], beside: str) -> dict[str, object]:
     left_out = sum((shown.left_out for shown in scenes), Counter[int]())
     sentences = [
         f"{counted(many, 'render')} left out to keep this report small: {IMPORTANCE[importance]}."

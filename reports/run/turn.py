@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.records.json_record import DamagedRecord
 from harness.records.pictures import EVERY_CHECKPOINT_SEED, Turn, read_turn, truth_pictures
 from reports.data.kept_pictures import inside
 from reports.data.load import Records
 from reports.drawing.images import data_uri, smaller
+from scenes.files.errors import DamagedRecord
 
 BUDGET_BYTES = 2_000_000
 BYTES_A_PIXEL = 0.28

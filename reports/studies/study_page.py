@@ -254,7 +254,7 @@ def name_of(study: StudyRecord, words: ShelfWords) -> str:
 
 def of_interest(record: Studies) -> dict[str, float]:
     """Return metric → the smallest effect of interest, as far as the record knows it."""
-    known: Any = record.settings.get("smallest_of_interest")
+    known: object = record.settings.get("smallest_of_interest")
     return {str(name): float(value) for name, value in known.items()} if isinstance(known, dict) else {}
 
 

@@ -11,6 +11,7 @@ import os
 import xml.etree.ElementTree as ET
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,7 @@ def notes(scene: Scene) -> list[str]:
     ]
 
 
-def loaded(mi: Any, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndarray]:
+def loaded(mi: ModuleType, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndarray]:
     """Return Mitsuba's scene, its placement in the view set, and its box [2, 3] in units of the file.
 
     Raises `InputError` with the first line of Mitsuba's message, and where nothing can be seen or the scale is invalid.
@@ -225,7 +226,7 @@ class _Reader:
         self, element: ET.Element, known: dict[str | None, ET.Element], within: tuple[ET.Element, ...]
     ) -> dict[str, Any]:
         within = (*within, element)
-        entry: dict[str, Any] = {"type": self._plain(element.get("type", "unknown"))}
+        entry: dict[str, object] = {"type": self._plain(element.get("type", "unknown"))}
         self._described += 1
         if self._described > MOST_PARTS:
             raise InputError(f"{self._file}: more than {MOST_PARTS} parts, those named by <ref> once more; share fewer")

@@ -4,12 +4,11 @@ import hashlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 
-def digest_of(value: Any) -> str:
+def digest_of(value: object) -> str:
     """Return the SHA-256 of nested plain data and arrays; equal for equal data, the order of keys included."""
     state = hashlib.sha256()
     for piece in _pieces(value):
@@ -23,12 +22,12 @@ def file_digest(file: Path) -> str:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
-def json_digest(value: Any, more: bytes = b"") -> str:
+def json_digest(value: object, more: bytes = b"") -> str:
     """Return the SHA-256 of JSON data, whatever the order of its keys, and of the bytes after it."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode() + more).hexdigest()
 
 
-def _pieces(value: Any) -> Iterator[bytes]:
+def _pieces(value: object) -> Iterator[bytes]:
     """Yield self-delimiting bytes: each piece states its type and its length, so that no two values look alike."""
     if isinstance(value, dict):
         yield f"dict {len(value)}\n".encode()

@@ -1,6 +1,7 @@
 """Light from infinitely far away, as entries of a scene description."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenes.modelling.scene import Description
 
@@ -17,14 +18,14 @@ def directions(height: int, width: int) -> np.ndarray:
     )
 
 
-def towards(azimuth: float, elevation: float) -> np.ndarray:
+def towards(azimuth: float, elevation: float) -> NDArray[np.float64]:
     a, e = np.radians([azimuth, elevation])
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
 
 
 def softbox(
-    toward: np.ndarray, azimuth: float, elevation: float, width: float, height: float, edge: float = 0.25
-) -> np.ndarray:
+    toward: NDArray[np.float64], azimuth: float, elevation: float, width: float, height: float, edge: float = 0.25
+) -> NDArray[np.float64]:
     """Return the brightness 0 … 1, [h, w], of a rounded rectangular lamp; half-extents in degrees, soft borders."""
     forward = towards(azimuth, elevation)
     right = np.cross((0.0, 0.0, 1.0), forward)
@@ -33,7 +34,7 @@ def softbox(
     x = np.arctan2(toward @ right, ahead) / np.radians(width)
     y = np.arctan2(toward @ np.cross(forward, right), ahead) / np.radians(height)
     distance = (np.abs(x) ** 4 + np.abs(y) ** 4) ** 0.25
-    inside: np.ndarray = 1 / (1 + np.exp(np.clip((distance - 1) / (edge / 4), -30, 30)))
+    inside: NDArray[np.float64] = 1 / (1 + np.exp(np.clip((distance - 1) / (edge / 4), -30, 30)))
     return inside * (ahead > 0)
 
 

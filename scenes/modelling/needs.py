@@ -154,7 +154,7 @@ def needs(
     return {name: Need(name, *known[name]) for name in PARTS if name in known}
 
 
-def left_out(known: Needs) -> list[dict[str, Any]]:
+def left_out(known: Needs) -> list[dict[str, object]]:
     """Return what method, renderer and scores omit: `{"name", "what", "reason", "concerns", "bound", "unit"}`.
 
     The result is plain data, as a manifest keeps it.
@@ -171,7 +171,7 @@ def part_name(what: str, name: str = "") -> str:
     return name or next((known for known, part in PARTS.items() if part.what == what), "")
 
 
-def as_rows(known: Needs) -> list[dict[str, Any]]:
+def as_rows(known: Needs) -> list[dict[str, object]]:
     """Return every need as plain data; `needs_of` reads it."""
     return [asdict(need) for need in known.values()]
 
@@ -280,7 +280,7 @@ def _largest_extinction(description: Description) -> float:
     return largest
 
 
-def _numbers(value: Any) -> np.ndarray:
+def _numbers(value: object) -> np.ndarray:
     """Return the numbers of a colour, a texture or a volume, flat or [..., channels]."""
     if isinstance(value, dict):
         for key in ("data", "value", "color", "grid"):

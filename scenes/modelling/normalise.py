@@ -6,7 +6,6 @@ description far from unit scale is normalised before it is rendered, and refused
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -53,13 +52,14 @@ class Similarity:
 
     def points(self, x: np.ndarray) -> np.ndarray:
         """Map points [..., 3] to the other unit."""
-        return x * self.scale + np.asarray(self.shift)
+        points: np.ndarray = x * self.scale + np.asarray(self.shift)
+        return points
 
     def applied(self, description: Description) -> Description:
         """Return the same scene in the other unit; raises `InputError` for entries that cannot be transformed here."""
         return {name: self._entry(name, entry) for name, entry in description.items()}
 
-    def _entry(self, name: str, entry: Any) -> Any:
+    def _entry(self, name: str, entry: object) -> object:
         if not isinstance(entry, dict) or entry.get("type") in INFINITE:
             return entry
         _known(name, entry)
@@ -69,7 +69,7 @@ class Similarity:
             return {**inner, "vertices": moved.astype(np.float32)}
         return {**inner, "to_world": self.matrix @ np.asarray(entry.get("to_world", np.eye(4)), dtype=np.float64)}
 
-    def _inside(self, value: Any) -> Any:
+    def _inside(self, value: object) -> object:
         """Transform the lengths and inverse lengths inside a shape's entry: the density of media, heights of bumps."""
         if not isinstance(value, dict):
             return value

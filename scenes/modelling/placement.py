@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 VISIBLE_RADIUS = 1.36
 """The radius of a ball about the origin that all cameras see completely: 4.0311 · sin(0.6911 / 2) = 1.366."""
@@ -12,17 +13,17 @@ VISIBLE_RADIUS = 1.36
 class Placement:
     """The map: x in the view set = scale · rotation · x in the file + shift."""
 
-    rotation: np.ndarray
-    """The rotation, float64 [3, 3]: zero or more quarter turns about an axis."""
+    rotation: NDArray[np.float64]
+    """The rotation [3, 3]: zero or more quarter turns about an axis."""
     scale: float
-    shift: np.ndarray
-    """The shift, float64 [3]."""
+    shift: NDArray[np.float64]
+    """The shift [3]."""
 
-    def points(self, x: np.ndarray) -> np.ndarray:
+    def points(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map [..., 3] of the file to the view set."""
         return self.scale * (x @ self.rotation.T) + self.shift
 
-    def box(self, corners: np.ndarray) -> np.ndarray:
+    def box(self, corners: NDArray[np.float64]) -> NDArray[np.float64]:
         """Map corners [2, 3] of the file's box to those of the same box in the view set."""
         return np.sort(self.points(corners), axis=0)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 from scenes.files.errors import InputError
@@ -54,7 +55,7 @@ class Scene:
     """The closed form of what a ray sees (`scenes.modelling.truth`), if there is one."""
     file: "Path | None" = None
     """The user's own file that it comes from (`scenes.catalog.scene_file`)."""
-    load: "Callable[[Any], tuple[Any, Placement, np.ndarray]] | None" = None
+    load: "Callable[[ModuleType], tuple[Any, Placement, np.ndarray]] | None" = None
     """Map Mitsuba → its scene, the placement in the view set, and its box [2, 3] before: for a file that Mitsuba alone
     understands (`scenes.catalog.mitsuba_xml`), whose description holds what is known of it without Mitsuba.
     """

@@ -215,7 +215,8 @@ def sheet(points: np.ndarray, uv: np.ndarray | None = None) -> Solid:
 def between(start: Point, end: Point, shares: Sequence[float] | np.ndarray) -> np.ndarray:
     """Return points [N, 3] on the straight line, at these shares [N] of the way."""
     first = np.asarray(start)
-    return first + np.asarray(shares)[:, None] * (np.asarray(end) - first)
+    points: np.ndarray = first + np.asarray(shares)[:, None] * (np.asarray(end) - first)
+    return points
 
 
 def creased(solid: Solid, degrees: float = 50.0) -> Solid:

@@ -67,7 +67,8 @@ def in_blocks(image: np.ndarray) -> np.ndarray:
     side = min(BLOCK, *image.shape[:2])
     rows, columns = (size // side for size in image.shape[:2])
     whole = image[: rows * side, : columns * side].astype(np.float64)
-    return whole.reshape(rows, side, columns, side, 3).mean(axis=(1, 3))
+    means: np.ndarray = whole.reshape(rows, side, columns, side, 3).mean(axis=(1, 3))
+    return means
 
 
 LARGEST = {"resolution": 512, "spp": 65536, "count": 10_000}

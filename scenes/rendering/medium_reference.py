@@ -13,6 +13,7 @@ The medium fills the unit cube; grids are [z, y, x] and [z, y, x, 3], their valu
 
 import math
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -118,7 +119,7 @@ def differentiated(
     )
 
 
-def _grid(mi: Any, values: np.ndarray) -> dict[str, Any]:
+def _grid(mi: ModuleType, values: np.ndarray) -> dict[str, Any]:
     """Make a `gridvolume` over the unit cube: trilinear between cell centres, the border extended, in full float32."""
     grid = mi.VolumeGrid(np.ascontiguousarray(values, dtype=np.float32))
     look = {"raw": True, "filter_type": "trilinear", "wrap_mode": "clamp", "accel": False}

@@ -158,7 +158,7 @@ def with_occupancy(folder: Path, order: Order) -> Path:
     return folder
 
 
-def write_occupancy(folder: Path, manifest: dict[str, Any], occupied: np.ndarray) -> None:
+def write_occupancy(folder: Path, manifest: dict[str, object], occupied: np.ndarray) -> None:
     """Write bool [32, 32, 32], bound to the view set of the manifest. Raises `OSError`."""
     content, bits = _bound_to(manifest), np.packbits(occupied).tobytes()
     inside = {"inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
@@ -175,11 +175,11 @@ def read_occupancy(views: ViewSet) -> np.ndarray | None:
     return _read(views.path, views.rendered)
 
 
-def _bound_to(manifest: dict[str, Any]) -> dict[str, Any]:
+def _bound_to(manifest: dict[str, object]) -> dict[str, object]:
     return {"schema": SCHEMA, "digest": manifest.get("digest"), "bounds": manifest["bounds"], "cells": CELLS}
 
 
-def _read(folder: Path, manifest: dict[str, Any]) -> np.ndarray | None:
+def _read(folder: Path, manifest: dict[str, object]) -> np.ndarray | None:
     file = folder / NAME
     if not file.is_file():
         return None

@@ -3,7 +3,6 @@
 import importlib.metadata
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
@@ -85,7 +84,7 @@ REMAINDER = 1e-9
 """The share of an array's largest number below which a number is what a difference has left."""
 
 
-def as_rendered(value: Any) -> Any:
+def as_rendered(value: object) -> object:
     """Return plain data with its numbers as Mitsuba gets them, in float32, and remainders in arrays as zero.
 
     The last bits of a product of matrices depend on the processor, and a view set that another one rendered will do.
@@ -101,7 +100,7 @@ def as_rendered(value: Any) -> Any:
         return np.where(np.abs(numbers) < least, 0.0, numbers).astype(np.float32)
 
 
-def similarity_facts(change: Similarity | Placement | None) -> dict[str, Any] | None:
+def similarity_facts(change: Similarity | Placement | None) -> dict[str, object] | None:
     """Return the manifest's entry: x in the view set = scale · rotation · x in the description + shift."""
     if change is None:
         return None

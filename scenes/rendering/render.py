@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -60,7 +61,7 @@ class LoadedScene:
     def __init__(
         self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
         integrator: str | None = None, emitters_seen: bool = False, box: Corners | None = None,
-        load: Callable[[Any], tuple[Any, Placement, np.ndarray]] | None = None,
+        load: Callable[[ModuleType], tuple[Any, Placement, np.ndarray]] | None = None,
     ) -> None:  # fmt: skip
         """Load a description; `load` makes the scene instead of `description` (`scenes.modelling.scene.Scene`).
 
@@ -124,7 +125,8 @@ class LoadedScene:
         """Return `box`, padded by 1 % of its longest side."""
         corners = self.box()
         padding = 0.01 * float((corners[1] - corners[0]).max()) + 1e-3
-        return corners + np.array([[-padding], [padding]])
+        padded: np.ndarray = corners + np.array([[-padding], [padding]])
+        return padded
 
     def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
         """Return one independent estimate: float64 [h, w, 4], linear, premultiplied."""
@@ -193,7 +195,7 @@ class LoadedScene:
         return self._sensors[spp]
 
 
-def _estimate(mi: Any, scene: Any, integrator: Any, sensor: Any, spp: int, seed: int) -> np.ndarray:
+def _estimate(mi: ModuleType, scene: Any, integrator: Any, sensor: Any, spp: int, seed: int) -> np.ndarray:
     """Return the image of one pass: [h, w, channels].
 
     In a vectorised variant `mi.render` adds samples to the film as threads come to them, so that two renders differ in
@@ -218,7 +220,7 @@ def _estimate(mi: Any, scene: Any, integrator: Any, sensor: Any, spp: int, seed:
     return np.stack([np.array(channel).reshape(height, width) for channel in sums], axis=-1) / spp
 
 
-def _without_lamps(mi: Any, scene: Any) -> Any:
+def _without_lamps(mi: ModuleType, scene: Any) -> Any:
     """Return the same shapes without those that glow, which the colour integrator hides; the scene itself if none does.
 
     Raises `InputError` if shapes are instances: Mitsuba cannot put their groups into another scene.
@@ -231,7 +233,7 @@ def _without_lamps(mi: Any, scene: Any) -> Any:
     return mi.load_dict({"type": "scene", **{f"shape {number}": shape for number, shape in enumerate(solid)}})
 
 
-def use(variant: Variant) -> Any:
+def use(variant: Variant) -> ModuleType:
     """Return Mitsuba with that variant set; the LLVM library is named before Dr.Jit loads one."""
     if variant.libllvm:
         os.environ["DRJIT_LIBLLVM_PATH"] = variant.libllvm
@@ -240,7 +242,8 @@ def use(variant: Variant) -> Any:
     if mi.variant() != variant.name:
         mi.set_variant(variant.name)
     mi.set_log_level(mi.LogLevel.Error)
-    return mi
+    module: ModuleType = mi
+    return module
 
 
 def render_views(

@@ -9,7 +9,6 @@ next number up or down; the manifest says which.
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
@@ -22,14 +21,14 @@ PILOT_VIEWS = 6
 
 def chosen_samples(
     scene: LoadedScene, spp: Mapping[str, int | NoiseTarget], poses: Mapping[str, np.ndarray]
-) -> tuple[dict[str, int], dict[str, dict[str, Any]]]:
+) -> tuple[dict[str, int], dict[str, dict[str, object]]]:
     """Return the samples per pixel of each split, and for the manifest what those that were chosen rest on.
 
     `poses` holds the cameras [n, 4, 4] of each split. Splits with equal targets share their views and the choice.
     Raises `RenderError` for an image that is not finite.
     """
     numbers = {split: asked for split, asked in spp.items() if isinstance(asked, int)}
-    facts: dict[str, dict[str, Any]] = {}
+    facts: dict[str, dict[str, object]] = {}
     for target in dict.fromkeys(asked for asked in spp.values() if isinstance(asked, NoiseTarget)):
         splits = [split for split, asked in spp.items() if asked == target]
         cameras = np.concatenate([poses[split] for split in splits])

@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from scenes.view_sets.pixels import display_from_linear
 from scenes.view_sets.source import Region
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, SPLITS
 
-Facts = dict[str, Any]
+Facts = dict[str, object]
 """The facts of a view: `noise_mse`, and whether anything is `seen` and `lit` in it."""
 
 

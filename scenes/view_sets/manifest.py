@@ -20,7 +20,7 @@ class DamagedViewSet(InputError):
     """A view set of ours with files other than those written: it must be rendered again."""
 
 
-def write_manifest(folder: Path, facts: dict[str, Any], files: list[Path]) -> None:
+def write_manifest(folder: Path, facts: dict[str, object], files: list[Path]) -> None:
     """Write `facts` with the checksums of `files` (inside the folder) and one of the manifest itself."""
     checksums = {file.relative_to(folder).as_posix(): file_digest(file) for file in files}
     content = {"format": FORMAT, "schema": SCHEMA, **facts, "files": checksums}
@@ -139,7 +139,7 @@ class _Manifest(Struct, frozen=True):
     left_out: list[_LeftOut] = field(default_factory=list)
 
 
-def _require_printable(value: Any) -> None:
+def _require_printable(value: object) -> None:
     """Raises `ValueError` for a text that a terminal would obey."""
     if isinstance(value, str) and not value.isprintable():
         raise ValueError(f"{shown(value)} is not printable")
@@ -153,7 +153,7 @@ JOURNAL = "rendered.jsonl"
 SUFFIXES = (".png", ".exr")
 
 
-def note(folder: Path, order: str, name: str, facts: dict[str, Any]) -> None:
+def note(folder: Path, order: str, name: str, facts: dict[str, object]) -> None:
     """Note that a view, `<split>/r_<number>`, is complete; `order` is the digest of its set.
 
     Raises `OSError` if that cannot be written.

@@ -4,15 +4,18 @@ Arrays are `[..., channels]`; *linear*, *display*, *straight* and *premultiplied
 """
 
 import numpy as np
+from numpy.typing import NDArray
+
+Pixels = NDArray[np.floating]
 
 
-def encode_srgb(linear: np.ndarray) -> np.ndarray:
+def encode_srgb(linear: Pixels) -> Pixels:
     """Encode linear light 0 … 1 as display value (IEC 61966-2-1); values outside 0 … 1 are clipped first."""
     x = np.clip(linear, 0.0, 1.0)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
-def decode_srgb(display: np.ndarray) -> np.ndarray:
+def decode_srgb(display: Pixels) -> Pixels:
     """Decode display value 0 … 1 to linear light; the inverse of `encode_srgb`."""
     x = np.clip(display, 0.0, 1.0)
     return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0.04045) + 0.055) / 1.055) ** 2.4)
@@ -35,13 +38,13 @@ def display_from_linear(rgba: np.ndarray) -> np.ndarray:
     return np.concatenate([encode_srgb(straight[..., :3]), alpha], axis=-1).astype(np.float32)
 
 
-def over_white(display: np.ndarray) -> np.ndarray:
+def over_white(display: Pixels) -> Pixels:
     """Put straight display RGBA over white, `colour * alpha + (1 − alpha)`; returns display RGB."""
     alpha = display[..., 3:]
     return display[..., :3] * alpha + (1 - alpha)
 
 
-def area_weights(size: int, new_size: int, scale: float) -> np.ndarray:
+def area_weights(size: int, new_size: int, scale: float) -> NDArray[np.float64]:
     """Return a row-stochastic matrix [new_size, size]: each new pixel is the mean of the `scale` old pixels it covers.
 
     The new pixels are centred on the old ones: where `new_size * scale < size` both margins are cut evenly.
@@ -50,10 +53,11 @@ def area_weights(size: int, new_size: int, scale: float) -> np.ndarray:
     pixel = np.arange(size)
     covered = np.minimum(start + scale, pixel + 1) - np.maximum(start, pixel)
     weights = np.clip(covered, 0.0, None)
-    return weights / weights.sum(axis=1, keepdims=True)
+    shares: NDArray[np.float64] = weights / weights.sum(axis=1, keepdims=True)
+    return shares
 
 
-def area_average(image: np.ndarray, width: int) -> np.ndarray:
+def area_average(image: Pixels, width: int) -> NDArray[np.float64]:
     """Resize [h, w, channels] to [floor(h · width / w), width, channels], each pixel the mean of its area; float64.
 
     Pixels stay square and the optical axis stays in the centre: a fraction of a new row that is left over is
@@ -64,7 +68,8 @@ def area_average(image: np.ndarray, width: int) -> np.ndarray:
     new_height = max(1, int(height / scale + 1e-9))
     rows = area_weights(height, new_height, min(scale, height / new_height))
     columns = area_weights(old_width, width, scale)
-    return np.einsum("ih,hwc,jw->ijc", rows, image.astype(np.float64), columns, optimize=True)
+    mean: NDArray[np.float64] = np.einsum("ih,hwc,jw->ijc", rows, image.astype(np.float64), columns, optimize=True)
+    return mean
 
 
 def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:

@@ -90,7 +90,8 @@ def _sight(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float, far
 def _wider(views: ViewSet, pose: np.ndarray) -> np.ndarray:
     """Return the box with a pixel's length in its middle added on every side."""
     away = float(np.linalg.norm(pose[:3, 3] - views.bounds.mean(axis=0)))
-    return views.bounds + away / views.focal * np.array([[-1.0], [1.0]])
+    wider: np.ndarray = views.bounds + away / views.focal * np.array([[-1.0], [1.0]])
+    return wider
 
 
 def _met(pose: np.ndarray, rays: np.ndarray, bounds: np.ndarray, near: float, far: float) -> np.ndarray:
@@ -100,4 +101,5 @@ def _met(pose: np.ndarray, rays: np.ndarray, bounds: np.ndarray, near: float, fa
     ends = (bounds[:, None] - pose[:3, 3]) / directions
     into, out_of = ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1)
     longest = float((bounds[1] - bounds[0]).max())
-    return np.minimum(out_of, far) - np.maximum(into, near) > LEAST_LENGTH * longest
+    met: np.ndarray = np.minimum(out_of, far) - np.maximum(into, near) > LEAST_LENGTH * longest
+    return met

@@ -166,7 +166,8 @@ MARGIN = 1.0
 
 def covered(alpha: np.ndarray, pixels: int) -> np.ndarray:
     """Return where an image [h, w] is covered, or is within `pixels` of it along either axis, bool [h, w]."""
-    return maximum_filter(alpha >= LEAST_ALPHA, size=2 * pixels + 1, mode="constant", cval=False)
+    near: np.ndarray = maximum_filter(alpha >= LEAST_ALPHA, size=2 * pixels + 1, mode="constant", cval=False)
+    return near
 
 
 EDGE = 0.02

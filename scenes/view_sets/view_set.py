@@ -208,7 +208,7 @@ class _Reader:
     stored: tuple[int, int] | None = None
     size: tuple[int, int] | None = None
     """The height and width after resizing."""
-    content: Any = field(default_factory=lambda: hashlib.blake2b(digest_size=32))
+    content: hashlib.blake2b = field(default_factory=lambda: hashlib.blake2b(digest_size=32))
     """The digest of the stored pixels, in the order in which they are read, if they are not ours."""
 
     def split(self, frames: Frames, geometry: bool) -> Split:
@@ -299,4 +299,5 @@ def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:
         rgba = area_average(rgba, views.width)
     # how much more light comes from each pixel than if its coverage were white: alpha · max(colour − 1, 0)
     beyond = np.maximum(rgba[..., :3] - rgba[..., 3:].clip(0.0, 1.0), 0.0)
-    return decode_srgb(over_white(display_from_linear(rgba))) + beyond
+    light: np.ndarray = decode_srgb(over_white(display_from_linear(rgba))) + beyond
+    return light

@@ -29,7 +29,6 @@ from harness.plan.run_plan import Machine
 from harness.playback.run_loader import FinishedRun
 from harness.playback.store import ViewStore
 from harness.records.cells import read_cells, read_comparisons, read_run
-from harness.records.json_record import DamagedRecord
 from harness.records.judgements import read_judgement, write_judgement
 from harness.records.pictures import last_of, read_renders, read_truth
 from harness.run_folder.output_folder import claim
@@ -46,7 +45,7 @@ from reports.studies import study_page
 from scenes.catalog import scene_file
 from scenes.catalog.mitsuba_xml import notes
 from scenes.catalog.scene_file import mistakes_in, scene_from_file
-from scenes.files.errors import InputError, readable
+from scenes.files.errors import DamagedRecord, InputError, readable
 from scenes.modelling.needs import as_rows, left_out, needs, with_needs
 from scenes.rendering.occupancy import _read as read_occupancy
 from scenes.rendering.store import _folder, checked_order, is_complete

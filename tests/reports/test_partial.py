@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from harness.records.cells import cell_path
-from harness.records.json_record import DamagedRecord
 from reports.__main__ import main
 from reports.data.kept_pictures import NOT_KEPT, damaged
 from reports.data.load import read_records
 from reports.run.pictures import picture_data, views
 from reports.run.saving.publish import summary
+from scenes.files.errors import DamagedRecord
 from tests.reports.fake_run import write_fake_run
 
 CELL, TRUTH, RENDERS = "chair.nerf.0.json", "drums.safetensors", "chair.qnerf.0.safetensors"

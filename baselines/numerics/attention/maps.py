@@ -6,7 +6,6 @@ All raise `BadAttention`, naming region and value, for input that is no attentio
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -97,7 +96,7 @@ MAPS: dict[str, Callable[[MapInputs], np.ndarray]] = {
 """Every map by the name that records, the viewer and its address use."""
 
 
-def mean_attention(regions: Regions, values: Any, what: str) -> np.ndarray:
+def mean_attention(regions: Regions, values: object, what: str) -> np.ndarray:
     """Return the mean of each region over `values` [height, width]: booleans or numbers ≥ 0; none above 0 are plain
     rendering. A pixel that is no attention is named, as a mean could hide it.
     """

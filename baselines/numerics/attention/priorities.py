@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 TIE = 1e-12
@@ -22,7 +23,7 @@ class BadAttention(ValueError):
     """Attention from which no priority follows. Names the region and its value."""
 
 
-def checked(attention: np.ndarray, count: int | None = None) -> np.ndarray:
+def checked(attention: np.ndarray, count: int | None = None) -> NDArray[np.float64]:
     """Return `attention` as float64 [regions], at least one; raises `BadAttention` unless finite and ≥ 0."""
     if np.iscomplexobj(attention):
         raise BadAttention("attention is complex: a priority has a size alone")
@@ -49,16 +50,16 @@ def is_equal(attention: np.ndarray) -> bool:
     return bool(given.min() >= given.max() * (1.0 - TIE))
 
 
-def shares(attention: np.ndarray) -> np.ndarray:
+def shares(attention: np.ndarray) -> NDArray[np.float64]:
     """Return attention / Σ attention, float64 [regions]; all zero gives equal shares. Σ = 1 up to rounding."""
     given = checked(attention)
-    largest = given.max()
+    largest = float(given.max())
     # divide by the largest first, so that the sum neither overflows nor is 0
     relative = given / largest if largest > 0.0 else np.ones_like(given)
-    return relative / relative.sum()
+    return relative / float(relative.sum())
 
 
-def priorities(attention: np.ndarray) -> np.ndarray:
+def priorities(attention: np.ndarray) -> NDArray[np.float64]:
     """Return P = φ · attention / Σ attention (Eq. 7), float64 [regions].
 
     φ scales all priorities alike. Order and allocation depend on their ratios alone, so that both are the same with
@@ -100,7 +101,7 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
     free = int((bins - least) * int(counts.sum()))
     step = 2.0 ** -max(BINARY_PLACES, int(counts.sum()).bit_length())
     wanted = np.round(free * relative / (relative * counts).sum() / step) * step
-    more = np.floor(wanted).astype(np.int64)
+    more: NDArray[np.int64] = np.floor(wanted).astype(np.int64)
     left = free - int((more * counts).sum())
     for region in np.argsort(more - wanted, kind="stable"):
         if counts[region] <= left:

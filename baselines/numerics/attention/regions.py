@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,13 @@ class Regions:
         return self.rows * self.columns
 
     @cached_property
-    def of_pixel(self) -> np.ndarray:
+    def of_pixel(self) -> NDArray[np.int64]:
         """The region that each pixel lies in, [height, width]."""
         row, column = np.arange(self.height) // self.tile, np.arange(self.width) // self.tile
         return row[:, None] * self.columns + column[None, :]
 
     @cached_property
-    def rays(self) -> np.ndarray:
+    def rays(self) -> NDArray[np.int64]:
         return np.bincount(self.of_pixel.reshape(-1), minlength=self.count)
 
     def corner(self, region: int) -> tuple[int, int, int, int]:
@@ -56,7 +57,7 @@ class Regions:
         rows, columns = np.arange(top, top + height), np.arange(left, left + width)
         return (rows[:, None] * self.width + columns[None, :]).reshape(-1)
 
-    def mean(self, values: np.ndarray) -> np.ndarray:
+    def mean(self, values: np.ndarray) -> NDArray[np.float64]:
         """Average values [height, width] over each region, float64 [count].
 
         Equal values have exactly equal means, and the sum of large ones does not overflow; what is not finite stays so.
@@ -73,4 +74,5 @@ class Regions:
         """Spread values [count] to [height, width], each pixel with its region's."""
         if np.shape(values) != (self.count,):
             raise ValueError(f"values {np.shape(values)}, there are {self.count} regions")
-        return np.asarray(values)[self.of_pixel]
+        spread: np.ndarray = np.asarray(values)[self.of_pixel]
+        return spread

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from harness.execution.cluster.node_work import wrong_node
 from harness.execution.cluster.room import fits, needs_of
@@ -31,6 +31,17 @@ CHECK_SECONDS = 300.0
 ANSWER_SECONDS = 10.0
 """The seconds for a head to accept a connection; Ray itself would retry for a minute, and log it."""
 _given_up = False
+
+
+class NodeAnswer(TypedDict):
+    """What a node tells of itself."""
+
+    versions: dict[str, str]
+    processor: str
+    bfloat16: bool
+    cores: list[tuple[int, ...]]
+    """Each as the numbers of its hardware threads."""
+    machine: str
 
 
 @dataclass(frozen=True)
@@ -162,11 +173,11 @@ def hardware(threads: int) -> Hardware:
         ).remote()
         for node in able
     }
-    answers: list[dict[str, Any]] = []
+    answers: list[NodeAnswer] = []
     offered: dict[str, float] = defaultdict(float)
     for node in able:
         name = node["NodeID"][:8]
-        answer = _answered(asked[node["NodeID"]], f"node {name} runs nothing")
+        answer: NodeAnswer = _answered(asked[node["NodeID"]], f"node {name} runs nothing")
         if wrong := differences(versions(), answer["versions"]):
             raise InputError(wrong_node(name, wrong))
         answers.append(answer)
@@ -181,7 +192,7 @@ def hardware(threads: int) -> Hardware:
     )
 
 
-def crowded(offered: Mapping[str, float], answers: list[dict[str, Any]]) -> tuple[str, ...]:
+def crowded(offered: Mapping[str, float], answers: list[NodeAnswer]) -> tuple[str, ...]:
     """Describe machines whose nodes offer more cores to Ray (`offered`) than they reported; nodes of one machine may be
     containers with cores of their own.
     """
@@ -203,13 +214,13 @@ def gpus_multiply_bfloat16() -> bool:
     import ray
 
     reference = ray.remote(num_gpus=1, num_cpus=0, max_retries=0)(_gpu_multiplies_bfloat16).remote()
-    answer = _answered(reference, f"no GPU of the cluster was free for {CHECK_SECONDS:g} s")
+    answer: bool | str = _answered(reference, f"no GPU of the cluster was free for {CHECK_SECONDS:g} s")
     if isinstance(answer, str):
         raise InputError(answer)
     return answer
 
 
-def _answered(reference: Any, otherwise: str) -> Any:
+def _answered(reference: object, otherwise: str) -> Any:
     import ray
 
     try:
@@ -220,7 +231,7 @@ def _answered(reference: Any, otherwise: str) -> Any:
         raise InputError(f"--executor ray: {otherwise} ({message})") from error
 
 
-def _this_node() -> dict[str, Any]:
+def _this_node() -> NodeAnswer:
     import torch
 
     from harness.machine.device import multiplies_bfloat16

@@ -55,7 +55,8 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
     awaited(mailbox.put.remote(Message(key, order.attempt, node=node)))
 
     def fetch(relative: str, offset: int) -> bytes:
-        return awaited(files.piece.remote(order.view_set.digest, relative, offset))
+        piece: bytes = awaited(files.piece.remote(order.view_set.digest, relative, offset))
+        return piece
 
     last = 0.0
     times: dict[Path, int] = {}
@@ -99,7 +100,7 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
     return None
 
 
-def awaited(reference: Any) -> Any:
+def awaited(reference: object) -> Any:
     """Return the value of `reference`, waited for in another thread: while a task's main thread waits, Ray gives the
     task's cores to the next group, and two clocks would run on one core.
     """

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TypedDict
 
 from scenes.files.errors import InputError
 
@@ -14,17 +14,25 @@ meanwhile.
 """
 
 
+class Node(TypedDict):
+    """What is read of a node in `ray.nodes()`."""
+
+    NodeID: str
+    Alive: bool
+    Resources: dict[str, float]
+
+
 def needs_of(threads: int, device: str) -> dict[str, int]:
     """Return what Ray reserves for a group: processor cores, and the GPU that it trains on, of either vendor."""
     return {"CPU": threads, "GPU": 1} if device == "cuda" else {"CPU": threads}
 
 
-def fits(needs: Mapping[str, int], node: Mapping[str, Any]) -> bool:
-    """Return whether `node`, as in `ray.nodes()`, is alive and could hold `needs` if it were idle."""
+def fits(needs: Mapping[str, int], node: Node) -> bool:
+    """Return whether `node` is alive and could hold `needs` if it were idle."""
     return node["Alive"] and all(node["Resources"].get(name, 0) >= least for name, least in needs.items())
 
 
-def lack(needs: Mapping[str, int], nodes: list[dict[str, Any]]) -> str:
+def lack(needs: Mapping[str, int], nodes: list[Node]) -> str:
     """Return why no node holds `needs`, in words: the most that a living one offers."""
     alive = [node["Resources"] for node in nodes if node["Alive"]]
     most = {name: max((resources.get(name, 0) for resources in alive), default=0) for name in needs}
@@ -44,7 +52,7 @@ class Room:
         self._idle_since: float | None = None
         self._idle_said = False
 
-    def look(self, nodes: list[dict[str, Any]], free: Mapping[str, float], in_training: int) -> str | None:
+    def look(self, nodes: list[Node], free: Mapping[str, float], in_training: int) -> str | None:
         """Return a line if there is news on `nodes`, on the `free` part of their sum, and on how many of our groups are
         in training. Raises `InputError` if no node was large enough for too long.
         """

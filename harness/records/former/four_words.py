@@ -17,7 +17,7 @@ FAILS: dict[str, Sign] = {"better": "below 0", "worse": "above 0", "inconclusive
 """Map word → the sign of the difference of two shares of failed runs."""
 
 
-def in_two_words(data: Any, margin: float = METRICS[PRIMARY].smallest_of_interest) -> Any:
+def in_two_words(data: object, margin: float = METRICS[PRIMARY].smallest_of_interest) -> Any:
     """Return plain data of a record in which every verdict of four words on a difference is `{"sign": …, "size": …}`.
 
     They are derived from the interval that the word was taken from and the margin of its metric. What was called
@@ -45,7 +45,7 @@ def in_two_words(data: Any, margin: float = METRICS[PRIMARY].smallest_of_interes
     return data
 
 
-def _words(word: str, interval: Any, margin: float) -> dict[str, str] | str:
+def _words(word: str, interval: object, margin: float) -> dict[str, str] | str:
     """Return both words as plain data; the word itself behind anything that is no interval, which readers refuse."""
     if interval is None or word == "inconclusive":
         found = NO_INTERVAL[word]

@@ -41,7 +41,7 @@ class Arm:
 
     train: Mapping[str, Any] = field(default_factory=dict)
     """Field of the settings of training → its value in place of the planned one."""
-    own: Any = None
+    own: object = None
     """The method's own settings; None: as planned."""
     need: tuple[str, ...] = ()
     no_need: tuple[str, ...] = ()

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
@@ -180,9 +181,9 @@ def chosen(rows: list[ConstantsRow], steps: int, carried: Pairs | None = None) -
     return {method: best[0] for method, best in choice.items() if best}
 
 
-def settings_of(plan: Plan) -> dict[str, object]:
+def settings_of(plan: Plan) -> dict[str, Any]:
     """Return the settings of a search, as JSON: those of its plan without the constants that it chooses."""
-    settings: dict[str, object] = json.loads(json.dumps(plan.settings()))
+    settings: dict[str, Any] = json.loads(json.dumps(plan.settings()))
     for own in settings["train"]["own"].values():
         for name in DensityConstants(1.0, None).fields:
             del own[name]
@@ -191,7 +192,7 @@ def settings_of(plan: Plan) -> dict[str, object]:
 
 def as_json(
     rows: list[ConstantsRow], plan: Plan, provenance: dict[str, object], carried: Pairs | None = None
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Return the record of a search; one that was stopped has no choice."""
     choice = chosen(rows, plan.budget.steps or 0, carried)
     return {

@@ -8,7 +8,7 @@ reduced precision rounds. Whether that matters is a question of scores.
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from harness.plan.run_plan import Plan
 from harness.records.json_record import plain
@@ -68,7 +68,7 @@ def pairs_of(cell: CellArms, changes: list[Change]) -> Iterator[ScorePair]:
         yield ScorePair(cell.scene, cell.method, cell.seed, change, *scores)
 
 
-def as_json(rows: list[ScorePair], plan: Plan) -> dict[str, Any]:
+def as_json(rows: list[ScorePair], plan: Plan) -> dict[str, object]:
     """Return the pairs, and for each change and method the mean difference with its interval and verdict."""
     return {
         "what": "test PSNR with a change minus test PSNR as planned, paired over cells; smaller than "
@@ -83,7 +83,7 @@ def as_json(rows: list[ScorePair], plan: Plan) -> dict[str, Any]:
     }
 
 
-def _summary(rows: list[ScorePair]) -> dict[str, Any]:
+def _summary(rows: list[ScorePair]) -> dict[str, object]:
     result = weigh((row.psnr_changed, row.psnr) for row in rows)
     both = [(row.psnr_changed, row.psnr) for row in rows if row.psnr_changed is not None and row.psnr is not None]
     return {

@@ -145,7 +145,7 @@ def means(rows: list[FamilyRow], family: str) -> dict[str, float | None]:
     return dict(sorted(averaged.items(), key=lambda item: -np.inf if item[1] is None else item[1], reverse=True))
 
 
-def as_json(rows: list[FamilyRow], plan: Plan, provenance: dict[str, Any]) -> dict[str, object]:
+def as_json(rows: list[FamilyRow], plan: Plan, provenance: dict[str, object]) -> dict[str, object]:
     families = dict.fromkeys(row.family for row in rows)
     return {
         "seed": SEED,

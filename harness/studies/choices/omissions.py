@@ -169,9 +169,9 @@ def filled(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
 
 
 def as_json(
-    omissions: list[Omission], controls: list[Omission], plan: Plan, provenance: dict[str, Any]
-) -> dict[str, Any]:
-    def rows(table: list[Omission]) -> list[dict[str, Any]]:
+    omissions: list[Omission], controls: list[Omission], plan: Plan, provenance: dict[str, object]
+) -> dict[str, object]:
+    def rows(table: list[Omission]) -> list[dict[str, object]]:
         return [{**asdict(row), "what": row.title, "bound": row.bound, "unit": row.unit} for row in table]
 
     return {
@@ -334,7 +334,7 @@ def _of_integrator(plan: Plan, scene: str) -> Omission:
     return omission_of_integrators(compared_integrators(scene, views.resolution, count, spp), samples)
 
 
-def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, Any]:
+def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, object]:
     """Return `scenes.rendering.checks.Comparison` as plain data, from a process of its own. Raises `InputError`."""
     output = scenes_output("integrators", scene, resolution=resolution, views=views, spp=spp)
     comparison: dict[str, Any] = json.loads(output.splitlines()[-1])

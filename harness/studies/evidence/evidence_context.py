@@ -1,7 +1,6 @@
 """The context of the evidence studies, and one literal table of what they train."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 from harness.plan.needed import kept
 from harness.plan.profiles import PROFILES
@@ -90,7 +89,7 @@ TRAININGS: dict[str, Training] = {
 class EvidenceContext(TrainedContext):
     command = "nox -s evidence"
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         interest = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
         return {"quick": self.quick, "device": self.machine.device, "smallest_of_interest": interest}
 

@@ -1,7 +1,6 @@
 """The context of the frontier: the families, the budgets, and one plan for each."""
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -72,7 +71,7 @@ class FrontierContext(TrainedContext):
     command = "nox -s frontier"
     amount: Amount
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         return {"amount": asdict(self.amount), "device": self.machine.device}
 
     def trainings(self, *studies: Study) -> list[str]:

@@ -3,12 +3,12 @@
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import torch
 
 from baselines.contract import Precision
+from harness.plan.settings import TrainSettings
 from harness.playback.cached import CachedMethod
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
@@ -199,7 +199,8 @@ def of_size(picture: np.ndarray, height: int, width: int) -> np.ndarray:
     """Resample [h, w, …] → [height, width, …] by the nearest pixels, as a picture of another size would be shown."""
     rows = ((np.arange(height) + 0.5) * picture.shape[0] / height).astype(int)
     columns = ((np.arange(width) + 0.5) * picture.shape[1] / width).astype(int)
-    return picture[rows][:, columns]
+    resampled: np.ndarray = picture[rows][:, columns]
+    return resampled
 
 
 def one_ulp_away(camera: Camera) -> Camera:
@@ -218,7 +219,7 @@ def _further(context: ServingContext, learner: Trainer, views: ViewSet) -> Train
     return further
 
 
-def copied(learner: Trainer, settings: Any = None) -> Trainer:
+def copied(learner: Trainer, settings: TrainSettings | None = None) -> Trainer:
     """Return an independent copy of the method in the same state."""
     job = Job(learner.method, learner.box, settings or learner.settings, learner.budget, learner.seed, learner.device)
     made = learner_for(replace(job, view_dependent=learner.view_dependent))

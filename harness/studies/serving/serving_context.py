@@ -17,7 +17,6 @@ from harness.machine.provenance import PROGRAM, versions
 from harness.playback.camera_paths import orbit
 from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.records.cells import SceneRecord
-from harness.records.json_record import DamagedRecord
 from harness.records.study import Check, Studies
 from harness.studies.framework import Found, Shelf, Study, StudyContext
 from harness.training.batches import Camera
@@ -26,7 +25,7 @@ from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
 from harness.training.scoring.metrics import mse
 from harness.training.trainer import Diverged
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
 
@@ -86,7 +85,7 @@ class ServingContext(StudyContext):
     _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
     _views: dict[str, ViewSet | None] = field(default_factory=dict)
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         scenes = [scene.name for scene in self.scenes]
         return {
             "scenes": scenes,

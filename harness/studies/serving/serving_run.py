@@ -11,11 +11,11 @@ from harness.machine.provenance import provenance
 from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
 from harness.plan.run_plan import Machine
 from harness.playback.run_loader import FinishedRun
-from harness.records.json_record import DamagedRecord
 from harness.records.study import Studies, read_studies
 from harness.studies import framework
 from harness.studies.serving.serving_context import ServingContext, reason_of
 from harness.studies.serving.serving_studies import SHELF, STUDIES
+from scenes.files.errors import DamagedRecord
 
 SAME = ("system", "processor", "cores", "device", "torch_build", "packages", "python")
 """The facts about where a record was made that must agree: on another machine, or with other versions, figures are

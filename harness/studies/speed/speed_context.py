@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -50,7 +49,7 @@ class SpeedContext(StudyContext):
 
     plain_seconds: float
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         plan = reduced_plan(self)
         return {
             "quick": self.quick,

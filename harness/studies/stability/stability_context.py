@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Plan
@@ -27,7 +27,7 @@ class StabilityContext(StudyContext):
     cases: tuple[str, ...] = ()
     """The cases of this run, so that cases which share a training request all of it at once."""
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         return {"methods": list(self.methods), "quick": self.quick, "precision": "float32"}
 
     def within(self, scratch: Path, missing: tuple[str, ...]) -> "StabilityContext":

@@ -103,4 +103,5 @@ def _by_chance(sorted_scores: bytes) -> np.ndarray:
     """Return how clear the clearest stretch is in each of `ORDERS` random orders of scores."""
     scores = np.tile(np.frombuffer(sorted_scores), (ORDERS, 1))
     orders = np.random.default_rng(0).permuted(scores, axis=1)
-    return np.max([clear.max(axis=1) for _, _, clear in _stretches(orders)], axis=0)
+    clearest: np.ndarray = np.max([clear.max(axis=1) for _, _, clear in _stretches(orders)], axis=0)
+    return clearest

@@ -31,7 +31,7 @@ FORMS = (
 class Rows:
     """The rows of one file or several, a list of equal length for each column."""
 
-    columns: dict[str, list[Any]]
+    columns: dict[str, list[object]]
     stretches: list[tuple[Path, int, int]]
     """For each file its path, how many rows it has, and the number of the first: line 2 of a file with a head."""
     lower: frozenset[str] = frozenset()
@@ -53,7 +53,7 @@ def read_rows(paths: Iterable[Path]) -> Rows:
     return _joined([_from_file(file) for path in paths for file in _files(path)])
 
 
-def rows_given(rows: Sequence[Mapping[str, Any]]) -> Rows:
+def rows_given(rows: Sequence[Mapping[str, object]]) -> Rows:
     """Return rows that are in memory; None is a missing value. Raises `InputError` as `read_rows` does."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     return _joined([_rows(GIVEN, names, [[row.get(name) for row in rows] for name in names])])
@@ -94,7 +94,11 @@ def _from_file(path: Path) -> Rows:
 
 
 def _rows(
-    path: Path, names: Iterable[object], columns: list[list[Any]], first: int = 1, lower: frozenset[str] = frozenset()
+    path: Path,
+    names: Iterable[object],
+    columns: list[list[object]],
+    first: int = 1,
+    lower: frozenset[str] = frozenset(),
 ) -> Rows:
     """Return rows with column names in lower case, by one name each; raises `InputError` if two are the same."""
     known = [str(name).strip().lower() for name in names]
@@ -284,7 +288,7 @@ def table_of(rows: Rows, metric: str | None = None, lower: Sequence[str] = ()) -
     )
 
 
-def _holds_numbers(values: list[Any]) -> bool:
+def _holds_numbers(values: list[object]) -> bool:
     first = next((value for value in values if value not in (None, "")), None)
     return first is not None and _number(first) is not None
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -192,8 +191,8 @@ def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]
     ]
 
 
-def as_json(runs: TwoRuns) -> dict[str, Any]:
-    data: dict[str, Any] = plain({"schema": 1, **asdict(runs)})
+def as_json(runs: TwoRuns) -> dict[str, object]:
+    data: dict[str, object] = plain({"schema": 1, **asdict(runs)})
     return data
 
 

@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from harness.records.json_record import load_record, write_record
 from harness.run_folder.folder_lock import LOCK_FILE
@@ -52,7 +52,7 @@ def claim(folder: Path, wish: "FilmSpec", out: Path, say: Callable[[str], None])
         raise InputError(f"--to {folder}: cannot be written ({error.strerror}); name another folder") from error
 
 
-def _same_film(folder: Path, now: dict[str, Any], say: Callable[[str], None]) -> None:
+def _same_film(folder: Path, now: dict[str, object], say: Callable[[str], None]) -> None:
     try:
         before = load_record(folder / RECORD)
     except ValueError as error:

@@ -73,7 +73,8 @@ class FrameFolder:
 
 def as_levels(display: np.ndarray) -> np.ndarray:
     """Map display colour 0 … 1 to uint8, rounded as `write_png` does."""
-    return np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
+    levels: np.ndarray = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return levels
 
 
 def write_levels(file: Path, levels: np.ndarray) -> None:

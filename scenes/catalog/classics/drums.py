@@ -165,7 +165,8 @@ def sparkle(pixels: int = 256) -> np.ndarray:
     rng = np.random.default_rng(5)
     flakes = rng.random((pixels, pixels, 1)) ** 6
     colour = np.array(surfaces.srgb("#b01020")) * (0.8 + 0.4 * rng.random((pixels, pixels, 1)))
-    return np.clip(colour + flakes * np.array([0.55, 0.2, 0.12]), 0, 1)
+    lacquer: np.ndarray = np.clip(colour + flakes * np.array([0.55, 0.2, 0.12]), 0, 1)
+    return lacquer
 
 
 MATERIALS: dict[str, Description] = {

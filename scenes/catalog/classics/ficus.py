@@ -120,13 +120,15 @@ def wander(
 
 
 def unit(vector: np.ndarray) -> np.ndarray:
-    return vector / np.linalg.norm(vector)
+    scaled: np.ndarray = vector / np.linalg.norm(vector)
+    return scaled
 
 
 def sideways(along: np.ndarray, angle: float) -> np.ndarray:
     """A unit vector square to `along`, turned about it."""
     first = unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along))]))
-    return np.cos(angle) * first + np.sin(angle) * np.cross(along, first)
+    turned: np.ndarray = np.cos(angle) * first + np.sin(angle) * np.cross(along, first)
+    return turned
 
 
 def leaf_at(random: np.random.Generator, point: np.ndarray, twig: np.ndarray, around: float, tip: bool) -> Solid:

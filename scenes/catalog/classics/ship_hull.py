@@ -26,13 +26,15 @@ TAR, OCHRE, DECK = (0.035, 0.03, 0.028), (0.62, 0.42, 0.13), (0.42, 0.29, 0.16)
 
 def sheer(x: np.ndarray) -> np.ndarray:
     """Return the height of the smooth line along the side, above which the bulwark steps up with the decks."""
-    return WATER + 0.105 + np.where(x < 0, 0.26, 0.16) * x**2
+    height: np.ndarray = WATER + 0.105 + np.where(x < 0, 0.26, 0.16) * x**2
+    return height
 
 
 def deck(x: np.ndarray) -> np.ndarray:
     """Return the height of the deck: waist, forecastle ahead, quarterdeck and poop aft."""
     forecastle, quarterdeck, poop = STEPS
-    return sheer(x) - 0.02 + 0.05 * (x > forecastle) + 0.06 * (x < quarterdeck) + 0.055 * (x < poop)
+    height: np.ndarray = sheer(x) - 0.02 + 0.05 * (x > forecastle) + 0.06 * (x < quarterdeck) + 0.055 * (x < poop)
+    return height
 
 
 def half_breadth(x: np.ndarray) -> np.ndarray:
@@ -102,7 +104,8 @@ def planks() -> np.ndarray:
 
 def on_side(x: float, t: float, starboard: bool) -> np.ndarray:
     point = side(np.array([x]), np.array([t]))[0, 0]
-    return point * np.array([1, 1 if starboard else -1, 1])
+    placed: np.ndarray = point * np.array([1, 1 if starboard else -1, 1])
+    return placed
 
 
 def fittings() -> Solid:
@@ -135,7 +138,8 @@ def anchor(starboard: bool) -> list[Solid]:
 
 def channel(x: float, starboard: bool) -> np.ndarray:
     """A channel, where the shrouds of a mast meet the side; they pull aft."""
-    return on_side(x - 0.05, SHEER, starboard) * np.array([1, 1.1, 1])
+    outside: np.ndarray = on_side(x - 0.05, SHEER, starboard) * np.array([1, 1.1, 1])
+    return outside
 
 
 def gilding() -> Solid:

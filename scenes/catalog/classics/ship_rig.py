@@ -100,7 +100,8 @@ def sails() -> tuple[Solid, Solid]:
 
 
 def narrowed(ends: np.ndarray, share: float) -> np.ndarray:
-    return ends.mean(axis=0) + share * (ends - ends.mean(axis=0))
+    nearer: np.ndarray = ends.mean(axis=0) + share * (ends - ends.mean(axis=0))
+    return nearer
 
 
 def bundle(ends: np.ndarray, seed: int) -> Solid:

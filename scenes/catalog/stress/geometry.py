@@ -1,8 +1,9 @@
 """Rays against simple shapes, in closed form; float64, all rays at once. Distances are inf where nothing is met."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-Numbers = np.ndarray
+Numbers = NDArray[np.float64]
 ORIGIN = np.zeros(3)
 
 
@@ -71,4 +72,5 @@ def _texture(pixels: Numbers, u: Numbers, v: Numbers) -> Numbers:
     height, width = pixels.shape[:2]
     row = np.clip((v * height).astype(int), 0, height - 1)
     column = np.clip((u * width).astype(int), 0, width - 1)
-    return pixels[row, column].astype(np.float64)
+    seen: Numbers = pixels[row, column].astype(np.float64)
+    return seen

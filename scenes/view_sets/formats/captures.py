@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scenes.files.errors import InputError, short
@@ -161,7 +162,7 @@ def _angle(width: float, focal: float, where: str) -> float:
     return angle
 
 
-def _depths(points: np.ndarray, camera_to_world: np.ndarray) -> np.ndarray:
+def _depths(points: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return how far points [n, 3] lie in front of a camera; those behind it have negative depths."""
     return (camera_to_world[:3, 3] - points) @ camera_to_world[:3, 2]
 

@@ -4,8 +4,8 @@ import math
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -111,7 +111,8 @@ def read_tiny_nerf(file: Path) -> Source:
             covered = np.clip(alpha[number].astype(np.float64), 0.0, 1.0)[..., None]
             straight = np.where(covered > 0, rgba[..., :3] / np.where(covered > 0, covered, 1.0), 0.0)
             rgba = np.concatenate([straight, covered], axis=-1)
-        return np.clip(rgba, 0.0, 1.0).astype(np.float32)
+        straight_rgba: np.ndarray = np.clip(rgba, 0.0, 1.0)
+        return straight_rgba.astype(np.float32)
 
     return Source(
         name=file.stem,
@@ -123,7 +124,7 @@ def read_tiny_nerf(file: Path) -> Source:
 
 
 def write_tiny_nerf(
-    file: Path, rgba: Any, camera_to_world: np.ndarray, focal: float, train: int, region: Region
+    file: Path, rgba: Iterable[np.ndarray], camera_to_world: np.ndarray, focal: float, train: int, region: Region
 ) -> None:
     """Write `rgba`, straight images [h, w, 4], the `train` training views first, as many as poses [n, 4, 4]. Colour is
     written over black, which is what the notebook's renderer shows in empty space.

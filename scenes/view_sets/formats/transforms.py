@@ -53,9 +53,9 @@ class Camera(Struct, frozen=True, kw_only=True):
     p3: Number | None = None
     p4: Number | None = None
     distortion_params: list[Number] | None = None
-    is_orthographic: Any = None
-    is_fisheye: Any = None
-    mask_path: Any = None
+    is_orthographic: object = None
+    is_fisheye: object = None
+    mask_path: object = None
 
 
 class Frame(Camera, frozen=True, kw_only=True):
@@ -150,7 +150,7 @@ def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, 
     return document, Frames(angles[0], list(cameras), poses), list(cameras.values())
 
 
-def _same(own: Any, value: Any) -> bool:
+def _same(own: object, value: object) -> bool:
     """Return whether what a frame says for itself is nothing, or what its file says for all."""
     if isinstance(own, float) and isinstance(value, float):
         return abs(own - value) <= SAME_FOCAL * abs(value)

@@ -16,10 +16,10 @@ from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings
 from harness.playback.run_loader import FinishedRun, from_plain
 from harness.records.cells import cell_path, checkpoint_name, read_cell, records_folder
-from harness.records.json_record import DamagedRecord, write_record
+from harness.records.json_record import write_record
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import RADIUS
 from tests.harness.ball import DISTANCE, write_ball

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from harness.records import pictures
-from harness.records.json_record import DamagedRecord
 from harness.records.pictures import (
     Render,
     Truth,
@@ -21,6 +20,7 @@ from harness.records.pictures import (
     write_renders,
     write_truth,
 )
+from scenes.files.errors import DamagedRecord
 
 
 def noise(*shape: int, seed: int = 0, scale: float = 1.0) -> np.ndarray:

@@ -35,7 +35,6 @@ from harness.records.cells import (
     write_run,
 )
 from harness.records.json_record import (
-    DamagedRecord,
     digest_of,
     finite_or_none,
     load_json,
@@ -47,7 +46,7 @@ from harness.records.json_record import (
 from harness.records.metric_table import METRICS
 from harness.records.verdict import OPEN, Verdict
 from harness.verdicts.claim_files import known_claims
-from scenes.files.errors import as_text
+from scenes.files.errors import DamagedRecord, as_text
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.replacing import replace
 

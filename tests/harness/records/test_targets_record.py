@@ -7,7 +7,6 @@ import pytest
 from msgspec.structs import replace
 
 from harness.records.cells import Estimate, records_folder
-from harness.records.json_record import DamagedRecord
 from harness.records.targets import (
     TARGETS_FILE,
     Reach,
@@ -18,6 +17,7 @@ from harness.records.targets import (
     write_targets,
 )
 from harness.records.verdict import OPEN, Verdict
+from scenes.files.errors import DamagedRecord
 
 HERE = Estimate((3.0, 31.0), (1.0, 33.0), 8, Verdict("above 0", "open"), 20.0, 1.0)
 SAVING = TargetComparison(

@@ -10,9 +10,9 @@ from harness.command.main import main
 from harness.execution.group_loop import Event
 from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord, LeftOut, cell_path, read_cell, read_run, write_cell, write_run
-from harness.records.json_record import DamagedRecord
 from harness.run_folder.earlier_run import with_measured
 from harness.run_folder.phases import Phases
+from scenes.files.errors import DamagedRecord
 from tests.harness.trained_runs import in_this_process
 from tests.replacing import replace
 

@@ -13,12 +13,12 @@ from msgspec.structs import replace
 from harness.command.plan_options import planned
 from harness.plan.run_plan import Plan
 from harness.records.cells import cell_path, checkpoint_name, read_cell, with_files, write_cell, write_comparisons
-from harness.records.json_record import DamagedRecord, digest_of, load_record, write_record
+from harness.records.json_record import digest_of, load_record, write_record
 from harness.records.pictures import Truth, truth_pictures, write_truth
 from harness.records.snapshot import Unfinished, unfinished_path, write_unfinished
 from harness.run_folder.folder_lock import scratch_folder
 from harness.run_folder.integrity import DAMAGED, mend, sweep
-from scenes.files.errors import InputError
+from scenes.files.errors import DamagedRecord, InputError
 from tests.harness.cells import diverged
 from tests.harness.shell import ROOT
 

@@ -9,7 +9,6 @@ from typing import Literal
 import pytest
 
 from harness.command.main import main
-from harness.records.json_record import DamagedRecord
 from harness.records.study import (
     PICTURES_FOLDER,
     SHELVES,
@@ -32,6 +31,7 @@ from harness.studies.evidence.evidence_studies import SHELF as EVIDENCE
 from harness.studies.framework import Found, Shelf, line_of, list_lines
 from harness.studies.speed.questions import SHELF as SPEED
 from harness.studies.stability.cases import SHELF as STABILITY
+from scenes.files.errors import DamagedRecord
 from tests.harness.shell import refused
 
 ALL = (EVIDENCE, STABILITY, SPEED)

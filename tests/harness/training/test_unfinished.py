@@ -17,11 +17,11 @@ from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord
-from harness.records.json_record import DamagedRecord
 from harness.records.pictures import sealed, unsealed
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.training.checkpoints import Keeping, training_state
 from harness.training.lockstep import train_group
+from scenes.files.errors import DamagedRecord
 from scenes.view_sets.view_set import ViewSet
 from tests.harness import tiny
 from tests.harness.tiny import BUDGET, SCORE

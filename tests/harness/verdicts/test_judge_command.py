@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from harness.command.main import main
-from harness.records.json_record import DamagedRecord
 from harness.records.judgements import JUDGEMENT_FILE, JudgementRecord, read_judgement, write_judgement
 from harness.verdicts.judging.judgement import judge
 from reports.__main__ import main as report
 from reports.studies.judgement import judgement_page, matrix, methods_grid, panel, suspects_grid
+from scenes.files.errors import DamagedRecord
 from tests.harness.shell import refused
 from tests.harness.verdicts.test_judgement import drawn, table_of
 

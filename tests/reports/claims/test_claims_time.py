@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from harness.records.cells import Estimate
-from harness.records.json_record import DamagedRecord
 from harness.records.targets import TargetComparison, TargetsRecord, write_targets
 from harness.records.verdict import OPEN
 from reports.claims.ledger import Bench, Finding
@@ -13,6 +12,7 @@ from reports.claims.time import NEEDS_MACHINE, NEEDS_SCENES, bound, saving, time
 from reports.data.load import Records, read_records
 from reports.data.selection import TARGET, Selection
 from reports.data.wording import UNTESTED
+from scenes.files.errors import DamagedRecord
 from tests.replacing import replace
 from tests.reports.claims.claimed import claimed
 from tests.reports.fake_run import PAPER

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from harness.records.cells import cell_path
-from harness.records.json_record import DamagedRecord, write_record
+from harness.records.json_record import write_record
 from harness.records.targets import ReachCurve, TargetsRecord, write_targets
 from reports.data.load import NoRecords, Records, read_records
+from scenes.files.errors import DamagedRecord
 from tests.reports.fake_run import write_fake_run
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from harness.records.json_record import DamagedRecord
 from harness.records.study import Answer, Check, Series, Studies, Table
 from reports.data.studies_load import find_studies
 from reports.studies.study_page import headline, sentences, shelf_shown, study_page
+from scenes.files.errors import DamagedRecord
 from tests.reports.fake_studies import fake_studies, study, write_fake_studies
 from tests.reports.run.test_page import Outline, without_code
 

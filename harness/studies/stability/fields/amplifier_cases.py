@@ -118,7 +118,8 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
             x[torch.nonzero(ray == middle)[:1, 0]] = math.nan
             # where densities depend on the chunk every one of them is NaN, and the first is as guilty as any
             guilty.append(int(inside[middle if trainer.field.pointwise else int(ray.min())]))
-        return plain(x, view, ray)
+        seen: tuple[Tensor, Tensor] = plain(x, view, ray)
+        return seen
 
     trainer.coarse.density_and_colour = with_nan
     error = error_of(Diverged, trainer.render, rays, len(rays))

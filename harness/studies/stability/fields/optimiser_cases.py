@@ -279,4 +279,5 @@ def off_orthogonal(bases: Tensor) -> float:
 
 def _rotation(number: int) -> Tensor:
     values = torch.randn(SIDE, SIDE, dtype=torch.float64, generator=generator_for("rotation", number))
-    return torch.linalg.qr(values).Q
+    rotation: Tensor = torch.linalg.qr(values).Q
+    return rotation

@@ -119,7 +119,8 @@ def _opacity(values: Tensor, distance: float, widened: float = 0.0, at: Tensor |
     points = torch.stack([torch.zeros(3), up, torch.ones(3)])[:, :2].numpy()
     camera = torch.tensor([0.0, 0.0, -distance]).numpy(), torch.eye(3).numpy()
     _, through, _ = Drawn.apply(RayCells.of(points), camera, widened, values)
-    return (1.0 - through).tolist()
+    lost: list[float] = (1.0 - through).tolist()
+    return lost
 
 
 def _picture(values: Tensor) -> tuple[Tensor, Tensor, int]:

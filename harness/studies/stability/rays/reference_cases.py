@@ -80,7 +80,8 @@ def rendered(
 
 
 def z_scores(colour: np.ndarray, estimate: Estimate) -> np.ndarray:
-    return (colour - estimate.mean) / estimate.standard_error
+    z: np.ndarray = (colour - estimate.mean) / estimate.standard_error
+    return z
 
 
 def _against_tracking(variant: Variant, paths: int) -> Iterator[Found]:
@@ -195,7 +196,15 @@ def closed_form(sigma: np.ndarray, grey: np.ndarray) -> tuple[float, float]:
             width = ends[i + 1] - ends[i]
             (s0, s1), (c0, c1) = (values[i : i + 2] for values in at_ends)
 
-            def glow(u: mpmath.mpf, s0=s0, s1=s1, c0=c0, c1=c1, width=width, passed=passed) -> mpmath.mpf:
+            def glow(
+                u: mpmath.mpf,
+                s0: mpmath.mpf = s0,
+                s1: mpmath.mpf = s1,
+                c0: mpmath.mpf = c0,
+                c1: mpmath.mpf = c1,
+                width: mpmath.mpf = width,
+                passed: mpmath.mpf = passed,
+            ) -> mpmath.mpf:
                 tau = passed + width * (s0 * u + (s1 - s0) * u * u / 2)
                 return mpmath.exp(-tau) * (s0 + (s1 - s0) * u) * (c0 + (c1 - c0) * u) * width
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from harness.execution.ground_truth import read_views, render_view_sets
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
-from harness.records.json_record import DamagedRecord
 from harness.records.pictures import Render, last_of, read_renders
 from harness.records.study import Check, Status, Table, check
 from harness.run_folder.integrity import mend
 from harness.studies.stability.cases import CASES
 from harness.studies.stability.stability_context import Rows, StabilityContext, whose
 from scenes.catalog.entries import scene_named
+from scenes.files.errors import DamagedRecord
 from scenes.modelling.truth import Truth, pixel_means
 from scenes.view_sets.formats.transforms import read_transforms
 from scenes.view_sets.images import read_channels

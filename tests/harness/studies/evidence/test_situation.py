@@ -22,7 +22,6 @@ from harness.records.cells import (
     write_cell,
     write_run,
 )
-from harness.records.json_record import DamagedRecord
 from harness.records.metric_table import METRICS
 from harness.records.study import SHELVES, Answer, Studies, StudyRecord, read_studies, write_studies
 from harness.run_folder.integrity import DAMAGED
@@ -31,6 +30,7 @@ from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.evidence.evidence_studies import SHELF, STUDIES
 from harness.studies.framework import Found, Shelf
 from harness.studies.trained_context import folder_of
+from scenes.files.errors import DamagedRecord
 from tests.harness.cells import cell, checkpoint
 from tests.replacing import replace
 
