@@ -28,6 +28,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "equal time": (RUN, run_blocks.equal_time),
     "scores": (RUN, run_blocks.scores),
     "constants": (("constants.json",), lambda search: constants.choice(constants.on_complete_scenes(search))),
+    "late constants": (("constants_late.json",), constants.choice),
     "further methods": (RUN, run_blocks.further),
     "failures": (RUN, run_blocks.failed),
     "last doubling": (RUN, run_blocks.doubling),

@@ -98,6 +98,7 @@ def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(constants, "trained_cells", lambda tasks, workers: map(trained_cell, tasks))
+    monkeypatch.setattr(constants, "UNITS", (3.0, 25.0, 100.0, 250.0))
     folder = ball_with_validation_views(tmp_path / "ball")
     plan = replace(planned("smoke", methods=["qnerf"], budget_steps=2 * SHARE, resolution=16), scenes=("ball",))
     rows = list(chain(*search(plan, {"ball": folder}, tmp_path, 1, "cpu", [])))
@@ -154,6 +155,13 @@ def test_the_constants_are_those_of_the_published_search() -> None:
             assert CATALOG["qnerf_repaired"].parts == CATALOG[best].parts
             assert {row.scene for row in rows} == set(plan.scenes)
         assert record["seed"] not in {seed for plan in PROFILES.values() for seed in plan.seeds}
+
+
+def test_the_late_constants_are_those_of_the_late_search() -> None:
+    rows = read_rows(Path("docs/constants_late.json"))
+    methods = list(dict.fromkeys(row.method for row in rows))
+    carried = constants.best_of(read_rows(Path("docs/constants.json")), methods, 3)
+    assert constants.chosen(rows, PROFILES["converged"].budget.steps or 0, carried) == chosen("converged")
 
 
 @pytest.mark.parametrize("profile", ["smoke", "reduced"])
