@@ -177,7 +177,8 @@ def looked_at(process: subprocess.Popen[bytes], said: int) -> str:
     except OSError as error:
         return f"its page cannot be opened: {error}"
     finally:
-        os.killpg(process.pid, signal.SIGINT)
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
 
 
 def main(nox: str) -> int:
