@@ -56,7 +56,8 @@ class Parts:
 
     def size(self, given: NetworkSize) -> NetworkSize:
         """Return the size of the networks, where a run gives all networks this one."""
-        return replace(given, depth=self.depth or given.depth, width=self.width or given.width)
+        own = {"depth": self.depth, "width": self.width}
+        return replace(given, **{name: value for name, value in own.items() if value is not None})
 
     @property
     def start_in_units(self) -> float | None:

@@ -215,6 +215,9 @@ def _wrong_with(method: object) -> str | None:
             return f"its {kind} {getattr(method.parts, kind)!r} is unknown; known: {known}"
     if isinstance(method.parts, Parts) and method.parts.quadrature not in QUADRATURES:
         return f"its quadrature {method.parts.quadrature!r} is unknown; known: {' '.join(QUADRATURES)}"
+    for name in ("depth", "width"):
+        if method.parts is not None and (size := getattr(method.parts, name)) is not None and size < 1:
+            return f"its {name} {size} is below 1; leave it out for the run's"
     return None
 
 

@@ -162,6 +162,7 @@ def test_the_documented_package_conforms(example: Path, method: str) -> None:
         (HEAD + "M = Method(replace(NERF, amplifier='loud'), 'x')", "amplifier 'loud' is unknown"),
         (HEAD + "M = Method(replace(NERF, skip='never'), 'x')", "skip 'never' is unknown"),
         (HEAD + "M = Method(replace(NERF, activation='sine'), 'x')", "activation 'sine' is unknown; known: relu"),
+        (HEAD + "M = Method(replace(NERF, depth=0), 'x')", "its depth 0 is below 1; leave it out for the run's"),
         (HEAD + "M = Method(replace(NERF, quadrature='guess'), 'x')", "quadrature 'guess' is unknown"),
         (HEAD + "M = Method(NERF, 'x', skips={'half': len})", "skip 'half' is taken"),
     ],
