@@ -68,7 +68,7 @@ def read_claims(file: Path) -> ClaimFile:
     about = dict.fromkeys(claim.of["method"] for claim in claims if "method" in claim.of)
     defaults = {"id": file.stem, "title": file.stem, "methods": list(about)}
     try:
-        found: ClaimFile = as_promised({**defaults, **data, "claims": []}, ClaimFile)
+        found = as_promised({**defaults, **data, "claims": []}, ClaimFile)
     except ValueError as error:
         raise InputError(f"{file}: {error}; docs/claims.md has the form") from error
     unknown = sorted(set(found.principal) - set(ids))
@@ -103,7 +103,7 @@ def _statement(row: dict[str, Any], place: int, at: str) -> Statement:
     try:
         fields = {name: row[name] for name in OWN if name in row}
         fields["where"] = (where,) if isinstance(where, str) else where
-        found: Statement = as_promised({**fields, "of": of}, Statement)
+        found = as_promised({**fields, "of": of}, Statement)
     except ValueError as error:
         raise InputError(f"{at}: {error}") from error
     return found

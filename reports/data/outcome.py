@@ -45,9 +45,15 @@ def between_runs(differences: Sequence[float]) -> str:
     return f"{' to '.join(dict.fromkeys(signed(value) for value in (min(differences), max(differences))))} dB"
 
 
+def in_runs(differences: Sequence[float]) -> str:
+    """Format `+0.14 dB`, or `+0.12 to +0.14 dB in three runs`."""
+    many = len(differences)
+    return between_runs(differences) + (f" in {counted_runs(many)}" if many > 1 else "")
+
+
 def shared(differences: Sequence[float], verdicts: Sequence[Verdict]) -> str:
     """State what runs of one plan share: `+0.12 to +0.14 dB in three runs: above 0, size open`."""
-    return f"{between_runs(differences)} in {counted_runs(len(differences))}: {common(verdicts).phrase}"
+    return f"{in_runs(differences)}: {common(verdicts).phrase}"
 
 
 def clause(found: Outcome) -> str:
@@ -62,7 +68,7 @@ def clauses(outcomes: Sequence[Outcome]) -> str:
     """Return the clauses of several differences, one clause for all if nothing is known of any."""
     if len(outcomes) < 2 or any(found.verdict != OPEN or on_few_scenes(found) for found in outcomes):
         return "; ".join(map(clause, outcomes))
-    pairs = listed([f"{found.method} − {found.against} ({_measured(found)})" for found in outcomes])
+    pairs = listed([f"{found.method} − {found.against} ({in_runs(found.differences)})" for found in outcomes])
     return f"signs and sizes of {pairs} are open"
 
 
@@ -75,16 +81,10 @@ def size_words(verdict: Verdict) -> str:
 
 
 def _open(found: Outcome) -> str:
-    start = f"the sign of {found.method} − {found.against} is open ({_measured(found)})"
+    start = f"the sign of {found.method} − {found.against} is open ({in_runs(found.differences)})"
     if found.verdict.size == "smaller than matters":
         return f"{start}, its size below the {MARGIN} that matter"
     return f"{start}, and so is whether it reaches the {MARGIN} that matter"
-
-
-def _measured(found: Outcome) -> str:
-    """Format `+0.14 dB`, or `+0.12 to +0.14 dB in three runs`."""
-    many = len(found.differences)
-    return between_runs(found.differences) + (f" in {counted_runs(many)}" if many > 1 else "")
 
 
 def on_few_scenes(found: Outcome) -> str:

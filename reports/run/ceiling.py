@@ -2,7 +2,7 @@
 its pictures comes from densities there.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import fmean
 
 from reports.data.load import Records
@@ -12,18 +12,26 @@ OPAQUE = 0.99
 """The opacity of geometry one pixel thick below which a method's constant limits it."""
 
 
+Properties = Mapping[str, float | str | None]
+"""Those of a cell, by name."""
+
+
 def ceilings(records: Records) -> list[str]:
     """Return one line for each bounded method; none for records that lack the properties."""
-    own = ([cell.properties for cell in records.cells if cell.method == method] for method in records.methods)
-    lines = map(ceiling_of, records.methods, own)
+    return lines_of(
+        (method, [cell.properties for cell in records.cells if cell.method == method]) for method in records.methods
+    )
+
+
+def lines_of(methods: Iterable[tuple[str, Sequence[Properties]]]) -> list[str]:
+    """Return the line of each bounded method, from its name and the properties of its cells."""
+    lines = (_ceiling(method, cells) for method, cells in methods)
     return [line for line in lines if line]
 
 
-def ceiling_of(method: str, cells: Iterable[Mapping[str, float | str | None]]) -> str:
-    """Return the line of a method from the properties of its cells; empty if it has no limit."""
-    own = list(cells)
+def _ceiling(method: str, cells: Sequence[Properties]) -> str:
     opacities, limits, shares = (
-        [float(cell[name] or 0.0) for cell in own if cell.get(name) is not None]
+        [float(cell[name] or 0.0) for cell in cells if cell.get(name) is not None]
         for name in ("opacity_of_a_pixel", "density_limit", "weight_at_ceiling")
     )
     if not limits or not opacities:

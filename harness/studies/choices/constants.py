@@ -216,7 +216,7 @@ def read_rows(file: Path, plan: Plan | None = None) -> list[ConstantsRow]:
         return []
     try:
         record = load_json(file)
-        rows: list[ConstantsRow] = as_promised(record["rows"], list[ConstantsRow])
+        rows = as_promised(record["rows"], list[ConstantsRow])
         settings = record["settings"]
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise InputError(f"{file}: no record of a search ({error}); remove it, or name another file") from error

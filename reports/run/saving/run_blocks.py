@@ -13,9 +13,9 @@ from harness.records.verdict import common
 from harness.verdicts.changes import Situation, changes
 from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between, judged_in_words
-from reports.data.outcome import between_runs, counted_runs, doubts, shared
+from reports.data.outcome import between_runs, doubts, in_runs, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
-from reports.run.ceiling import ceiling_of
+from reports.run.ceiling import lines_of
 from reports.run.saving.published_cells import Run, situation
 from reports.run.saving.replicates import (
     BASELINE,
@@ -254,19 +254,21 @@ def ceiling(run: Run, late: Run) -> str:
             bound.append(
                 f"`{method}` cannot exceed {limit}{late_too}, and reaches it in {reached} of {len(shares)} trainings"
             )
-    words = f"Largest density of each training, per half of the box: {listed(ranges)}."
-    reached_in = f"{'; '.join(bound)}." if bound else ""
+    reached_in = f" {'; '.join(bound)}." if bound else ""
     lines = [
         f"After {side['settings']['budget']['steps']} steps: {line}" for side in (run, late) for line in limited(side)
     ]
-    return "\n\n".join([f"{words} {reached_in}".strip(), *lines])
+    return "\n\n".join(
+        [f"Largest density of each training, per half of the box: {listed(ranges)}.{reached_in}", *lines]
+    )
 
 
 def limited(run: Run) -> list[str]:
     """Return the line of each bounded method of the headline, where the run recorded what its limit does."""
-    own = ([cell["properties"] for cell in run["cells"] if cell["method"] == method] for method in main_methods(run))
-    lines = map(ceiling_of, (f"`{method}`" for method in main_methods(run)), own)
-    return [line for line in lines if line]
+    return lines_of(
+        (f"`{method}`", [cell["properties"] for cell in run["cells"] if cell["method"] == method])
+        for method in main_methods(run)
+    )
 
 
 def failed(run: Run) -> str:
@@ -360,8 +362,8 @@ def processors(run: Run, published: Run) -> str:
     by_verdict: dict[str, list[str]] = {}
     for (first, second), found in replicated(published, run).items():
         unlike = "" if found.repeated else f", published as {found.verdicts[0].phrase}"
-        pair = f"`{first}` − `{second}` ({between_runs(found.differences)} in {counted_runs(len(found.differences))}"
-        by_verdict.setdefault(common(found.verdicts).phrase, []).append(f"{pair}{unlike})")
+        pair = f"`{first}` − `{second}` ({in_runs(found.differences)}{unlike})"
+        by_verdict.setdefault(common(found.verdicts).phrase, []).append(pair)
     told = "; ".join(f"*{phrase}* for {listed(pairs)}" for phrase, pairs in by_verdict.items())
     return (
         f"The same plan and seeds on another processor or instruction set (here: {here}) {_moved(run)} "
