@@ -18,15 +18,15 @@ nox.options.sessions = ["lint", "tests"]
 PROJECT = nox.project.load_toml("pyproject.toml")
 LOCKED = dict(re.findall(r"^([a-z0-9-]+)==(\S+)", Path("requirements.lock").read_text(encoding="utf-8"), re.MULTILINE))
 SMALL = ("view", "film", "stability", "completion")
-"""The extras that every environment has: they are small, and commands of the README need them."""
+"""The extras of every environment: they are small, and commands of the README need them."""
 OPTIONS = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
 OPTIONS.add_argument("--with", dest="packages", action="append", default=[], metavar="FOLDER")
 OPTIONS.add_argument("--out")
 
 
 def install(session: nox.Session, *groups: str) -> None:
-    """Install the dependencies of the project and of the named groups, and the extras that the options need, each as
-    requirements.lock pins it by version and hash.
+    """Install the dependencies of the project, of the named groups and of the extras that the options need, with the
+    versions and hashes of requirements.lock.
     """
     options = set(session.posargs)
     words = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
@@ -35,7 +35,7 @@ def install(session: nox.Session, *groups: str) -> None:
     takes_all = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
     needed = [*SMALL, *(name for name in words if takes_all or words[name] & options)]
     wanted = map(pinned, wanted_by(*groups, extras=needed))
-    # another build of torch has other hashes than the one on PyPI
+    # other builds of torch have other hashes than that on PyPI
     locked = session.virtualenv.venv_backend == "uv" and not os.environ.get("UV_TORCH_BACKEND")
     session.install(*wanted, *(("--require-hashes", "--constraint", "requirements.lock") if locked else ()))
     session.install("--no-deps", "--editable", ".")
@@ -49,7 +49,6 @@ def wanted_by(*groups: str, extras: Iterable[str]) -> list[str]:
 
 
 def pinned(requirement: str) -> str:
-    """Return a requirement as it is locked."""
     name = re.split("[<>=]", requirement)[0]
     return f"{name}=={LOCKED[name.lower()]}"
 
@@ -62,7 +61,7 @@ def benchmark(session: nox.Session) -> None:
 
 @nox.session
 def judge(session: nox.Session) -> None:
-    """Judge anybody's table of results, without training."""
+    """Judge any table of results, without training."""
     harness(session, "judge")
 
 
@@ -74,7 +73,7 @@ def conformance(session: nox.Session) -> None:
 
 @nox.session
 def view(session: nox.Session) -> None:
-    """Look at a finished run in the browser."""
+    """View a finished run in the browser."""
     harness(session, "view", success_codes=(0, 130))
 
 
@@ -86,7 +85,7 @@ def film(session: nox.Session) -> None:
 
 @nox.session
 def evidence(session: nox.Session) -> None:
-    """Run the studies that a verdict rests on."""
+    """Measure what a verdict depends on."""
     report(session, "evidence")
 
 
@@ -115,7 +114,7 @@ def gate(session: nox.Session) -> None:
 
 
 def harness(session: nox.Session, command: str, *more: str, success_codes: tuple[int, ...] = (0,)) -> None:
-    """Run a command with the options of the session, and with the packages of each `--with FOLDER` as they stand."""
+    """Run a command with the options of the session; each `--with FOLDER` is installed as an editable package."""
     install(session)
     given, options = OPTIONS.parse_known_args(session.posargs)
     for folder in given.packages:
@@ -125,13 +124,13 @@ def harness(session: nox.Session, command: str, *more: str, success_codes: tuple
 
 
 def report(session: nox.Session, command: str, default: str = "") -> None:
-    """Run a command that writes a folder (`default`, or else a fresh one is named for it), and write its page."""
+    """Run a command that writes a folder, by default `default` or else a fresh one, and write its page."""
     out = OPTIONS.parse_known_args(session.posargs)[0].out
     fresh = f"out/{command}-{time.strftime('%Y%m%d-%H%M%S')}"
     if {"--help", "-h", "--list", "--dry-run"} & set(session.posargs):
         harness(session, command)
         return
-    # what diverged or failed (3) is part of the result: the page is written, and says 3 in its turn
+    # a cell that diverged or failed (3) is part of the result: the page is written, whose command returns 3 again
     harness(session, command, *([] if out or default else ["--out", fresh]), success_codes=(0, 3))
     session.run("python", "-m", "reports", out or default or fresh)
 
@@ -145,19 +144,19 @@ def tests(session: nox.Session) -> None:
 
 @nox.session
 def tests_slow(session: nox.Session) -> None:
-    """Run the slow tests: whole runs, browsers, processes that are killed."""
+    """Run the slow tests: complete runs, browsers, processes that are killed."""
     install(session, "test")
-    # the tests of a file share a process: what they start from takes long to make
+    # the tests of a file share a process, as their fixtures are slow
     share = ("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder")
     session.run("pytest", *share, "-m", "slow and not thorough and not cluster", *session.posargs)
 
 
 @nox.session
 def tests_thorough(session: nox.Session) -> None:
-    """Run what takes minutes and seldom breaks: whole contracts, a Ray cluster."""
+    """Run tests that take minutes and seldom fail: complete contracts, a Ray cluster."""
     install(session, "test")
     session.run("pytest", "-n", "auto", "-m", "thorough and not cluster", *session.posargs)
-    # a process of its own: Ray leaves an event loop behind
+    # in a separate process, as Ray leaves an event loop behind
     session.run("pytest", "-m", "cluster", *session.posargs)
 
 
@@ -170,14 +169,14 @@ def tests_oldest(session: nox.Session) -> None:
 
 @nox.session
 def commands(session: nox.Session) -> None:
-    """Run every session and every command from end to end, each in its shortest form."""
+    """Run every session and every command end to end, each in its shortest form."""
     install(session, "test")
     session.run("python", "-m", "tests.every_command", sys.executable)
 
 
 @nox.session
 def fuzz(session: nox.Session) -> None:
-    """Try bad input by the thousand on everything that reads a file or an option."""
+    """Try thousands of bad inputs on everything that reads a file or an option."""
     install(session, "test")
     campaign = ("-n", "auto", "--timeout", "0", "--hypothesis-profile", "fuzz")
     session.run("pytest", *campaign, "tests/fuzz", *session.posargs)
@@ -185,7 +184,7 @@ def fuzz(session: nox.Session) -> None:
 
 @nox.session
 def endurance(session: nox.Session) -> None:
-    """Kill runs a hundred times, damage what they wrote, and compare what is resumed."""
+    """Kill runs a hundred times, damage their files, and compare the resumed results."""
     install(session)
     session.run("python", "-m", "tests.endurance", *session.posargs, env={"OMP_NUM_THREADS": "1"})
 

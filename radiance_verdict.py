@@ -1,7 +1,7 @@
 """The Python API (docs/api.md), and the command `radiance-verdict`.
 
-The command has the commands of `python -m harness`, and `report`, that of `python -m reports`. Each function does what
-the command of its name does, on values in memory, and raises `InputError` where the command ends with a line.
+The command has the commands of `python -m harness`, and `report`, which is `python -m reports`. Each function does what
+the command of its name does, on values in memory, and raises `InputError` for bad input.
 """
 
 import math
@@ -36,11 +36,11 @@ def judge(
     baseline: str | None = None,
     out: str | Path | None = None,
 ) -> "JudgementRecord":
-    """Judge a table of results: a file or several, rows, or a data frame, with columns scene, method, a metric, perhaps
-    seed, steps, seconds.
+    """Judge a table of results: one or several files, rows, or a data frame, with the columns scene, method, a metric,
+    and optionally seed, steps, seconds.
 
     A missing value of a data frame is a missing result, which the judgement names. `margin` is the smallest effect of
-    interest. Where `out` is a folder, the judgement is written there, for `report`.
+    interest. The judgement is written into the folder `out`, if given, for `report`.
     """
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
     from harness.verdicts.judging import judgement
@@ -71,8 +71,8 @@ def words(judged: "JudgementRecord") -> str:
 def view_set(path: str | Path, width: int | None = None) -> "ViewSet":
     """Read posed images at `width` pixels (default: as stored), of any format in docs/images.md.
 
-    Of its splits `train`, `val` and `test`, `camera_to_world` is [n, 4, 4] (OpenGL axes), and `rgba[i]` is an image
-    [h, w, 4]: display colour from 0 to 1, straight alpha. `focal` is in pixels, `bounds` [2, 3], `near` and `far` are
+    In its splits `train`, `val` and `test`, `camera_to_world` is [n, 4, 4] (OpenGL axes), and `rgba[i]` is an image
+    [h, w, 4]: display colour from 0 to 1, straight alpha. `focal` is in pixels; `bounds` [2, 3], `near` and `far` are
     in the units of the poses.
     """
     from scenes.view_sets.view_set import read_view_set
@@ -81,25 +81,34 @@ def view_set(path: str | Path, width: int | None = None) -> "ViewSet":
 
 
 def score(
-    pictures: "str | Path | Sequence[np.ndarray] | np.ndarray", view_set: str | Path, method: str, **options: Any
+    pictures: "str | Path | Sequence[np.ndarray] | np.ndarray",
+    view_set: str | Path,
+    method: str,
+    *,
+    scene: str | None = None,
+    seed: int = 0,
+    seconds: float | None = None,
+    **options: Any,
 ) -> "ScoredPictures":
     """Score pictures of a view set's test views: a folder, or arrays [h, w, 3 or 4] in the order of the views.
 
-    `options` are those of `harness.training.scoring.others.score_pictures`: scene, seed, seconds, resolution,
-    as_they_are, lpips.
+    `options` are those of `harness.training.scoring.others.score_pictures`: resolution, as_they_are, lpips.
     """
+    from msgspec.structs import replace
+
     from harness.training.scoring.others import score_pictures
 
     of_folder = isinstance(pictures, str | Path)
-    return score_pictures(Path(pictures) if of_folder else list(pictures), Path(view_set), method, **options)
+    row = score_pictures(Path(pictures) if of_folder else list(pictures), Path(view_set), method, **options)
+    return replace(row, scene=scene or row.scene, seed=seed, seconds=seconds)
 
 
 def record(table: str | Path, *, scene: str, method: str, seed: int = 0, **values: float | None) -> None:
-    """Put the result of somebody's own training loop into a table for `judge`: a JSON file, made if there is none.
+    """Put the result of your own training loop into a table for `judge`: a JSON file, which is created if missing.
 
-    `values` are scores by the names of their metrics, and perhaps steps, seconds, core_seconds; None is a missing
-    result. A row of the same scene, method and seed is replaced. Raises `InputError` for a value that is no finite
-    number, and for a file that holds no rows.
+    `values` are scores by metric, and optionally steps, seconds, core_seconds; None is a missing result. A row of the
+    same scene, method and seed is replaced. Raises `InputError` for a value that is not finite, and for a file that
+    does not hold a list of rows.
     """
     from harness.records.json_record import load_json, write_json
 
@@ -109,12 +118,10 @@ def record(table: str | Path, *, scene: str, method: str, seed: int = 0, **value
     except ValueError as error:
         raise InputError(f"{path}: {error}; name another file") from error
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise InputError(f"{path}: is no list of rows; name another file")
+        raise InputError(f"{path}: is not a list of rows; name another file")
     for name, value in values.items():
         if value is not None and not math.isfinite(value):
-            raise InputError(
-                f"{name} of {scene}, {method}, seed {seed}, is {value}; give None where there is no result"
-            )
+            raise InputError(f"{name} of {scene}, {method}, seed {seed}, is {value}; give None for a missing result")
     cell = {"scene": scene, "method": method, "seed": seed}
     others = [row for row in rows if any(row.get(key) != value for key, value in cell.items())]
     row = {name: value if value is None else float(value) for name, value in values.items()}
@@ -138,5 +145,5 @@ def called(arguments: list[str]) -> int:
 
 
 def main() -> None:
-    sys.path.append(str(Path.cwd()))  # a method of the user's own module, behind everything that is installed
+    sys.path.append(str(Path.cwd()))  # for modules of the user, after everything that is installed
     run_as_process(called, sys.argv[1:])

@@ -1,1 +1,1 @@
-"""The methods under comparison; imports torch and Dr.Jit, no file and no other room of ours."""
+"""The methods under comparison; imports torch and Dr.Jit, but no other room."""

@@ -1,15 +1,14 @@
 """The part between the network's density output and the density that is rendered.
 
-`AMPLIFIERS` names the readings; each is a small module with its own learnable scalars, or none. They return density in
-the unit of `baselines.composition.Parts.density_unit`, which the field multiplies by: no reading has a unit of its own.
-Each is made with a start, the density of a fresh field in that unit: a shift of the raw output. None leaves the raw
-output as it is, as the paper's listings print it.
+`AMPLIFIERS` names the readings. Each is a small module, with learnable scalars or without. They return density in the
+unit of `baselines.composition.Parts.density_unit`, by which the field multiplies. Each is made with a start: the
+density of a fresh field in that unit, reached by a shift of the raw output. With None nothing is shifted, as the paper
+prints it.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -28,7 +27,7 @@ from baselines.numerics.encoding import PHI
 
 
 class Amplifier(nn.Module, ABC):
-    """The interface of every reading; the classes below are final."""
+    """The interface of every reading."""
 
     bounded: bool
     """Whether its output stays within [0, 1]."""
@@ -37,34 +36,48 @@ class Amplifier(nn.Module, ABC):
 
     @abstractmethod
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        """The density entering the amplifier and the density leaving it, both [points]; equal without one."""
+        """Return the density before and after the amplifier, both [points]; equal without one."""
 
     def rendered(self, raw: Float[Tensor, " points"]) -> Tensor:
         """Return the density [points] with which the renderer composites a chunk of these points."""
         return self.before_and_after(raw)[1]
 
 
-class NoAmplifier(Amplifier):
+class ActivatedAmplifier(Amplifier):
+    """A reading that acts on the sigmoid of the raw output if it is bounded, and else on its softplus."""
+
+    def __init__(self, start: float | None = None) -> None:
+        super().__init__()
+        shift = sigmoid_shift if self.bounded else softplus_shift
+        self.shift = 0.0 if start is None else shift(start)
+
+    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
+        """Return the quantity [points] that is amplified."""
+        return torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
+
+
+class NoAmplifier(ActivatedAmplifier):
     """Plain softplus: vanilla NeRF's density, with a gradient where ReLU would have none."""
 
     bounded = False
     pointwise = True
 
-    def __init__(self, start: float | None = None) -> None:
-        super().__init__()
-        self.shift = 0.0 if start is None else softplus_shift(start)
-
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        sigma = softplus_density(raw, self.shift)
+        sigma = self.quantity(raw)
         return sigma, sigma
 
 
-class MeanAmplifier(Amplifier):
-    """An amplifier with a mean that belongs to the field, which training steps alone update."""
+class MeanAmplifier(ActivatedAmplifier):
+    """An amplifier with a contrast α about a mean that belongs to the field and that only training steps update. A
+    bounded one also has β, the factor above 0.5.
+    """
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, start: float | None = None) -> None:
+        super().__init__(start)
         self.mean = RunningMean()
+        self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
+        if self.bounded:
+            self.beta = nn.Parameter(torch.tensor(1.0))
 
     def update_mean(self) -> None:
         self.mean.update()
@@ -72,22 +85,14 @@ class MeanAmplifier(Amplifier):
 
 class CallMeanAmplifier(MeanAmplifier):
     """An amplifier about the mean of the points that share a chunk of the renderer, as the paper prints both of its
-    own.
+    amplifiers.
 
-    A pixel then depends on the chunk that it is rendered in. Whatever asks for density alone – the occupancy grid, a
-    histogram – asks about other points, whose mean is another one: it gets the density about the mean that training
-    rendered with last, so that it sees the field that is rendered.
+    A pixel then depends on the chunk that it is rendered in. The occupancy grid and the histograms ask for the density
+    of other points, whose mean differs. They get the density about the mean of the last training step, so that they see
+    the field that is rendered.
     """
 
     pointwise = False
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
-
-    @abstractmethod
-    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        """Return the quantity [points] that the mean is taken over."""
 
     @abstractmethod
     def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
@@ -108,22 +113,13 @@ class CallMeanAmplifier(MeanAmplifier):
 
 
 def _mean_of(values: Float[Tensor, " points"]) -> Float[Tensor, ""]:
-    """The mean; 0 for no points, whose mean would be 0/0: there is nothing to amplify either."""
-    return values.mean() if values.numel() else values.new_zeros(())
+    return values.mean() if values.numel() else values.new_zeros(())  # without points there is nothing to amplify
 
 
 class Listing2Amplifier(CallMeanAmplifier):
     """Listing 2 as printed: sigmoid, Eq. 4 about the mean of the chunk, β above 0.5, clamp to [0, 1]."""
 
     bounded = True
-
-    def __init__(self, start: float | None = None) -> None:
-        super().__init__()
-        self.shift = 0.0 if start is None else sigmoid_shift(start)
-        self.beta = nn.Parameter(torch.tensor(1.0))
-
-    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        return torch.sigmoid(raw + self.shift)
 
     def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
         return amplify_listing2(quantity, mean, self.alpha, self.beta)
@@ -133,13 +129,6 @@ class Equation4Amplifier(CallMeanAmplifier):
     """Theorem 1 (Eq. 4) on an unbounded softplus density, about the mean of the chunk; negative density becomes 0."""
 
     bounded = False
-
-    def __init__(self, start: float | None = None) -> None:
-        super().__init__()
-        self.shift = 0.0 if start is None else softplus_shift(start)
-
-    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        return softplus_density(raw, self.shift)
 
     def about(self, quantity: Float[Tensor, " points"], mean: Float[Tensor, ""]) -> Tensor:
         return amplify_about_mean(quantity, mean, self.alpha).clamp(min=0.0)
@@ -169,30 +158,16 @@ def without_effect(amplifiers: Iterable[nn.Module | None]) -> Iterator[None]:
 
 
 LARGEST_ALPHA = 1e3
-"""A contrast beyond it is a step; without a limit an α that runs away makes ∞ · 0."""
+"""The limit of α: a larger contrast is a step, and an α that grows without bound would make ∞ · 0."""
 
 
 class HeldMeanAmplifier(MeanAmplifier):
-    """Eq. 4 about a running mean over the points that training evaluates: density is a function of the point alone.
-
-    It acts on NeRF's softplus density, or with `bounded` on the sigmoid of Listing 2, which also has β above 0.5 and
-    ends at 1.
+    """Eq. 4 on NeRF's softplus density, about a running mean over the points that training evaluates: density depends
+    only on the point.
     """
 
+    bounded = False
     pointwise = True
-
-    def __init__(self, start: float | None = None, *, bounded: bool = False) -> None:
-        super().__init__()
-        self.bounded = bounded
-        shift = sigmoid_shift if bounded else softplus_shift
-        self.shift = 0.0 if start is None else shift(start)
-        self.alpha = nn.Parameter(torch.tensor(1.0 / PHI))
-        if bounded:
-            self.beta = nn.Parameter(torch.tensor(1.0))
-
-    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        """Return the quantity [points] that Eq. 4 acts on."""
-        return torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         quantity = self.quantity(raw)
@@ -205,12 +180,18 @@ class HeldMeanAmplifier(MeanAmplifier):
         return quantity, torch.clamp(amplified * boost, 0.0, 1.0)
 
 
+class HeldMeanListing2Amplifier(HeldMeanAmplifier):
+    """The same on the sigmoid of Listing 2, with β above 0.5 and a limit of 1."""
+
+    bounded = True
+
+
 AMPLIFIERS: dict[str, Callable[[float | None], Amplifier]] = {
     "none": NoAmplifier,
     "listing2": Listing2Amplifier,
     "equation4": Equation4Amplifier,
     "running_mean": HeldMeanAmplifier,
-    "running_mean_listing2": partial(HeldMeanAmplifier, bounded=True),
+    "running_mean_listing2": HeldMeanListing2Amplifier,
 }
 """The amplifiers by name, each a function of its start.
 

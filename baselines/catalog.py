@@ -1,6 +1,6 @@
-"""The one table of methods. A new method is one file and one line here; every listed method is tested.
+"""The table of methods. A new method is one file and one line here; every listed method is tested.
 
-Methods of a user's own package are `Method`s as well (`harness.plan.plugins` finds them).
+Methods of a user's package are `Method`s as well (`harness.plan.plugins` finds them).
 """
 
 from collections.abc import Callable, Mapping
@@ -30,49 +30,48 @@ NETWORK = "harness.training.trainer:Trainer"
 
 @dataclass(frozen=True)
 class Method:
-    """A method that can be trained: all that is its own."""
+    """A method that can be trained."""
 
     settings: Any
-    """A frozen dataclass of everything that changes its results beside the settings that all methods share; None for a
-    method without any. `baselines.composition.Parts` for a composition of our parts.
+    """A frozen dataclass of everything that changes its results, except the settings that all methods share: `Parts` of
+    `baselines.composition` for a composition of parts, None for a method without settings.
     """
     title: str
     """A one-line description for the report."""
     trainer: str | Callable[[Any], Any] = NETWORK
     """`harness.training.learner.Job` → its `Learner`; as "module:name" it is imported when the method is trained."""
     make_field: Callable[[FieldSpec], nn.Module] | None = None
-    """A factory of a field that is not composed of our parts: a `torch.nn.Module` that implements
-    `baselines.contract.TrainableField`. None for a composition, and for a method with a trainer of its own.
+    """A factory of a field that is not composed of parts: a `torch.nn.Module` that implements
+    `baselines.contract.TrainableField`. None for a composition, and for a method with its own trainer.
     """
     deviations: tuple[str, ...] = ()
-    """What a report states of its training; `{name}` stands for a setting of its own."""
+    """Sentences that a report states of its training; `{name}` stands for a setting of the method."""
     ladders: Mapping[str, Ladder] = field(default_factory=dict)
-    """Additional encodings that `settings` names; `amplifiers`, `skips` and `activations` likewise. They have the form
-    of the tables `LADDERS`, `AMPLIFIERS`, `SKIPS` and `ACTIVATIONS`, to which they are added.
+    """Additional encodings that `settings` names; `amplifiers`, `skips`, `activations` and `losses` likewise. They have
+    the form of the tables `LADDERS`, `AMPLIFIERS`, `SKIPS`, `ACTIVATIONS` and `LOSSES`, to which they are added.
     """
     amplifiers: Mapping[str, Callable[[float | None], Amplifier]] = field(default_factory=dict)
     skips: Mapping[str, Callable[[int], int]] = field(default_factory=dict)
     activations: Mapping[str, Callable[[Tensor], Tensor]] = field(default_factory=dict)
+    losses: Mapping[str, Callable[[Tensor, Tensor], Tensor]] = field(default_factory=dict)
 
     @property
     def parts(self) -> Parts | None:
-        """Return the parts of a composition; None for any other method."""
         return self.settings if isinstance(self.settings, Parts) else None
 
     @property
     def is_field(self) -> bool:
-        """Return whether it is a field of torch that our trainer steps."""
+        """Return whether it is a field of torch that the trainer of networks steps."""
         return self.trainer == NETWORK
 
     def deviations_with(self, own: Any) -> list[str]:
-        """Return what a report states of a training with these settings."""
+        """Return the sentences that a report states of a training with these settings."""
         values = {} if own is None else asdict(own)
         return [text.format_map(values) for text in self.deviations]
 
 
 def _planes(spec: FieldSpec) -> nn.Module:
-    """Return the field; its compiler is imported here and below for the methods that need it."""
-    from baselines.grids.planes import planes
+    from baselines.grids.planes import planes  # here, as only these methods need its compiler
 
     return planes(spec)
 
@@ -84,19 +83,19 @@ def _hash_grid(spec: FieldSpec) -> nn.Module:
 
 
 FEATURES = (
-    "Its features are trained by Adam whatever the optimiser of the networks, and {rate:g} times as fast. Sizes and "
-    "rates were chosen in single runs on validation views of lego; the networks had a sweep.",
+    "Its features are trained by Adam whichever optimiser the networks have, at {rate:g} times their learning rate. "
+    "Sizes and rates were chosen in single runs on validation views of lego; the networks had a sweep.",
 )
 DRAWN = (
-    "Its Gaussians have Adam and rates of their own, which fall to {last_rate:.0%}, whatever the networks have. Rates, "
-    "their number and how often they move were chosen in about 30 single runs on validation views of lego and ficus; "
-    "the networks had a sweep.",
+    "Its Gaussians are trained by Adam with separate rates, which fall to {last_rate:.0%}, whichever optimiser and "
+    "rate the networks have. The rates, the number of Gaussians and the interval at which they move were chosen in "
+    "about 30 single runs on validation views of lego and ficus; the networks had a sweep.",
 )
-WHOLE_VIEWS = "It trains on one whole view a step, the others on rays of all views."
+WHOLE_VIEWS = "It trains on one complete view per step, the other methods on rays of all views."
 VOXELS = (
     "It has no network: a quarter, half, then all of {finest} voxels along the box, {bins} points on every ray that "
-    "meets it, none left out, one thread of the processor whatever the others use. Its learning rate is "
-    "{rate_factor:g} times that of the networks; this, and how much neighbours are pulled together, was chosen on "
+    "meets it, without any skipped, and one thread of the processor however many the other methods use. Its learning "
+    "rate is {rate_factor:g} times that of the networks. This factor and the weight of the smoothing were chosen on "
     "validation views of chair and ship; the networks had no such choice.",
 )
 

@@ -3,21 +3,21 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from torch import Tensor
-from torch.nn.functional import relu, silu, softplus
+from torch.nn.functional import huber_loss, l1_loss, relu, silu, softplus
 
 from baselines.contract import Box, NetworkSize
 from baselines.numerics.encoding import PHI, matched_bands
 
 DENSITY_SCALE = 25.0
-"""The unit of density of what is not searched (`baselines.methods.chosen`), per half of the longest side of the box: a
-solid surface is within reach of ordinary weights. How density must scale with the unit of length is the subject of
-Alpha Invariance (arXiv 2404.02155).
+"""The unit of density of methods whose unit is not searched (`baselines.methods.chosen`), per half of the longest side
+of the box: ordinary weights reach a solid surface. Alpha Invariance (arXiv 2404.02155) treats how density must scale
+with the unit of length.
 """
 START = 0.3
-"""The density of a fresh field of what is not searched, per the same length: thin fog, which light reaches through."""
+"""The density of a fresh field of such a method, per the same length: thin fog, which light passes through."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,15 @@ class Parts:
                 scene units without π, as the released code of NeRF encodes positions and directions
     amplifier   a name in `baselines.amplifiers.AMPLIFIERS`
     skip        a name in `SKIPS`: "half" (the standard) or "phi" (Eq. 5, Listing 3)
-    activation  a name in `ACTIVATIONS`: "relu" (Table 1), …, behind every hidden layer
+    activation  a name in `ACTIVATIONS`: "relu" (Table 1), …, after every hidden layer
     depth, width    layers and units of the density network; None: those that the run gives all networks
+    loss        a name in `LOSSES`: "squared" (the original NeRF; the paper names none), …
+    learning_rate, last_learning_rate, decay, warm_up_steps     its schedule; None: that of the run
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
     sees_direction  whether colour may depend on the view direction
     density_scale   density σ where the amplifier gives 1: the unit of density. It is a slope for softplus, and for
-                    the sigmoid of Listing 2 a ceiling too
-    density_per     the length that this density is per: "box", half of the longest side of the scene's box, so that
+                    the sigmoid of Listing 2 also an upper limit
+    density_per     the length that density is counted per: "box", half of the longest side of the scene's box, so that
                     no result depends on the unit in which poses are written, or "scene", one unit of the poses
     start           density of a fresh field, per the same length: a shift of the network's raw output. None: no
                     shift, as the paper's listings print it
@@ -48,6 +50,11 @@ class Parts:
     activation: str = "relu"
     depth: int | None = None
     width: int | None = None
+    loss: str = "squared"
+    learning_rate: float | None = None
+    last_learning_rate: float | None = None
+    decay: str | None = None
+    warm_up_steps: int | None = None
     quadrature: str = "midpoint"
     sees_direction: bool = True
     density_scale: float = DENSITY_SCALE
@@ -55,9 +62,17 @@ class Parts:
     start: float | None = START
 
     def size(self, given: NetworkSize) -> NetworkSize:
-        """Return the size of the networks, where a run gives all networks this one."""
-        own = {"depth": self.depth, "width": self.width}
-        return replace(given, **{name: value for name, value in own.items() if value is not None})
+        """Return the size of its networks, where a run gives all networks the size `given`."""
+        return replace(given, **self._given("depth", "width"))
+
+    @property
+    def schedule(self) -> dict[str, Any]:
+        """Return the settings that replace the run's schedule, under their names in `TrainSettings`."""
+        return self._given("learning_rate", "last_learning_rate", "decay", "warm_up_steps")
+
+    def _given(self, *names: str) -> dict[str, Any]:
+        """Return the named settings that are not None."""
+        return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     @property
     def start_in_units(self) -> float | None:
@@ -65,20 +80,21 @@ class Parts:
         return None if self.start is None else self.start / self.density_scale
 
     def density_unit(self, box: Box) -> float:
-        """The density in 1 / scene unit where the amplifier gives 1."""
+        """Return the density in 1 / scene unit where the amplifier gives 1."""
         return self.density_scale / (box.half_extent if self.density_per == "box" else 1.0)
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """The frequencies f_k = base^k of an encoding, and how many of them are used where the paper has `bands`."""
+    """The frequencies f_k = base^k of an encoding."""
 
     base: float
     bands: Callable[[int], int] = lambda bands: bands
+    """Map the paper's number of frequencies to that of the encoding."""
 
 
 def reaching(base: float, bands: int) -> int:
-    """Return how many bands base^k come nearest to the top frequency 2^(bands − 1): 14 for φ where 2^k has 10."""
+    """Return the number of bands of base^k whose top frequency is nearest to 2^(bands − 1): 14 for φ, bands = 10."""
     return 1 + round((bands - 1) * math.log(2.0, base))
 
 
@@ -92,14 +108,9 @@ LADDERS: dict[str, Ladder] = {
 }
 """The encodings by name.
 
-base2_matched reaches no further than φ^(L−1), phi_matched as far as 2^(L−1); base1.65 has nothing golden about it
-and reaches about as far as φ; none uses raw coordinates alone, for positions and directions.
+base2_matched reaches no further than φ^(L−1), phi_matched as far as 2^(L−1). base1.65 is not the golden ratio and
+reaches about as far as φ. none has only the raw coordinates, for positions and directions.
 """
-
-
-def encoding_bands(encoding: str, bands: int) -> int:
-    """Return the number of frequencies of an encoding where the paper has `bands` of them."""
-    return LADDERS[encoding].bands(bands)
 
 
 SKIPS: dict[str, Callable[[int], int]] = {
@@ -113,6 +124,20 @@ ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": relu, "silu": silu
 """The functions between two layers of a network by name."""
 
 
+def squared(rendered: Tensor, truth: Tensor) -> Tensor:
+    """Return the mean squared error."""
+    return ((rendered - truth) ** 2).mean()
+
+
+def huber(rendered: Tensor, truth: Tensor) -> Tensor:
+    """Return the mean of Huber's loss, which is squared up to an error of 0.1 and linear beyond."""
+    return huber_loss(rendered, truth, delta=0.1)
+
+
+LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"squared": squared, "absolute": l1_loss, "huber": huber}
+"""The losses of rendered and true display colours [rays, 3] by name."""
+
+
 def skip_layer(skip: str, depth: int) -> int:
-    """Return the index of the layer behind which the encoded position enters again."""
+    """Return the index of the layer after which the encoded position enters again."""
     return min(SKIPS[skip](depth), depth - 1)

@@ -13,18 +13,18 @@ from torch import Tensor, nn
 
 @dataclass(frozen=True)
 class Accelerations:
-    """The accelerations, all on by default for every method to which they can apply."""
+    """The accelerations. By default all are on, for every method that they can apply to."""
 
     fused: bool = True
     """Whether the field's forward and backward pass are written out by hand, in cache-sized blocks of points."""
     recurrence: bool = True
-    """Whether bands of the encoding follow from those below, where that is as accurate as a sine."""
+    """Whether bands of the encoding are computed from lower bands, where that is as accurate as a sine."""
     grid: bool = True
     """Whether an occupancy grid skips empty space (`GridSettings` has its settings)."""
     clipping: bool = True
     """Whether rays are cut to the scene's box, and those that miss it are not sampled."""
     early_stop: bool = True
-    """Whether rendering without gradients leaves a ray once it is opaque (not where density depends on the chunk)."""
+    """Whether rendering without gradients ends a ray once it is opaque (not where density depends on the chunk)."""
     directions: bool = True
     """Whether scenes that look the same from all sides get no view direction."""
     hull: bool = True
@@ -35,10 +35,9 @@ class Accelerations:
     """
 
     def without(self, names: tuple[str, ...]) -> "Accelerations":
-        """Return a copy with the named ones switched off; raises `ValueError` naming the known ones."""
+        """Return a copy with `names` switched off. Raises `ValueError` for an unknown name, listing the known names."""
         known = [acceleration.name for acceleration in fields(self)]
-        unknown = [name for name in names if name not in known]
-        if unknown:
+        if unknown := [name for name in names if name not in known]:
             raise ValueError(f"unknown {' '.join(map(repr, unknown))}; known: {' '.join(known)}")
         return replace(self, **dict.fromkeys(names, False))
 
@@ -70,9 +69,8 @@ class Rays:
         return Rays(self.origins.to(where), self.directions.to(where), self.near, self.far)
 
     def require_finite(self) -> None:
-        """Check that all values are finite. Raises `ValueError` naming the first ray with a NaN or an infinity, which
-        the test against a box, a comparison, would call a miss, and a renderer background; likewise the ray whose
-        direction is farthest from unit length.
+        """Raise `ValueError` naming the first ray with a NaN or an infinity, or the ray whose direction is farthest
+        from unit length. The test against a box would take a NaN for a miss, and a renderer would show background.
         """
         if (ray := first_not_finite(self.origins, self.directions)) is not None:
             raise ValueError(
@@ -94,7 +92,7 @@ class Rays:
 
 def first_not_finite(*tensors: Tensor) -> int | None:
     """Return the first row with a NaN or an infinity in any of the tensors; None if there is none."""
-    # one sum tells of all values: it is not finite if one of them is not, or, hardly ever, because they are huge
+    # one sum tests all values: it is finite unless a value is not or, rarely, the values are huge
     if math.isfinite(float(sum(tensor.sum() for tensor in tensors))):
         return None
     finite = torch.stack([torch.isfinite(tensor).reshape(len(tensor), -1).all(dim=-1) for tensor in tensors]).all(dim=0)
@@ -108,7 +106,7 @@ class Box:
     lower: Float[Tensor, " 3"]
     upper: Float[Tensor, " 3"]
     hull: Bool[Tensor, "cells cells cells"] | None = None
-    """The cells of the box in which something may be, if silhouettes tell: the others are known to be empty."""
+    """The cells of the box that the silhouettes allow to hold something; the others are known to be empty."""
 
     def to_unit(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
         """Map world coordinates to box coordinates in [0, 1]³."""
@@ -119,22 +117,22 @@ class Box:
 
     @property
     def half_extent(self) -> float:
-        """Half of the longest side, in scene units: the length per which density is counted."""
+        """Return half of the longest side, in scene units: density is counted per this length."""
         return 0.5 * float((self.upper - self.lower).max())
 
     def normalised(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
-        """Map world coordinates to centre 0 and longest half-extent 1, as an encoding sees them."""
+        """Map world coordinates to centre 0 and longest half-extent 1, as an encoding takes them."""
         return (x - 0.5 * (self.lower + self.upper)) / (0.5 * (self.upper - self.lower).max())
 
 
 @dataclass(frozen=True)
 class Samples:
-    """The points of a batch of rays at which a field was evaluated; what was left out has density and weight 0."""
+    """The points of a batch of rays; density and weight are 0 where the field was not evaluated."""
 
     density: Float[Tensor, "rays points"]
-    """In 1 / scene unit, as it was rendered."""
+    """The density in 1 / scene unit, as it was rendered."""
     weight: Float[Tensor, "rays points"]
-    """The share of a ray's picture that the colour of the point makes, w."""
+    """The weight w of the point's colour in the ray's colour."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +148,7 @@ class Rendering:
     coarse_colour: Float[Tensor, "rays 3"] | None = None
     """The colour of the coarse pass, if there are two passes."""
     samples: Samples | None = None
-    """The samples of the last pass; None of a method that is not rendered by points of rays, and of several chunks."""
+    """The samples of the last pass; None for several chunks, and for a method that does not sample points of rays."""
 
 
 @dataclass(frozen=True)
@@ -166,20 +164,20 @@ class NetworkSize:
 
 
 Precision = Literal["float32", "bfloat16", "float16"]
-"""The precision of matrix multiplications alone: weights, encoding, amplifier and quadrature are always float32."""
+"""The precision of matrix multiplications; weights, encoding, amplifier and quadrature are always float32."""
 DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch.float16}
 
 
 @dataclass(frozen=True)
 class FieldSpec:
-    """The specification of a field that is not composed of our parts."""
+    """The specification of a field that a method makes itself."""
 
     size: NetworkSize
     """The size of the networks that it is compared with."""
     box: Box
     precision: Precision
     seed: int | str
-    """The seed that alone determines the first weights (`uniform_weights`)."""
+    """The seed, on which the first weights depend and on nothing else (`uniform_weights`)."""
     view_dependent: bool
     """Whether colour may depend on direction; False where the scene looks the same from all sides."""
     own: Any
@@ -188,9 +186,9 @@ class FieldSpec:
 
 Points = Float[Tensor, "points 3"]
 Densities = Float[Tensor, " points"]
-"""In 1 / scene unit."""
+"""Densities in 1 / scene unit."""
 Views = Float[Tensor, "rays features"]
-"""What `RadianceField.encode_directions` gives for each ray."""
+"""The output of `RadianceField.encode_directions` for each ray."""
 RayOf = Int[Tensor, " points"]
 """The row of `Views` that belongs to each point."""
 
@@ -199,7 +197,7 @@ RayOf = Int[Tensor, " points"]
 class DensityField(Protocol):
     """A density for each point in space.
 
-    Density is in 1 / scene unit. A field that is made for a box k times as large has 1 / k of it, so that no result
+    Density is in 1 / scene unit. A field made for a box k times as large has 1 / k of the density, so that no result
     depends on the unit of length (`Box.half_extent`).
     """
 
@@ -222,7 +220,7 @@ class RadianceField(DensityField, Protocol):
 
 @runtime_checkable
 class LearnedField(DensityField, Protocol):
-    """A density that was learnt, and its components."""
+    """A learnt density and its components."""
 
     @property
     def density_limit(self) -> float:
@@ -234,7 +232,7 @@ class LearnedField(DensityField, Protocol):
 
 @runtime_checkable
 class TrainableField(RadianceField, LearnedField, Protocol):
-    """The interface of a method's own field, besides that of `torch.nn.Module`."""
+    """The interface of a field that a method makes itself, in addition to that of `torch.nn.Module`."""
 
 
 def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name: str) -> Float[Tensor, "..."]:
@@ -245,7 +243,7 @@ def uniform_weights(shape: tuple[int, ...], bound: float, seed: int | str, name:
 
 
 def glorot(named: Iterable[tuple[str, nn.Parameter]], seed: int | str) -> None:
-    """Set Glorot-uniform matrices and zero biases, as the original NeRF."""
+    """Set Glorot-uniform matrices and zero biases, as the original NeRF does."""
     with torch.no_grad():
         for name, parameter in named:
             if parameter.ndim == 2:

@@ -1,7 +1,7 @@
 """Encoding → MLP → density and colour: the network of Table 1 with replaceable parts.
 
-Matrix multiplications run in the chosen precision on float32 master weights; encoding, amplifier and everything
-behind it always run in float32.
+Matrix multiplications run in the chosen precision on float32 master weights. Encoding, amplifier and everything after
+them always run in float32.
 """
 
 import math
@@ -18,7 +18,7 @@ from torch.nn.functional import linear
 from baselines import fused_network
 from baselines.amplifiers import AMPLIFIERS, Amplifier, MeanAmplifier
 from baselines.catalog import Method
-from baselines.composition import ACTIVATIONS, LADDERS, Parts, encoding_bands, skip_layer
+from baselines.composition import ACTIVATIONS, LADDERS, Parts, skip_layer
 from baselines.contract import (
     DTYPES,
     EVERY_ACCELERATION,
@@ -40,9 +40,9 @@ from baselines.numerics.encoding import encode, feature_count
 class NetworkField(nn.Module):
     """A radiance field held by one MLP (`baselines.contract.RadianceField`).
 
-    The concatenations of Listing 3 and of the view direction are not built: the matrix that would follow them is
-    applied to its two halves. The result is the same, and the direction's half is computed once per ray. Where a scene
-    looks the same from all sides (`view_dependent` False), colour gets no direction at all.
+    The concatenations of Listing 3 and of the view direction are not built: each matrix is applied to the two halves
+    separately. The result is the same, and the direction's half is computed once per ray. Where a scene looks the same
+    from all sides (`view_dependent` False), colour does not depend on the direction.
     """
 
     amplifier: Amplifier
@@ -60,15 +60,16 @@ class NetworkField(nn.Module):
         super().__init__()
         size = parts.size(size)
         self.activation = ACTIVATIONS[parts.activation]
-        # the fused pass rectifies activations where they lie
+        # the fused pass rectifies activations in place
         self.fused = accelerations.fused and parts.activation == "relu"
         self.accelerations = accelerations
         self.box = box
         self.dtype = DTYPES[precision]
-        self.base = LADDERS[parts.encoding].base
+        ladder = LADDERS[parts.encoding]
+        self.base = ladder.base
         self.in_scene_units = parts.coordinates == "scene"
-        self.position_bands = encoding_bands(parts.encoding, size.position_bands)
-        self.direction_bands = encoding_bands(parts.encoding, size.direction_bands)
+        self.position_bands = ladder.bands(size.position_bands)
+        self.direction_bands = ladder.bands(size.direction_bands)
         view_dependent = view_dependent and parts.sees_direction
         position = feature_count(3, self.position_bands)
         direction = feature_count(3, self.direction_bands) if view_dependent else 0
@@ -86,10 +87,9 @@ class NetworkField(nn.Module):
         self.density_unit = parts.density_unit(box)
         self.hidden_width = size.width
         # the amplifier keeps the paper's α and β
-        glorot((one for one in self.named_parameters() if not one[0].startswith("amplifier")), seed)
+        glorot((named for named in self.named_parameters() if not named[0].startswith("amplifier")), seed)
 
     def parameter_counts(self) -> dict[str, int]:
-        """Count the weights by the components of Table 1."""
         return counts_by_component(self)
 
     @property
@@ -117,8 +117,8 @@ class NetworkField(nn.Module):
 
     @torch.no_grad()
     def dead_units(self) -> dict[str, float]:
-        """Return by layer of the density network the share of its units that are 0 at all of the points evenly spread
-        over the box: no gradient reaches them from there.
+        """Return, for each layer of the density network, the share of units that are 0 at all of `SPREAD_POINTS` points
+        of the box: no gradient reaches these units.
         """
         spread = self.box.from_unit(_evenly_spread().to(self.box.lower))
         layers = self._hidden(self._encoded(spread).to(self.dtype))
@@ -129,13 +129,10 @@ class NetworkField(nn.Module):
 
     def _features(self, x: Tensor, bands: int) -> Tensor:
         """Return Fourier features of coordinates; in scene units without the π that `encode` multiplies by."""
-        recurrence = self.accelerations.recurrence
-        return encode(x / math.pi if self.in_scene_units else x, self.base, bands, recurrence)
+        return encode(x / math.pi if self.in_scene_units else x, self.base, bands, self.accelerations.recurrence)
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
-        """Return raw density [points] and, with a view, colour logits [points, 3], both of the dtype of the weights:
-        float32.
-        """
+        """Return raw density [points] and, with a view, colour logits [points, 3], both float32 as the weights are."""
         position = self._encoded(x)
         if self.fused and (view is not None or not torch.is_grad_enabled()):
             layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
@@ -167,7 +164,7 @@ class NetworkField(nn.Module):
             yield index, hidden
 
     def _split_linear(self, layer: nn.Linear, hidden: Tensor, skipped: Tensor | None, with_bias: bool = True) -> Tensor:
-        """Apply `layer` to [hidden, skipped, …]; further columns of its weight are left to the caller."""
+        """Apply `layer` to [hidden, skipped, …]; the caller applies further columns of its weight."""
         weight = self._weight(layer)
         bias = layer.bias.to(self.dtype) if with_bias else None
         width = hidden.shape[-1]
@@ -181,22 +178,21 @@ class NetworkField(nn.Module):
 
 
 def field_of(method: Method, spec: FieldSpec, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
-    """Return a fresh field of a method: a `NetworkField` of the parts in `spec`, or the torch module that the method
-    makes itself, of which only the interface `baselines.contract.TrainableField` may be used.
-
-    Raises `ValueError` for a method that has neither.
+    """Return a fresh field of a method: a `NetworkField` of the parts in `spec`, or the module that the method makes
+    itself, which has the interface `baselines.contract.TrainableField`. Raises `ValueError` for a method that has
+    neither.
     """
     if method.make_field is not None:
         return method.make_field(spec)
     if not isinstance(spec.own, Parts):
-        raise ValueError(f"{method.title}: it is not made of parts; it has a trainer of its own")
+        raise ValueError(f"{method.title}: it is not made of parts; it has its own trainer")
     return NetworkField(spec.own, spec.size, spec.box, spec.precision, spec.seed, spec.view_dependent, accelerations)
 
 
 @contextmanager
 def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
-    """Enclose a training step: means of density that belong to a field are updated at its end from what was evaluated
-    within, unless an error ends it. Evaluations outside leave them alone.
+    """Enclose a training step: at its end the running means of density are updated from the evaluations within, unless
+    an error ends it. Evaluations outside do not change them.
     """
     amplifiers = [
         field.amplifier
@@ -216,12 +212,11 @@ def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
 
 
 SPREAD_POINTS = 512
-"""The points of the box at which units are asked whether they are dead."""
+"""The number of points at which `NetworkField.dead_units` evaluates the layers."""
 
 
 @cache
 def _evenly_spread() -> Float[Tensor, "points 3"]:
-    """Return the first points of a Sobol sequence in the unit cube."""
     return torch.quasirandom.SobolEngine(3).draw(SPREAD_POINTS)
 
 

@@ -1,10 +1,10 @@
 """The network's forward and backward pass written out by hand, in blocks of points that stay in the processor's cache.
 
-Autograd keeps a copy of every intermediate and walks over all points once for each operation; here one block of
-points goes through all layers before the next one, activations are rectified where they lie, and weight gradients
-add up in place. It computes what `baselines.field` composes from single operations (its oracle in the tests): sums
-over points run in another order and nothing else differs. A gradient of the position is formed where it is wanted:
-learnt features have one, an encoded position has none.
+Autograd keeps a copy of every intermediate and walks over all points once for each operation. Here one block of points
+goes through all layers before the next one, activations are rectified in place, and weight gradients add up in place.
+It computes what `baselines.field` composes from single operations (its oracle in the tests); only the order of sums
+over points differs. The gradient of the position is computed if it is needed: learnt features have one, an encoded
+position has none.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,10 @@ from torch.autograd.function import once_differentiable
 _Result = TypeVar("_Result")
 
 BLOCK_BYTES = 1 << 21
-"""The bytes of one layer's activations in a block: a few of them fit a core's second-level cache."""
+"""The bytes of one layer's activations in a block: a few such layers fit a core's second-level cache."""
 ROWS_MULTIPLE = 1024
-"""The multiple of rows that blocks have in reduced precision. The CPU library builds and keeps a kernel for each new
-shape, which takes longer than the multiplication, so that few shapes should occur.
+"""Blocks in reduced precision have a multiple of this number of rows. The CPU library builds and keeps a kernel for
+each new shape, which takes longer than the multiplication, so that few shapes should occur.
 """
 
 
@@ -34,7 +34,7 @@ class Layout:
 
     depth: int
     skip: int
-    """The density layer beside whose output the encoded position enters again."""
+    """The density layer to whose output the encoded position is concatenated."""
     dtype: torch.dtype
     """The type of matrix multiplications; everything that adds up over points is float32 or better."""
 
@@ -47,9 +47,8 @@ def evaluate(
     weights: list[Tensor],
 ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
     """Return raw density and colour logits in float32 or better, differentiable once with respect to `weights` and
-    `position`.
-
-    Without a `view` the density alone is computed, without gradient. `ray` gives the row of `view` of each point.
+    `position`. Without a `view` only the density is computed, without gradient. `ray` is the row of `view` of each
+    point.
     """
     count = len(position)
     if layout.dtype.itemsize < 4 and position.device.type == "cpu":
@@ -65,8 +64,8 @@ def evaluate(
 
 @dataclass(frozen=True)
 class _Stage:
-    """One multiplication, or the sums of its gradient: `hidden` on the layer before, `again` on the encoded position
-    where it enters.
+    """The weights of one multiplication, or the sums of their gradient: `hidden` for the layer before, `again` for the
+    encoded position where it enters.
     """
 
     hidden: Tensor
@@ -79,9 +78,9 @@ class _Stage:
         return _Stage(hidden, bias, None if self.again is None else self.again.new_zeros(self.again.shape, dtype=sums))
 
     def add(self, gradient: Tensor, x: Tensor, position: Tensor) -> None:
-        _add_product(self.hidden, gradient, x)
+        _add_matmul(self.hidden, gradient, x)
         if self.again is not None:
-            _add_product(self.again, gradient, position)
+            _add_matmul(self.again, gradient, position)
         self.bias.add_(gradient.sum(dim=0, dtype=self.bias.dtype))
 
     def merge(self, other: "_Stage") -> None:
@@ -96,11 +95,13 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """Weights in the precision of the matrix multiplications, cut as these need them."""
+    """The weights in the precision of the matrix multiplications, split as these need them."""
 
     density: list[_Stage]
     heads: _Stage
-    """Density head and the first colour layer without its direction part: one multiplication, density in column 0."""
+    """The density head and the first colour layer without its direction part in one multiplication; density is column
+    0.
+    """
     direction: _Stage
     colour: list[_Stage]
     dtype: torch.dtype
@@ -130,8 +131,8 @@ def _prepared(layout: Layout, features: int, weights: list[Tensor]) -> _Prepared
     )
 
 
-def _sums(products: torch.dtype) -> torch.dtype:
-    return torch.promote_types(products, torch.float32)
+def _sums(dtype: torch.dtype) -> torch.dtype:
+    return torch.promote_types(dtype, torch.float32)
 
 
 def _stage(weight: Tensor, bias: Tensor, cut: int) -> _Stage:
@@ -141,7 +142,7 @@ def _stage(weight: Tensor, bias: Tensor, cut: int) -> _Stage:
 
 @dataclass(frozen=True)
 class _Kept:
-    """Rectified activations [points, width] of each layer, kept for the backward pass."""
+    """The rectified activations [points, width] of each layer, kept for the backward pass."""
 
     density: list[Tensor]
     colour: list[Tensor]
@@ -155,8 +156,8 @@ def _blocks(points: int, width: int, like: Tensor) -> list[slice]:
 
 
 def _side_by_side(through: Callable[[list[slice]], _Result], blocks: list[slice]) -> list[_Result]:
-    """Run `through` on the blocks, one thread per core: blocks do not wait for each other, while a single
-    multiplication that is shared between cores ends with the slower one. A few blocks stay on this thread.
+    """Run `through` on the blocks, one thread per core: blocks do not wait for each other, while a multiplication that
+    is shared between cores ends with the slowest core. If there are few blocks, this thread runs them all.
     """
     threads = torch.get_num_threads() if blocks else 0
     if threads < 2 or len(blocks) < 4 * threads:
@@ -164,7 +165,7 @@ def _side_by_side(through: Callable[[list[slice]], _Result], blocks: list[slice]
     torch.set_num_threads(1)
     try:
         with ThreadPoolExecutor(threads) as pool:
-            # each thread has its own switch for recording gradients
+            # whether gradients are recorded is a setting of each thread
             return list(pool.map(torch.no_grad()(through), [blocks[first::threads] for first in range(threads)]))
     finally:
         torch.set_num_threads(threads)
@@ -180,7 +181,7 @@ def _apply(stage: _Stage, x: Tensor, position: Tensor, out: Tensor) -> Tensor:
 def _forward(
     net: _Prepared, position: Tensor, view: Tensor | None, ray: Tensor | None, keep: bool
 ) -> tuple[Tensor, Tensor | None, _Kept]:
-    """Run every block through every layer. Without `keep` activations are overwritten block after block."""
+    """Run every block through every layer. Without `keep`, each block overwrites the activations of the last one."""
     count, points = len(position), position.to(net.dtype)
     width, colour_width = net.density[0].hidden.shape[0], net.heads.hidden.shape[0] - 1
     blocks = _blocks(count, width, points)
@@ -221,7 +222,7 @@ def _forward(
     return raw, logits, kept
 
 
-def _add_product(total: Tensor, a: Tensor, b: Tensor) -> None:
+def _add_matmul(total: Tensor, a: Tensor, b: Tensor) -> None:
     if a.dtype == total.dtype:
         total.addmm_(a.t(), b)
     else:
@@ -294,7 +295,7 @@ def _way_back(
     g_position: Tensor | None,
     blocks: list[slice],
 ) -> _Gradients:
-    """Return the sums over `blocks`; `g_position` is filled, if there is one."""
+    """Return the sums over `blocks` and fill `g_position`, if there is one."""
     rectified = torch.ops.aten.threshold_backward.grad_input
     sums = _Gradients(net, len(view))
     largest = blocks[0].stop - blocks[0].start

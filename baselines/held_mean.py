@@ -9,7 +9,7 @@ MEAN_SHARE = 0.1
 
 
 class RunningMean(nn.Module):
-    """A detached mean, kept in checkpoints, which training steps alone update, each at its end."""
+    """A detached mean, kept in checkpoints. Only training steps update it, each at its end."""
 
     value: Tensor
     steps: Tensor
@@ -26,17 +26,19 @@ class RunningMean(nn.Module):
         self._seen = (torch.zeros((), dtype=torch.float64, device=self.value.device), 0)
 
     def observe(self, values: Float[Tensor, " points"]) -> None:
-        """Add values, in double precision: into how many chunks the values of a step are split does not matter."""
+        """Add values in double precision, so that the result does not depend on how a step is split into chunks."""
         if self._seen is not None:
             total, count = self._seen
             self._seen = (total + values.detach().sum(dtype=torch.float64), count + values.numel())
 
     @torch.no_grad()
     def update(self, share: float = MEAN_SHARE) -> None:
-        """End the step: move to the mean of the observed values at first, later a `share` of the way there."""
+        """End the step: move towards the mean of the observed values, the first time all the way, later by a share that
+        falls to `share`.
+        """
         if self._seen is not None and self._seen[1]:
-            of_the_way = torch.clamp(1.0 / (self.steps + 1.0), min=share)
-            self.value.lerp_((self._seen[0] / self._seen[1]).to(self.value.dtype), of_the_way)
+            moved = torch.clamp(1.0 / (self.steps + 1.0), min=share)
+            self.value.lerp_((self._seen[0] / self._seen[1]).to(self.value.dtype), moved)
             self.steps += 1.0
         self._seen = None
 

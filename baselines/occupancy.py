@@ -1,8 +1,8 @@
 """The non-empty cells of the scene's box: empty ones need no network evaluation.
 
-All methods have the same grid, each of its own density. It starts as the hull of the box, full where there is none;
-nothing within is left out before it has been measured, and a ray always keeps some random samples there
-(`baselines.rendering`), so what was deleted by mistake can come back.
+All methods have the same grid, each measured on the method's density. It starts as the hull of the box, or as all cells
+without a hull. No cell of the hull is skipped before it has been measured, and a ray always keeps some random samples
+in skipped cells (`baselines.rendering`), so that a cell that was skipped by mistake can come back.
 """
 
 import torch
@@ -13,20 +13,20 @@ from torch.nn.functional import adaptive_max_pool3d
 from baselines.contract import Box, RadianceField
 
 HIDDEN = 12.0
-"""The optical depth by the grid's own measure behind which training evaluates nothing. At 3, densities that a ray only
-grazes hide what lies behind them, and 7 dB are lost; at 7, 0.2 dB; at 12 nothing was seen to be lost.
+"""The optical depth, as the grid measures it, behind which training evaluates nothing. At 3, densities that a ray only
+grazes hide what lies behind them, and 7 dB are lost; at 7, 0.2 dB; at 12 no loss was seen.
 """
 MEASURED_AT_ONCE = 1 << 17
-"""The points of a refresh whose features are in memory at a time: whole blocks of the network, so that with one thread
-no bit depends on it.
+"""The points of a refresh whose features are in memory at a time: complete blocks of the network, so that with one
+thread no bit depends on it.
 """
 DECAY = 0.6
-"""The decay of a cell's remembered density per refresh, so that geometry that vanished is forgotten."""
+"""The factor of a cell's remembered density per refresh, so that geometry that vanished is forgotten."""
 
 
 class OccupancyGrid:
-    """`density` [cells³] remembers the largest density lately seen in each cell, infinite where none was measured yet;
-    `occupied` [cells³] is its mask.
+    """The largest recent density of each cell, `density` [cells³], which is infinite before the first measurement, and
+    the mask of the cells that are evaluated, `occupied` [cells³].
     """
 
     def __init__(self, cells: int, box: Box, opacity_threshold: float) -> None:
@@ -34,17 +34,17 @@ class OccupancyGrid:
         self.box = box
         self.opacity_threshold = opacity_threshold
         self.within = _resampled(box.hull, cells, box.lower.device)
-        """[cells³]: the cells that are not known to be empty."""
+        """The cells that are not known to be empty [cells³]."""
         self.occupied = self.within.clone()
         self.density = torch.where(self.within, torch.inf, 0.0)
         self.emptied = False
-        """Return whether the last refresh found no occupied cell; the mask is then what it began as."""
+        """Whether the last refresh found no occupied cell; the mask is then the hull again."""
 
     def hidden(self, cell: Int[Tensor, "rays bins"], lengths: Float[Tensor, "rays bins"]) -> Bool[Tensor, "rays bins"]:
-        """Return whether a bin lies behind so much of the density that the grid remembers that no light comes from it.
+        """Return whether a bin lies behind so much remembered density that no light comes from it.
 
-        The grid remembers the largest densities; what a ray meets at the border of a cell is less. So the optical depth
-        has to be `HIDDEN`, far beyond what a picture can show.
+        The grid remembers the largest densities, and a ray meets less at the border of a cell. So the threshold of the
+        optical depth is `HIDDEN`, far beyond what a picture can show.
         """
         known = self.density[cell]
         depth = torch.where(self.occupied[cell] & torch.isfinite(known), known, 0.0) * lengths
@@ -57,30 +57,28 @@ class OccupancyGrid:
 
     @torch.no_grad()
     def refresh(self, field: RadianceField, share: float, generator: torch.Generator) -> int:
-        """Measure a random `share` of the cells that are not known to be empty, each at one random point; returns the
+        """Measure a random `share` of the cells that are not known to be empty, each at one random point. Return the
         number of evaluations.
         """
         chosen = torch.nonzero(self.within)[:, 0].cpu()
         if share < 1.0:
-            some = torch.randperm(len(chosen), generator=generator)[: max(1, int(share * len(chosen)))]
-            chosen = chosen[some]
+            chosen = chosen[torch.randperm(len(chosen), generator=generator)[: max(1, int(share * len(chosen)))]]
         corner = torch.stack([chosen // self.cells**2, chosen // self.cells % self.cells, chosen % self.cells], dim=-1)
         jitter = torch.rand(corner.shape, generator=generator)
         x = self.box.from_unit(((corner + jitter) / self.cells).to(self.density.device))
         chosen = chosen.to(self.density.device)
         remembered = self.density[chosen]
         faded = torch.where(torch.isinf(remembered), 0.0, remembered * DECAY)
-        measured = torch.cat([field.density(some) for some in x.split(MEASURED_AT_ONCE)])
+        measured = torch.cat([field.density(part) for part in x.split(MEASURED_AT_ONCE)])
         self.density[chosen] = torch.maximum(faded, measured)
         self._threshold()
         return len(chosen)
 
     def _threshold(self) -> None:
-        """Mark the occupied cells: those in which a ray loses more than `opacity_threshold` of what it
-        loses in the densest one.
+        """Mark the cells in which a ray loses more than `opacity_threshold` of what it loses in the densest cell.
 
-        Relative, because methods differ in the density that they can reach: what is thin fog to one is all that
-        another has. The threshold is the same rule for all methods, and cautious while nothing is dense yet.
+        The threshold is relative because methods differ in the density that they can reach: one method's thin fog is
+        another's maximum. It is the same rule for all methods, and cautious while nothing is dense yet.
         """
         thickness = float((self.box.upper - self.box.lower).max()) / self.cells
         opacity = -torch.expm1(-self.density * thickness)
@@ -93,7 +91,7 @@ class OccupancyGrid:
 
 
 def _resampled(hull: Tensor | None, cells: int, device: torch.device) -> Bool[Tensor, " n"]:
-    """Return the cells³ of which some part lies in an occupied cell of `hull`; all of them if there are none."""
+    """Return which of cells³ cells overlap an occupied cell of `hull`; all of them if the hull has none."""
     if hull is None or not bool(hull.any()):
         return torch.ones(cells**3, dtype=torch.bool, device=device)
     return adaptive_max_pool3d(hull.float()[None], cells).bool().reshape(-1).to(device)

@@ -1,7 +1,7 @@
-"""A training step of NeRF as anyone would write it: eager, every sample evaluated, autograd through everything.
+"""A training step of NeRF in plain torch: eager, every sample evaluated, autograd through everything.
 
-It is the oracle with which faster code must agree, and the reference of `nox -s speed`. It is kept simple
-and slow: concatenations are built, directions are encoded for every sample, no box, no grid, no chunks.
+It is the oracle of faster code and the reference of `nox -s speed`. It is kept simple and slow: it builds
+concatenations, encodes directions for every sample, and has no box, no grid and no chunks.
 """
 
 import math
@@ -24,7 +24,7 @@ def positional_encoding(x: Float[Tensor, "*batch axes"], bands: int) -> Float[Te
 
 
 class PlainField(nn.Module):
-    """The method `nerf`; parameters have the names, shapes and first values of `NetworkField`'s."""
+    """The method `nerf`; its parameters have the names, shapes and first values of those of `NetworkField`."""
 
     def __init__(self, size: NetworkSize, box: Box, seed: int | str, view_dependent: bool = True) -> None:
         super().__init__()
@@ -69,7 +69,9 @@ class PlainField(nn.Module):
 def plain_render(
     field: PlainField, rays: Rays, samples: int, background: Float[Tensor, " 3"], generator: torch.Generator | None
 ) -> Float[Tensor, "rays 3"]:
-    """Return colours of `rays` (Eq. 6), a sample in each equal bin: random with a generator, else midway."""
+    """Return the colours of `rays` (Eq. 6) with one sample in each of equal bins: random with a generator, else the
+    midpoint.
+    """
     o, d = rays.origins, rays.directions
     edges = torch.linspace(rays.near, rays.far, samples + 1, dtype=o.dtype, device=o.device)
     share = torch.full((len(rays), samples), 0.5)

@@ -2,7 +2,7 @@
 
     entry and exit of the scene's box → bins → points → (occupied ones only) field → quadrature → compositing
 
-A bin that is left out has optical depth 0, so one quadrature serves dense and sparse sampling alike.
+A bin that is not evaluated has optical depth 0, so that one quadrature serves dense and sparse sampling.
 """
 
 import math
@@ -23,7 +23,7 @@ from baselines.numerics.sampling import Bins, Edges, inverse_cdf_edges, uniform_
 from baselines.occupancy import OccupancyGrid
 
 OPAQUE = 1e-4
-"""The transmittance below which nothing is evaluated: a colour changes by less than this, 1/39 of an 8-bit step."""
+"""The transmittance below which nothing is evaluated. It changes a colour by less than 1e-4, 1/39 of an 8-bit step."""
 SEGMENTS = 4
 """The number of parts, front to back, in which a ray that may stop early is evaluated."""
 
@@ -41,11 +41,9 @@ class Sampling:
     early_stop: bool = False
     """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it."""
     hidden: bool = False
-    """Whether a ray in training does not ask for what the occupancy grid hides (`OccupancyGrid.hidden`), if density
-    allows it.
-    """
+    """Whether training skips points that the occupancy grid hides (`OccupancyGrid.hidden`), if density allows it."""
     exploration: float = 0.0
-    """The share of unoccupied points that are evaluated all the same (training alone)."""
+    """The share of unoccupied points that training evaluates nevertheless."""
 
 
 def render_rays(
@@ -58,8 +56,8 @@ def render_rays(
     background: Float[Tensor, " 3"],
     generator: torch.Generator | None,
 ) -> Rendering:
-    """Return the colours of `rays`. Points are random inside their bins with a generator (training), else midpoints.
-    Its samples are those of the rays that meet the box.
+    """Render `rays`. Points are random inside their bins with a generator (training), else midpoints. The samples of
+    the result are those of the rays that meet the box.
 
     The result does not depend on which rays share the chunk, unless a field's density does (Listing 2, Eq. 4).
     Raises `BadInterval` unless near <= far, both finite, and `BadDensity` naming ray and sample where the field returns
@@ -110,10 +108,10 @@ def _march(
     background: Float[Tensor, " 3"],
     generator: torch.Generator | None,
 ) -> tuple[Rendering, Edges, Bins]:
-    """March once along all rays; returns the fenceposts of the bins and the weight of each.
+    """March once along all rays. Return the rendering, the fenceposts of the bins, and the weight of each bin.
 
-    A bin is evaluated completely: where points are shared by two bins, an excluded bin has length 0 instead, and every
-    point that has a weight has a colour.
+    A bin is evaluated completely or has length 0 where bins share points, so that every point with a weight has a
+    colour.
     """
     rule = QUADRATURES[sampling.quadrature]
     t, t_edges = rule.place(t_edges, generator)
@@ -124,7 +122,7 @@ def _march(
         cell = grid.cell(x)
         occupied = grid.occupied[cell]
         if generator is not None:
-            if sampling.hidden and field.pointwise:  # else the points that are left out would change the others
+            if sampling.hidden and field.pointwise:  # else skipping points would change the others
                 occupied = occupied & ~grid.hidden(cell, lengths)
             u = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
             occupied = occupied | (grid.within[cell] & (u < sampling.exploration))
@@ -133,7 +131,7 @@ def _march(
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()
     sigma = torch.zeros_like(t)
     evaluated = []
-    shared = torch.zeros_like(keep[:, 0])  # points on the border of two segments, evaluated already
+    shared = torch.zeros_like(keep[:, 0])  # points on the border of two segments that were evaluated already
     segments = SEGMENTS if may_stop else 1
     for first, last in pairwise(sorted({round(keep.shape[1] * i / segments) for i in range(segments + 1)})):
         chosen = keep[:, first:last]

@@ -1,7 +1,7 @@
 """A radiance field without a network: density and spherical harmonics on a voxel grid, differentiated by Dr.Jit.
 
-The peer of a different kind: Plenoxels (Fridovich-Keil et al. 2022) and DVGO (Sun et al. 2022) without their
-engineering, coarse to fine. Importing this module imports Dr.Jit and nothing of Mitsuba.
+It is the peer of a different kind: Plenoxels (Fridovich-Keil et al. 2022) and DVGO (Sun et al. 2022) without their
+engineering, coarse to fine. Importing this module imports Dr.Jit but not Mitsuba.
 """
 
 import importlib
@@ -21,14 +21,14 @@ from baselines.numerics.bounds import ray_box
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 
 THIN = 0.05
-"""The optical depth below which 1 − exp(−τ) is taken from its series, as Dr.Jit has no expm1: the terms left out are
-below 3e-9 of it, while the difference would lose a digit for each power of ten.
+"""The optical depth below which 1 − exp(−τ) is computed from its series, as Dr.Jit has no expm1. The omitted terms are
+below 3e-9 of the result, while the difference would lose a digit for each power of ten.
 """
 
 
 def corners(unit: Any, shape: tuple[int, int, int]) -> list[tuple[Any, Any]]:
     """Return index and weight of each of the eight voxels around points in [0, 1]³ in a grid of `shape` (x, y, z)
-    voxels; values live at voxel centres, and the border is extended.
+    voxels. Values belong to voxel centres, and the border is extended.
 
     The interpolation is that of Mitsuba's `gridvolume` and torch's `grid_sample(align_corners=False,
     padding_mode="border")`.
@@ -51,7 +51,7 @@ def corners(unit: Any, shape: tuple[int, int, int]) -> list[tuple[Any, Any]]:
 
 
 def interpolated(values: Any, at: list[tuple[Any, Any]], kind: type) -> Any:
-    """Interpolate a flat array that holds one `kind` (a number, or a few side by side) per voxel."""
+    """Interpolate a flat array that holds one `kind` (a number, or a few adjacent numbers) per voxel."""
     return sum(weight * dr.gather(kind, values, dr.uint32_array_t(type(index))(index)) for index, weight in at)
 
 
@@ -65,7 +65,7 @@ def sigmoid(x: Any) -> Any:
 
 
 def lost(tau: Any) -> Any:
-    """Return 1 − exp(−τ) to all digits, and differentiable as such."""
+    """Return 1 − exp(−τ), accurate to all digits, and so is its gradient."""
     series = tau * (1.0 - tau * (1 / 2 - tau * (1 / 6 - tau * (1 / 24 - tau * (1 / 120 - tau / 720)))))
     thin = tau < THIN
     return dr.select(thin, series, 1.0 - dr.exp(-dr.select(thin, 1.0, tau)))
@@ -104,7 +104,7 @@ class Samples:
 
 
 class VoxelField:
-    """The learnt arrays; torch tensors come in and go out, everything between is Dr.Jit's."""
+    """The learnt arrays. Inputs and outputs are torch tensors; everything between is computed by Dr.Jit."""
 
     density_limit = math.inf
     pointwise = True
@@ -112,7 +112,7 @@ class VoxelField:
     def __init__(
         self, box: Box, voxels: int, view_dependent: bool, backend: Backend, own: VoxelSettings = USUAL
     ) -> None:
-        """Make thin grey fog everywhere, with `voxels` along the longest side of the box."""
+        """Create thin grey fog everywhere, with `voxels` along the longest side of the box."""
         self.types: Any = importlib.import_module(f"drjit.{backend}.ad")
         self.box = box
         self.lower, self.upper = box.lower.tolist(), box.upper.tolist()
@@ -139,7 +139,7 @@ class VoxelField:
         return {name: self._as_grid(name) for name in self.values}
 
     def filled(self, values: dict[str, Tensor]) -> "VoxelField":
-        """Return a field of a `state_dict`; raises `ValueError` if it is of another box or degree."""
+        """Return a field with the values of a `state_dict`. Raises `ValueError` if it is of another box or degree."""
         shape = tuple(values["density"].shape[::-1])
         field = VoxelField(self.box, max(shape), self.degree > 0, self._backend, self.own)
         for name in field.values:
@@ -171,8 +171,8 @@ class VoxelField:
     def samples(
         self, rays: Rays, bins: int, generator: torch.Generator | None
     ) -> tuple[Samples | None, Int[Tensor, " hits"]]:
-        """Return the points at which `rays` are evaluated, and which of the rays meet the box; random in their bins
-        (training) with a generator, in the middle without one. Returns None if no ray meets it.
+        """Return the points at which `rays` are evaluated, None if no ray meets the box, and which rays meet it. Points
+        are random in their bins with a generator (training), else midpoints.
         """
         entry, leave, hit = ray_box(rays.origins, rays.directions, self.box.lower, self.box.upper, rays.near, rays.far)
         inside = torch.nonzero(hit)[:, 0]
@@ -192,7 +192,7 @@ class VoxelField:
         smooth: Int[Tensor, " voxels"],
         smoothing: float,
     ) -> tuple[float, float, dict[str, Any]]:
-        """Return `share` of the sum of squared errors of the display colours over white; the sum of squares of the
+        """Return `share` times the sum of squared errors of the display colours over white; the sum of squares of the
         gradient; and the gradient, which includes that of `smoothing` times the mean squared difference of the voxels
         `smooth` from their neighbours.
         """
@@ -227,7 +227,7 @@ class VoxelField:
         return Rendering(white, nothing, far, samples.rays * bins)
 
     def _seen(self, samples: Samples) -> tuple[list[Any], Any, Any]:
-        """Return the rays' colours over white by channel, their points' weights, their opacities."""
+        """Return the rays' colours over white by channel, the weights of their points, and the rays' opacities."""
         types, bins = self.types, samples.bins
         ray = dr.arange(types.UInt32, samples.rays * bins) // bins
         direction = dr.gather(types.Array3f, samples.direction, ray)
@@ -249,7 +249,7 @@ class VoxelField:
         return self.density_unit * softplus(raw + self.shift)
 
     def _roughness(self, voxel: Any) -> Any:
-        """Return the mean squared difference of the chosen voxels from the next along each axis."""
+        """Return the mean squared difference of the chosen voxels from the next voxel along each axis."""
         nx, ny, nz = self.shape
         x, y, z = voxel % nx, voxel // nx % ny, voxel // (nx * ny)
         following = [
@@ -284,11 +284,10 @@ class VoxelField:
         return self.types.Array3f(*(self._flat(x[:, i]) for i in range(3)))
 
     def _torch(self, values: Any, device: torch.device) -> Tensor:
-        """Return a copy: Dr.Jit may use its own memory again."""
         held = dr.detach(values)
         dr.eval(held)
         dr.sync_thread()
-        return torch.tensor(held.numpy(), device=device)
+        return torch.tensor(held.numpy(), device=device)  # a copy, as Dr.Jit reuses its memory
 
     def _as_grid(self, name: str) -> Tensor:
         shape = self.shape[::-1] if name == "density" else (*self.shape[::-1], self.coefficients)
@@ -296,7 +295,7 @@ class VoxelField:
 
 
 class Adam:
-    """Adam (Kingma & Ba) on the flat arrays of a field, in Dr.Jit."""
+    """Adam (Kingma & Ba) on the flat arrays of a field, computed by Dr.Jit."""
 
     def __init__(self, field: VoxelField) -> None:
         sizes = {name: len(value) for name, value in field.values.items()}
@@ -319,10 +318,10 @@ class Adam:
                 values[name] = type(old)(tensors[f"{kind}.{name}"].cpu().numpy())
 
     def step(self, field: VoxelField, gradients: dict[str, Any], rate: float, scale: float) -> None:
-        """Take one step; `gradients` count `scale` times."""
+        """Take one step with `gradients` times `scale`."""
         self.steps += 1
         number = field.types.Float
-        # opaque: what changes from step to step must not be part of the compiled kernel
+        # opaque, as numbers that change between steps must not be part of the compiled kernel
         share = dr.opaque(number, scale)
         beta_1, beta_2 = self.betas
         ahead = dr.opaque(number, rate / (1.0 - beta_1**self.steps))
@@ -344,13 +343,13 @@ def shape_of(box: Box, voxels: int) -> tuple[int, int, int]:
 
 
 def _zeros(kind: Any, sizes: dict[str, int]) -> dict[str, Any]:
-    """Return zeros, each in separate memory: a zero that Dr.Jit knows of, or that two arrays share, is compiled into
-    the kernel, and the first steps would need other kernels than those after them.
+    """Return zeros, each in separate memory. Dr.Jit compiles a literal or shared zero into the kernel, so that the
+    first steps would need other kernels than later steps.
     """
     return {name: dr.opaque(kind, 0.0, size) for name, size in sizes.items()}
 
 
 def _finished(device: torch.device) -> None:
-    """Wait for torch: Dr.Jit has another queue, which does not wait for torch's."""
+    """Wait for torch, whose queue Dr.Jit does not wait for."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)

@@ -8,13 +8,13 @@ OURS = ("scenes", "baselines", "harness", "reports")
 
 
 def require_ours() -> None:
-    """End the process with a line on standard error if another package takes the place of one of ours, as one in the
-    current folder does with `python -m`.
+    """End the process with a line on standard error if Python finds another package in place of one of `OURS`, as with
+    `python -m` in a folder that has one of that name.
     """
     root = Path(__file__).resolve().parents[1]
     for name in OURS:
-        found = find_spec(name)
-        where = Path(found.origin).resolve() if found is not None and found.origin else None
+        spec = find_spec(name)
+        where = Path(spec.origin).resolve() if spec is not None and spec.origin else None
         if where is None or root not in where.parents:
             sys.stderr.write(
                 f"error: {where or name}: is not the package `{name}` of radiance-verdict, and Python finds it first; "

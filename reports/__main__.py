@@ -1,7 +1,7 @@
-"""python -m reports OUT [OUT …]: records in, report.html and summary.json out; the page's path is printed last.
+"""python -m reports OUT [OUT …]: write report.html and summary.json from records; the page's path is printed last.
 
-Each record of studies in OUT has a page of its own, evidence.html, stability.html, speed.html or serving.html. The
-report shows all but speed as well. A judgement.json has a page of its own.
+Each record of studies in OUT gets a separate page, evidence.html, stability.html, speed.html or serving.html; the
+report also shows all of them except speed. A judgement.json gets a separate page as well.
 Several outputs are compared in outputs.html, each with the first.
 """
 
@@ -33,7 +33,8 @@ def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         prog=program,
         description="Build report.html and summary.json from the records of a run, and a page from each record of "
-        "studies: evidence.html, stability.html, speed.html, serving.html. The report shows all but speed as well.",
+        "studies: evidence.html, stability.html, speed.html, serving.html. The report also shows all of these except "
+        "speed.",
         epilog="Exit codes: 0 done, 1 own error, 2 bad usage or input, 3 done, but some cell diverged or failed, a "
         "stability check of this harness failed, or a check of the evidence does not hold, 130 stopped.",
     )
@@ -42,7 +43,7 @@ def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
         metavar="OUT",
         type=Path,
         nargs="+",
-        help="the output folder of a run, for instance out/latest; of several, each is compared with the first",
+        help="the output folder of a run, for instance out/latest; several are compared, each with the first",
     )
     made.add_argument(
         "--page",
@@ -51,9 +52,11 @@ def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
         help="where the page of several outputs goes (default: outputs.html in the first)",
     )
     made.add_argument(
-        "--partial", action="store_true", help="of an unfinished or damaged run: report the valid parts, and say so"
+        "--partial",
+        action="store_true",
+        help="report the valid parts of an unfinished or damaged run, and name what was left out",
     )
-    made.add_argument("--quiet", action="store_true", help="print nothing but the paths of the pages")
+    made.add_argument("--quiet", action="store_true", help="print only the paths of the pages")
     made.add_argument(
         "--publish", metavar="DIR", type=Path, help="also write the README's small plots and numbers to DIR"
     )
@@ -66,13 +69,13 @@ def parser(program: str = "python -m reports") -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None, program: str = "python -m reports") -> int:
     options = parser(program).parse_args(arguments)
     out, several = options.out[0], len(options.out) > 1
-    places = Counter(given.resolve() for given in options.out)
-    twice = sorted({str(given) for given in options.out if places[given.resolve()] > 1})
+    places = Counter(folder.resolve() for folder in options.out)
+    twice = sorted({str(folder) for folder in options.out if places[folder.resolve()] > 1})
     refusals = {
-        "--page: needs several outputs; give a second one, or leave it out": options.page and not several,
-        "--publish: goes with one output alone": options.publish and several,
-        "--export: goes with one output alone": options.export and several,
-        "--partial: goes without --publish; finish the run first": options.publish and options.partial,
+        "--page: needs several outputs; give a second output, or leave it out": options.page and not several,
+        "--publish: works with only one output": options.publish and several,
+        "--export: works with only one output": options.export and several,
+        "--partial: cannot be combined with --publish; finish the run first": options.publish and options.partial,
         f"{''.join(twice[:1])}: named twice; name each output once": twice,
     }
     for refusal in (words for words, holds in refusals.items() if holds):
@@ -86,17 +89,15 @@ def main(arguments: list[str] | None = None, program: str = "python -m reports")
             return build_outputs(options.out, options.page or out / "outputs.html", options.partial, show)
         return build(out, options.publish, options.partial, show, options.export)
     except KeyboardInterrupt:
-        print("interrupted: pages that were written are whole; give the command again", file=sys.stderr)
+        print("interrupted: every page that was written is complete; run the command again", file=sys.stderr)
         return STOPPED
     except (NoRecords, DamagedRecord, NotForPublishing) as problem:
-        words = str(problem)  # without a file if it was met only when what it holds was to be shown
-        named = words if any(str(given) in words for given in options.out) else f"{out}: {words}"
-        _say(named, sys.stderr)
+        words = str(problem)  # names no file if the damage shows only when the page is laid out
+        _say(words if any(str(folder) in words for folder in options.out) else f"{out}: {words}", sys.stderr)
         return BAD_INPUT
     except OSError as error:
-        where = error.filename or out
-        what = f"{where}: {error.strerror or error}; make room or choose a folder that can be written"
-        _say(what, sys.stderr)
+        reason = f"{error.strerror or error}; make room or choose a folder that can be written"
+        _say(f"{error.filename or out}: {reason}", sys.stderr)
         return BAD_INPUT
 
 
@@ -105,7 +106,10 @@ def _say(what: object, to: TextIO | None = None) -> None:
 
 
 def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Path | None = None) -> int:
-    """Read, write and print, with `partly` of a damaged run what is valid; what is heavy is imported last."""
+    """Read the records, write the pages and print their paths; `partly` reports the valid parts of a damaged run.
+
+    Heavy packages are imported last, so that bad input is refused at once.
+    """
     from harness.records.cells import records_folder
     from harness.records.judgements import JUDGEMENT_FILE, read_judgement
     from harness.records.study import SHELVES
@@ -123,12 +127,11 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
     from reports.data.studies_load import find_studies
 
     damaged: list[str] | None = [] if partly else None
-    studies: dict[str, Studies] = {}
-    for shelf in SHELVES:
-        if (record := if_sound(partial(find_studies, out, shelf), None, damaged)) is not None:
-            studies[shelf] = record
+    read = {shelf: if_sound(partial(find_studies, out, shelf), None, damaged) for shelf in SHELVES}
+    studies = {shelf: record for shelf, record in read.items() if record is not None}
     if publish is not None:
-        refuse_unfit(out, list(studies.values()))
+        for record in studies.values():
+            refuse_unfinished(record, out / SHELVES[record.shelf])
     if not studies and out.is_dir() and not records_folder(out).is_dir():
         raise NoRecords(
             f"{out}: no {records_folder(out).name}/, no {', no '.join(SHELVES.values())} in it; give the output folder "
@@ -145,7 +148,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
     from reports.studies.study_page import shelf_shown
 
     shown = {shelf: shelf_shown(record, out) for shelf, record in studies.items()}
-    failed = [build_shelf(studies[shelf], shown[shelf], out, publish, records, show) for shelf in studies]
+    failed = [build_shelf(shelf, out, publish, records is not None, show) for shelf in shown.values()]
     if records is not None:
         beside = Beside(*(studies.get(shelf) for shelf in ("stability", "evidence", "serving")))
         failed.append(build_report(records, publish, beside, shown, show))
@@ -155,25 +158,22 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
             write_export(records, export, beside)
             _say(export)
     elif export is not None:
-        raise NoRecords(f"{out}: --export writes the figures of a run, and there is none; leave it out")
+        raise NoRecords(f"{out}: --export writes the figures of a run, but there is no run; leave it out")
     return SOME_FAILED if any(failed) else 0
 
 
-def refuse_unfit(out: Path, studies: "list[Studies]") -> None:
-    from harness.records.study import SHELVES, again
+def refuse_unfinished(record: "Studies", path: Path) -> None:
+    """Raise `NotForPublishing` for a record that is quick or not finished."""
+    from harness.records.study import again
     from reports.data.load import NotForPublishing, refuse_quick
 
-    for record in studies:
-        path = out / SHELVES[record.shelf]
-        refuse_quick(record.settings, path)
-        if not record.is_complete:
-            raise NotForPublishing(f"{path}: not finished; {again(record.shelf, out)}, or leave out --publish")
+    refuse_quick(record.settings, path)
+    if not record.is_complete:
+        raise NotForPublishing(f"{path}: not finished; {again(record.shelf, path.parent)}, or leave out --publish")
 
 
 def build_outputs(outs: list[Path], page: Path, partly: bool, show: Show) -> int:
-    """Build the page on which several runs are compared with the first, with `partly` the valid parts of each; returns
-    3 if a cell of any of them failed.
-    """
+    """Build the page on which several runs are compared with the first; returns 3 if a cell of any of them failed."""
     from reports.data.load import read_records
 
     runs = [read_records(out, partly) for out in outs]
@@ -186,17 +186,16 @@ def build_outputs(outs: list[Path], page: Path, partly: bool, show: Show) -> int
     return SOME_FAILED if any(records.failed for records in runs) else 0
 
 
-def build_shelf(
-    record: "Studies", shown: "ShelfShown", out: Path, publish: Path | None, run: "Records | None", show: Show
-) -> bool:
-    """Build the page of a shelf, beside the report if there is a run; returns whether a check of ours fails."""
+def build_shelf(shown: "ShelfShown", out: Path, publish: Path | None, has_report: bool, show: Show) -> bool:
+    """Build the page of a shelf; returns whether a check of our own code fails."""
     from reports.studies.publishing import write_published
-    from reports.studies.study_page import broken_line, headline, write_study_page
+    from reports.studies.study_page import broken_line, write_study_page
 
-    page = write_study_page(record, out, run is not None, shown)
+    record = shown.record
+    page = write_study_page(shown, out, has_report)
     if publish is not None:
         write_published(record, publish)
-    for line in [headline(record), *(broken_line(*broken) for broken in record.broken)]:
+    for line in [shown.headline, *(broken_line(*broken) for broken in record.broken)]:
         show(line)
     _say(page)
     return bool(record.broken)

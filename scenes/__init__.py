@@ -1,1 +1,1 @@
-"""The scenes and their images on disk; imports no other room of ours, and Mitsuba only in `rendering`."""
+"""The scenes and their images on disk; imports no other package here, and Mitsuba only in `rendering`."""

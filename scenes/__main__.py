@@ -1,8 +1,8 @@
-"""`python -m scenes render | export | integrators | noise | …`: in a process of its own, which Dr.Jit may end.
+"""`python -m scenes render | export | integrators | noise | …`: a separate process, which Dr.Jit may end.
 
 `render` prints one JSON object per line: `{"scene", "done", "total", "kept", "share", "view"}`
-(`scenes.rendering.writer`) once all is loaded and for each view, then `{"scene", "path", "variant", "seconds"}`; for a
-scene of the user's own `{"scene", "note"}` first. Exit codes: 0 done, 1 our own error, 2 bad input, 130 stopped.
+(`scenes.rendering.writer`) after loading and after each view, then `{"scene", "path", "variant", "seconds"}`; for a
+scene from a file `{"scene", "note"}` first. Exit codes: 0 done, 1 internal error, 2 bad input, 130 interrupted.
 """
 
 import argparse
@@ -69,7 +69,7 @@ def _render(options: argparse.Namespace) -> None:
     ceilings = {"train": options.ceiling_train, "val": options.ceiling_val, "test": options.ceiling_test}
     if ceilings["val"] is None:
         ceilings["val"] = ceilings["train"]
-    asked = {split: spp[split] if db is None else NoiseTarget(db, spp[split]) for split, db in ceilings.items()}
+    targets = {split: spp[split] if db is None else NoiseTarget(db, spp[split]) for split, db in ceilings.items()}
     scenes: list[str | Scene] = [*options.names]
     if options.scene_file is not None:
         scenes.append(scene_from_file(options.scene_file))
@@ -79,7 +79,7 @@ def _render(options: argparse.Namespace) -> None:
         for note in [] if isinstance(scene, str) else notes(scene):
             event(note)
         path = ensure_view_set(
-            scene, resolution=options.resolution, counts=counts, spp=asked, cache_folder=options.view_sets,
+            scene, resolution=options.resolution, counts=counts, spp=targets, cache_folder=options.view_sets,
             variant=options.variant, progress=event, integrator=options.integrator, say=event,
         )  # fmt: skip
         seconds = round(time.perf_counter() - started, 3)
@@ -87,7 +87,6 @@ def _render(options: argparse.Namespace) -> None:
 
 
 def _event(scene: str, facts: "str | dict[str, object] | Standing") -> None:
-    """Print a note or facts as one line of JSON."""
     if isinstance(facts, str):
         facts = {"note": facts}
     print(json.dumps({"scene": scene, **(facts if isinstance(facts, dict) else asdict(facts))}), flush=True)
@@ -102,7 +101,7 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _noise(options: argparse.Namespace) -> None:
-    from scenes.rendering.noise_study import again, errors
+    from scenes.rendering.noise_study import errors, rerender
     from scenes.rendering.variant import choose_variant
 
     variant, settings = choose_variant(options.variant), (options.resolution, options.spp, options.reference_spp)
@@ -110,7 +109,7 @@ def _noise(options: argparse.Namespace) -> None:
         raise InputError("noise: name view sets with --folders or scenes with --scenes")
     for item in (*options.folders, *options.scenes):
         repeats = options.repeats
-        rows = again(item, repeats, variant) if isinstance(item, Path) else errors(item, *settings, repeats, variant)
+        rows = rerender(item, repeats, variant) if isinstance(item, Path) else errors(item, *settings, repeats, variant)
         for row in rows:
             print(json.dumps({"item": str(item), **asdict(row)}), flush=True)
 
@@ -138,38 +137,38 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True)
     render = commands.add_parser("render", help="render view sets into a cache folder")
     render.add_argument("names", nargs="*", metavar="NAME", help=f"known: {' '.join(CATALOG)}")
-    render.add_argument("--scene-file", type=Path, metavar="FILE", help="your own scene, .xml or .py; it can run code")
+    render.add_argument("--scene-file", type=Path, metavar="FILE", help="your scene, .xml or .py; it can run code")
     render.add_argument("--resolution", type=int, default=100, metavar="PX")
     for split, count, spp in (("train", 100, 64), ("val", 0, None), ("test", 25, 256)):
         render.add_argument(f"--{split}", type=int, default=count, metavar="N", help=f"{split} views")
-        render.add_argument(f"--spp-{split}", type=int, default=spp, metavar="N", help="samples a pixel")
-        ceiling = "PSNR that the noise may allow; as many samples as that takes, --spp at most"
+        render.add_argument(f"--spp-{split}", type=int, default=spp, metavar="N", help="samples per pixel")
+        ceiling = "PSNR of the noise; takes the samples that this needs, at most --spp"
         render.add_argument(f"--ceiling-{split}", type=float, metavar="DB", help=ceiling)
     render.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR")
     render.add_argument("--integrator", choices=("path", "volpath"), help="default: what the scene needs")
-    export = commands.add_parser("export", help="write a view set as other trainers read it")
+    export = commands.add_parser("export", help="write a view set in the format of another trainer")
     export.add_argument("folder", type=Path, metavar="VIEW_SET", help="a folder or file that --view-set takes")
     export.add_argument("--format", required=True, choices=("nerfstudio", "blender", "npz"))
     export.add_argument("--out", type=Path, required=True, metavar="PATH", help="new folder, or new .npz file")
-    integrators = commands.add_parser("integrators", help="a scene with and without the volumetric integrator, as JSON")
+    integrators = commands.add_parser("integrators", help="compare path and volpath on a scene, as JSON")
     integrators.add_argument("name", metavar="NAME")
     integrators.add_argument("--resolution", type=int, default=100, metavar="PX")
     integrators.add_argument("--views", type=int, default=4, metavar="N")
-    integrators.add_argument("--spp", type=int, default=64, metavar="N", help="samples a pixel")
-    noise = commands.add_parser("noise", help="stored views rendered again, and error against samples, as JSON lines")
-    noise.add_argument("--folders", type=Path, nargs="+", default=[], metavar="DIR", help="view sets: test views again")
-    noise.add_argument("--scenes", nargs="+", default=[], metavar="NAME", help="a test view at each of --spp")
+    integrators.add_argument("--spp", type=int, default=64, metavar="N", help="samples per pixel")
+    noise = commands.add_parser("noise", help="noise of stored views, or error against samples, as JSON lines")
+    noise.add_argument("--folders", type=Path, nargs="+", default=[], metavar="DIR", help="render test views again")
+    noise.add_argument("--scenes", nargs="+", default=[], metavar="NAME", help="render a test view at each --spp")
     noise.add_argument("--resolution", type=int, default=100, metavar="PX")
-    noise.add_argument("--spp", type=int, nargs="+", default=[1, 4, 16, 64, 256], metavar="N", help="samples a pixel")
-    noise.add_argument("--reference-spp", type=int, default=2048, metavar="N", help="of what errors are taken from")
-    noise.add_argument("--repeats", type=int, default=2, metavar="N", help="renders of each, one more for --spp")
-    repeats = commands.add_parser("repeats", help="one view again and again with independent noise, as OUT/NAME.npy")
+    noise.add_argument("--spp", type=int, nargs="+", default=[1, 4, 16, 64, 256], metavar="N", help="samples per pixel")
+    noise.add_argument("--reference-spp", type=int, default=2048, metavar="N", help="reference samples per pixel")
+    noise.add_argument("--repeats", type=int, default=2, metavar="N", help="renders per view, one more with --scenes")
+    repeats = commands.add_parser("repeats", help="render one view repeatedly with independent noise, as OUT/NAME.npy")
     repeats.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
     repeats.add_argument("names", nargs="+", metavar="NAME")
-    repeats.add_argument("--view", type=int, default=0, metavar="N", help="of the 200 test views")
+    repeats.add_argument("--view", type=int, default=0, metavar="N", help="number of the test view, 0 to 199")
     repeats.add_argument("--resolution", type=int, default=48, metavar="PX")
-    repeats.add_argument("--spp", type=int, default=256, metavar="N", help="samples a pixel of one render")
-    repeats.add_argument("--stream", default="", metavar="TEXT", help="of random numbers; others are independent")
+    repeats.add_argument("--spp", type=int, default=256, metavar="N", help="samples per pixel of each render")
+    repeats.add_argument("--stream", default="", metavar="TEXT", help="random stream; different names are independent")
     repeats.add_argument("--count", type=int, default=16, metavar="N", help="renders")
     sheet = commands.add_parser("sheet", help="render a labelled contact sheet")
     sheet.add_argument("out", type=Path, metavar="OUT.png")

@@ -1,7 +1,7 @@
-"""The staircase of `docs/architecture.svg`, drawn from the imports: `python -m tests.architecture_picture` writes it.
+"""Draw `docs/architecture.svg` from the imports: `python -m tests.architecture_picture` writes it.
 
-Rooms and arrows are those of `tests/test_architecture.py`. Lines of code are rounded to hundreds. The numbers are those
-of the day on which it was drawn: the picture is out of date when a room or an arrow comes or goes, and not before.
+Rooms and arrows are those of `tests/test_architecture.py`. Lines of code are rounded to hundreds. The picture is out of
+date only when a room or an arrow is added or removed; its numbers may be older.
 """
 
 from collections import Counter
@@ -45,7 +45,7 @@ class House:
 
 
 def house_of(root: Path) -> House:
-    """The house as the imports of today make it; an arrow counts imports of a module by a module."""
+    """Return the rooms and arrows of a source tree; an arrow counts imports of a module by a module."""
     lines: Counter[str] = Counter()
     for file in sorted(file for package in COLOURS for file in (root / package).rglob("*") if file.suffix in SOURCES):
         place = floor_of(".".join(file.relative_to(root).with_suffix("").parts))
@@ -63,7 +63,7 @@ def house_of(root: Path) -> House:
 
 
 def house_drawn(picture: str) -> House:
-    """The house that a picture shows, with the numbers that stand on it."""
+    """Return the rooms and arrows of a picture, with its numbers."""
     elements = [element.attrib for element in ElementTree.fromstring(picture).iter()]
     return House(
         {row["data-room"]: int(row["data-lines"]) for row in elements if "data-room" in row},
@@ -72,7 +72,7 @@ def house_drawn(picture: str) -> House:
 
 
 def picture_of(house: House) -> str:
-    """An SVG: rooms on a staircase, each arrow right along the row of one room and down the column of another."""
+    """Return an SVG: rooms as a staircase; an arrow runs along the row of one room and down the column of another."""
     rooms = list(house.rooms)
     cell = (WIDTH - LEFT - MARGIN) / len(rooms)
     height = round(TOP + cell * len(rooms) + MARGIN)
@@ -102,7 +102,6 @@ def _frame(height: int) -> list[str]:
 
 
 def _legend(y: float) -> list[str]:
-    """What the signs mean, in the empty half of the picture."""
     shapes = []
     for place, (sign, words) in enumerate(LEGEND):
         at = y + 26 * place
@@ -121,7 +120,7 @@ def _legend(y: float) -> list[str]:
 
 
 def _packages(rooms: list[str], cell: float) -> list[str]:
-    """A tinted square for the rooms of each package, and its name in the empty half of the picture."""
+    """Draw a tinted square for the rooms of each package, and its name in the empty half of the picture."""
     shapes, place = [], 0
     for package, group in groupby(rooms, lambda room: room.partition(".")[0]):
         count = len(list(group))
@@ -130,16 +129,16 @@ def _packages(rooms: list[str], cell: float) -> list[str]:
         if place:
             shapes.append(_line(MARGIN, y, x, y, WIRE, dash="2 4"))
         middle = y + side - cell / 2
-        aside = (MARGIN + 104, middle + 5) if count == 1 else (MARGIN, middle + 9)
+        description = (MARGIN + 104, middle + 5) if count == 1 else (MARGIN, middle + 9)
         below = middle + 5 if count == 1 else middle - 9
         shapes.append(_text(MARGIN, below, package, size=17, weight=700, fill=COLOURS[package]))
-        shapes.append(_text(*aside, SAYS[package], size=12, fill=FAINT))
+        shapes.append(_text(*description, SAYS[package], size=12, fill=FAINT))
         place += count
     return shapes
 
 
 def _wires(house: House, middle: dict[str, tuple[float, float]], cell: float) -> list[str]:
-    """One line right from each room, and one down to each room that ends in an arrowhead."""
+    """Draw a line to the right of each room, and a line with an arrowhead down to each room."""
     shapes = []
     for room, (x, y) in middle.items():
         if targets := [middle[end][0] for start, end in house.arrows if start == room]:
@@ -152,7 +151,7 @@ def _wires(house: House, middle: dict[str, tuple[float, float]], cell: float) ->
 
 
 def _counts(house: House, middle: dict[str, tuple[float, float]], cell: float) -> list[str]:
-    """The corner of each arrow, with its imports; its area grows with them."""
+    """Draw the corner of each arrow with its number of imports; more imports give a larger circle."""
     largest = max(house.arrows.values(), default=1)
     shapes = []
     for (start, end), count in house.arrows.items():
@@ -169,7 +168,7 @@ def _counts(house: House, middle: dict[str, tuple[float, float]], cell: float) -
 
 
 def _boxes(house: House, middle: dict[str, tuple[float, float]], cell: float) -> list[str]:
-    """The rooms, each with a bar as long as its share of the largest one's lines."""
+    """Draw the rooms, each with a bar for its lines relative to the largest room."""
     largest = max(100, *house.rooms.values())
     shapes = []
     for room, lines in house.rooms.items():

@@ -1,9 +1,8 @@
-"""For every test: a browser to look at pages, torch with one thread, and an int is a float to the type checker, as
-PEP 484 and mypy have it.
+"""For all tests: a browser, torch with one thread, and a type checker that accepts an int as a float, like PEP 484.
 
-`--jaxtyping-packages` in `pyproject.toml` names the checker, and can say neither its settings nor a module of ours;
-it looks `beartype.beartype` up while our packages are imported, which is after this file. Plain beartype would
-refuse `box(1, 1, 0.2)`.
+`--jaxtyping-packages` in `pyproject.toml` names the checker, but cannot set its options. It looks up
+`beartype.beartype` when our packages are imported, which is after this file. Plain beartype would refuse
+`box(1, 1, 0.2)`.
 """
 
 import shutil
@@ -16,30 +15,29 @@ import pytest
 import torch
 
 beartype.beartype = beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))
-
-
 jaxtyped = jaxtyping.jaxtyped
 
 
 def made_once(**options: Any) -> Callable[[Any], Any]:
-    """Leave out functions in functions: each call of the outer one would compile their checks anew."""
-    return lambda one: one if "<locals>" in one.__qualname__ else jaxtyped(one, **options)
+    """Skip nested functions: each call of the outer function would compile their checks again."""
+    return lambda function: function if "<locals>" in function.__qualname__ else jaxtyped(function, **options)
 
 
 jaxtyping.jaxtyped = made_once
-torch.set_num_threads(1)  # nothing here is large, and threads that wait for each other burn a busy core
+torch.set_num_threads(1)  # the tests are small, and threads that wait for each other occupy a busy core
+
+
+def reset_torch() -> None:
+    torch.set_deterministic_debug_mode("default")
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(autouse=True)
 def torch_switches() -> Iterator[None]:
-    """A run sets threads and determinism for its whole process; here the process is the test session. What a test, or
-    a fixture of its module, has set is undone: each test begins alike, whichever were before it.
-    """
-    torch.set_deterministic_debug_mode("default")
-    torch.set_num_threads(1)
+    """Restore the threads and the determinism that a run sets for its process, which here is the test session."""
+    reset_torch()  # a fixture of the module may have set them
     yield
-    torch.set_deterministic_debug_mode("default")
-    torch.set_num_threads(1)
+    reset_torch()
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,8 @@
-"""Every nox session and every command, each in its shortest form: `nox -s commands`, which `.ci/run` runs.
+"""Run every nox session and every command in its shortest form: `nox -s commands`, which `.ci/run` runs.
 
-A new session or command is one more line of `TYPED`; `tests/docs/test_documentation.py` fails where one is missing.
-Sessions are started as they are typed, and so is the first command of each package. Further commands are forked from a
-process that has imported what they need, which takes longer than most of them do.
+A new session or command needs a line of `TYPED`; `tests/docs/test_documentation.py` fails if it is missing. Sessions
+and the first command of each package are started as typed. Further commands are forked from a process that has imported
+their packages, as the imports take longer than most commands.
 """
 
 import multiprocessing
@@ -23,8 +23,8 @@ ROOT = Path(__file__).parents[1]
 SECONDS = 600.0
 """A command that takes longer hangs."""
 
-# Blocks run side by side, the lines of a block one after another. `→ 3`: this exit code is a result as well, as at
-# these sizes no figure means anything.
+# Blocks run in parallel, the lines of a block in order. `→ 3`: this exit code is accepted too, as figures mean nothing
+# at these sizes.
 TYPED = """
 nox -s benchmark -- --profile smoke --scenes lego --seeds 2 --budget-steps 12 --tensorboard --out {here}/run {sets}
 nox -s film -- {here}/run --path orbit --scenes lego --frames 1 --resolution 16 {sets}
@@ -97,7 +97,7 @@ FORKS.set_forkserver_preload(
 
 
 def blocks(here: str) -> list[list[str]]:
-    """The lines of each block, with folders filled in."""
+    """Return the lines of each block, with folders filled in."""
     sets = f"--view-sets {here}/sets"
     filled = TYPED
     for name, words in (*FILLED.items(), ("{other_sets}", f"{sets}-2"), ("{sets}", sets)):
@@ -106,10 +106,10 @@ def blocks(here: str) -> list[list[str]]:
 
 
 def run(line: str, nox: str, here: Path) -> str:
-    """What went wrong, or nothing."""
+    """Return what went wrong, or an empty text."""
     typed, _, also = line.partition(" → ")
     if "{set}" in typed:
-        typed = typed.replace("{set}", next(one.name for one in (here / "sets").glob("hotdog*")))
+        typed = typed.replace("{set}", next(folder.name for folder in (here / "sets").glob("hotdog*")))
     words = shlex.split(typed)
     began = time.monotonic()
     with tempfile.NamedTemporaryFile("w+", dir=here) as printed:
@@ -120,7 +120,7 @@ def run(line: str, nox: str, here: Path) -> str:
             code, wrong = started(words, nox, printed.fileno())
         printed.seek(0)
         text = printed.read()
-    if also and "nox > Command" in text and f"failed with exit code {also}" in text:  # which nox makes 1 of
+    if also and "nox > Command" in text and f"failed with exit code {also}" in text:  # which nox turns into 1
         code = int(also)
     if code not in (0, int(also or 0)):
         wrong = wrong or f"exit code {code}"
@@ -132,10 +132,10 @@ def run(line: str, nox: str, here: Path) -> str:
 
 
 def started(words: list[str], nox: str, printed: int) -> tuple[int, str]:
-    """Run what is typed; the exit code, and what went wrong besides."""
+    """Run a typed command; return its exit code and what else went wrong."""
     python = [nox, "-m", "nox", "--no-venv", "--no-install"] if words[0] == "nox" else [sys.executable]
     process = subprocess.Popen([*python, *words[1:]], cwd=ROOT, stdout=printed, stderr=printed, start_new_session=True)
-    wrong = looked_at(process, printed) if "view" in words else ""
+    wrong = open_viewer(process, printed) if "view" in words else ""
     try:
         return process.wait(SECONDS), wrong
     except subprocess.TimeoutExpired:
@@ -144,7 +144,7 @@ def started(words: list[str], nox: str, printed: int) -> tuple[int, str]:
 
 
 def forked(package: str, arguments: list[str], printed: str) -> int:
-    """Run `python -m PACKAGE ARGUMENTS` in a fork; the exit code, which is that of SIGKILL where it took too long."""
+    """Run `python -m PACKAGE ARGUMENTS` in a fork; return its exit code, that of SIGKILL if it took too long."""
     process = FORKS.Process(target=as_main, args=(package, arguments, printed))
     process.start()
     process.join(SECONDS)
@@ -163,16 +163,16 @@ def as_main(package: str, arguments: list[str], printed: str) -> None:
     runpy.run_module(package, run_name="__main__", alter_sys=True)
 
 
-def looked_at(process: subprocess.Popen[bytes], said: int) -> str:
-    """Opens the page that a viewer announces, then presses Ctrl-C; what went wrong, or nothing."""
-    until, found = time.monotonic() + SECONDS, None
-    while found is None and process.poll() is None and time.monotonic() < until:
+def open_viewer(process: subprocess.Popen[bytes], printed: int) -> str:
+    """Open the page that a viewer announces, then press Ctrl-C; return what went wrong, or an empty text."""
+    until, address = time.monotonic() + SECONDS, None
+    while address is None and process.poll() is None and time.monotonic() < until:
         time.sleep(0.2)
-        found = re.search(rb"http://\S+/", os.pread(said, 1 << 20, 0))
+        address = re.search(rb"http://\S+/", os.pread(printed, 1 << 20, 0))
     try:
-        if found is None:
+        if address is None:
             return "announced no page"
-        with urllib.request.urlopen(found[0].decode(), timeout=60) as page:
+        with urllib.request.urlopen(address[0].decode(), timeout=60) as page:
             return "" if b'id="panels"' in page.read() else "is no viewer's page"
     except OSError as error:
         return f"its page cannot be opened: {error}"
@@ -182,12 +182,12 @@ def looked_at(process: subprocess.Popen[bytes], said: int) -> str:
 
 
 def main(nox: str) -> int:
-    """`nox` is the Python that has nox; 1 where a command went wrong."""
+    """Run all blocks with `nox`, the Python that has nox; return 1 if a command went wrong."""
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="commands-") as folder, ThreadPoolExecutor() as pool:
         both = blocks(folder)
         done = pool.map(lambda block: [run(line, nox, Path(folder)) for line in block], both)
-        wrong = [one for block in done for one in block if one]
+        wrong = [message for block in done for message in block if message]
     sys.stdout.write("\n".join([*wrong, f"{len(wrong)} wrong; {time.monotonic() - began:.0f} s\n"]))
     return 1 if wrong else 0
 

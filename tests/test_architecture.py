@@ -1,6 +1,6 @@
-"""The house keeps its shape: arrows run down, lazy and TYPE_CHECKING imports counted, small rooms, plain names.
+"""The architecture: imports go down only, lazy and TYPE_CHECKING imports included; small rooms, plain names.
 
-Each check is a function of a tree that gives a list of complaints, so that each is also shown a bad tree.
+Each check is a function from a source tree to complaints, so that it can be tested on a bad tree.
 """
 
 import ast
@@ -53,8 +53,8 @@ FLOORS = (
     "scenes.view_sets",
     "scenes.files",
 )
-"""Every room, from the top: a room imports itself and rooms below it. A folder that lies in another one is named above
-it; what else the other one holds is its own floor.
+"""Every room, from the top: a room imports itself and rooms below it. A nested room precedes the folder that holds it,
+whose other modules are a room too.
 """
 LEAVES = {
     "reports": ("reports", "harness.records", "harness.verdicts", "scenes.files"),
@@ -63,7 +63,7 @@ LEAVES = {
     "baselines": ("baselines",),
     "baselines.numerics": ("baselines.numerics",),
 }
-"""Rooms that import nothing but these, whatever lies below."""
+"""Rooms with further limits: they may import only these."""
 DRAWERS = {"utils", "util", "helpers", "helper", "common", "misc"}
 MOST_ENTRIES = {"harness": 14, "reports": 8}
 MOST_FILES = 12
@@ -72,21 +72,21 @@ MOST_LINES = 500
 
 def modules(root: Path) -> dict[str, Path]:
     """Dotted name → file of every module of the four packages."""
-    found = {}
+    files = {}
     for package in ("reports", "harness", "baselines", "scenes"):
         for file in sorted((root / package).rglob("*.py")):
             parts = file.relative_to(root).with_suffix("").parts
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
-    return found
+            files[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return files
 
 
 def imported(name: str, file: Path, known: set[str]) -> set[str]:
-    """The modules of ours that a module imports anywhere in it, as precisely as they are named."""
+    """Return the modules of the four packages that a module imports anywhere in its source."""
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
-    found: set[str] = set()
+    names: set[str] = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
             if node.level:
@@ -94,13 +94,13 @@ def imported(name: str, file: Path, known: set[str]) -> set[str]:
                 base = ".".join([*above, *([base] if base else [])])
             for alias in node.names:
                 inner = f"{base}.{alias.name}"
-                found.add(inner if inner in known else base)
-    return {one for one in found if one.partition(".")[0] in ("reports", "harness", "baselines", "scenes")}
+                names.add(inner if inner in known else base)
+    return {name for name in names if name.partition(".")[0] in ("reports", "harness", "baselines", "scenes")}
 
 
 def graph_of(root: Path) -> dict[str, set[str]]:
-    found = modules(root)
-    return {name: imported(name, file, set(found)) for name, file in found.items()}
+    files = modules(root)
+    return {name: imported(name, file, set(files)) for name, file in files.items()}
 
 
 def is_in(module: str, room: str) -> bool:
@@ -108,7 +108,7 @@ def is_in(module: str, room: str) -> bool:
 
 
 def floor_of(module: str) -> int:
-    """Its place in `FLOORS`; a package's own `__init__` lies above all of its rooms."""
+    """Return the index in `FLOORS`; −1 for the `__init__` of a package, which is above all of its rooms."""
     return next((place for place, room in enumerate(FLOORS) if is_in(module, room)), -1)
 
 
@@ -120,12 +120,11 @@ def wrong_arrows(root: Path) -> Iterator[str]:
             if floor_of(target) < floor_of(name):
                 yield f"{name} imports {target}, upwards"
             for leaf, allowed in LEAVES.items():
-                if is_in(name, leaf) and not any(is_in(target, one) for one in allowed):
+                if is_in(name, leaf) and not any(is_in(target, room) for room in allowed):
                     yield f"{name} imports {target}, which {leaf} may not"
 
 
 def circles(root: Path) -> Iterator[str]:
-    """Modules that reach themselves by way of others."""
     graph = graph_of(root)
     for start in graph:
         reached: set[str] = set()
@@ -136,13 +135,13 @@ def circles(root: Path) -> Iterator[str]:
                 reached.add(name)
                 waiting += graph.get(name, ())
         if start in reached:
-            yield f"{start} imports itself by way of others"
+            yield f"{start} imports itself through other modules"
 
 
 def full_rooms(root: Path) -> Iterator[str]:
     for folder in sorted({file.parent for file in modules(root).values()}):
-        entries = [one for one in folder.iterdir() if one.name != "__pycache__"]
-        files, name = sum(one.is_file() for one in entries), folder.relative_to(root).as_posix()
+        entries = [entry for entry in folder.iterdir() if entry.name != "__pycache__"]
+        files, name = sum(entry.is_file() for entry in entries), folder.relative_to(root).as_posix()
         if files > MOST_FILES:
             yield f"{name} has {files} files"
         if len(entries) > MOST_ENTRIES.get(name, len(entries)):
@@ -168,11 +167,11 @@ def long_files(root: Path) -> Iterator[str]:
 
 def names_twice(root: Path) -> Iterator[str]:
     """Modules and public classes of the harness that share their name with another."""
-    found = {name: file for name, file in modules(root).items() if is_in(name, "harness")}
-    words = Counter(name.rpartition(".")[2] for name in found if "__" not in name)
+    files = {name: file for name, file in modules(root).items() if is_in(name, "harness")}
+    words = Counter(name.rpartition(".")[2] for name in files if "__" not in name)
     classes = Counter(
         node.name
-        for file in found.values()
+        for file in files.values()
         for node in ast.parse(file.read_text(encoding="utf-8")).body
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     )
@@ -181,12 +180,12 @@ def names_twice(root: Path) -> Iterator[str]:
 
 
 def second_writers(root: Path) -> Iterator[str]:
-    """One lock and one atomic writer: no other module locks a file, or names one that is not complete."""
+    """Only one module locks files, and only one writes temporary files."""
     for name, file in modules(root).items():
         if name not in ("scenes.files.lock", "scenes.files.atomic"):
             text = file.read_text(encoding="utf-8")
-            found = re.findall(r'fcntl|filelock|mkstemp|NamedTemporaryFile|\.part["{]', text)
-            yield from (f"{name} has {one} of its own" for one in found)
+            for match in re.findall(r'fcntl|filelock|mkstemp|NamedTemporaryFile|\.part["{]', text):
+                yield f"{name} has its own {match}"
 
 
 CHECKS = [wrong_arrows, circles, full_rooms, drawers, long_files, names_twice, second_writers]
@@ -221,20 +220,14 @@ TYPED = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    "
         (wrong_arrows, {"scenes/files/a.py": "import baselines.b"}, "scenes.files.a imports baselines.b"),
         (wrong_arrows, {"baselines/a.py": LAZY + "from harness import x"}, "baselines.a imports harness"),
         (wrong_arrows, {"baselines/a.py": "from scenes.files.b import x"}, "baselines.a imports scenes.files.b"),
-        (wrong_arrows, {"harness/plan/a.py": "import reports"}, "harness.plan.a imports reports"),
         (wrong_arrows, {"reports/data/a.py": "from harness.plan.b import P"}, "reports.data.a imports harness.plan.b"),
-        (wrong_arrows, {"reports/run/a.py": "import scenes.view_sets"}, "reports.run.a imports scenes.view_sets"),
-        (wrong_arrows, {"harness/training/a.py": LAZY + "import harness.viewer.b"}, "harness.training.a imports"),
         (wrong_arrows, {"harness/plan/a.py": TYPED + "from harness.execution.b import C"}, "harness.plan.a imports"),
         (wrong_arrows, {"harness/studies/evidence/a.py": LAZY + "from harness.studies.stability.b import c"},
          "harness.studies.evidence.a imports"),
         (wrong_arrows, {"harness/studies/a.py": "import harness.studies.speed.b"}, "harness.studies.a imports"),
         (wrong_arrows, {"scenes/view_sets/a.py": "from ..catalog import b"}, "scenes.view_sets.a imports"),
-        (wrong_arrows, {"harness/verdicts/a.py": "import baselines.b"}, "harness.verdicts.a imports baselines.b"),
         (wrong_arrows, {"harness/cellar/a.py": ""}, "harness.cellar.a is in no room"),
         (circles, {"harness/plan/a.py": "import harness.plan.b", "harness/plan/b.py": "from harness.plan import a"},
-         "harness.plan.a imports itself"),
-        (circles, {"harness/plan/a.py": LAZY + "import harness.plan.b", "harness/plan/b.py": "import harness.plan.a"},
          "harness.plan.a imports itself"),
         (circles, {"harness/plan/a.py": TYPED + "import harness.plan.b", "harness/plan/b.py": "import harness.plan.a"},
          "harness.plan.b imports itself"),
@@ -245,15 +238,14 @@ TYPED = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    "
         (full_rooms, {f"reports/a{i}/b.py": "" for i in range(9)} | {"reports/b.py": ""}, "reports has 10 entries"),
         (full_rooms, {"scenes/files/__init__.py": "a = 1\nb = 2\n"}, "scenes/files is not introduced"),
         (drawers, {"harness/utils.py": ""}, "harness.utils is a drawer"),
-        (drawers, {"baselines/common/a.py": ""}, "baselines.common.a is a drawer"),
         (long_files, {"scenes/a.py": "\n" * 501}, "scenes/a.py has 501 lines"),
         (long_files, {"tests/scenes/test_a.py": "\n" * 600}, "tests/scenes/test_a.py has 600 lines"),
         (names_twice, {"harness/plan/a.py": "", "harness/machine/a.py": ""}, "2 modules are called a"),
         (names_twice, {"harness/plan/a.py": "class A: ...", "harness/plan/b.py": "class A: ..."},
          "2 classes are called A"),
         (second_writers, {"reports/page/a.py": "b.with_name(f'.{c}.part{d}').replace(b)"},
-         "reports.page.a has .part{ of its own"),
-        (second_writers, {"harness/plan/a.py": LAZY + "import fcntl"}, "harness.plan.a has fcntl of its own"),
+         "reports.page.a has its own .part{"),
+        (second_writers, {"harness/plan/a.py": LAZY + "import fcntl"}, "harness.plan.a has its own fcntl"),
     ],
 )  # fmt: skip
 def test_a_bad_house_is_complained_about(check: Check, files: dict[str, str], said: str, tmp_path: Path) -> None:
@@ -280,7 +272,7 @@ HEAVY = ("torch", "mitsuba", "drjit", "OpenImageIO", "colour", "pandas", "matplo
 
 
 def heavy_imports_of(code: str) -> set[str]:
-    """The heavy packages that a fresh interpreter holds after `code`."""
+    """Return the heavy packages that a fresh interpreter has imported after `code`."""
     probe = f"import sys\n{code}\nprint('HEAVY', *[name for name in {HEAVY!r} if name in sys.modules])"
     ran = subprocess.run([sys.executable, "-c", probe], cwd=ROOT, capture_output=True, text=True, check=True)
     return set(next(line for line in ran.stdout.splitlines() if line.startswith("HEAVY")).split()[1:])
@@ -288,7 +280,7 @@ def heavy_imports_of(code: str) -> set[str]:
 
 def run_module(*arguments: str) -> str:
     return (
-        # a command that ends at once would not be asked what it holds
+        # a command that ends with os._exit would not reach the probe
         f"import os, runpy\nos._exit = sys.exit\nsys.argv = {list(arguments)!r}\n"
         "try:\n    runpy.run_module(sys.argv[0], run_name='__main__')\n"
         "except SystemExit:\n    pass"
@@ -301,11 +293,7 @@ def run_module(*arguments: str) -> str:
         run_module("harness", "--help"),
         run_module("harness", "run", "--help"),
         run_module("harness", "sweep", "--help"),
-        run_module("harness", "equivalence", "--help"),
-        run_module("harness", "omissions", "--help"),
         run_module("harness", "speed", "--help"),
-        run_module("harness", "stability", "--help"),
-        run_module("harness", "gate", "--help"),
         run_module("harness", "judge", "--help"),
         run_module("harness", "view", "--help"),
         run_module("harness", "render", "--help"),
@@ -348,7 +336,7 @@ def test_the_probe_sees_a_heavy_import() -> None:
 
 
 def without_mitsuba(folder: Path) -> dict[str, str]:
-    """An environment in which `import mitsuba` and `import drjit` fail, in child processes as well."""
+    """Return an environment in which `import mitsuba` and `import drjit` fail, in child processes too."""
     for name in ("mitsuba", "drjit"):
         (folder / name).mkdir(parents=True)
         (folder / name / "__init__.py").write_text("raise ImportError('this test allows no Mitsuba')")

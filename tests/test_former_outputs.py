@@ -1,4 +1,4 @@
-"""What earlier versions wrote still opens and reports: `tests/former` was written by the tree before its rooms."""
+"""Output of an earlier version, kept in `tests/former`, still opens and is reported."""
 
 import json
 import shutil
@@ -13,35 +13,9 @@ from reports.__main__ import main as report
 from scenes.view_sets.view_set import read_view_set
 
 FORMER = Path(__file__).parent / "former"
-OPTIONS = [
-    "run",
-    "--profile",
-    "smoke",
-    "--view-set",
-    "ball",
-    "--resolution",
-    "12",
-    "--methods",
-    "nerf",
-    "qnerf",
-    "--seeds",
-    "1",
-    "--budget-steps",
-    "3",
-    "--quiet",
-    "--workers",
-    "1",
-    "--threads",
-    "1",
-    "--precision",
-    "float32",
-    "--no-serving",
-    "--device",
-    "cpu",
-    "--resume",
-    "--out",
-    "run",
-]
+OPTIONS = ["run", "--profile", "smoke", "--view-set", "ball", "--resolution", "12", "--methods", "nerf", "qnerf",
+           "--seeds", "1", "--budget-steps", "3", "--quiet", "--workers", "1", "--threads", "1", "--precision",
+           "float32", "--no-serving", "--device", "cpu", "--resume", "--out", "run"]  # fmt: skip
 
 
 @pytest.fixture
@@ -51,19 +25,17 @@ def former(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_run_of_other_settings_is_not_gone_on_with_and_is_reported(
-    former: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_of_other_settings_is_not_resumed_but_reported(former: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cells = former / "run/records/cells"
     kept = (cells / "ball.nerf.0.json").read_bytes()
     assert main(OPTIONS) == 2
     assert "train.learning_rate was 0.02, is 0.01" in capsys.readouterr().err
-    assert (cells / "ball.nerf.0.json").read_bytes() == kept, "what is finished stays as it is"
+    assert (cells / "ball.nerf.0.json").read_bytes() == kept, "finished cells are unchanged"
     assert [cell.status for cell in read_cells(former / "run")] == ["done", "done"]
     assert report(["run", "--quiet"]) == 0
     summary = json.loads((former / "run/summary.json").read_text())
     before = json.loads(kept)["scores"]["psnr"]
-    assert [one["psnr"] for one in summary["cells"] if one["method"] == "nerf"] == [before]
+    assert [cell["psnr"] for cell in summary["cells"] if cell["method"] == "nerf"] == [before]
 
 
 def test_view_set_and_checkpoint_open(former: Path) -> None:

@@ -1,4 +1,4 @@
-"""Commands typed with a Python that has none of the pinned packages."""
+"""Commands with a Python that has none of the pinned packages."""
 
 import os
 import re
@@ -17,7 +17,7 @@ FULL = Path("/dev/full")
 
 
 def bare(*command: str) -> subprocess.CompletedProcess[str]:
-    """`python -m COMMAND` without the folder that packages are installed in."""
+    """Run `python -m COMMAND` without the folder of installed packages."""
     words = [sys.executable, "-S", "-m", *command]
     return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, env={"PATH": ""})
 
@@ -41,7 +41,7 @@ def test_every_package_is_locked_by_version_and_hash_and_by_no_address() -> None
     assert all(re.search(r"--hash=sha256:[0-9a-f]{64}\b", entry) for entry in entries)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     groups = [*project["project"]["optional-dependencies"].values(), *project["dependency-groups"].values()]
-    for text in [*project["project"]["dependencies"], *(one for group in groups for one in group)]:
+    for text in [*project["project"]["dependencies"], *(entry for group in groups for entry in group)]:
         wanted = Requirement(text)
         assert wanted.specifier.contains(locked[wanted.name.lower()]), f"renew requirements.lock: {text}"
 
@@ -58,13 +58,13 @@ def test_doctor_needs_no_package() -> None:
     assert ended.stdout.splitlines()[-1].startswith("missing, and needed: torch, ")
 
 
-def test_a_module_of_ours_that_is_not_there_is_a_bug_and_stays_one() -> None:
+def test_a_missing_own_module_is_reported_as_a_bug() -> None:
     with pytest.raises(ModuleNotFoundError), packages_needed():
         import harness.nowhere  # noqa: F401
 
 
 @pytest.mark.parametrize("command", ["harness gate --list", "harness doctor", "reports --help"])
-def test_a_reader_that_has_enough_ends_no_command(command: str) -> None:
+def test_a_closed_pipe_behind_standard_output_is_not_an_error(command: str) -> None:
     reads, writes = os.pipe()
     os.close(reads)
     words = [sys.executable, "-m", *command.split()]
@@ -81,7 +81,7 @@ def test_a_closed_stream_stops_no_command(streams: str) -> None:
     assert "Traceback" not in ended.stdout + ended.stderr
 
 
-def test_an_encoding_without_our_letters_stops_no_command() -> None:
+def test_an_encoding_without_greek_letters_stops_no_command() -> None:
     words = [sys.executable, "-m", "harness", "run", "--help"]
     script = "from scenes.files.standard_output import go_on_unheard; go_on_unheard(); print('φ', chr(0xdc80), '×')"
     for encoding, expected in (("ascii", b"\\u03c6 \\udc80 \\xd7"), ("utf-8:strict", "φ \\udc80 ×".encode())):
@@ -100,6 +100,6 @@ def test_a_full_disk_behind_standard_output_is_named() -> None:
     assert ended.stderr.count("\n") == 1
 
 
-def test_a_broken_pipe_that_is_not_standard_output_is_a_bug_and_stays_one() -> None:
+def test_another_broken_pipe_is_reported_as_a_bug() -> None:
     with pytest.raises(BrokenPipeError), packages_needed():
         raise BrokenPipeError

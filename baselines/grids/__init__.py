@@ -1,1 +1,1 @@
-"""Radiance fields whose features are learnt where they lie in space, read by a small network."""
+"""Radiance fields of features that are learnt at places in space and read by a small network."""

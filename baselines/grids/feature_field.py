@@ -1,5 +1,5 @@
-"""Learnt features of points, and the small network that reads density and colour from them, as in instant-ngp (Müller
-et al. 2022, arXiv 2201.05989).
+"""Learnt features of points and the small network that maps them to density and colour, as in instant-ngp (Müller et
+al. 2022, arXiv 2201.05989).
 """
 
 import math
@@ -68,7 +68,7 @@ class FeatureField(nn.Module):
     density_limit = math.inf
 
     def __init__(self, spec: FieldSpec, encoder: nn.Module, features: int) -> None:
-        """Take an encoder of points −1 … 1 as `features` numbers each; what it holds is learnt."""
+        """Take an encoder that maps points −1 … 1 to `features` numbers each; its parameters are learnt."""
         super().__init__()
         self.box, self.view_dependent, self.own = spec.box, spec.view_dependent, cast("FeatureSettings", spec.own)
         self.density_unit = self.own.density_scale / spec.box.half_extent
@@ -103,5 +103,5 @@ class FeatureField(nn.Module):
 
 
 def compiles_for(x: Float[Tensor, "points 3"]) -> bool:
-    """Return whether the kernels for the processor can take these points: float32, and without a gradient of theirs."""
+    """Return whether the compiled kernels can take these points: on the processor, float32, without a gradient."""
     return x.device.type == "cpu" and x.dtype == torch.float32 and not x.requires_grad

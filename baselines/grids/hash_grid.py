@@ -11,7 +11,7 @@ from baselines.methods.explicit import TableSettings
 
 
 class HashGrid(nn.Module):
-    """Points −1 … 1 to the features of each level, interpolated between eight nodes."""
+    """An encoder of points −1 … 1: the features of each level, interpolated between eight nodes."""
 
     def __init__(self, own: TableSettings, seed: int | str) -> None:
         super().__init__()
@@ -24,7 +24,7 @@ class HashGrid(nn.Module):
 
     @property
     def operations(self) -> int:
-        """The multiplications and additions of one point: eight corners of each level."""
+        """Return the multiplications and additions per point: eight corners of each level."""
         return TABLE_CHANNELS * len(self.tables) * 2 * 8
 
     def forward(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:

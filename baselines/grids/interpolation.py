@@ -1,10 +1,10 @@
-"""Interpolation of learnt features and its gradient, compiled for the processor: of three planes, and of hash tables.
+"""Interpolation of learnt features of three planes and of hash tables, and its gradient, compiled for the processor.
 
-One loop over points, all in registers, one resolution after the other, so that what it reads stays in the cache; torch
-alone walks over memory once for each of a dozen operations. Sums run in the order of the points, so the same input
-gives the same bits. `baselines.grids.planes.multiplied` and `baselines.grids.hash_grid.encoded` compose the same from
-torch's operations: the oracles in the tests, and what runs on a GPU. All that is compiled stands in this file: numba's
-cache would not see a change elsewhere.
+One loop runs over the points, in registers and one resolution after the other, so that what it reads stays in the
+cache; torch would walk over memory once for each of a dozen operations. Sums run in the order of the points, so that
+the same input gives the same bits. `baselines.grids.planes.multiplied` and `baselines.grids.hash_grid.encoded` compose
+the same from torch's operations: they are the oracles of the tests and run on a GPU. All compiled code is in this file,
+as numba's cache would not see a change elsewhere.
 """
 
 from typing import Any, no_type_check
@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 PLANE_CHANNELS, TABLE_CHANNELS = 8, 2
-"""The features of a node of a plane, and of an entry of a table: known to the compiler."""
+"""The number of features of a node of a plane, and of an entry of a table, as constants for the compiler."""
 PRIMES = (1, 2654435761, 805459861)
 """The factors of the hash of a node, Eq. 4 of Müller et al. 2022 (arXiv 2201.05989)."""
 ONE, HALF = np.float32(1.0), np.float32(0.5)
@@ -27,7 +27,7 @@ SECOND, THIRD = np.uint32(PRIMES[1]), np.uint32(PRIMES[2])
 @njit(inline="always")
 @no_type_check
 def _cell(x: float, cells: int) -> tuple[int, np.float32]:
-    """Return the cell of a coordinate −1 … 1 and how far into it the point lies; outside, the border counts."""
+    """Return the cell of a coordinate −1 … 1 and the position in it, 0 … 1; a point outside has those of the border."""
     at = min(max((x + ONE) * HALF * np.float32(cells), np.float32(0.0)), np.float32(cells))
     cell = min(np.int64(at), np.int64(cells - 1))
     return cell, at - np.float32(cell)
@@ -130,7 +130,7 @@ class Multiplied(torch.autograd.Function):
 @njit(inline="always")
 @no_type_check
 def _entry(i: int, j: int, k: int, nodes: int, entries: int) -> int:
-    """Return the entry of a node: its own where the table has one for each, else that of its hash."""
+    """Return the entry of a node: by its number where the table has an entry for each node, else by its hash."""
     if nodes * nodes * nodes <= entries:
         return (i * nodes + j) * nodes + k
     # a product of two numbers of 32 bits has 64 here
@@ -176,7 +176,7 @@ def _tables_backward(x: np.ndarray, gradient: np.ndarray, cells: int, total: np.
 
 
 class Encoded(torch.autograd.Function):
-    """The features [points, levels × TABLE_CHANNELS] of points −1 … 1, differentiable once, in the tables."""
+    """The features [points, levels × TABLE_CHANNELS] of points −1 … 1, differentiable once with respect to tables."""
 
     @staticmethod
     def forward(

@@ -1,6 +1,6 @@
 """Three axis-aligned planes of features at several resolutions, multiplied.
 
-K-Planes (Fridovich-Keil et al. 2023, arXiv 2301.10241) for a scene at rest, with the hybrid decoder.
+K-Planes (Fridovich-Keil et al. 2023, arXiv 2301.10241) for a static scene, with the hybrid decoder.
 """
 
 import torch
@@ -15,7 +15,7 @@ from baselines.methods.explicit import PlaneSettings
 
 
 class Planes(nn.Module):
-    """Points −1 … 1 to the products of what lies at them on three planes, of each resolution."""
+    """An encoder of points −1 … 1: the product of the features on three planes, at each resolution."""
 
     def __init__(self, own: PlaneSettings, seed: int | str) -> None:
         super().__init__()
@@ -28,7 +28,7 @@ class Planes(nn.Module):
 
     @property
     def operations(self) -> int:
-        """The multiplications and additions of one point: four corners on each of three planes, and their product."""
+        """Return the multiplications and additions per point: four corners on each of three planes, and the product."""
         return PLANE_CHANNELS * len(self.scales) * (3 * 2 * 4 + 2)
 
     def forward(self, x: Float[Tensor, "points 3"]) -> Float[Tensor, "points features"]:

@@ -1,1 +1,1 @@
-"""Methods as records of all that is their own; imports the parts in `baselines`."""
+"""Methods as records of their settings; imports the parts in `baselines`."""

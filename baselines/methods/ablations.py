@@ -1,7 +1,7 @@
 """Variations of NeRF: the combinations of Q-NeRF's three parts (Table 4), and controls.
 
-The controls are of two kinds. Some tell bandwidth from the golden ratio. The others take from NeRF what it is known to
-need (Mildenhall et al. 2020, Table 2): a comparison that does not see their loss cannot be trusted with a gain.
+The controls are of two kinds. Some separate bandwidth from the golden ratio. The others remove what NeRF is known to
+need (Mildenhall et al. 2020, Table 2): a comparison that misses their loss cannot be trusted to see a gain.
 """
 
 from dataclasses import replace
@@ -16,11 +16,11 @@ PARTS_OF_QNERF = {
     "amplifier": ("amplifier", "density_scale", "start"),
     "phi_skip": ("skip",),
 }
-"""Part → the fields of `Parts` that hold it: an amplifier comes with the constants that were chosen for it."""
+"""Part → its fields in `Parts`: an amplifier comes with the constants that were chosen for it."""
 
 
 def combination(*names: str, of: Parts = QNERF) -> Parts:
-    """Return NeRF with the named parts taken from `of`; none of them is NeRF itself, all three are `of`."""
+    """Return NeRF with the named parts taken from `of`; without a name it is NeRF, with all three it is `of`."""
     return replace(NERF, **{field: getattr(of, field) for name in names for field in PARTS_OF_QNERF[name]})
 
 
@@ -42,15 +42,15 @@ BANDWIDTH: dict[str, Parts] = {
     "nerf_phi_far": replace(NERF, encoding="phi_matched"),
     "nerf_base165": replace(NERF, encoding="base1.65"),
 }
-"""The controls of bandwidth: φ with NeRF's reach, φ's reach without φ."""
+"""The controls of bandwidth: φ with NeRF's top frequency, and φ's top frequency without φ."""
 
 RELEASED = replace(NERF, coordinates="scene")
-"""NeRF that encodes what its released code encodes: scene units, without π and without the scene's box. On a box of
-half extent h it reaches log2(π / h) octaves less far than NERF.
+"""NeRF with the encoding of its released code: scene units, without π and without the scene's box. On a box of half
+extent h its top frequency is log2(π / h) octaves lower than that of NERF.
 """
 
 NO_SHIFT = replace(NERF, start=None)
-"""NeRF's density without the one part that Listing 2 does not have: the shift before softplus."""
+"""NeRF's density without the shift before softplus, which Listing 2 does not have."""
 
 WEAKENED: dict[str, Parts] = {
     "nerf_no_encoding": replace(NERF, encoding="none"),

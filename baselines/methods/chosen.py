@@ -1,5 +1,5 @@
 """The constants that the paper leaves open: the unit of density and the start of the field, chosen for each method by
-one and the same search on validation views (`python -m harness study constants`), never on test views.
+the same search on validation views (`python -m harness study constants`), never on test views.
 """
 
 import json
@@ -22,14 +22,14 @@ class DensityConstants:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Return them under the names that `baselines.composition.Parts` has for them."""
+        """Return the constants under their names in `baselines.composition.Parts`."""
         return {"density_scale": self.unit, "start": self.start}
 
 
 @cache
 def chosen(profile: str) -> dict[str, DensityConstants]:
-    """Map method → the constants that were chosen at the resolution and budget of a profile; of no method for a profile
-    at whose scale nothing was searched.
+    """Map method → the constants that were chosen at the resolution and budget of a profile; empty for a profile at
+    whose scale nothing was searched.
     """
     choices = json.loads(FILE.read_text(encoding="utf-8")).get(profile, {})
     return {method: DensityConstants(**constants) for method, constants in choices.items()}
@@ -41,6 +41,6 @@ def parts_of(method: str) -> dict[str, Any]:
 
 
 def adopt(profile: str, choice: dict[str, object]) -> None:
-    """Write the constants of a profile, as plain data, into the file that holds them for every profile."""
+    """Write the constants of a profile, as plain data, into `FILE`."""
     choices = json.loads(FILE.read_text(encoding="utf-8"))
     FILE.write_text(json.dumps({**choices, profile: choice}, indent=2) + "\n", encoding="utf-8")

@@ -1,8 +1,8 @@
-"""Methods that are not compositions of our parts: features in planes and hash tables, Gaussians, voxels.
+"""Methods that are not compositions of parts: features in planes and hash tables, Gaussians, voxels.
 
-A method of each kind is a record of all that is its own. Grids whose resolutions grow by φ have controls of what else
-that changes: a factor near 2 with the same coarsest and finest level has fewer levels and so fewer numbers to learn;
-one with as many numbers takes them elsewhere, planes from finer levels, hash tables from longer ones.
+Each method is a record of its settings. Grids whose resolutions grow by φ have controls for what else φ changes. A
+factor near 2 with the same coarsest and finest level has fewer levels, and so fewer numbers to learn. The control with
+an equal count of numbers has finer levels in planes, and longer tables in hash grids.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class FeatureSettings:
     """Learnt features of points, and the small network that reads density and colour from them."""
 
     rate: float = 3.0
-    """How many times as fast as the weights the features are learnt: a feature is `rate` times what is stored."""
+    """The learning rate of the features relative to that of the weights: a feature is `rate` times the stored value."""
     width: int = 64
     """The width of the network's two hidden layers."""
     direction_bands: int = 4
@@ -30,7 +30,7 @@ class PlaneSettings(FeatureSettings):
     nodes: tuple[int, ...]
     """The nodes along each side of a plane, coarse to fine."""
     first: float = 0.3
-    """The middle and the half-width of the first features: never 0, where a product has no gradient."""
+    """The centre, and below the half-width, of the first features: never 0, where a product has no gradient."""
     spread: float = 0.2
 
 
@@ -39,21 +39,21 @@ class TableSettings(FeatureSettings):
     cells: tuple[int, ...]
     """The cells along a side of each level."""
     entries: int = 1 << 15
-    """The most entries of a table; a level with fewer nodes has one for each."""
+    """The maximum number of entries of a table; a level with fewer nodes has one entry per node."""
     spread: float = 0.1
-    """The half-width of the first features. With the 1e-4 of the paper a short training would hardly leave 0."""
+    """The half-width of the first features. With the paper's 1e-4 a short training would hardly move away from 0."""
 
 
 @dataclass(frozen=True)
 class GaussianSettings:
     """Gaussians, drawn or traced. The rates are for a few hundred to a few thousand steps: at least 10 times those of
-    3D Gaussian Splatting (Kerbl et al. 2023), which trains for 30 000.
+    3D Gaussian Splatting (Kerbl et al. 2023), which trains for 30 000 steps.
     """
 
     first: int
     """The number of Gaussians at the start."""
     most: int
-    """The number of them in the end."""
+    """The number of Gaussians at the end."""
     first_opacity: float = 0.1
     degree: int = 2
     """The degree of the spherical harmonics, 0 to 2, where colour depends on the direction."""
@@ -68,7 +68,7 @@ class GaussianSettings:
     colour: float = 2e-1
     harmonics: float = 2.5e-2
     last_rate: float = 0.02
-    """The share of the rates that is left in the end."""
+    """The share of the rates that is left at the end."""
     betas: tuple[float, float] = (0.8, 0.95)
     epsilon: float = 1e-15
     moved_every: int = 50
@@ -76,24 +76,24 @@ class GaussianSettings:
     moved_until: float = 0.9
     """The share of the budget after which Gaussians stay where they are."""
     growth: float = 0.05
-    """The share of Gaussians that join at each relocation."""
+    """The share of new Gaussians at each relocation."""
     dead: float = 0.005
     """The opacity below which a Gaussian is moved to another one."""
     wander: float = 2000.0
-    """The random step of a Gaussian that is hardly seen, in units of the position's rate (the paper's 5e5 go with a
+    """The random step of an almost invisible Gaussian, in units of the position's rate (the paper's 5e5 belongs to a
     rate per scene unit and the squared scale).
     """
     lighter_opacity: float = 1e-3
-    """The weight of the mean opacity in the loss, and below of the mean scale: Gaussians that are not needed vanish."""
+    """The weight in the loss of the mean opacity, and below of the mean scale: Gaussians that are not needed vanish."""
     lighter_scale: float = 1e-3
 
 
 @dataclass(frozen=True)
 class VoxelSettings:
     finest: int = 128
-    """The number of voxels along the longest side of the box in the end; a quarter of them at first."""
+    """The number of voxels along the longest side of the box at the end; a quarter of it at first."""
     halves: tuple[float, float] = (0.1, 0.3)
-    """The shares of the budget after which the grid has half of them, and all."""
+    """The shares of the budget after which the grid has half of this number, and all of it."""
     bins: int = 192
     """The number of points along a ray: one and a half per voxel, as their colour and density are nearly linear
     between centres.
@@ -101,7 +101,9 @@ class VoxelSettings:
     rate_factor: float = 20.0
     """The learning rate relative to that of the networks: few rays of a batch meet a voxel."""
     smoothed: int = 8192
-    """The number of voxels per step that are pulled towards their neighbours; `smoothing` is the weight of that."""
+    """The number of voxels per step that are pulled towards their neighbours, with the weight `smoothing` in the
+    loss.
+    """
     smoothing: float = 1e-4
     density_scale: float = DENSITY_SCALE
     """The unit of density, and below the density of a fresh field, per half of the box's longest side."""
@@ -111,7 +113,7 @@ class VoxelSettings:
     epsilon: float = 1e-15
 
     def stages(self) -> tuple[tuple[float, int], ...]:
-        """Return (share of the budget from which it holds, voxels along the longest side)."""
+        """Return for each stage the share of the budget at which it begins, and its voxels along the longest side."""
         return (0.0, self.finest // 4), (self.halves[0], self.finest // 2), (self.halves[1], self.finest)
 
 
@@ -158,4 +160,4 @@ GAUSSIANS = {
         "the same Gaussians, traced and differentiated by Mitsuba",
     ),
 }
-"""A traced step takes so long that there are few (`python -m harness study families`)."""
+"""A traced step takes so long that the Gaussians are few (`python -m harness study families`)."""

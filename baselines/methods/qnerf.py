@@ -14,18 +14,18 @@ every method; see QNERF_LISTING4.
 """
 
 QNERF_PRINTED = replace(QNERF, density_scale=1.0, density_per="scene")
-"""Q-NeRF whose density is the [0, 1] of Listing 2 itself, at most 1 per scene unit: what it can show depends on the
-unit of length in which the poses are written.
+"""Q-NeRF whose density is the [0, 1] of Listing 2, at most 1 per scene unit: its result depends on the unit of length
+in which the poses are written.
 """
 
 QNERF_SHIFTED = replace(QNERF, **parts_of("qnerf_shifted"))
-"""Listing 2 with a shift before its sigmoid, so that a fresh field is fog as NeRF's is."""
+"""Listing 2 with a shift before its sigmoid, so that a fresh field is fog, as NeRF's is."""
 
 QNERF_THEOREM = replace(QNERF, amplifier="equation4", **parts_of("qnerf_theorem"))
 """Theorem 1 (Eq. 4) on density itself instead of Listing 2."""
 
 QNERF_LISTING4 = replace(QNERF, quadrature="listing4")
-"""Q-NeRF with the paper's own quadrature as well: 1e10 as last interval, no background, from near to far."""
+"""Q-NeRF with the paper's quadrature as well: 1e10 as last interval, no background, from near to far."""
 
 NERF_LISTING4 = replace(NERF, quadrature="listing4")
-"""NeRF with the authors' quadrature: with QNERF_LISTING4, the authors' own pair."""
+"""NeRF with the authors' quadrature; with QNERF_LISTING4 it is the pair that the authors compare."""

@@ -15,11 +15,11 @@ MEANING = {
     "running_mean": "Eq. 4 on NeRF's density, about a running mean over training samples",
     "running_mean_listing2": "Listing 2 about a running mean over training samples",
 }
-"""The amplifiers, in the order in which a tie is decided: Eq. 4 as printed first."""
+"""The amplifiers, in the order that decides a tie: Eq. 4 as printed first."""
 
 CANDIDATES: dict[str, Parts] = {
     f"qnerf_{name}": replace(QNERF, amplifier=name, **parts_of(f"qnerf_{name}")) for name in MEANING
 }
 
 REPAIRED = CANDIDATES["qnerf_running_mean"]
-"""The reading that changes a listing with the best mean on validation views, that of a shifted Listing 2 included."""
+"""The candidate with the best mean on validation views, also compared with that of a shifted Listing 2."""

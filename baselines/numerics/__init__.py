@@ -1,1 +1,1 @@
-"""Pure functions of tensors: encoding, amplifier, sampling, quadrature, bounds; imports torch alone."""
+"""Pure functions of tensors: encoding, amplifier, sampling, quadrature, bounds; imports only torch."""

@@ -1,9 +1,9 @@
 """The activations and amplifiers from the network's raw density output to density σ >= 0: the plain activation and the
 paper's two amplifiers.
 
-The paper prints two different operators (Eq. 4 and Listing 2). Both take a mean over "the densities"; which
-densities these are is the caller's decision and therefore an argument. A mean over the points of a chunk makes a
-pixel depend on the chunk that it is rendered in.
+The paper prints two different operators (Eq. 4 and Listing 2). Both take a mean over "the densities". The caller
+decides which densities these are, so that the mean is an argument. A mean over the points of a chunk makes a pixel
+depend on the chunk that it is rendered in.
 """
 
 import math
@@ -35,7 +35,7 @@ def sigmoid_shift(start: float) -> float:
 def softplus_density(raw: Float[Tensor, "*points"], bias: float) -> Float[Tensor, "*points"]:
     """Return log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere.
 
-    Raises `TypeError` below float32, as the amplifiers do: half precision ends at 65504 and keeps 3 digits.
+    Raises `TypeError` below float32, as the amplifiers do: half precision ends at 65504 and has 3 digits.
     """
     _require_float32(raw)
     return torch.nn.functional.softplus(raw + bias)
@@ -52,9 +52,10 @@ def amplify_about_mean(
 def contrast_about(
     values: Float[Tensor, "*points"], mean: Float[Tensor, ""], gain: Float[Tensor, ""]
 ) -> Float[Tensor, "*points"]:
-    """Apply Eq. 4 with its gain αφ, summed in the order that leaves every value as it is, to the last bit, at gain 1.
+    """Apply Eq. 4 with its gain αφ, summed in the order that at gain 1 leaves every bit as it is.
 
-    `amplify_about_mean` loses what is small beside the mean; a transmittance of 1e-6 must not be lost.
+    `amplify_about_mean` rounds away values that are small compared with the mean; a transmittance of 1e-6 must not be
+    lost.
     """
     _require_float32(values)
     return gain * values + (1.0 - gain) * mean
@@ -70,9 +71,9 @@ def amplify_listing2(
     """Apply Listing 2 after its sigmoid: Eq. 4 on `normalised` in [0, 1], times β above the threshold, clamped to [0,
     1].
 
-    As a density it is bounded by 1 per whatever length: the listing has no unit of length. Per scene unit,
-    one unit of solid geometry has opacity 1 − 1/e = 0.63 at most; per a 25th of it, 1 − e^(−25).
-    The gradient is zero where the clamp acts.
+    As a density it is at most 1 per unit of length, which the listing does not state. Per scene unit, one unit of solid
+    geometry has an opacity of at most 1 − 1/e = 0.63; per 1/25 of a scene unit, 1 − e^(−25). The gradient is zero where
+    the clamp acts.
     """
     amplified = amplify_about_mean(normalised, mean, alpha)
     boost = torch.where(normalised > threshold, beta, torch.ones_like(beta))

@@ -15,9 +15,9 @@ def ray_box(
 ) -> tuple[Float[Tensor, " rays"], Float[Tensor, " rays"], Bool[Tensor, " rays"]]:
     """Return entry and exit distance within [near, far], and whether the ray meets the box there.
 
-    Slab method. A ray that misses gets an empty interval (exit = entry), so that its bins have length 0.
-    A component of `d` that is zero means "inside this slab always, or never": division gives ±inf, which is right,
-    except 0 · inf on the slab's very face, which counts as inside.
+    This is the slab method. A ray that misses gets an empty interval (exit = entry), so that its bins have length 0.
+    Where a component of `d` is zero the ray is inside this slab always or never: division gives ±inf, which is right,
+    except 0 · inf exactly on a face of the slab, which counts as inside.
     """
     inverse = 1.0 / (d + 0.0)  # −0 becomes +0: 1 / −0 would put both faces of the slab on the same side
     first = torch.nan_to_num((lower - o) * inverse, nan=-torch.inf, posinf=torch.inf, neginf=-torch.inf)

@@ -1,7 +1,7 @@
-"""Checks that refuse invalid rays: intervals that run backwards or never end, and densities that are no densities.
+"""Checks that refuse invalid rays: intervals that run backwards or never end, and invalid densities.
 
-Every check reads its tensor once and asks the device once; only a failure looks for the culprit. Nothing is repaired:
-a NaN that is replaced silently is a wrong picture.
+Every check reads its tensor once and synchronises with the device once; only a failure looks for the invalid value.
+Nothing is repaired: a NaN that is replaced silently is a wrong picture.
 """
 
 import math
@@ -29,7 +29,7 @@ class BadDensity(FloatingPointError):
         self.value = value
 
     def among(self, rays: Int[Tensor, " chosen"]) -> "BadDensity":
-        """Return the same error, where `ray` counts within a choice of `rays`."""
+        """Return the same error for the complete batch, where `ray` is an index into `rays`."""
         return BadDensity(int(rays[self.ray]), self.sample, self.value)
 
 

@@ -12,12 +12,12 @@ def composite(
     T_end: Float[Tensor, " rays"],
     background: Float[Tensor, " channels"],
 ) -> Float[Tensor, "rays channels"]:
-    """Return Σ w_i c_i + T_end · background of each ray; `ray` gives the one that each point belongs to."""
+    """Return Σ w_i c_i + T_end · background of each ray; `ray` is the ray of each point."""
     return (T_end.unsqueeze(-1) * background).index_add(0, ray, w.unsqueeze(-1) * values)
 
 
 def expected_depth(w: Float[Tensor, "rays bins"], t: Float[Tensor, "rays bins"], far: float) -> Float[Tensor, " rays"]:
-    """Return the mean distance of what the ray hits, Σ w t / Σ w; `far` where it hits nothing."""
+    """Return the mean distance at which the ray hits geometry, Σ w t / Σ w; `far` where it hits nothing."""
     total = w.sum(dim=-1)
     hit = total > 0
     return torch.where(hit, (w * t).sum(dim=-1) / torch.where(hit, total, 1.0), far)

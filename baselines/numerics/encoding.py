@@ -1,7 +1,7 @@
 """Fourier features of positions and directions (paper Eq. 2 and Eq. 3, Listing 1).
 
 `f` is a frequency ladder [bands], `x` coordinates [..., axes]. A ladder of base b is f_k = b^k, k = 0 … L−1;
-the field's is base 2, the paper's is base φ. `encode` gives the same features faster, `fourier_features` is its oracle.
+NeRF has base 2, the paper base φ. `encode` gives the same features faster; `fourier_features` is its oracle.
 """
 
 import math
@@ -14,9 +14,9 @@ from torch import Tensor
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 
 MOST_RECURRENT_BANDS = {2.0: 20, PHI: 12}
-"""The most bands by recurrence per base: at φ^12 a sine is 3.3 times as accurate."""
+"""The maximum number of bands by recurrence per base: at φ^12 a sine is 3.3 times as accurate."""
 DOUBLINGS = 4
-"""The doublings between two sines of base 2: with all bands from one, nothing is right at 2^16."""
+"""The doublings between two sines of base 2: if all bands came from one sine, no digit would be right at 2^16."""
 
 REACH = 1.0001
 """The largest coordinate for which the errors stated here hold: rays are cut to the box, which rounds by 1e-6."""
@@ -33,7 +33,7 @@ def frequency_ladder(base: float, bands: int, dtype: torch.dtype | None = None) 
 
 
 def matched_bands(base: float, bands: int) -> int:
-    """Return how many bands 2^k reach as far as base^(bands − 1) and no further: the bandwidth control."""
+    """Return the largest number of bands of 2^k that reach no further than base^(bands − 1): the bandwidth control."""
     return 1 + math.floor((bands - 1) * math.log2(base))
 
 
@@ -46,8 +46,8 @@ def checked_positions(x: Float[Tensor, "points axes"], reach: float = REACH) -> 
     """Return `x` itself. Raises `ValueError` naming the first point with a coordinate that is not finite or beyond
     `reach`.
 
-    For callers whose points do not come from rays cut to the box (slices, meshes, probes). An angle f π x is wrong by
-    as much as x is large: at x = 1e4 the top band of base 2 is noise (error 0.8), at 1e36 it is NaN.
+    This is for callers whose points do not come from rays cut to the box (slices, meshes, probes). The error of an
+    angle f π x grows in proportion to x: at x = 1e4 the top band of base 2 is noise (error 0.8), at 1e36 it is NaN.
     """
     allowed = (x.abs() <= reach).all(dim=-1)  # a NaN compares as not allowed
     if not bool(allowed.all()):
@@ -62,7 +62,7 @@ def checked_positions(x: Float[Tensor, "points axes"], reach: float = REACH) -> 
 def fourier_features(x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]) -> Float[Tensor, "*batch features"]:
     """Return [x, sin(f_0 π x), cos(f_0 π x), …, cos(f_{L−1} π x)] as Listing 1; no bands give x itself.
 
-    Float32 at |x| <= 1: absolute error below 1.2e-4 at 2^9 and 1.2e-5 at φ^9, from rounding f π x. Reduced
+    In float32 at |x| <= 1 the absolute error is below 1.2e-4 at 2^9 and 1.2e-5 at φ^9, from rounding f π x. Reduced
     precision would lose the upper bands altogether (error 1.0 in bfloat16), so this runs in float32 or better.
     """
     if x.dtype in (torch.float16, torch.bfloat16):
@@ -73,10 +73,10 @@ def fourier_features(x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]
 
 
 def recurrence_is_accurate(base: float, bands: int) -> bool:
-    """Return whether no band's worst error at |x| <= 1 in float32 exceeds 2.5 times that of a sine of its own.
+    """Return whether no band's worst error at |x| <= 1 in float32 exceeds 2.5 times that of a direct sine.
 
-    Both grow like the frequency: sines round f π x, the recurrences hand errors on to higher bands. At ten bands
-    1.1e-4 for base 2 (sine 1.1e-4) and 2.2e-5 for φ (sine 1.1e-5). Other bases have no recurrence at all.
+    Both grow like the frequency: sines round f π x, and the recurrences pass errors on to higher bands. At ten bands
+    the error is 1.1e-4 for base 2 (sine 1.1e-4) and 2.2e-5 for φ (sine 1.1e-5). Other bases have no recurrence.
     """
     return bands <= MOST_RECURRENT_BANDS.get(base, -1)
 
@@ -84,15 +84,16 @@ def recurrence_is_accurate(base: float, bands: int) -> bool:
 def encode(
     x: Float[Tensor, "points axes"], base: float, bands: int, recurrence: bool = True
 ) -> Float[Tensor, "points features"]:
-    """Return `fourier_features(x, frequency_ladder(base, bands, x.dtype))` as a transposed view: a feature's points
-    adjoin.
+    """Return `fourier_features(x, frequency_ladder(base, bands, x.dtype))` as a transposed view, in which the points of
+    a feature are adjacent in memory.
 
-    With `recurrence`, bands follow from lower ones where `recurrence_is_accurate`; otherwise every bit is that of
-    `fourier_features`. Most of the gain is the layout's; the recurrence pays from some 4000 points on. Absolute
-    error at |x| <= 1 below 1.2e-4 at 2^9 and 2.5e-5 at φ^9; errors of angles grow in proportion to |x|.
+    With `recurrence`, bands are computed from lower bands where `recurrence_is_accurate`; otherwise the result is
+    bit-identical to `fourier_features`. Most of the gain comes from the layout; the recurrence pays from about 4000
+    points on. The absolute error at |x| <= 1 is below 1.2e-4 at 2^9 and 2.5e-5 at φ^9; errors of angles grow in
+    proportion to |x|.
 
-    Raises `TypeError` unless `x` is float32 or float64. Where `x` needs a gradient, this is `fourier_features`
-    itself; forward-mode derivatives are refused by torch.
+    Raises `TypeError` unless `x` is float32 or float64. Where `x` needs a gradient, this calls `fourier_features`;
+    torch refuses forward-mode derivatives.
     """
     if x.dtype not in (torch.float32, torch.float64):
         raise TypeError(f"the encoding needs float32 or float64, got {x.dtype}: its upper bands would be noise")
@@ -102,14 +103,14 @@ def encode(
     angular = _angular_frequencies(base, bands, x.dtype, x.device)
     features = x.new_empty((feature_count(axes, bands), points))
     raw = features[:axes]
-    # three dimensions: torch copies a tall matrix four times slower when it sees that it is being transposed
+    # with a third dimension, as torch copies a tall matrix four times slower when it detects a transposition
     raw.unsqueeze(0).copy_(x.t().unsqueeze(0))
     waves = features[axes:].view(bands, 2, axes, points)
     if not (recurrence and recurrence_is_accurate(base, bands)):
         _sines(waves, raw, angular)
         return features.t()
     recur = _golden_sums if base == PHI else _doublings
-    # a processor finds the bands below in its cache; elsewhere more and smaller launches would only cost
+    # in blocks the lower bands stay in a processor's cache; elsewhere more and smaller launches only cost time
     size = BLOCK if x.device.type == "cpu" else points
     if points <= size:
         recur(waves, raw, angular)
@@ -131,8 +132,9 @@ def _golden_sums(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
     """Compute bands from φ^k = φ^(k−1) + φ^(k−2): with a, b the angles of the two bands below,
 
     sin(a + b) = sin(a − b) + 2 cos a sin b and cos(a + b) = cos(a − b) − 2 sin a sin b, where a − b is band k − 3.
-    The addition formula itself takes twice the operations and then costs more than sines, so it gives band 2 alone.
-    That band must not be a sine: three angles rounded apart lose 5 at φ^9 and have no bound far outside the box.
+    The addition formula itself takes twice the operations and costs more than sines, so it gives only band 2. That band
+    must not be a direct sine: with three angles rounded separately the error is 5 times as large at φ^9, and has no
+    bound far outside the box.
     """
     _sines(waves[:2], raw, angular[:2])
     sine, cosine = (wave.unbind(0) for wave in waves.unbind(1))
@@ -145,10 +147,10 @@ def _golden_sums(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
 
 
 def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
-    """Apply sin 2a = 2 sin a cos a, cos 2a = 1 − 2 sin² a from a sine of its own at each fifth band, all fifths at
-    once.
+    """Apply sin 2a = 2 sin a cos a, cos 2a = 1 − 2 sin² a, starting from a direct sine at each fifth band, all fifth
+    bands at once.
 
-    cos 2a = 2 cos² a − 1 would lose 4 in every doubling near a = 0, where every upper band starts.
+    cos 2a = 2 cos² a − 1 would multiply the error by 4 in every doubling near a = 0, where every upper band starts.
     """
     stride = 1 + DOUBLINGS
     nought, unity = _constants(raw.dtype, raw.device)
@@ -165,11 +167,11 @@ def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
 
 @lru_cache(maxsize=64)
 def _angular_frequencies(base: float, bands: int, dtype: torch.dtype, device: torch.device) -> Tensor:
-    """Return f π, [bands, 1, 1], rounded as in `fourier_features`; it costs as much as 500 points."""
+    """Return f π, [bands, 1, 1], rounded as in `fourier_features`; cached, as it costs as much as 500 points."""
     return (math.pi * frequency_ladder(base, bands, dtype)).to(device).view(bands, 1, 1)
 
 
 @lru_cache(maxsize=16)
 def _constants(dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor]:
-    """Return 0 and 1, the constants that a product is added to."""
+    """Return 0 and 1, to which `_doublings` adds products."""
     return torch.zeros((), dtype=dtype, device=device), torch.ones((), dtype=dtype, device=device)

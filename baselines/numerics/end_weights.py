@@ -2,13 +2,13 @@
 
     first + second = 1 − e^−τ
 
-`even_shares` gives half to each. `shares_linear_in_depth` lets colour be linear in optical depth from end to end,
+`even_shares` gives half to each. With `shares_linear_in_depth` colour is linear in optical depth from end to end,
 
     second(τ) = ∫₀^τ e^−s s/τ ds = (1 − e^−τ (1 + τ)) / τ,
 
-which is the rule for stiff rays: where a bin is opaque, what is seen is the colour at its front. A rule that takes one
-colour per bin returns that of its middle, an error of half a bin however accurate its densities are ("order reduction"
-of exponential integrators); the exponential rule of order two, ETD-2, does not.
+which is the rule for stiff rays: a ray sees the colour at the front of an opaque bin. A rule with one colour per bin
+returns that of the middle, an error of half a bin however accurate its densities are ("order reduction" of exponential
+integrators); the exponential rule of order two, ETD-2, does not.
 """
 
 from collections.abc import Callable
@@ -52,7 +52,7 @@ class EndWeights(torch.autograd.Function):
         ∂L/∂τ_k = −T_k (e^−τ_k − s'_k) d_k − Σ_{i>k} T_i (e^−τ_i + s_i) d_i − T_end (g_end − g_bins)
 
     where d_i = g_{i+1} − g_i and s = second. It follows from the weights by summation by parts: terms that nearly
-    cancel appear nowhere but in the differences of the g, which are those of neighbouring colours.
+    cancel appear only in the differences of g, which are those of neighbouring colours.
     """
 
     @staticmethod

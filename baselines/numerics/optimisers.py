@@ -1,4 +1,4 @@
-"""The optimisers by name. Each takes one step from the gradients that lie in the weights, and is kept with its cell."""
+"""The optimisers by name. Each takes a step from the gradients stored in the weights; a snapshot keeps its state."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,31 +19,31 @@ class OptimiserSettings:
 
     name: OptimiserName = "adam"
     betas: tuple[float, float] = (0.9, 0.999)
-    """The decay of the means of gradients and of their squares, per step; Muon has the first, as its momentum, for
-    matrices and both for the rest.
+    """The decay of the means of gradients and of their squares, per step. Muon has the first as its momentum for
+    matrices, and both for the other weights.
     """
     renewed_every: int = 10
     """The steps from one renewal of SOAP's bases to the next."""
 
 
 LARGEST_SIDE = 1024
-"""The longest side of a matrix of a network; one with a longer side is a table of features."""
+"""The maximum side of a matrix of a network; a matrix with a longer side is a table of features."""
 
 
 @runtime_checkable
 class Optimiser(Protocol):
     def step(self, rate: float) -> None:
-        """Take one step with that learning rate; a zero gradient is a gradient, and none is finite for want of one."""
+        """Take one step with that learning rate. Gradients of zero leave the weights finite."""
 
     def tensors(self) -> dict[str, Tensor]:
-        """Return the complete state by name, in no order."""
+        """Return the complete state by name, in any order."""
 
     def restore(self, tensors: dict[str, Tensor]) -> None:
         """Restore what `tensors` returned; raises any error for the state of other weights."""
 
 
 class TorchOptimisers:
-    """Optimisers of torch, each over weights of its own, as one."""
+    """Several optimisers of torch, each for other weights, as one optimiser."""
 
     def __init__(self, *parts: torch.optim.Optimizer) -> None:
         self.parts = parts
@@ -83,12 +83,14 @@ def _adam(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser
 
 
 def _is_table(weight: nn.Parameter) -> bool:
-    """Return whether a weight is a table of features and not of a network: of more than two axes, or a long one."""
+    """Return whether a weight is a table of features and not of a network: it has more than two axes, or a long one."""
     return weight.ndim > 2 or max(weight.shape, default=0) > LARGEST_SIDE
 
 
 def _muon(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
-    """Return Muon for matrices; it takes no others, which Adam has. Both take steps of about the same size."""
+    """Return Muon for matrices, which are all that it accepts, and Adam for the other weights. Both take steps of about
+    the same size.
+    """
     matrices = [weight for weight in weights if weight.ndim == 2 and not _is_table(weight)]
     others = [weight for weight in weights if weight.ndim != 2 or _is_table(weight)]
     muon = torch.optim.Muon(matrices, momentum=settings.betas[0], weight_decay=0.0, adjust_lr_fn="match_rms_adamw")
@@ -96,7 +98,7 @@ def _muon(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser
 
 
 class Together:
-    """Optimisers, each over weights of its own, as one."""
+    """Several optimisers, each for other weights, as one optimiser."""
 
     def __init__(self, **parts: Optimiser) -> None:
         self.parts = parts

@@ -1,7 +1,7 @@
 """Density along a ray → weights: quadrature rules for Eq. 1.
 
-A rule puts points `t` [rays, points] into bins with fenceposts `t_edges` [rays, bins + 1]. From the densities `sigma`
-[rays, points] there and the lengths of the bins it makes the weights `w` [rays, points] of the points' colours and the
+A rule puts points `t` [rays, points] into bins with fenceposts `t_edges` [rays, bins + 1]. From their densities `sigma`
+[rays, points] and the lengths of the bins it computes the weights `w` [rays, points] of the points' colours and the
 transmittance `T_end` [rays] behind the last bin, which is the weight of the background. Bins of length zero and bins
 of density zero contribute exactly nothing; without any bin all is background.
 """
@@ -30,34 +30,34 @@ class Orders:
 
 
 def bin_lengths(t: PointsOfRays, t_edges: Edges) -> Bins:
-    """Return the differences of the fenceposts, wherever the points are."""
+    """Return the differences of the fenceposts; they do not depend on the points `t`."""
     del t
     return torch.diff(t_edges, dim=-1)
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A quadrature rule. `place` and the rest may be used apart, unchecked; calling the rule checks what it is given.
+    """A quadrature rule. Its parts may be used separately, without checks; calling the rule checks its input.
 
-    Bin i has the points `stride · i` to `stride · i + stride − 1` and, in a `closed` rule, the next one too, which it
+    Bin i has the points `stride · i` to `stride · i + stride − 1` and, in a `closed` rule, the next point too, which it
     shares with the bin behind it.
     """
 
     place: Callable[[Tensor, torch.Generator | None], tuple[Tensor, Tensor]]
-    """Map (t_edges, generator) → points, and the fenceposts of their bins: moved at random with a generator (training)
-    by a rule whose points are fenceposts, else those given.
+    """Map (t_edges, generator) → points, and the fenceposts of their bins. A rule whose points are fenceposts moves
+    them at random with a generator (training); other rules return the given fenceposts.
     """
     optical_depth: Callable[[Tensor, Tensor], Tensor]
     """Map (sigma, lengths) → τ of each bin, [rays, bins]."""
     weights: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
-    """Map (sigma, lengths) → w of each point, and T_end. A length of 0 leaves a bin out."""
+    """Map (sigma, lengths) → w of each point, and T_end. A length of 0 excludes a bin."""
     orders: Orders
     lengths: Callable[[Tensor, Tensor], Tensor] = bin_lengths
     """Map (t, t_edges) → lengths of the bins."""
     stride: int = 1
     closed: bool = False
     of_the_paper: bool = False
-    """Whether the rule is kept as printed, with all consequences."""
+    """Whether the rule is kept as the paper prints it, without checks of its input."""
 
     def __call__(
         self, sigma: PointsOfRays, t: PointsOfRays, t_edges: Edges
@@ -94,8 +94,8 @@ class _WeightsFromOpticalDepth(torch.autograd.Function):
 
     `expm1` keeps all digits where τ is tiny, the exclusive sum where there are many bins. The closed form avoids the
     gradient of `expm1`, which loses every digit from τ ≈ 15 on, and division by transmittances that are 0. Of its two
-    forms the first subtracts what is nearly equal (at τ = 10 per bin a third of the gradient is rounding in float32);
-    the second, by summation by parts, subtracts neighbouring colours alone.
+    forms the first subtracts nearly equal numbers (at τ = 10 per bin a third of the gradient is rounding in float32);
+    the second, by summation by parts, subtracts only neighbouring colours.
     """
 
     @staticmethod
@@ -117,8 +117,8 @@ class _WeightsFromOpticalDepth(torch.autograd.Function):
 
 
 def _of_depth(tau: Tensor, shares: Shares | None = None) -> tuple[Tensor, Tensor]:
-    """Return w of each bin, or of its ends where they have `shares` of it, and T_end. Raises `TypeError` below float32:
-    thin scenes would vanish (1 − exp(−τ) is 0 in bfloat16 for τ < 2e-3).
+    """Return w of each bin, or with `shares` that of its ends, and T_end. Raises `TypeError` below float32: thin scenes
+    would vanish (1 − exp(−τ) is 0 in bfloat16 for τ < 2e-3).
     """
     if tau.dtype in (torch.float16, torch.bfloat16):
         raise TypeError(f"the quadrature needs float32 or better, got {tau.dtype}")
@@ -149,7 +149,7 @@ def _half_to_each_end(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _colour_linear_in_depth(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Return weights and T_end; the middles contribute density alone, and their colours have no weight."""
+    """Return weights and T_end; the middles contribute only density, and their colours have no weight."""
     w, T_end = _of_depth(_simpson(sigma, lengths), shares_linear_in_depth)
     return torch.nn.functional.pad(w.unsqueeze(-1), (0, 1)).flatten(-2)[:, :-1], T_end
 
@@ -189,7 +189,7 @@ midpoint = Rule(_in_bins, _one_density_a_bin, _one_colour_a_bin, Orders(2.0, 2.0
 """The default: exact where density and colour are constant in each bin."""
 
 left = Rule(_on_left_ends, _one_density_a_bin, _one_colour_a_bin, Orders(1.0, 1.0))
-"""The density and colour of each bin's front end, as the field's codes take them, but over finite intervals."""
+"""The density and colour of each bin's front end, as the usual NeRF programs have them, but over finite intervals."""
 
 trapezoid = Rule(_on_edges, _mean_of_the_ends, _half_to_each_end, Orders(2.0, 2.0), closed=True)
 """Density linear in a bin, and the mean of the colours at its ends (as PL-NeRF, arXiv 2310.20685)."""
@@ -198,9 +198,9 @@ linear = Rule(_on_edges_and_middles, _simpson, _colour_linear_in_depth, Orders(2
 """The rule for stiff rays: τ of a bin by Simpson's rule, colour linear in τ between its ends. Two points per bin."""
 
 listing4 = Rule(_in_bins, _one_density_a_bin, _as_printed, Orders(0.0, 0.0), lengths=_between_points, of_the_paper=True)
-"""Listing 4 of the paper, repaired only so far that it runs (2-D indices where it prints three).
+"""Listing 4 of the paper, changed only so far that it runs (2-D indices where it prints three).
 
-Intervals are differences of sample points, the last one is 1e10, 1e-10 is added in the product, and there is no
+Intervals are differences of sample points, the last interval is 1e10, 1e-10 is added in the product, and there is no
 background: every ray with σ > 2e-9 at its last point is opaque. Its order is 0 wherever light reaches that point.
 """
 

@@ -22,7 +22,7 @@ def uniform_edges(entry: Float[Tensor, " rays"], leave: Float[Tensor, " rays"], 
 
 
 def uniform(shape: Sequence[int], generator: torch.Generator, like: Tensor) -> Tensor:
-    """Draw numbers in [0, 1), of the dtype and device of `like`: the same ones in float32 and float64."""
+    """Draw numbers in [0, 1) of the dtype and device of `like`; float32 and float64 get the same numbers."""
     return torch.rand(tuple(shape), generator=generator, device=generator.device).to(like)
 
 
@@ -35,8 +35,8 @@ def points_in_bins(t_edges: Edges, generator: torch.Generator | None) -> Bins:
 
 
 def jittered_edges(t_edges: Edges, generator: torch.Generator | None) -> Edges:
-    """Move each inner fencepost at random between the middles of its two bins; without a generator, return those given.
-    They still rise, and the ends stay where they are.
+    """Move each inner fencepost at random between the middles of its two bins. Without a generator, return `t_edges`.
+    The fenceposts still rise, and the ends stay where they are.
     """
     if generator is None:
         return t_edges
@@ -47,9 +47,9 @@ def jittered_edges(t_edges: Edges, generator: torch.Generator | None) -> Edges:
 def inverse_cdf_edges(
     t_edges: Edges, w: Bins, count: int, generator: torch.Generator | None
 ) -> Float[Tensor, "rays count"]:
-    """Return `count` distances distributed as the step function with mass `w` in each bin, in rising order.
+    """Return `count` distances in rising order, distributed as the step function with mass `w` in each bin.
 
-    They are stratified with a generator, and at the midpoints of the strata without one. See also `inverse_cdf`.
+    With a generator they are random in their strata, without one at the midpoints. See also `inverse_cdf`.
     """
     if generator is None:
         u = torch.full((w.shape[0], count), 0.5, dtype=w.dtype, device=w.device)
@@ -59,23 +59,23 @@ def inverse_cdf_edges(
 
 
 def inverse_cdf(t_edges: Edges, w: Bins, u: Float[Tensor, "rays count"]) -> Float[Tensor, "rays count"]:
-    """Return the distances below which the shares `u`, 0 to 1, of all mass lie; within their ray, and rising as `u`
-    does.
+    """Return the distances below which the shares `u`, 0 to 1, of all mass lie. They stay within the ray and rise as
+    `u` does.
 
-    A ray without any weight is taken as uniform. No gradient reaches `w` or `u`: where to look is no part of what is
-    seen. Raises `FloatingPointError` where a weight is not finite, which would spread silently, and `ValueError` where
-    one is negative; both name ray and bin.
+    A ray without any weight is sampled uniformly. No gradient reaches `w` or `u`, as the choice of points is not part
+    of the picture. Raises `FloatingPointError` where a weight is not finite, which would spread silently, and
+    `ValueError` where it is negative; both name ray and bin.
     """
     w, u = w.detach(), u.detach()
     _require_weights(w)
     total = w.sum(dim=-1, keepdim=True)
-    if not bool(torch.isfinite(total).all()):  # the weights are finite: their sum alone overflows
+    if not bool(torch.isfinite(total).all()):  # the weights are finite, but their sum overflows
         w = w / w.amax(dim=-1, keepdim=True).clamp(min=1.0)
         total = w.sum(dim=-1, keepdim=True)
     share = torch.where(total > 0, w / total.clamp(min=torch.finfo(w.dtype).tiny), 1.0 / w.shape[-1])
     cdf = torch.cumsum(share, dim=-1)
     cdf = torch.cat([torch.zeros_like(total), cdf / cdf[:, -1:]], dim=-1)
-    # below 1, to which the last stratum can round: 1 belongs to the last bin, which may have no weight
+    # below 1, as the last stratum can round to 1, which belongs to the last bin even if that has no weight
     u = u.clamp(min=0.0, max=1.0 - 0.5 * torch.finfo(w.dtype).eps)
     right = torch.searchsorted(cdf, u, right=True).clamp(1, w.shape[-1])
     cdf_left, cdf_right = cdf.gather(-1, right - 1), cdf.gather(-1, right)

@@ -1,8 +1,8 @@
 """SOAP: Adam in the eigenbasis of Shampoo's factors (Vyas et al. 2024, arXiv 2409.11321), for small matrices.
 
 A matrix W [m, n] with gradient G has the factors L = mean of G Gᵀ and R = mean of Gᵀ G. Adam runs on Uᵀ G V, where U
-and V are the eigenvectors of L and R, kept by one step of orthogonal iteration every few steps. Matrices of one shape
-are stacked, as the cost of so small ones is that of the calls. Everything else than a matrix is left to Adam.
+and V are the eigenvectors of L and R, updated by one step of orthogonal iteration every few steps. Matrices of one
+shape are stacked, as for such small matrices the calls are the cost. Adam trains all weights that are not matrices.
 """
 
 import math
@@ -16,8 +16,9 @@ from torch import Tensor, nn
 
 EPSILON = 1e-8
 LEAST = 1e-3
-"""What is added to every eigenvalue, in their mean: gradients of a few steps span no whole space, and in the rest of it
-the bases would be of rounding errors, another one on every processor. They stay what they were there, or the axes.
+"""The amount that is added to every eigenvalue, relative to their mean. Gradients of a few steps do not span the space;
+in the rest of it the bases would consist of rounding errors, which differ between processors. With this amount they
+stay there as they were, or remain the axes.
 """
 
 Stack = Float[Tensor, "weights rows columns"]
@@ -26,7 +27,7 @@ Factor = Float[Tensor, "weights side side"]
 
 @dataclass
 class _Side:
-    """The factor of one side of stacked matrices and its eigenvectors, one in each column, the largest first."""
+    """The factor of one side of stacked matrices, and its eigenvectors as columns in falling order of eigenvalue."""
 
     factor: Factor
     basis: Factor
@@ -37,7 +38,7 @@ class _Side:
         return _Side(torch.zeros_like(identity), identity)
 
     def renew(self) -> Tensor:
-        """Take one step of orthogonal iteration; returns the order [weights, side] of the former columns."""
+        """Take one step of orthogonal iteration. Return the order [weights, side] of the former columns."""
         estimates = torch.einsum("kij,kil,klj->kj", self.basis, self.factor, self.basis)
         order = torch.argsort(estimates, dim=-1, descending=True, stable=True)
         sorted_basis = torch.gather(self.basis, 2, order[:, None].expand_as(self.basis))
@@ -48,7 +49,7 @@ class _Side:
         return order
 
     def start(self) -> None:
-        """Take the eigenvectors themselves, each with its largest component positive."""
+        """Set the basis to the eigenvectors, each with its largest component positive."""
         side = self.factor.shape[-1]
         ties = torch.linspace(1.0, 0.0, side, dtype=torch.float64, device=self.factor.device)
         parted = self.factor.double() + torch.diag_embed(self._least()[..., 0] * ties)
@@ -57,7 +58,6 @@ class _Side:
         self.basis.copy_(torch.where(largest < 0, -vectors, vectors))
 
     def _least(self) -> Float[Tensor, "weights 1 1"]:
-        """Return what is added to every eigenvalue."""
         return LEAST * torch.diagonal(self.factor, dim1=-2, dim2=-1).mean(dim=-1)[:, None, None]
 
 
@@ -80,7 +80,7 @@ class _Group:
         return _Group(weights, zeros, zeros.clone(), left, right)
 
     def state(self) -> dict[str, Tensor]:
-        """Return the tensors that are kept, all of them stacks."""
+        """Return the stacks of tensors that a snapshot keeps."""
         sides = {"left": self.left, "right": self.right}
         factors = {f"{name}_factor": side.factor for name, side in sides.items()}
         bases = {f"{name}_basis": side.basis for name, side in sides.items()}
@@ -101,7 +101,7 @@ class _Group:
         self.right.start()
 
     def renew(self) -> None:
-        """Renew the bases: the mean of the gradient turns with them, that of its square is only sorted with them."""
+        """Renew the bases. The mean of the gradient turns with them; the mean of its square is only reordered."""
         first = self.back(self.first)
         for side, axis in ((self.left, 1), (self.right, 2)):
             order = side.renew()
@@ -111,10 +111,10 @@ class _Group:
 
 
 class Soap:
-    """SOAP over the weights of a method, whose gradients lie in `grad`; a missing one counts as zero.
+    """SOAP over the weights of a method, whose gradients are in `grad`; a missing gradient counts as zero.
 
-    As in the authors' implementation the first step only begins the factors, and every `renewed_every`-th one ends with
-    the bases renewed.
+    As in the authors' implementation the first step only begins the factors, and every `renewed_every`-th step ends
+    with a renewal of the bases.
     """
 
     def __init__(self, weights: Iterable[nn.Parameter], betas: tuple[float, float], renewed_every: int) -> None:

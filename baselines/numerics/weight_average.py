@@ -1,12 +1,12 @@
-"""A running mean of weights, so that what is shown of a method in training does not depend on its last few steps.
+"""A running mean of weights, so that scores during training do not depend on the last few steps.
 
 The mean over a fixed share of the past (Karras et al. 2024, arXiv 2312.02696, § 3.1: power function EMA): after step t
 
     mean ← mean + w (weights − mean),   w = 1 − (1 − 1/t)^(power + 1),
 
-in which step s has about the weight (s / t)^power. At a high learning rate the mean is better than the weights
-themselves, nearly as good as if the rate had been lowered by then. So a curve over training is nearer to the scores
-that shorter trainings would have had.
+in which step s has about the weight (s / t)^power. At a high learning rate the mean is better than the weights, nearly
+as good as if the rate had been lowered by then. So a curve over training is nearer to the scores that shorter trainings
+would have had.
 """
 
 from collections.abc import Iterable, Iterator
@@ -27,19 +27,19 @@ class WeightAverage:
 
     @torch.no_grad()
     def observe(self) -> None:
-        """Take the weights of another step into the mean."""
+        """Include the weights of another step in the mean."""
         self.observed += 1
         share = 1.0 - (1.0 - 1.0 / self.observed) ** (self.power + 1.0)
         torch._foreach_lerp_(self.means, [weight.detach() for weight in self.weights], share)
 
     @torch.no_grad()
     def adopt(self) -> None:
-        """Set the weights to their mean, for good."""
+        """Set the weights to their mean permanently."""
         torch._foreach_copy_([weight.detach() for weight in self.weights], self.means)
 
     @contextmanager
     def shown(self) -> Iterator[None]:
-        """Enclose what sees the mean in place of the weights."""
+        """Enclose code for which the weights are their mean."""
         own = [weight.data for weight in self.weights]
         for weight, mean in zip(self.weights, self.means, strict=True):
             weight.data = mean

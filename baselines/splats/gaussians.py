@@ -1,8 +1,8 @@
-"""A scene of three-dimensional Gaussians with spherical harmonics, as 3D Gaussian Splatting has it (Kerbl et al. 2023,
-arXiv 2308.04079), and their projection to a camera.
+"""A scene of 3-D Gaussians with spherical harmonics, as in 3D Gaussian Splatting (Kerbl et al. 2023, arXiv 2308.04079),
+and their projection to a camera.
 
-Every Gaussian is widened by part of a pixel of the training views where it lies in space, not in the picture (Yu et al.
-2024, arXiv 2311.16493), so that a picture of another size shows the same scene.
+Every Gaussian is widened by part of a pixel of the training views in space, not in the picture (Yu et al. 2024, arXiv
+2311.16493), so that a picture of another size shows the same scene.
 """
 
 import math
@@ -32,7 +32,7 @@ def rotations(quaternions: Float[Tensor, "gaussians 4"]) -> Float[Tensor, "gauss
 
 
 def parts_of(values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
-    """Return the columns by part, as `COLUMNS` lists them, and the harmonics [gaussians, 3 · terms] last."""
+    """Return the columns by part, in the order of `COLUMNS`, and the harmonics [gaussians, 3 · terms] last."""
     sizes = list(COLUMNS.values())
     parts: tuple[Tensor, ...] = values.split([*sizes, values.shape[1] - sum(sizes)], dim=1)
     return parts
@@ -44,12 +44,12 @@ class Pencil:
 
     origin: Float[Tensor, " 3"]
     axes: Float[Tensor, "3 3"]
-    """Right, down and forward as columns; which way is down does not matter."""
+    """The directions right, down and forward as columns; any rotation about forward will do."""
     cells: RayCells
 
     @staticmethod
     def of(origin: Float[Tensor, " 3"], directions: Float[Tensor, "rays 3"]) -> "Pencil":
-        """Raise `ValueError` if the rays span half a sphere: no plane shows them all."""
+        """Sort the rays. Raises `ValueError` if they span half a sphere, as no plane shows them all."""
         forward = normalize(directions.mean(dim=0), dim=0)
         right = torch.zeros(3).index_fill(0, forward.abs().argmin(), 1.0)
         right = normalize(right - (right @ forward) * forward, dim=0)
@@ -72,7 +72,7 @@ class Gaussians:
     pixel: float
     """The side of a pixel of the training views in the middle of the box, in halves of the box's longest side."""
     widened: float
-    """The standard deviation, in such pixels, by which a Gaussian is widened."""
+    """The standard deviation, in units of `pixel`, by which a Gaussian is widened."""
     pointwise: bool = field(default=True, init=False)
     density_limit: float = field(default=math.inf, init=False)
 
@@ -89,22 +89,23 @@ class Gaussians:
         return {"gaussians": self.values.detach(), "pixel": torch.tensor(self.pixel, dtype=torch.float64)}
 
     def scales(self, log_scale: Float[Tensor, "gaussians 3"]) -> Float[Tensor, "gaussians 3"]:
-        """Return the standard deviations along a Gaussian's own axes, widened, in halves of the box's longest side."""
+        """Return the widened standard deviations along a Gaussian's axes, in halves of the box's longest side."""
         return (torch.exp(2.0 * log_scale) + (self.widened * self.pixel) ** 2).sqrt()
 
     def draw(
         self, pencil: Pencil, values: Float[Tensor, "gaussians columns"]
     ) -> tuple[Float[Tensor, "rays 4"], Float[Tensor, " rays"], int]:
-        """Draw `values`, differentiable once in them. Return colour and depth without a background, times opacity; the
-        transmittance; and how often a Gaussian was drawn on a ray. Lengths are halves of the box's longest side.
+        """Draw `values`, differentiable once with respect to them. Return colour and depth without a background, times
+        opacity; the transmittance; and how often a Gaussian was drawn on a ray. Lengths are in halves of the box's
+        longest side.
         """
         origin = self.box.normalised(pencil.origin).to(values.dtype).numpy()
         camera = origin, pencil.axes.to(values.dtype).numpy()
         return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, camera, self.widened * self.pixel, values))
 
     def render(self, rays: Rays) -> Rendering:
-        """Render rays of any cameras over white, one camera after the other. Raises `ValueError` for rays of one camera
-        that span half a sphere.
+        """Render rays of any cameras over white, one camera after the other. Raises `ValueError` where the rays of a
+        camera span half a sphere.
         """
         colour, opacity = torch.ones(len(rays), 3), torch.zeros(len(rays))
         depth, drawn = torch.full((len(rays),), rays.far), 0
@@ -119,8 +120,8 @@ class Gaussians:
 
     @torch.no_grad()
     def density(self, x: Points) -> Densities:
-        """Return the sum of the Gaussians at points of the scene, each as dense as gives its opacity to a ray through
-        the middle of a ball of the same volume.
+        """Return the sum of the Gaussians at points of the scene. The density of each gives its opacity to a ray
+        through the centre of a ball of the same volume.
         """
         position, log_scale, quaternion, logit, *_ = parts_of(self.values)
         scales = self.scales(log_scale)
@@ -140,7 +141,7 @@ class Gaussians:
 
 
 def _by_camera(origins: Float[Tensor, "rays 3"]) -> Iterator[Int[Tensor, " chosen"] | slice]:
-    """Yield the rays of each origin; nearly always there is one."""
+    """Yield the rays of each origin; nearly always there is only one origin."""
     if bool((origins == origins[:1]).all()):
         if len(origins):
             yield slice(None)

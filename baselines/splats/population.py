@@ -13,9 +13,9 @@ from baselines.splats.gaussians import rotations
 from baselines.splats.rasteriser import OPACITY
 
 SEEN = 1e-4
-"""The share of its random step below which a Gaussian stays where it is."""
+"""The share of its full random step below which a Gaussian stays where it is."""
 MOST_COPIES = 51
-"""The maximum number of Gaussians that take the place of one at a time, itself included."""
+"""The maximum number of Gaussians that replace one Gaussian at a time, itself included."""
 ORDERS = torch.arange(1, MOST_COPIES + 1, dtype=torch.float64)
 TERMS = torch.tensor(
     [
@@ -24,14 +24,14 @@ TERMS = torch.tensor(
     ],
     dtype=torch.float64,
 )
-"""Number of copies → the factor of each power of their opacity in what they have together along a line."""
+"""Number of copies → the factor of each power of their opacity in their joint weight along a line."""
 
 
 def first_values(
     box: Box, count: int, columns: int, opacity: float, generator: torch.Generator
 ) -> Float[Tensor, "gaussians columns"]:
-    """Return grey balls at random on the surface of the hull of the silhouettes, or in the whole box without one; as
-    wide as fills the surface.
+    """Return grey balls at random places on the surface of the hull of the silhouettes, or in the box if there is no
+    hull. Their width is such that they fill the surface.
     """
     sides = (box.upper - box.lower) / box.half_extent
     if box.hull is None or not bool(box.hull.any()):
@@ -52,7 +52,7 @@ def first_values(
 
 
 def _surrounded(cells: Tensor) -> Tensor:
-    """Return the cells whose six neighbours are all there; those at the border have none beyond it."""
+    """Return the occupied cells whose six neighbours are occupied; beyond the border nothing is."""
     padded = torch.nn.functional.pad(cells, (1, 1, 1, 1, 1, 1), value=False)
     inner = slice(1, -1)
     result = cells.clone()
@@ -67,9 +67,9 @@ def _surrounded(cells: Tensor) -> Tensor:
 def split_among(
     opacity: Float[Tensor, " chosen"], copies: Int[Tensor, " chosen"]
 ) -> tuple[Float[Tensor, " chosen"], Float[Tensor, " chosen"]]:
-    """Return the opacity of each of `copies` Gaussians in one place that together let through as much as one of
-    `opacity`, and the factor of their scale that keeps the colour along a ray (Eq. 9 of Kheradmand et al., whose inner
-    sums of binomial coefficients are one). All float64, and at most `MOST_COPIES`.
+    """Return the opacity of each of `copies` Gaussians in one place that together let through as much light as one of
+    `opacity`, and the factor of their scale that keeps the colour along a ray (Eq. 9 of Kheradmand et al., with its
+    inner sums of binomial coefficients in closed form). All are float64, and `copies` at most `MOST_COPIES`.
     """
     each = 1.0 - (1.0 - opacity).pow(1.0 / copies)
     together = (TERMS[copies] * each[:, None].pow(ORDERS)).sum(dim=1)
@@ -79,8 +79,8 @@ def split_among(
 def relocated(
     values: Float[Tensor, "gaussians columns"], more: int, dead: float, generator: torch.Generator
 ) -> tuple[Float[Tensor, "all columns"], Int[Tensor, " moved"]]:
-    """Return the Gaussians after those of at most the opacity `dead` have moved to others, drawn by opacity, and `more`
-    new ones have joined them; and which of them changed.
+    """Move Gaussians whose opacity is at most `dead` to others, drawn by opacity, and add `more` new Gaussians. Return
+    all Gaussians, and which of them changed.
     """
     opacity = torch.sigmoid(values[:, OPACITY])
     faint = torch.nonzero(opacity <= dead)[:, 0]
@@ -106,7 +106,7 @@ def relocated(
 def wandering(
     values: Float[Tensor, "gaussians columns"], size: float, dead: float, generator: torch.Generator
 ) -> Float[Tensor, "gaussians 3"]:
-    """Return a random step of the positions along each Gaussian's own extent, only of those near the opacity `dead`."""
+    """Return a random step of the positions, along the extent of each Gaussian, for those near the opacity `dead`."""
     faint = torch.sigmoid(-100.0 * (torch.sigmoid(values[:, OPACITY]) - dead))
     noise = torch.randn(len(values), 3, generator=generator) * faint[:, None]
     moved = torch.nonzero(faint > SEEN)[:, 0]

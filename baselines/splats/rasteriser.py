@@ -1,11 +1,11 @@
 """The projection of Gaussians to a camera, their compositing front to back, and the gradient of both, compiled for the
 processor (Kerbl et al. 2023, arXiv 2308.04079, without its tiles).
 
-One Gaussian after the other visits the rays that it covers: what a ray has let through so far fits in the cache, and no
-list of Gaussians is made for a tile. Rays may be any of one camera; they are sorted into rows of small cells, so that a
-Gaussian finds its own without looking at the others, and those of a row one after the other, so that the processor
-works on several at once: a loop over them has no branch. Every sum runs in one fixed order, which depends on how many
-that are. All that is compiled stands in this file: numba's cache would not see a change elsewhere.
+One Gaussian after the other visits the rays that it covers: the transmittances of all rays fit in the cache, and no
+list of Gaussians is made for a tile. The rays may be any rays of one camera. They are sorted into rows of small cells,
+so that a Gaussian finds its rays without a search. The rays of a row are adjacent, so that the processor works on
+several at once: a loop over them has no branch. Every sum runs in a fixed order, which depends on the number of rays.
+All compiled code is in this file, as numba's cache would not see a change elsewhere.
 """
 
 import itertools
@@ -26,7 +26,7 @@ FAINTEST = 1.0 / 255.0
 """The opacity below which a Gaussian is not drawn on a ray."""
 MOST_OPAQUE = 0.99
 LET_THROUGH = 1e-4
-"""The transmittance below which nothing more is drawn on a ray."""
+"""The transmittance below which no further Gaussian is drawn on a ray."""
 NEAREST = 1e-3
 """The depth, in halves of the box's longest side, below which a Gaussian is not drawn."""
 COLUMNS = {"position": 3, "log_scale": 3, "rotation": 4, "opacity": 1, "colour": 3}
@@ -34,19 +34,19 @@ COLUMNS = {"position": 3, "log_scale": 3, "rotation": 4, "opacity": 1, "colour":
 and scale in halves of the box's longest side, a quaternion of any length, the logit of the opacity.
 """
 OPACITY, COLOUR, HARMONICS = 10, 11, 14
-"""The columns at which these begin."""
+"""The first columns of the opacity, the colour and the harmonics."""
 ONE, HALF, TWO = np.float32(1.0), np.float32(0.5), np.float32(2.0)
 Y0, Y1 = (np.float32(c / math.sqrt(math.pi)) for c in (0.5, math.sqrt(0.75)))
 Y2, Y20 = (np.float32(c * math.sqrt(x / math.pi)) for c, x in ((0.5, 15.0), (0.25, 5.0)))
-"""The factors of the real spherical harmonics of degree 0, 1 and 2, and of the one of degree 2 that is round."""
+"""The factors of the real spherical harmonics of degree 0, 1 and 2; Y20 is that of order 0 in degree 2."""
 CLAMP, END, MOST_FAINT = np.float32(MOST_OPAQUE), np.float32(LET_THROUGH), np.float32(1.0 / FAINTEST)
 
 
 class RayCells(NamedTuple):
-    """Points of a plane, those of one cell of a regular grid side by side, about one in each."""
+    """Points of a plane, sorted by the cells of a regular grid, with about one point per cell."""
 
     order: np.ndarray
-    """The place of each sorted point among those given, int [points]."""
+    """The index of each sorted point before sorting, int [points]."""
     back: np.ndarray
     """The inverse of `order`."""
     at: np.ndarray
@@ -60,8 +60,7 @@ class RayCells(NamedTuple):
     """The lower corner of the grid and the sides of a cell [2]."""
 
     @staticmethod
-    def of(points: np.ndarray) -> "RayCells":
-        """Sort `points` [points, 2]."""
+    def of(points: np.ndarray) -> "RayCells":  # [points, 2]
         points = np.ascontiguousarray(points.T)  # numpy is slow along a long first axis
         lower, upper = points.min(axis=1), points.max(axis=1)
         extent = np.maximum(upper - lower, 1e-12)
@@ -79,12 +78,12 @@ class RayCells(NamedTuple):
 
 
 class Projected(NamedTuple):
-    """Gaussians as a camera sees them, front to back."""
+    """Gaussians projected to a camera, front to back."""
 
     shapes: np.ndarray
     """The centre x, y in the picture, the conic (inverse covariance) xx, xy, yy, and the opacity [n, 6]."""
     halves: np.ndarray
-    """The half sides of the bounding boxes [n, 2]."""
+    """The half extents of the bounding boxes [n, 2]."""
     colours: np.ndarray
     """Red, green, blue, and depth [n, 4]."""
 
@@ -141,8 +140,8 @@ def _fill_harmonics(x: float, y: float, z: float, out: np.ndarray) -> None:
 def _flatten(
     row: np.ndarray, origin: np.ndarray, axes: np.ndarray, turn: np.ndarray, flat: np.ndarray, deep: np.ndarray
 ) -> tuple[float, float, float, float]:
-    """Project one Gaussian: fill `turn`, its axes in the picture `flat` [3, 2] and their depths `deep` [3]. Return
-    where it is seen, its depth along the axis, and the length of its quaternion.
+    """Project one Gaussian: fill `turn`, its axes in the picture `flat` [3, 2] and their depths `deep` [3]. Return its
+    two coordinates in the picture, its depth along the axis, and the length of its quaternion.
     """
     px, py, pz = row[0] - origin[0], row[1] - origin[1], row[2] - origin[2]
     z = px * axes[0, 2] + py * axes[1, 2] + pz * axes[2, 2]
@@ -154,7 +153,7 @@ def _flatten(
         deep[j] = scale * (turn[0, j] * axes[0, 2] + turn[1, j] * axes[1, 2] + turn[2, j] * axes[2, 2])
         right = scale * (turn[0, j] * axes[0, 0] + turn[1, j] * axes[1, 0] + turn[2, j] * axes[2, 0])
         down = scale * (turn[0, j] * axes[0, 1] + turn[1, j] * axes[1, 1] + turn[2, j] * axes[2, 1])
-        # Eq. 5 of Kerbl et al.: the projection to first order about the middle
+        # Eq. 5 of Kerbl et al.: the projection to first order about the centre
         flat[j, 0], flat[j, 1] = (right - a * deep[j]) / z, (down - b * deep[j]) / z
     return a, b, z, length
 
@@ -281,9 +280,7 @@ def _project_back(
 @njit(inline="always")
 @no_type_check
 def _covered(centre: float, half: float, lower: float, size: float, count: int) -> tuple[int, int]:
-    """Return the first and the last of `count` cells that centre ± half reaches; the first is beyond the last if it
-    reaches none.
-    """
+    """Return the first and last of `count` cells that centre ± half reaches; if it reaches none, first > last."""
     first, last = math.floor((centre - half - lower) / size), math.floor((centre + half - lower) / size)
     return max(np.int64(first), 0), min(np.int64(last), count - 1)
 
@@ -297,10 +294,10 @@ EIGHTH, NOTHING = np.float32(0.125), np.float32(0.0)
 
 @no_type_check
 def _falloff(power):  # numba compares its signature with those of the two below
-    """Return e^−power, in float32 by a polynomial to the eighth power, within 5e-7 up to log 255, beyond which nothing
-    is drawn: a loop around the library's function is not computed several at a time.
+    """Return e^−power. In float32 it is a polynomial to the eighth power, within 5e-7 up to log 255, beyond which
+    nothing is drawn: the compiler does not vectorise a loop around the library's function.
     """
-    raise NotImplementedError("compiled code alone calls it")
+    raise NotImplementedError("only compiled code calls it")
 
 
 @overload(_falloff, inline="always")
@@ -326,8 +323,8 @@ def _falloff_of(power):
 def _forward(
     rays: RayCells, band: tuple[int, int], projected: Projected, out: np.ndarray, through: np.ndarray, last: np.ndarray
 ) -> int:
-    """Draw Gaussians over the rows `band`. Adds to `out` [4, rays]; `through` [rays] holds the transmittance, `last`
-    [rays] the last Gaussian drawn. Returns how often one was drawn on a ray.
+    """Draw Gaussians over the rows `band`. Add to `out` [4, rays]; `through` [rays] is the transmittance, `last` [rays]
+    the last Gaussian drawn. Return how often a Gaussian was drawn on a ray.
     """
     at, start, columns, lower, size = rays.at, rays.start, rays.columns, rays.lower, rays.size
     shapes, halves, colours = projected.shapes, projected.halves, projected.colours
@@ -378,7 +375,7 @@ def _backward(
     through: np.ndarray, behind: np.ndarray, last: np.ndarray, v_shapes: np.ndarray, v_colours: np.ndarray,
 ) -> None:  # fmt: skip
     """Undo `_forward` from back to front, and fill `v_shapes` and `v_colours` from `v_out` [4, rays]. `behind` [rays]
-    is the gradient of the transmittance, times it; both `through` and `behind` are used up.
+    is the transmittance times its gradient; `through` and `behind` are overwritten.
     """
     at, start, columns, lower, size = rays.at, rays.start, rays.columns, rays.lower, rays.size
     shapes, halves, colours = projected.shapes, projected.halves, projected.colours
@@ -406,7 +403,7 @@ def _backward(
                 fall = NOTHING if (power > faintest) | (g > final[i]) else fall
                 alpha[i] = min(opacity * fall, CLAMP)
                 share[i] = fall if opacity * fall < CLAMP else NOTHING  # an opacity at its limit has no slope
-            # a loop that writes no more than it needs to is computed several rays at once
+            # separate short loops, as the compiler vectorises a loop that writes to few arrays
             for i in range(x.shape[0]):
                 let[i] /= ONE - alpha[i]
                 weight[i] = alpha[i] * let[i]
@@ -440,7 +437,7 @@ def _backward(
 def add_densities(
     x: np.ndarray, middle: np.ndarray, whitened: np.ndarray, peak: np.ndarray, far: np.ndarray, total: np.ndarray
 ) -> None:
-    """Add to `total` [points] what Gaussians up to `far` [n] away from their `middle` [n, 3] have of `peak` [n]."""
+    """Add the densities of Gaussians with the maximum `peak` [n], up to `far` [n] from their `middle` [n, 3]."""
     for g in range(middle.shape[0]):
         for p in range(x.shape[0]):
             dx, dy, dz = x[p, 0] - middle[g, 0], x[p, 1] - middle[g, 1], x[p, 2] - middle[g, 2]
@@ -454,7 +451,7 @@ def add_densities(
 
 class Drawn(torch.autograd.Function):
     """Colour and depth [rays, 4] without a background, transmittance [rays], and how often a Gaussian was drawn on a
-    ray; differentiable once in the Gaussians, where the direction from which one is seen counts as given.
+    ray; differentiable once with respect to the Gaussians, with their viewing directions held constant.
     """
 
     @staticmethod

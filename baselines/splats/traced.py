@@ -23,21 +23,21 @@ from mitsuba.python.ad.integrators.volprim_rf_basic import (  # noqa: E402 — o
 MOST_HITS = 128
 """The maximum number of Gaussians per ray."""
 END = 0.01
-"""The transmittance below which a ray ends, Mitsuba's own."""
+"""The transmittance below which a ray ends, as in Mitsuba."""
 TINY = 1e-4
-"""The distance by which a ray resumes behind a Gaussian that it met, Mitsuba's own."""
+"""The distance behind a Gaussian at which a ray resumes, as in Mitsuba."""
 NAMES = ("shape.data", "shape.opacities", "shape.sh_coeffs")
 """Centre, scales, and a unit quaternion x, y, z, w; opacity; harmonics, red, green and blue of one after the other."""
 
 
 class OverWhite(BasicVolumetricPrimitiveRadianceFieldIntegrator):  # type: ignore[misc]
-    """Mitsuba's integrator, and what it has no output for: the background, and where geometry is."""
+    """Mitsuba's integrator, with the outputs that it lacks: the background and the depth."""
 
     @dr.syntax
     @no_type_check
     def seen(self, scene: Any, ray: Any) -> tuple[Any, Any, Any, Any]:
-        """Return radiance over white, transmittance, distance times opacity, and the number of Gaussians met, by the
-        loop of `sample` without a gradient.
+        """Return radiance over white, transmittance, distance times opacity, and the number of Gaussians met. This is
+        the loop of `sample` without a gradient.
         """
         start, ray = mi.Point3f(ray.o), mi.Ray3f(ray)
         radiance, let = mi.Color3f(0.0), mi.Float(1.0)
@@ -57,10 +57,10 @@ class OverWhite(BasicVolumetricPrimitiveRadianceFieldIntegrator):  # type: ignor
 
 
 class Traced:
-    """A scene of so many Gaussians in Mitsuba; lengths as in `baselines.splats.gaussians`."""
+    """A scene of a fixed number of Gaussians in Mitsuba; lengths are as in `baselines.splats.gaussians`."""
 
     def __init__(self, numbers: tuple[Tensor, ...]) -> None:
-        """Take numbers as `NAMES` lists them, each [gaussians, numbers]; their count stays."""
+        """Take numbers as `NAMES` lists them, each [gaussians, numbers]."""
         self.count = len(numbers[0])
         self.integrator = OverWhite(mi.Properties("volprim_rf_basic"))
         self.integrator.srgb_primitives = False
@@ -90,8 +90,7 @@ class Traced:
         """Return colour over white, transmittance, distance times opacity, and the number of Gaussians met."""
         colour, let, distance, hits = self.integrator.seen(self.scene, _ray(origins, directions))
         dr.eval(colour, let, distance, hits)
-        whole = torch.from_numpy(np.array(colour).T.copy())
-        return whole, _tensor(let), _tensor(distance), int(np.array(hits).sum())
+        return _tensor(colour).T.contiguous(), _tensor(let), _tensor(distance), int(np.array(hits).sum())
 
     def gradient(
         self,
@@ -102,14 +101,14 @@ class Traced:
     ) -> tuple[Tensor, ...]:
         """Return the gradient of the numbers, given that of the `colour` that `trace` returned.
 
-        The loop goes the same way once more, and finds what is behind each Gaussian by subtraction; what is behind all
-        of them is the background.
+        The loop runs once more along the same path, and computes the light from behind each Gaussian by subtraction;
+        behind the last Gaussian is the background.
         """
         for name in NAMES:
             dr.enable_grad(self.parameters[name])
         ray, slope, state = _ray(origins, directions), _colour(to_colour), _colour(colour)
         self.sampler.seed(0, len(origins))
-        with dr.suspend_grad():  # but for what the integrator itself resumes
+        with dr.suspend_grad():  # except where the integrator itself resumes gradients
             self.integrator.sample(dr.ADMode.Backward, self.scene, self.sampler, ray, slope, state, True)
         gradients = tuple(_tensor(dr.grad(self.parameters[name])).view(self.count, -1) for name in NAMES)
         for name in NAMES:

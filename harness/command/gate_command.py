@@ -1,4 +1,4 @@
-"""`python -m harness gate | history`: their options, and what they do; `speed` appends to the history as well."""
+"""`python -m harness gate | history`; `speed` appends to the history as well."""
 
 import argparse
 import shlex
@@ -16,15 +16,15 @@ LIMITS, HISTORY_FILE = Path("gates/limits.json"), Path("out/history.jsonl")
 
 GATE: Options = {
     "--only": option("gates, or beginnings of their names: changed worse.qnerf images …", "NAME", nargs="+"),
-    "--renew": flag("measure limits and references anew, of committed code, and write them"),
-    "--limits": option(f"limits to hold to (default: {LIMITS})", "FILE", Path, default=LIMITS),
+    "--renew": flag("measure the limits and references of committed code again, and write them"),
+    "--limits": option(f"limits of the gates (default: {LIMITS})", "FILE", Path, default=LIMITS),
     **shared("--view-sets", "--out", "--list"),
-    "--rank": option("compare the order of methods with that of a finished run, no more", "RUN", Path),
+    "--rank": option("only compare the order of methods with that of a finished run", "RUN", Path),
     "--history": {},
     "--quiet": option("no progress, and no table"),
 }
 FIGURES = (
-    "The figures of every `gate` and `nox -s speed` that appended to FILE, drawn over the runs: which of them changed, "
+    "The figures of every `gate` and `nox -s speed` that appended to FILE, drawn over the runs: which figures changed, "
     "between which commits, on which class of processor."
 )
 HISTORY: Options = {
@@ -52,7 +52,7 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
     from harness.run_folder.output_folder import fresh_folder, make_ours
 
     out = options.out or fresh_folder("gate", resume=False)
-    # before a folder is made
+    # raises before a folder is made
     context = context_for(table, options.limits, out, options.view_sets, show, options.renew)
     with locked_folder(out):
         make_ours(out)
@@ -67,9 +67,7 @@ def run_gate(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def chosen(names: list[str] | None) -> tuple[Gate, ...]:
-    """Return the gates of these names, or whose names begin with them; raises `InputError` for one that matches
-    none.
-    """
+    """Return the gates whose names are or begin with one of `names`; raises `InputError` for a name without a gate."""
     from scenes.files.errors import InputError
 
     table = gates()
@@ -107,7 +105,7 @@ def run_history(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def remember(file: Path | None, record: Path, of_class: str, show: "Progress") -> None:
-    """Append the figures of a record of studies to the history; where that cannot be written, a line says so."""
+    """Append the figures of a record of studies to the history; a failure to write it is only reported."""
     import time
 
     from harness.records.study import read_studies
@@ -129,7 +127,7 @@ def remember(file: Path | None, record: Path, of_class: str, show: "Progress") -
     file = file or record.parent.parent / HISTORY_FILE.name
     try:
         append(file, run)
-    except OSError as error:  # what was measured is not lost
+    except OSError as error:
         show.line(f"{file}: {error.strerror}; the figures are not in the history, name another file (--history)")
 
 

@@ -1,4 +1,4 @@
-"""`python -m harness judge TABLE`, `score PICTURES` and `compare A B`: their options, and what they do."""
+"""`python -m harness judge TABLE`, `score PICTURES` and `compare A B`."""
 
 import argparse
 import sys
@@ -22,7 +22,7 @@ JUDGE: Options = {
     "--metric": option("column to judge (default: psnr, else the first one)", "NAME"),
     "--lower": option("metrics that are better when lower", "NAME", nargs="+", default=[]),
     "--margin": option("smallest effect of interest (default: 0.2 dB of psnr, …)", "SIZE", float),
-    "--baseline": option("compare each method with this one alone (default: all pairs)", "METHOD"),
+    "--baseline": option("compare each method only with this one (default: all pairs)", "METHOD"),
     "--out": option("output folder (default: a fresh out/judge-TIME)"),
 }
 SCORING = (
@@ -30,23 +30,23 @@ SCORING = (
     "instant-ngp, nerfbaselines, or any folder with a picture of each view), as a table for `judge`."
 )
 SCORE: Options = {
-    "pictures": option("folder of the pictures, or one that has it inside", "PICTURES", Path),
-    "--view-set": option("with the truth: the images it was trained on", "DIR", Path, required=True),
+    "pictures": option("folder of the pictures, or a folder that contains it", "PICTURES", Path),
+    "--view-set": option("view set with the ground truth of the pictures", "DIR", Path, required=True),
     "--method": option("name of the method in the table", "NAME", required=True),
     "--scene": option("name of the scene in the table (default: that of the view set)", "NAME"),
-    "--seed": option("of its training, for the table (default: 0)"),
-    "--seconds": option("that its training took, for the table", "S", float),
+    "--seed": option("seed of the training, for the table (default: 0)"),
+    "--seconds": option("training seconds, for the table", "S", float),
     "--resolution": option("width at which both are compared (default: that of the pictures)"),
     "--lpips": {},
     "--as-they-are": flag("score pictures that seem to be in another order or colour space"),
     "--to": option(
-        "table that gets a row more, or anew (default: out/scores.json)", "FILE", Path, default=Path("out/scores.json")
+        "table to which the row is added (default: out/scores.json)", "FILE", Path, default=Path("out/scores.json")
     ),
 }
 COMPARING = (
-    "How far two outputs of the same plan differ: scores cell by cell, verdicts, headline. Made on two machines, or on "
-    "one with ATEN_CPU_CAPABILITY=avx2 in the environment of the second run, which makes torch leave out AVX-512 "
-    "(ONEDNN_MAX_CPU_ISA=AVX2 does so for products of matrices); the provenance of every cell says which."
+    "How far two outputs of the same plan differ: scores cell by cell, verdicts, headline. Run the plan on two "
+    "machines, or on one with ATEN_CPU_CAPABILITY=avx2 in the environment of the second run, which makes torch leave "
+    "out AVX-512 (ONEDNN_MAX_CPU_ISA=AVX2 does so for matrix multiplications); cells record their instruction set."
 )
 COMPARE: Options = {
     "first": option("output folder of a run", "A", Path),
@@ -71,6 +71,8 @@ def run_judge(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def run_score(options: argparse.Namespace, show: "Progress") -> int:
+    from msgspec.structs import replace
+
     from harness.records.metric_table import METRICS
     from harness.records.scored_pictures import read_scores, write_scores
     from harness.training.scoring.others import SCORED, score_pictures
@@ -85,19 +87,17 @@ def run_score(options: argparse.Namespace, show: "Progress") -> int:
         options.pictures,
         options.view_set,
         options.method,
-        scene=options.scene,
-        seed=options.seed,
-        seconds=options.seconds,
         resolution=options.resolution,
         as_they_are=options.as_they_are,
         lpips=options.lpips,
         each=lambda done, total: show.part("scoring views", done, total),
     )
+    row = replace(row, scene=options.scene or row.scene, seed=options.seed, seconds=options.seconds)
     write_scores(options.to, table, row)
     known = [METRICS[name] for name in SCORED if getattr(row, name) is not None]
-    scores = (f"{metric.label} {getattr(row, metric.name):.{metric.digits}f}" for metric in known)
-    show.line(f"{row.scene} {row.method} seed {row.seed}, {len(row.views)} views of {row.made['width']} px: "
-              f"{', '.join(scores)}")  # fmt: skip
+    scores = ", ".join(f"{metric.label} {getattr(row, metric.name):.{metric.digits}f}" for metric in known)
+    views = f"{len(row.views)} views of {row.made['width']} px"
+    show.line(f"{row.scene} {row.method} seed {row.seed}, {views}: {scores}")
     worst = min(row.views, key=lambda view: view.psnr or 0.0)
     show.line(f"worst view {worst.view}: {worst.psnr:.2f} dB; table {options.to} ({len(table.cells)} rows before)")
     return 0
@@ -115,7 +115,7 @@ def run_compare(options: argparse.Namespace, show: "Progress") -> int:
 
 
 COMMANDS = {
-    "judge": Command("verdicts on anybody's table of results", JUDGE, run_judge),
-    "score": Command("scores of pictures that another program rendered", SCORE, run_score, SCORING),
-    "compare": Command("how far two outputs of the same plan differ", COMPARE, run_compare, COMPARING),
+    "judge": Command("give verdicts on any table of results", JUDGE, run_judge),
+    "score": Command("score pictures that another program rendered", SCORE, run_score, SCORING),
+    "compare": Command("show how far two outputs of the same plan differ", COMPARE, run_compare, COMPARING),
 }

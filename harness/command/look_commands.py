@@ -1,4 +1,4 @@
-"""`python -m harness view | render`: their options, and what they do; nothing heavy is imported for the help."""
+"""`python -m harness view | render`; nothing heavy is imported for the help."""
 
 import argparse
 import errno
@@ -27,11 +27,11 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 VIEW: Options = {
     "out": FINISHED_RUN,
     "--scene": option("scene to begin with (default: the first that was trained)", "SCENE"),
-    "--methods": option("to begin with (default: baseline and first contender)"),
+    "--methods": option("methods to begin with (default: baseline and first contender)"),
     "--seed": {},
-    "--host": option("to listen on (default: this machine alone)", "ADDRESS", default="127.0.0.1"),
-    "--port": option(f"0 takes a free one (default: {PORT})", "N", int, default=PORT),
-    "--no-browser": flag("print the address, open nothing"),
+    "--host": option("address to listen on (default: only this machine)", "ADDRESS", default="127.0.0.1"),
+    "--port": option(f"port; 0 takes a free one (default: {PORT})", "N", int, default=PORT),
+    "--no-browser": flag("only print the address"),
     **shared("--threads", "--resolution", "--device", "--view-sets"),
 }
 
@@ -62,15 +62,14 @@ def _serve_view(options: argparse.Namespace, show: "Progress") -> None:
 
     from harness.viewer.server import Announced, application
 
-    # torch's number of threads is one of each thread's own settings
+    # torch keeps a number of threads for each thread
     worker = ThreadPoolExecutor(1, "render", initializer=use_threads, initargs=(threads,))
     port = listening.getsockname()[1]
-    site = application(shown, worker, hosts_of(options.host))
-    config = config_of(site)
+    config = config_of(application(shown, worker, hosts_of(options.host)))
     address = f"http://{_in_address(options.host)}:{port}/"
     if options.host not in LOOPBACK:
         print(
-            f"warning: --host {options.host}: whoever reaches this machine can look at {options.out} and have views "
+            f"warning: --host {options.host}: everyone who reaches this machine can view {options.out} and have views "
             "rendered; there is no password",
             file=sys.stderr,
         )
@@ -87,7 +86,7 @@ def _serve_view(options: argparse.Namespace, show: "Progress") -> None:
 
 
 def config_of(site: "Starlette") -> "uvicorn.Config":
-    """Return a configuration that logs nothing of its own, and waits for nobody at the end."""
+    """Return a configuration without logs, and without waiting for connections at the end."""
     import uvicorn
 
     return uvicorn.Config(
@@ -102,7 +101,7 @@ def config_of(site: "Starlette") -> "uvicorn.Config":
 
 
 def bound(host: str, port: int) -> socket.socket:
-    """Return a socket that listens; raises `InputError` for an address that is not this machine's or is in use."""
+    """Return a listening socket; raises `InputError` for an address that is in use or not one of this machine."""
     from scenes.files.errors import InputError
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -125,8 +124,8 @@ def bound(host: str, port: int) -> socket.socket:
 
 
 def hosts_of(host: str) -> list[str]:
-    """Return the names under which the page may be requested. A name that an attacker's own server gives this machine
-    (DNS rebinding) is not among them.
+    """Return the names under which the page may be requested, so that no other name, which an attacker's server may
+    give this machine (DNS rebinding), is accepted.
     """
     names = {"127.0.0.1", "localhost", "[::1]"}
     if host not in LOOPBACK:
@@ -154,16 +153,16 @@ RENDER: Options = {
     "--scenes": {},
     "--methods": option("methods side by side (default: baseline and first contender)"),
     "--seed": {},
-    "--frames": option("default: 60; with --path test every test view of the run", "N", int),
+    "--frames": option("number of frames (default: 60; with --path test all test views of the run)", "N", int),
     "--resolution": {},
-    "--fps": option("frames a second of the animation (default: 20)", "N", int, default=20),
+    "--fps": option("frames per second of the animation (default: 20)", "N", int, default=20),
     "--elevation": option("height of an orbit above the horizon (default: 30)", "DEG", float),
-    "--to": option("folder to write to or to go on with (default: OUT/films/…)", "DIR", Path),
-    "--view-sets": option("view-set cache, for --path test"),
+    "--to": option("folder to write to or to resume (default: OUT/films/…)", "DIR", Path),
+    "--view-sets": option("cache of view sets, for --path test"),
     "--device": {},
     "--threads": option(
-        "that render (default: all cores but one, as in `view`); views that were cached with another number are "
-        "rendered anew, as they may differ in their last bits"
+        "threads of rendering (default: all cores but one, as in `view`); views that were cached with another number "
+        "are rendered again, as they may differ in their last bits"
     ),
     "--no-cache": flag("render every missing frame; neither read nor fill the view cache"),
     **shared("--dry-run", "--quiet"),
@@ -176,14 +175,14 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
     require_between(options, frames=(1, MOST_FRAMES), resolution=(1, 4096), fps=(1, 60))
     require_between(options, threads=(1, 256), seed=(0, 2**31), elevation=(-90, 90))
     if options.elevation is not None and options.path != "orbit":
-        raise InputError(f"--elevation: --path {options.path} has heights of its own; leave it out")
+        raise InputError(f"--elevation: --path {options.path} has its own heights; leave the option out")
 
     from harness.machine.device import chosen_device, keep_freed_memory, rendering_threads, use_threads
     from harness.playback.run_loader import FinishedRun
     from harness.run_folder.folder_lock import locked_folder
     from harness.viewer.film.film_folder import claim
-    from harness.viewer.film.film_making import filmed
-    from harness.viewer.film.film_plan import planned
+    from harness.viewer.film.film_making import make_film
+    from harness.viewer.film.film_plan import plan_film
     from harness.viewer.film.takes import FilmSpec
 
     device = chosen_device(options.device)
@@ -197,30 +196,30 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
     disk = None if options.no_cache or (options.dry_run and not cache.is_dir()) else cache
     folder = options.to or options.run / "films" / film.name
     try:
-        plan = planned(run, options.scenes, options.methods, film, folder, options.view_sets, disk, device)
+        plan = plan_film(run, options.scenes, options.methods, film, folder, options.view_sets, disk, device)
         for line in plan.lines():
             (print if options.dry_run else show.line)(line)
         if options.dry_run:
             return 0
         with locked_folder(folder, "--to"):
             claim(folder, film, run.out, show.line)
-            for line in filmed(plan, options.fps, show):
+            for line in make_film(plan, options.fps, show):
                 show.line(line)
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EIO):
             raise
         raise InputError(
-            f"{error.filename or folder}: {error.strerror or error}; mend that and give the same command again: "
+            f"{error.filename or folder}: {error.strerror or error}; repair that and give the same command again: "
             "finished frames are kept"
         ) from error
     except KeyboardInterrupt:
         show.close()
-        print(f"interrupted: finished frames are kept in {folder}; the same command goes on", file=sys.stderr)
+        print(f"interrupted: finished frames are kept in {folder}; the same command resumes", file=sys.stderr)
         return 130
     return 0
 
 
 COMMANDS = {
-    "view": Command("look at a finished run in the browser", VIEW, run_view),
-    "render": Command("a camera path through a finished run, its methods side by side", RENDER, run_render),
+    "view": Command("view a finished run in the browser", VIEW, run_view),
+    "render": Command("render a camera path through a finished run, its methods side by side", RENDER, run_render),
 }

@@ -1,7 +1,7 @@
-"""`python -m harness completion SHELL | doctor`: a script that completes commands, options and names; what is missing.
+"""`python -m harness completion SHELL | doctor`.
 
-Shells complete by the name of a program, and that of `python -m harness` is python's. The script therefore defines a
-function (in tcsh an alias) `harness`, which is `python -m harness`, and completes that.
+Shells complete by the name of a program, which for `python -m harness` is python. The completion script therefore
+defines a function (in tcsh an alias) `harness`, which calls `python -m harness`, and completes that.
 """
 
 import argparse
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 SHELLS = {
     "bash": 'harness() {\n  python -m harness "$@"\n}\n',
-    # its compdef is there once compinit was called, which a fresh account does not do
+    # compdef exists once compinit was called, which a fresh account does not do
     "zsh": "whence compdef >/dev/null || { autoload -Uz compinit && compinit -i }\n"
     'harness() {\n  python -m harness "$@"\n}\n',
     "tcsh": "alias harness 'python -m harness'\n",
     "fish": "function harness\n  python -m harness $argv\nend\n",
 }
-"""Shell → the definition of `harness` in it."""
+"""Shell → its definition of `harness`."""
 
 
 COMPLETION: Options = {
@@ -34,7 +34,7 @@ COMPLETION: Options = {
         choices=tuple(SHELLS),
     )
 }
-DOCTOR: Options = {"--json": flag("one JSON list instead of lines")}
+DOCTOR: Options = {"--json": flag("print one JSON list instead of lines")}
 
 
 def run_completion(options: argparse.Namespace, show: "Progress") -> int:
@@ -43,7 +43,7 @@ def run_completion(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def script(shell: str, parser: argparse.ArgumentParser) -> str:
-    """Return the script for the commands that `parser` has, with the names that this installation knows."""
+    """Return the script for the commands of `parser`, with the names that this installation knows."""
     import shtab
 
     from harness.plan.plugins import method_names
@@ -64,7 +64,7 @@ def script(shell: str, parser: argparse.ArgumentParser) -> str:
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Yield the actions of the parser and of its commands, with the names of the commands."""
+    """Yield the actions of the parser and of its commands, whose `prog` is set to their names."""
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):
@@ -76,22 +76,22 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 def run_doctor(options: argparse.Namespace, show: "Progress") -> int:
     from harness.machine.doctor import findings
 
-    all_findings = []
+    known = []
     for finding in findings():
-        all_findings.append(finding)
+        known.append(finding)
         if not options.json:
             show.line(f"{finding.verdict:8} {finding.what}: {finding.found}")
             if finding.verdict != "ok":
                 show.line(f"         → {finding.to_do}")
+    lacking = [finding.what for finding in known if finding.verdict == "missing" and finding.needed]
     if options.json:
-        show.line(json.dumps([asdict(finding) for finding in all_findings], indent=2, ensure_ascii=False))
-    lacking = [finding.what for finding in all_findings if finding.verdict == "missing" and finding.needed]
-    if not options.json:
-        show.line(f"missing, and needed: {', '.join(lacking)}" if lacking else "everything that is needed is there")
+        show.line(json.dumps([asdict(finding) for finding in known], indent=2, ensure_ascii=False))
+    else:
+        show.line(f"missing, and needed: {', '.join(lacking)}" if lacking else "nothing that is needed is missing")
     return 2 if lacking else 0
 
 
 COMMANDS = {
-    "doctor": Command("what this machine has, and how to get the rest", DOCTOR, run_doctor),
+    "doctor": Command("show what this machine has, and how to get the rest", DOCTOR, run_doctor),
     "completion": Command("print a completion script for your shell", COMPLETION, run_completion),
 }

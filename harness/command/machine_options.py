@@ -1,4 +1,4 @@
-"""The options that say where cells run, and the device and the machine that follow from them."""
+"""The options that decide where cells run, and the device and the machine that follow from them."""
 
 import argparse
 import shutil
@@ -16,21 +16,20 @@ if TYPE_CHECKING:
     from harness.plan.run_plan import Machine
 
 MACHINE_OPTIONS: Options = {
-    "--workers": option("processes on this machine (default: one a core, or one a GPU)", "N", int),
+    "--workers": option("processes on this machine (default: one per core, or one per GPU)", "N", int),
     "--threads": option("threads of each cell (default: 1)", default=1),
     "--executor": option(
         "where cells run (ray, submitit: optional extras)", default="local", choices=("local", "ray", "submitit")
     ),
     "--keep-every": option(
-        "seconds between two times that cells are kept in the middle of their training; 0: after every step "
-        "(default: %(default)g)",
+        "seconds between two snapshots of a cell in training; 0: after every step (default: %(default)g)",
         "S",
         float,
         default=KEPT_EVERY,
     ),
-    "--ray-address": option("of a Ray cluster (default: RAY_ADDRESS, else a Ray of this machine)", "ADDRESS"),
+    "--ray-address": option("of a Ray cluster (default: RAY_ADDRESS, else start Ray on this machine)", "ADDRESS"),
     "--job": option(
-        "of the jobs of submitit, for example timeout_min=600 or slurm_partition=gpu; may be given again",
+        "parameter of submitit, for example timeout_min=600 or slurm_partition=gpu; may be given several times",
         "NAME=VALUE",
         action="append",
         default=[],
@@ -41,10 +40,10 @@ MACHINE_OPTIONS: Options = {
 def device_and_bfloat16(
     options: argparse.Namespace, say: Callable[[str], None] = lambda line: None
 ) -> "tuple[torch.device, bool]":
-    """Return the device that cells train on, and whether it multiplies bfloat16; `options` are those of any command
+    """Return the device that cells train on, and whether it has units for bfloat16; `options` are those of any command
     with `--device`. The hardware of a cluster is reported.
 
-    Raises `InputError` if the device is not there, or there is no cluster.
+    Raises `InputError` without such a device or without the cluster.
     """
     import torch
 
@@ -52,7 +51,7 @@ def device_and_bfloat16(
 
     executor = getattr(options, "executor", "local")
     if getattr(options, "job", []) and executor != "submitit":
-        raise InputError(f"--job {options.job[0]}: goes with --executor submitit alone")
+        raise InputError(f"--job {options.job[0]}: is an option of --executor submitit")
     if executor == "local":
         device = chosen_device(options.device)
         return device, multiplies_bfloat16(device)
@@ -60,8 +59,8 @@ def device_and_bfloat16(
     if executor == "submitit":
         from harness.execution.submitit_executor import ask_node
 
-        beside = options.out.parent if options.out else Path("out")
-        name, bfloat16, words = ask_node(beside, options.threads, options.device, options.job)
+        folder = options.out.parent if options.out else Path("out")
+        name, bfloat16, words = ask_node(folder, options.threads, options.device, options.job)
         say(words)
         return torch.device(name), bfloat16
     from harness.execution.cluster.connection import connect, gpus_multiply_bfloat16, hardware
@@ -83,7 +82,7 @@ def device_and_bfloat16(
 def chosen_machine(
     options: argparse.Namespace, device: "torch.device", groups: int, say: Callable[[str], None]
 ) -> "Machine":
-    """Return the machine that `options` and this machine, or the cluster, give `groups`; warns if clocks suffer."""
+    """Return the part of this machine or the cluster that a run of `groups` uses; warns if timed cells share cores."""
     import torch
 
     from harness.machine.cores import physical_cores
@@ -109,9 +108,7 @@ def chosen_machine(
 
 
 def shared_by(machine: "Machine", cores: int, gpus: int) -> list[str]:
-    """Describe which of the physical `cores` and GPUs timed cells would have to share: their clocks then measure each
-    other.
-    """
+    """Return warnings on the physical `cores` and GPUs that timed cells would share."""
     warnings = []
     if machine.workers * machine.threads > cores:
         warnings.append(
@@ -124,7 +121,7 @@ def shared_by(machine: "Machine", cores: int, gpus: int) -> list[str]:
 
 
 def unused_by(machine: "Machine", cores: int) -> str:
-    """Describe the physical `cores` of this machine that cells on its processor leave idle; empty if there are none."""
+    """Describe the physical `cores` of this machine that the cells leave idle; empty if there are none."""
     idle = cores - machine.workers * machine.threads
     if machine.executor != "local" or machine.device != "cpu" or idle < machine.workers:
         return ""

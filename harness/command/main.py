@@ -50,7 +50,7 @@ def parser(program: str = "python -m harness") -> argparse.ArgumentParser:
 
 
 NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][+-]?\d+)?$")
-"""A word that is no option; the pattern of argparse before Python 3.14 has no exponent."""
+"""A word that is not an option; the pattern of argparse before Python 3.14 has no exponent."""
 
 
 def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table: dict[str, Command]) -> None:
@@ -59,12 +59,12 @@ def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table:
         add_options(added, command.options)
         if command is STUDY:
             _add(added.add_subparsers(dest="study", required=True, metavar="NAME"), STUDIES)
-        added.allow_abbrev = False  # `--with` is no `--without`
+        added.allow_abbrev = False  # `--with` must not be read as `--without`
         added._negative_number_matcher = NEGATIVE_NUMBER
 
 
 def parsed(arguments: list[str], program: str = "python -m harness") -> argparse.Namespace:
-    """The options that `arguments` choose; the name of a study stands for `study NAME`."""
+    """Parse the arguments; the name of a study is short for `study NAME`."""
     top = parser(program)
     options = top.parse_args(["study", *arguments] if arguments and arguments[0] in STUDIES else arguments)
     options.parser = top
@@ -72,9 +72,9 @@ def parsed(arguments: list[str], program: str = "python -m harness") -> argparse
 
 
 def main(arguments: list[str], program: str = "python -m harness") -> int:
-    """0 done · 1 our own error · 2 bad usage or input · 3 a cell diverged or failed · 4 a gate failed · 130 stopped."""
+    """Return 0 done · 1 a bug · 2 bad usage or input · 3 a cell diverged or failed · 4 a gate failed · 130 stopped."""
     options = parsed(arguments, program)
-    # after the parsing, so that --help and a mistyped option answer at once
+    # after the parsing, so that --help and a mistyped option are answered at once
     from harness.execution.progress import chosen_progress
     from scenes.files.errors import DamagedRecord, InputError, as_text, readable
 
@@ -95,7 +95,7 @@ def main(arguments: list[str], program: str = "python -m harness") -> int:
         return 2
     except KeyboardInterrupt as stop:
         show.close()
-        left = "finished cells are kept; go on with --resume and --out" if "resume" in options else "nothing is kept"
+        left = "finished cells are kept; use --resume and --out" if "resume" in options else "nothing is kept"
         print(f"interrupted: {str(stop) or left}", file=sys.stderr)
         return 130
     finally:
@@ -104,7 +104,7 @@ def main(arguments: list[str], program: str = "python -m harness") -> int:
 
 
 def ours_first(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return variables with which started processes find our packages first, and nothing in the current folder."""
+    """Return variables with which child processes find this program first, and no package of the current folder."""
     root = str(Path(__file__).resolve().parents[2])
     others = [path for path in environment.get("PYTHONPATH", "").split(os.pathsep) if path and path != root]
     return {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join([root, *others])}
@@ -112,7 +112,7 @@ def ours_first(environment: Mapping[str, str]) -> dict[str, str]:
 
 def run_as_process(call: Callable[[list[str]], int], arguments: list[str]) -> NoReturn:
     """Call a command and end this process with its exit code."""
-    os.environ.update(wait_policy(os.environ))  # before torch is imported; every process that is started inherits it
+    os.environ.update(wait_policy(os.environ))  # before torch is imported; child processes inherit it
     os.environ.update(ours_first(os.environ))
     go_on_unheard()
     stop_on_signals()
@@ -120,5 +120,5 @@ def run_as_process(call: Callable[[list[str]], int], arguments: list[str]) -> No
         code = call(arguments)
     sys.stdout.flush()
     sys.stderr.flush()
-    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    # skip the interpreter's teardown, in which OpenImageIO's bindings print warnings
     os._exit(code)

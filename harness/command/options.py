@@ -1,4 +1,4 @@
-"""How options are written, those that several commands have, and checks of values; nothing heavy is imported."""
+"""Tables of options, the options of several commands, and checks of values; nothing heavy is imported."""
 
 import argparse
 import math
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from harness.execution.progress import Progress
 
 Options = dict[str, dict[str, Any]]
-"""Map the names of an option, or of a positional argument → the arguments of `add_argument`."""
+"""Names of an option, or of a positional argument → the keyword arguments of `add_argument`."""
 
 
 class Command(NamedTuple):
@@ -31,7 +31,7 @@ def option(
     type: Callable[[str], object] | None = None,
     **more: object,
 ) -> dict[str, Any]:
-    """Return the arguments of `add_argument` that are given; those of the same name in `SHARED` fill in the others."""
+    """Return keyword arguments of `add_argument`; `SHARED` has defaults for options of the same name."""
     given = {"help": help or None, "metavar": metavar, "type": type}
     return {name: value for name, value in given.items() if value is not None} | more
 
@@ -41,22 +41,22 @@ def flag(help: str) -> dict[str, Any]:
 
 
 SHARED: Options = {
-    "--device": option("ROCm is torch's cuda", default="auto", choices=("auto", "cpu", "cuda")),
+    "--device": option("device; ROCm is torch's cuda", default="auto", choices=("auto", "cpu", "cuda")),
     "--view-sets": option("cache of view sets", "DIR", Path, default=Path("out/view_sets")),
-    "--threads": option("that render (default: all cores but one)", "N", int),
-    "--seed": option("of the weights that are shown (default: 0)", "N", int, default=0),
+    "--threads": option("threads of rendering (default: all cores but one)", "N", int),
+    "--seed": option("seed of the weights to show (default: 0)", "N", int, default=0),
     "--scenes": option("scenes of the run (default: all)", "SCENE", nargs="+"),
     "--methods": option("methods of the run (default: all)", "METHOD", nargs="+"),
     "--resolution": option("width of the pictures (default: that of the run's views)", "PX", int),
     "--out": option("output folder (default: a fresh one in out/)", "DIR", Path),
-    "--resume": flag("do what --out lacks"),
-    "--dry-run": flag("print the plan and its estimated cost, do nothing"),
-    "--list": flag("print what can be named, do nothing"),
+    "--resume": flag("measure only what --out lacks"),
+    "--dry-run": flag("only print the plan and its estimated cost"),
+    "--list": flag("only print the known names"),
     "--quick": flag("sizes at which no figure means anything, to try the command itself"),
     "--quiet": flag("no progress"),
     "--lpips": option("weights of LPIPS, to score with (docs/read-the-report.md)", "FILE", Path),
     "--history": option(
-        "file that gets a line of the figures, for `python -m harness history` (default: history.jsonl beside --out)",
+        "file to append the figures to, for `python -m harness history` (default: history.jsonl next to --out)",
         "FILE",
         Path,
     ),
@@ -67,7 +67,7 @@ FINISHED_RUN = option(
 
 
 def shared(*names: str) -> Options:
-    """Return options of `SHARED` as they are."""
+    """Return options of `SHARED` unchanged."""
     return {name: {} for name in names}
 
 
@@ -85,12 +85,12 @@ def require_folder(out: Path) -> None:
 
 
 def reported(out: Path) -> int:
-    """Have the page of `out` made from its records alone, as every page is; returns the exit code."""
+    """Write the page of `out` in another process, as a page is made only from records; returns the exit code."""
     return subprocess.run([sys.executable, "-m", "reports", str(out), "--quiet"], check=False).returncode
 
 
 def require_between(options: argparse.Namespace, **bounds: tuple[float, float]) -> None:
-    """Raise `InputError` for an option that is given, and not finite and between its bounds."""
+    """Raise `InputError` for a given option that is not finite or not between its bounds."""
     from scenes.files.errors import InputError
 
     for name, (least, most) in bounds.items():

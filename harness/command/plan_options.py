@@ -1,4 +1,4 @@
-"""The options that say what is trained on what: a table of their arguments, and one of what each changes in a plan."""
+"""The options that decide what is trained on what: a table of their arguments, and one of their changes of a plan."""
 
 import argparse
 import hashlib
@@ -18,36 +18,36 @@ if TYPE_CHECKING:
     from harness.plan.run_plan import Plan
 
 PLAN_OPTIONS: Options = {
-    "--profile": option("how much (default: reduced)", "smoke|reduced|stress|ladder|converged|full", default="reduced"),
+    "--profile": option("plan (default: reduced)", "smoke|reduced|stress|ladder|converged|full", default="reduced"),
     "--scenes": option("scenes to train on (default: the profile's)"),
     "--methods": option("methods to compare (default: the profile's)"),
     "--seeds": option("number of seeds", "N", int),
-    "--first-seed": option("the first of them (default: 0)", "K", int),
+    "--first-seed": option("first seed (default: 0)", "K", int),
     "--budget-steps": option("training steps of each cell", "N", int),
     "--budget-seconds": option("training seconds of each cell, on its own clock", "S", float),
     "--budget-core-seconds": option("processor seconds of each cell's training, all threads", "S", float),
     "--resolution": option("width of the views"),
     "--device": {},
     "--precision": option(
-        "of matrix products alone (default: the profile's, where the processor has such products)",
+        "precision of matrix multiplications (default: the profile's, if the processor has units for it)",
         default="auto",
         choices=("auto", "float32", "bfloat16", "float16"),
     ),
     "--optimiser": option(
-        "of all methods, with its own rates (default: the profile's)", choices=("adam", "soap", "muon")
+        "optimiser of all methods, with its own rates (default: the profile's)", choices=("adam", "soap", "muon")
     ),
     "--without": option("accelerations to switch off: fused recurrence grid clipping …", "NAME", nargs="+"),
-    "--need": option("parts to have whatever a scene needs: view_direction outside_box …", "NAME", nargs="+"),
-    "--no-need": option("parts to leave out whatever a scene needs", "NAME", nargs="+"),
+    "--need": option("parts to keep even where not needed: view_direction outside_box …", "NAME", nargs="+"),
+    "--no-need": option("parts to leave out even where needed", "NAME", nargs="+"),
     "--view-set": option(
-        "train on these images, a scene each: Blender's, nerfstudio's, COLMAP's or LLFF's folder, or a tiny-NeRF .npz",
+        "train on these images, each a scene: Blender's, nerfstudio's, COLMAP's or LLFF's folder, or a tiny-NeRF .npz",
         "PATH",
         Path,
         nargs="+",
     ),
     "--scene-file": option(
         "render your own scene instead: Mitsuba .xml, or .py with SCENE. It has your rights: Python is code, and an "
-        "XML file can make Mitsuba read any file; use what you trust",
+        "XML file can make Mitsuba read any file; use only files that you trust",
         "FILE",
         Path,
     ),
@@ -57,10 +57,10 @@ PLAN_OPTIONS: Options = {
         float,
     ),
     "--bounds": option(
-        "box that holds what is seen, for every --view-set", ("X0", "Y0", "Z0", "X1", "Y1", "Z1"), float, nargs=6
+        "box around everything visible, for every --view-set", ("X0", "Y0", "Z0", "X1", "Y1", "Z1"), float, nargs=6
     ),
-    "--near": option("distance from the camera at which anything is seen, for --view-set", "D", float),
-    "--far": option("distance up to which anything is seen, for --view-set", "D", float),
+    "--near": option("smallest distance of anything visible from the camera, for --view-set", "D", float),
+    "--far": option("largest distance of anything visible from the camera, for --view-set", "D", float),
     "--view-sets": {},
 }
 RANGES = {
@@ -77,9 +77,9 @@ Change = Callable[["Plan", Any], "Plan"]
 
 
 def planned(profile: str, **given: Any) -> "Plan":
-    """Return the plan of a profile with the options that are given and not None; `budget_steps` is `--budget-steps`.
+    """Return the plan of a profile with the options that are not None; `budget_steps` is `--budget-steps`.
 
-    Raises `InputError` that names the option, its value and what is known.
+    Raises `InputError` with the option, its value and the known values.
     """
     from harness.plan.names import known_names
     from harness.plan.plugins import require_methods
@@ -90,9 +90,9 @@ def planned(profile: str, **given: Any) -> "Plan":
     given = {name: value for name, value in given.items() if value is not None}
     require_between(argparse.Namespace(**given), **RANGES)
     if "scene_file" in given and given.keys() & {"scenes", "view_set"}:
-        raise InputError("--scene-file excludes --scenes and --view-set: it is one scene of its own")
+        raise InputError("--scene-file excludes --scenes and --view-set, as it is the only scene")
     if given.keys() >= {"scenes", "view_set"}:
-        raise InputError("--scenes and --view-set exclude each other: a view set is a scene of its own")
+        raise InputError("--scenes and --view-set exclude each other, as view sets are the scenes")
     plan = PROFILES[profile]
     if any(name.startswith("budget_") for name in given):
         plan = replace(plan, budget=Budget(None, None))
@@ -101,14 +101,14 @@ def planned(profile: str, **given: Any) -> "Plan":
     for name in sorted(given, key=list(changes).index):
         plan = changes[name](plan, given[name])
     require_methods(plan.methods)
-    there = [extra for extra in plan.extras if extra.scene in plan.scenes]
-    there = [replace(extra, seeds=tuple(seed for seed in extra.seeds if seed in plan.seeds)) for extra in there]
-    plan = replace(plan, extras=tuple(extra for extra in there if extra.seeds))
+    extras = [extra for extra in plan.extras if extra.scene in plan.scenes]
+    extras = [replace(extra, seeds=tuple(seed for seed in extra.seeds if seed in plan.seeds)) for extra in extras]
+    plan = replace(plan, extras=tuple(extra for extra in extras if extra.seeds))
     return _with_needs(plan, need, no_need)
 
 
 def _changes() -> dict[str, Change]:
-    """Map option → the change of a plan by its value, in the order in which they are made."""
+    """Map option → the change of a plan by its value, in the order of the changes."""
     from baselines.contract import Accelerations
     from harness.plan.names import known_names
     from harness.plan.plugins import method_names
@@ -136,7 +136,7 @@ def _changes() -> dict[str, Change]:
         "region": lambda plan, region: views(plan, region=region),
         "scene_file": _with_scene_file,
         "render_limit": lambda plan, seconds: replace(plan, render_limit=seconds if plan.scene_file else None),
-        # a user who names methods wants these and no others
+        # a user who names methods wants only these
         "methods": lambda plan, names: replace(plan.alone(), methods=known_names("--methods", names, method_names())),
         "seeds": lambda plan, count: replace(plan, seeds=tuple(range(count))),
         "first_seed": lambda plan, first: replace(plan, seeds=tuple(range(first, first + len(plan.seeds)))),
@@ -151,7 +151,7 @@ def _changes() -> dict[str, Change]:
 
 
 def _with_view_sets(plan: "Plan", view_sets: Sequence[Path]) -> "Plan":
-    """Raises `InputError` for a path that is not a view set, and for two of one name."""
+    """Return the plan for these view sets; raises `InputError` for other paths, and for two sets of the same name."""
     from harness.plan.names import scene_name_of
     from scenes.view_sets.formats.foreign import check_listed
 
@@ -177,7 +177,7 @@ def _with_scene_file(plan: "Plan", file: Path) -> "Plan":
 
 
 def _with_needs(plan: "Plan", need: list[str], no_need: list[str]) -> "Plan":
-    """Return the plan with forced parts; those that `plan` does not leave out already count as needed."""
+    """Return the plan with forced parts; those whose acceleration is off in `plan` count as needed."""
     from harness.plan.names import known_names
     from harness.plan.needed import FORCEABLE, LEFT_OUT_BY, kept
     from harness.plan.profiles import REDUCED_TRAINING
@@ -187,16 +187,14 @@ def _with_needs(plan: "Plan", need: list[str], no_need: list[str]) -> "Plan":
     choices = " ".join(FORCEABLE)
     for name_of, names in (("--need", need), ("--no-need", no_need)):
         if fixed := [name for name in names if name in PARTS and name not in FORCEABLE]:
-            raise InputError(f"{name_of} {' '.join(fixed)}: there is no choice about it; choose of {choices}")
+            raise InputError(f"{name_of} {' '.join(fixed)}: cannot be forced; known: {choices}")
     given, out = known_names("--need", need, list(FORCEABLE)), known_names("--no-need", no_need, list(FORCEABLE))
     if both := [name for name in given if name in out]:
-        raise InputError(f"--need and --no-need: {' '.join(both)} in both; known: {choices}")
+        raise InputError(f"--need and --no-need: both have {' '.join(both)}; known: {choices}")
     off = [name for name, acceleration in LEFT_OUT_BY.items() if not getattr(plan.train.accelerations, acceleration)]
     if both := [name for name in off if name in out]:
         names = [LEFT_OUT_BY[name] for name in both]
-        raise InputError(
-            f"--no-need {' '.join(both)}: --without {' '.join(names)} forces just that in; give one of them"
-        )
+        raise InputError(f"--no-need {' '.join(both)}: --without {' '.join(names)} keeps it; give one of the options")
     everything = tuple(name for name in FORCEABLE if name in given or name in off)
     train = kept(plan.train, everything)
     if "fine_pass" in out:
@@ -217,16 +215,16 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
     values["precision"] = None if options.precision == "auto" else options.precision
     if seen := [f"--{name}" for name in REGION if getattr(options, name) is not None]:
         if options.view_set is None:
-            raise InputError(f"{' '.join(seen)}: only for --view-set; what we render says where it lies")
+            raise InputError(f"{' '.join(seen)}: only for --view-set; scenes that are rendered have known bounds")
         try:
             values["region"] = Region(tuple(options.bounds) if options.bounds else None, options.near, options.far)
         except InputError as error:
             raise InputError(f"{' '.join(seen)}: {error}") from error
     plan = planned(options.profile, **values)
-    if options.command != "run":  # what explains a run's result is no part of other measurements
+    if options.command != "run":  # further methods and the guest explain only the result of a run
         plan = plan.alone()
     # last, as it may join a cluster
     device, bfloat16 = device_and_bfloat16(options, *say)
     if options.precision == "auto" and not bfloat16:
-        plan = plan.in_float32()  # the processor is faster in it
+        plan = plan.in_float32()
     return plan, device

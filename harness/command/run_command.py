@@ -1,4 +1,4 @@
-"""`python -m harness run | tensorboard`: their options, and what they do."""
+"""`python -m harness run | tensorboard`."""
 
 import argparse
 from collections import Counter
@@ -22,21 +22,19 @@ if TYPE_CHECKING:
     from harness.records.cells import CellRecord
 
 LEAST_SEEDS = 3
-"""The minimum number of seeds with which omissions are verified: the interval of two is six times as wide."""
-
-
+"""The minimum number of seeds to verify omissions with: the interval of two is six times as wide."""
 RUN: Options = {
     **PLAN_OPTIONS,
-    "--baseline": option("compare with it (default: nerf, else the first method)", "METHOD"),
+    "--baseline": option("method to compare with (default: nerf, else the first method)", "METHOD"),
     "--claims": option("claims to test (docs/claims.md)", "FILE", Path, nargs="+", default=[]),
     "--claim": option('such as "mine - nerf >= 1.5 dB"', "LINE", nargs="+", default=[]),
     **MACHINE_OPTIONS,
     "--out": option("output folder (default: a fresh out/PROFILE-TIME)"),
-    "--resume": option("go on with the missing cells of --out"),
+    "--resume": option("train the missing cells of --out"),
     "--dry-run": {},
     "--lpips": {},
     "--verify-omissions": flag("train with and without everything that is left out (exit code 3)"),
-    "--tensorboard": flag("write each cell to OUT/tensorboard as it ends"),
+    "--tensorboard": flag("write each cell to OUT/tensorboard when it ends"),
     "--no-serving": flag("do not measure view cache and attention at the end"),
     "--quiet": {},
 }
@@ -66,13 +64,13 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         plan = _with_lpips(plan, options)
     if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
         raise InputError(
-            f"--verify-omissions: {len(plan.seeds)} seeds tell nothing about an interval; --seeds {LEAST_SEEDS} or more"
+            f"--verify-omissions: {len(plan.seeds)} seeds are too few for an interval; --seeds {LEAST_SEEDS} or more"
         )
     machine = chosen_machine(options, device, len(plan.groups()), show.line)
     say: Callable[[str], None] = print if options.dry_run else show.line
     for line in plan_lines(plan, machine, physical_cores()):
         say(line)
-    if options.dry_run or not (options.quiet or options.profile == "smoke"):  # whose run takes hardly longer
+    if options.dry_run or not (options.quiet or options.profile == "smoke"):  # its run takes hardly longer
         from harness.execution.cost import estimate_apart
 
         before = options.out if options.resume else None
@@ -92,7 +90,7 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
             afterwards = _afterwards(options, plan, machine, out, shown)
             code = run(plan, out, options.view_sets, machine, options.line, shown, *afterwards)
     except InputError:
-        if before is not None and latest_folder() is None:  # its folder was given up again
+        if before is not None and latest_folder() is None:  # the claimed folder was removed
             point_latest_to(before)
         raise
     cells = list(read_cells(out))
@@ -110,7 +108,7 @@ def _with_lpips(plan: "Plan", options: argparse.Namespace) -> "Plan":
     from harness.training.scoring.lpips import lpips_of
 
     if options.executor == "ray":
-        raise InputError("--lpips: the file is on this machine alone; leave it out, or run here (--executor local)")
+        raise InputError("--lpips: the file is only on this machine; leave it out, or run here (--executor local)")
     digest = lpips_of(options.lpips).digest
     for cell in read_cells(options.out) if options.resume and options.out else ():
         if cell.provenance.get("lpips", digest) != digest:
@@ -134,10 +132,10 @@ def _afterwards(
 
 
 def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:
-    """Return the plan in words, for the terminal of a machine with so many physical cores."""
+    """Describe the plan, for a machine with `cores` physical cores."""
     network, views = plan.train.network, plan.views
     own = f"{plan.scene_file}: " if plan.scene_file else ""
-    rendered = f"{own}{views.train} train / {views.val} val / {views.test} test views a scene"
+    rendered = f"{own}{views.train} train / {views.val} val / {views.test} test views per scene"
     source = " ".join(plan.view_set) if plan.view_set else rendered
     return [
         f"profile {plan.profile}: {len(plan.cells())} cells of {plan.budget.in_words} each",
@@ -147,7 +145,7 @@ def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:
         *(f"  also     {' '.join(extra.methods)} on {extra.scene}, {_seeds(extra.seeds)}" for extra in plan.extras),
         f"  views    {views.resolution} px wide; {source}",
         f"  network  {network.depth} × {network.width}, L = {network.position_bands}/{network.direction_bands}, "
-        f"{plan.train.rays} rays a step, {plan.train.precision} products",
+        f"{plan.train.rays} rays per step, {plan.train.precision} matrix multiplications",
         f"  machine  {machine.device}, {_at_once(machine)} of {machine.threads} thread{'s' * (machine.threads > 1)}"
         f"{unused_by(machine, cores)}",
     ]
@@ -159,14 +157,14 @@ def _seeds(seeds: tuple[int, ...]) -> str:
 
 def _at_once(machine: "Machine") -> str:
     if machine.executor == "ray":
-        return "as many groups at once as the Ray cluster has room for, each"
+        return "all groups at once for which the Ray cluster has room, each"
     if machine.executor == "submitit":
         return f"at most {machine.workers} jobs at once"
     return f"{machine.workers} worker{'s' * (machine.workers > 1)}"
 
 
 def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
-    """Write every cell that has a record; raises `InputError` if there is none, or no tensorboard."""
+    """Write every cell that has a record; raises `InputError` without such a cell or without tensorboard."""
     from harness.records.cells import read_cells
     from harness.run_folder.board import require_tensorboard, write_board
 
@@ -177,14 +175,14 @@ def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
         count += 1
     if not count:
         raise InputError(
-            f"{options.run}: holds no cell of a run; give the output folder of one, for instance out/latest"
+            f"{options.run}: holds no cell of a run; give the output folder of a run, for instance out/latest"
         )
-    show.line(f"{count} cells written; look at them with: tensorboard --logdir {options.run / 'tensorboard'}")
+    show.line(f"{count} cells written; view them with: tensorboard --logdir {options.run / 'tensorboard'}")
     return 0
 
 
 def also_written(options: argparse.Namespace, out: Path, show: "Progress") -> "Progress":
-    """Return `show`, which also writes each cell if `--tensorboard` is given; those from before a resume first."""
+    """Return a progress that with `--tensorboard` also writes each cell, after writing those from before a resume."""
     if not options.tensorboard:
         return show
     from harness.records.cells import read_cells
@@ -197,7 +195,7 @@ def also_written(options: argparse.Namespace, out: Path, show: "Progress") -> "P
 
 
 class _Written:
-    """A progress that writes each cell and passes everything on to the one inside it."""
+    """A progress that writes each cell and passes every call on to another progress."""
 
     def __init__(self, out: Path, show: "Progress") -> None:
         self._out, self._show = out, show
@@ -214,5 +212,5 @@ class _Written:
 
 COMMANDS = {
     "run": Command("render, train, score and record a comparison", RUN, run_run),
-    "tensorboard": Command("write a run's cells for TensorBoard", TENSORBOARD, run_tensorboard),
+    "tensorboard": Command("write the cells of a run for TensorBoard", TENSORBOARD, run_tensorboard),
 }

@@ -1,4 +1,4 @@
-"""`python -m harness study sweep | constants | families | equivalence | omissions`: what settings change, in JSON."""
+"""`python -m harness study sweep | constants | families | equivalence | omissions`: effects of settings, as JSON."""
 
 import argparse
 import shutil
@@ -27,10 +27,10 @@ FAMILIES: Options = {**shared("--device", "--view-sets", "--quick"), **FILE}
 CONSTANTS: Options = {
     **PLAN_OPTIONS,
     **FILE,
-    "--resume": option("train what a stopped search has not written into FILE"),
-    "--carry": option("train the best pairs of this search with fewer steps alone", "FILE", Path),
-    "--best": option("the number of pairs of each method that it carries over", "N", int, default=3),
-    "--adopt": flag("write the choice into the file that the methods are made from, for this profile"),
+    "--resume": option("train only what a stopped search has not written into FILE"),
+    "--carry": option("train only the best pairs of this search, which had fewer steps", "FILE", Path),
+    "--best": option("number of pairs of each method that --carry takes over", "N", int, default=3),
+    "--adopt": flag("write the choice for this profile into the file from which methods take their constants"),
 }
 EQUIVALENCE: Options = {
     **PLAN_OPTIONS,
@@ -89,7 +89,7 @@ def run_families(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def run_constants(options: argparse.Namespace, show: "Progress") -> int:
-    """Raises `InputError` for a method without constants to search, and for a budget that is not one of steps."""
+    """Search constants; raises `InputError` for a method without constants, and for a budget other than steps."""
     from harness.machine.provenance import provenance
     from harness.records.json_record import write_json
     from harness.studies.choices.constants import READINGS, ConstantsRow, as_json, best_of, read_rows, search
@@ -115,9 +115,9 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
     rows: list[ConstantsRow] = []
     origin = provenance(device)
     result = as_json(finished, plan, origin, carried)
-    for found in search(plan, folders, options.out.parent, _workers(device), device.type, finished, carried):
-        rows += found
-        for row in found:
+    for fresh in search(plan, folders, options.out.parent, _workers(device), device.type, finished, carried):
+        rows += fresh
+        for row in fresh:
             show.line(line(row))
         result = as_json(list(dict.fromkeys([*rows, *finished])), plan, origin, carried)
         write_json(options.out, result)
@@ -172,7 +172,7 @@ def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dict[str, Path]:
-    """Return the view sets of `plan`, rendered where they are missing; raises `InputError` if `--out` is no file."""
+    """Return the view sets of `plan`, rendered if they are missing; raises `InputError` if `--out` cannot be a file."""
     from harness.execution.ground_truth import view_set_folders
     from scenes.files.errors import InputError
 
@@ -188,7 +188,7 @@ def _workers(device: "torch.device") -> int:
 
 
 def _kept(options: argparse.Namespace) -> Path:
-    """Return the folder of finished cells beside the file, emptied unless `--resume` asks for what is there."""
+    """Return the folder of finished cells next to the file, emptied without `--resume`."""
     folder = _cells_of(options.out)
     if not options.resume:
         shutil.rmtree(folder, ignore_errors=True)
@@ -220,19 +220,9 @@ def _written(file: Path, result: dict[str, Any]) -> dict[str, Any]:
 
 
 STUDIES = {
-    "sweep": Command("learning rates of every method on validation views, as JSON", SWEEP, run_sweep),
-    "families": Command(
-        "the same few trials of every family of the frontier, on validation views, as JSON", FAMILIES, run_families
-    ),
-    "constants": Command(
-        "the unit of density and the start of the field of each method, on validation views, as JSON",
-        CONSTANTS,
-        run_constants,
-    ),
-    "equivalence": Command(
-        "what empty-space skipping and precision change in scores, as JSON", EQUIVALENCE, run_equivalence
-    ),
-    "omissions": Command(
-        "what leaving out what a scene does not need saves and costs, as JSON", OMISSIONS, run_omissions
-    ),
+    "sweep": Command("try learning rates of every method on validation views", SWEEP, run_sweep),
+    "families": Command("try a few settings of each family on validation views", FAMILIES, run_families),
+    "constants": Command("search unit and start of density on validation views", CONSTANTS, run_constants),
+    "equivalence": Command("measure the effect of grid and precision on scores", EQUIVALENCE, run_equivalence),
+    "omissions": Command("measure what omitting unneeded parts saves and costs", OMISSIONS, run_omissions),
 }

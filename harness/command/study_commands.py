@@ -1,13 +1,11 @@
-"""`python -m harness study evidence | frontier | stability | speed | serving | conformance | scaling`: their options,
-and what they do.
+"""`python -m harness study evidence | frontier | stability | speed | serving | conformance | scaling`.
 
 Nothing heavy is imported to show the help.
 """
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +18,8 @@ from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
-    from harness.studies.framework import Shelf
+    from harness.plan.run_plan import Machine
+    from harness.studies.framework import Shelf, StudyContext
 
 
 PUBLISHED_FRONTIER = Path("docs/frontier")
@@ -28,7 +27,7 @@ PUBLISHED_FRONTIER = Path("docs/frontier")
 
 def _shelf(noun: str, out: str, names: str = "--studies") -> Options:
     return {
-        names: option(f"{noun} to do; --list prints them (default: all)", "NAME", nargs="+"),
+        names: option(f"{noun} to measure; --list prints them (default: all)", "NAME", nargs="+"),
         **shared("--quick", "--view-sets"),
         "--out": option(f"output folder{out}"),
         **shared("--resume", "--list", "--quiet"),
@@ -37,10 +36,10 @@ def _shelf(noun: str, out: str, names: str = "--studies") -> Options:
 
 EVIDENCE: Options = {
     **_shelf(
-        "studies", "; that of a finished run gets the studies into its report (default: a fresh out/evidence-TIME)"
+        "studies", "; the report of a finished run then includes the studies (default: a fresh out/evidence-TIME)"
     ),
     "--device": {},
-    "--workers": option("processes (default: one a core, or one on a GPU)", "N", int),
+    "--workers": option("processes (default: one per core, or one on a GPU)", "N", int),
 }
 FRONTIER: Options = {
     **_shelf("questions", " (default: a fresh out/frontier-TIME)"),
@@ -51,32 +50,32 @@ FRONTIER: Options = {
     "--resolution": option("width of the views"),
     "--quick": option("two scenes, two budgets: about eight minutes"),
     "--long": flag("seven budgets up to 600 core seconds, three seeds"),
-    "--pick": option("print the family to take for a scene, from --out, do nothing", "SCENE"),
+    "--pick": option("only print the family to choose for a scene, from --out", "SCENE"),
     "--seconds": option("core seconds for --pick (60)", "S", float, default=60.0),
 }
 STABILITY: Options = {
     **_shelf("cases", " (default: a fresh out/stability-TIME)", "--studies --cases"),
-    "--methods": option("methods to try them on (default: those worth comparing)"),
+    "--methods": option("methods to measure (default: those worth comparing)"),
 }
 SPEED: Options = {
     **_shelf("questions", " (default: a fresh out/speed-TIME)", "--studies --items"),
-    "--plain-seconds": option(f"training of the plain side, question 3 ({PLAIN_SECONDS:g})", "S", float),
+    "--plain-seconds": option(f"training of the plain program in question 3 ({PLAIN_SECONDS:g})", "S", float),
     **shared("--device", "--history"),
 }
 SERVING: Options = {
     "out": FINISHED_RUN,
     **{name: own for name, own in _shelf("studies", "").items() if name != "--out"},
     **shared("--scenes", "--methods", "--seed"),
-    "--width": option("of the pictures that are timed (default: 100)", "PX", int, default=100),
+    "--width": option("width of the pictures that are timed (default: 100)", "PX", int, default=100),
     "--device": {},
-    "--threads": option("of rendering (default: 1; more wait for a busy machine)", default=1),
+    "--threads": option("threads of rendering (default: 1; more wait for each other on a busy machine)", default=1),
 }
 CONFORMANCE: Options = {
-    "methods": option("of the catalogue or of an installed package", "METHOD", nargs="*"),
-    "--list": option("print all methods and checks, with what they mean"),
+    "methods": option("methods of the catalogue or of installed packages", "METHOD", nargs="*"),
+    "--list": option("print all methods and checks, with their meaning"),
 }
 SCALING: Options = {
-    "--speed": option("what `nox -s speed` measured here", "FILE", Path, default=Path("docs/speed.json"))
+    "--speed": option("record of `nox -s speed` on this machine", "FILE", Path, default=Path("docs/speed.json"))
 }
 
 
@@ -87,19 +86,35 @@ def _listed(shelf: "Shelf") -> int:
     return 0
 
 
-@contextmanager
-def _chosen(options: argparse.Namespace, shelf: "Shelf", show: "Progress") -> Iterator[tuple[list[str], Path]]:
-    """Enclose the measurement of the studies that `options` name, in a locked folder; raises `InputError`."""
+def _measure(
+    options: argparse.Namespace,
+    show: "Progress",
+    shelf: "Shelf",
+    machine: "Machine",
+    make: "Callable[..., StudyContext]",
+    *own: object,
+    quick: bool | None = None,
+    afterwards: Callable[[Path], None] | None = None,
+) -> int:
+    """Measure the studies that `options` name, in a locked folder; returns the exit code. Raises `InputError`.
+
+    `make` makes the context, of which `own` are the fields that other shelves lack.
+    """
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
+    from harness.studies.framework import run
 
     if options.resume and options.out is None:
-        raise InputError("--resume: name the folder to go on with, --out DIR")
+        raise InputError("--resume: name the folder to resume, --out DIR")
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
     out = options.out or fresh_folder(shelf.name, resume=False)
     with locked_folder(out):
-        yield [name for name in shelf.studies if name in chosen], out
+        context = make(out, options.view_sets, out, options.quick if quick is None else quick, show, machine, *own)
+        code = run(shelf, [name for name in shelf.studies if name in chosen], context, options.resume)
+        if afterwards is not None:
+            afterwards(out)
     show.line(f"{shelf.noun} in {out / shelf.file}")
+    return code
 
 
 def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
@@ -111,14 +126,10 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
     from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
     from harness.plan.run_plan import Machine
     from harness.studies.evidence.evidence_context import EvidenceContext
-    from harness.studies.framework import run
 
     device = chosen_device(options.device)
     machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
-    with _chosen(options, SHELF, show) as (studies, out):
-        as_planned = multiplies_bfloat16(device)
-        context = EvidenceContext(out, options.view_sets, out, options.quick, show, machine, as_planned)
-        return run(SHELF, studies, context, options.resume)
+    return _measure(options, show, SHELF, machine, EvidenceContext, multiplies_bfloat16(device))
 
 
 def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
@@ -142,7 +153,6 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
     from baselines.catalog import CATALOG
     from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
     from harness.plan.run_plan import Machine
-    from harness.studies.framework import run
     from harness.studies.frontier.frontier_context import AMOUNTS, FrontierContext
     from scenes.catalog.entries import CATALOG as SCENES
 
@@ -157,10 +167,8 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
         given["seeds"] = given["phi_seeds"] = tuple(range(options.seeds))
     amount = AMOUNTS["quick" if options.quick else "long" if options.long else "default"]
     amount = replace(amount, **{name: value for name, value in given.items() if value})
-    with _chosen(options, SHELF, show) as (studies, out):
-        machine, as_planned = Machine("cpu", available_cores(), 1), multiplies_bfloat16(chosen_device("cpu"))
-        context = FrontierContext(out, options.view_sets, out, False, show, machine, as_planned, amount)
-        return run(SHELF, studies, context, options.resume)
+    machine, as_planned = Machine("cpu", available_cores(), 1), multiplies_bfloat16(chosen_device("cpu"))
+    return _measure(options, show, SHELF, machine, FrontierContext, as_planned, amount, quick=False)
 
 
 def run_stability(options: argparse.Namespace, show: "Progress") -> int:
@@ -171,14 +179,11 @@ def run_stability(options: argparse.Namespace, show: "Progress") -> int:
     from baselines.catalog import CATALOG
     from harness.machine.device import available_cores
     from harness.plan.run_plan import Machine
-    from harness.studies.framework import run
     from harness.studies.stability.stability_context import METHODS, StabilityContext
 
     methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
-    with _chosen(options, SHELF, show) as (studies, out):
-        machine = Machine("cpu", available_cores(), available_cores())
-        context = StabilityContext(out, options.view_sets, out, options.quick, show, machine, methods)
-        return run(SHELF, studies, context, options.resume)
+    machine = Machine("cpu", available_cores(), available_cores())
+    return _measure(options, show, SHELF, machine, StabilityContext, methods)
 
 
 def run_speed(options: argparse.Namespace, show: "Progress") -> int:
@@ -190,18 +195,17 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     from harness.machine.device import available_cores, chosen_device
     from harness.machine.processor_class import class_here
     from harness.plan.run_plan import Machine
-    from harness.studies.framework import run
     from harness.studies.speed.speed_context import SpeedContext
 
     seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
-    # sizes of `quick` gain nothing from threads, which wait for each other on a machine that does something else
+    # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
     machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
-    with _chosen(options, SHELF, show) as (studies, out):
-        context = SpeedContext(out, options.view_sets, out, options.quick, show, machine, seconds)
-        code = run(SHELF, studies, context, options.resume)
+
+    def afterwards(out: Path) -> None:
         if not options.quick:
             remember(options.history, out / SHELF.file, class_here(), show)
-    return code
+
+    return _measure(options, show, SHELF, machine, SpeedContext, seconds, afterwards=afterwards)
 
 
 def run_serving(options: argparse.Namespace, show: "Progress") -> int:
@@ -213,7 +217,6 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
     from harness.machine.device import chosen_device
     from harness.plan.run_plan import Machine
     from harness.playback.run_loader import FinishedRun
-    from harness.studies.framework import run
     from harness.studies.serving.serving_context import ServingContext
 
     finished = FinishedRun.of(options.out)
@@ -222,12 +225,8 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
         known = " ".join(map(str, finished.run.seeds))
         raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
     machine = Machine(chosen_device(options.device).type, 1, options.threads)
-    with _chosen(options, SHELF, show) as (studies, out):
-        context = ServingContext(
-            out, options.view_sets, out, options.quick, show, machine,
-            finished, scenes, methods, options.seed, options.width,
-        )  # fmt: skip
-        return run(SHELF, studies, context, options.resume)
+    own = finished, scenes, methods, options.seed, options.width
+    return _measure(options, show, SHELF, machine, ServingContext, *own)
 
 
 def run_conformance(options: argparse.Namespace, show: "Progress") -> int:
@@ -267,12 +266,12 @@ def run_conformance(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def methods_lines() -> list[str]:
-    """Return all methods that can be named; those of packages by package, which is not imported for it."""
+    """Return a line per method that can be named; methods of packages without importing them."""
     from baselines.catalog import CATALOG
     from harness.plan.plugins import OURS, offered, said_of
 
-    ours = [f"method  {name}: {CATALOG[name].title}" for name in CATALOG if name in OURS]
-    return ours + [f"method  {point.name}: {said_of(point)}" for points in offered().values() for point in points]
+    lines = [f"method  {name}: {CATALOG[name].title}" for name in CATALOG if name in OURS]
+    return lines + [f"method  {point.name}: {said_of(point)}" for points in offered().values() for point in points]
 
 
 def run_scaling(options: argparse.Namespace, show: "Progress") -> int:
@@ -284,11 +283,11 @@ def run_scaling(options: argparse.Namespace, show: "Progress") -> int:
 
 
 STUDIES = {
-    "evidence": Command("the studies that a verdict rests on", EVIDENCE, run_evidence),
-    "frontier": Command("families of radiance fields at budgets of core seconds", FRONTIER, run_frontier),
+    "evidence": Command("measure what a verdict depends on", EVIDENCE, run_evidence),
+    "frontier": Command("compare families of radiance fields at budgets of core seconds", FRONTIER, run_frontier),
     "stability": Command("try the catalogue of stiff and extreme cases", STABILITY, run_stability),
     "speed": Command("measure how fast training, rendering and scoring are on this machine", SPEED, run_speed),
     "serving": Command("measure view cache, attention and first frame on a finished run", SERVING, run_serving),
     "conformance": Command("hold methods to the contract of the catalogue (exit code 3)", CONFORMANCE, run_conformance),
-    "scaling": Command("the paper's full table on GPUs, on paper", SCALING, run_scaling),
+    "scaling": Command("estimate the cost of the paper's full table on GPUs", SCALING, run_scaling),
 }

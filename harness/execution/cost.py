@@ -1,5 +1,5 @@
 """The estimated cost of a plan on this machine, as a range, from a few steps and views of each method on random
-colours; printed before anything is done.
+colours; it is printed before the run.
 """
 
 import math
@@ -34,15 +34,15 @@ from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world
 
 SERVED_VIEWS = 1000
-"""The views rendered to measure view cache and attention at the end of a run."""
+"""The number of views that are rendered to measure view cache and attention at the end of a run."""
 OCCUPIED = 0.3
-"""The share of the box that the occupancy grid keeps, which a few steps cannot reach; scenes differ by `SPREAD`."""
+"""The share of the box that the occupancy grid keeps, which a few steps cannot show; scenes differ by `SPREAD`."""
 FEW, GROWTH, REPEATS = 64, 8, 3
-"""The rays of a first try, how many times as many the next one has, and the runs with all rays."""
+"""The rays of the first try, the factor of rays from one try to the next, and the number of runs with all rays."""
 LONGEST = 1.5
-"""The longest seconds of a measurement; a longer one is extrapolated from fewer rays."""
+"""The maximum seconds of a measurement; a longer one is extrapolated from fewer rays."""
 Groups = list[tuple[str, ...]]
-"""The methods of each group that lacks a cell."""
+"""The methods of each group that has missing cells."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,14 @@ class CostEstimate:
     """The estimated wall time of a run."""
 
     lines: list[str]
-    """In words, by phase."""
+    """The printed lines, by phase."""
     phases: dict[str, Range]
-    """Map phase, as `harness.execution.progress.Progress.expect` names it, → its seconds; empty if not known."""
+    """Map phase, as in `harness.execution.progress.Progress.expect` → its seconds; empty if not known."""
 
 
 @dataclass(frozen=True)
 class Pace:
-    """The seconds of one method: a step before empty space is skipped, a step afterwards, and a rendered ray."""
+    """The seconds of one method per step before it skips empty space, per later step, and per rendered ray."""
 
     first_step: float
     step: float
@@ -76,7 +76,7 @@ class Paces:
     compared: float
     """The seconds of a view's scores."""
     delayed: float
-    """The wall seconds per processor second: 1 if nothing else runs here."""
+    """The wall seconds per processor second: 1 if nothing else uses the machine."""
 
 
 def estimate(
@@ -84,11 +84,11 @@ def estimate(
 ) -> CostEstimate:
     """Measure a few steps and views, and estimate the run; a cluster is not measured.
 
-    `view_sets` is the cache of rendered ones, `before` the output folder that is resumed.
+    `view_sets` is the cache of rendered view sets, `before` the output folder that is resumed.
     """
     if machine.executor != "local":
-        words = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
-        return CostEstimate([words], {})
+        line = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
+        return CostEstimate([line], {})
     rendered = () if plan.view_set or plan.scene_file else plan.scenes
     missing = sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
     paces = measure_paces(plan, torch.device(machine.device), machine.threads)
@@ -96,7 +96,7 @@ def estimate(
 
 
 def estimate_apart(*arguments: object) -> CostEstimate:
-    """Return `estimate` from a process of its own: what it loads is no part of the run, and a method may end it."""
+    """Return `estimate` from another process: its memory is not part of the run, and a method may crash it."""
     try:
         return in_child(estimate, *arguments)
     except BrokenProcessPool:
@@ -104,7 +104,7 @@ def estimate_apart(*arguments: object) -> CostEstimate:
 
 
 def groups_left(plan: Plan, before: Path | None) -> Groups:
-    """Return the methods of each group of which an output folder lacks a cell that has ended; all without a folder."""
+    """Return the methods of each group with a cell that has not ended in the output folder `before`, if any."""
 
     def is_there(scene: str, method: str, seed: int) -> bool:
         path = cell_path(before, scene, method, seed) if before is not None else None
@@ -123,7 +123,7 @@ def groups_left(plan: Plan, before: Path | None) -> Groups:
 def estimate_from(
     plan: Plan, machine: Machine, paces: Paces, groups: Groups, missing: int, *, verify: bool, serving: bool
 ) -> CostEstimate:
-    """Return the estimate from measurements, if `groups` of cells and so many view sets are missing.
+    """Return the estimate from measurements, where `groups` of cells and a number of view sets are `missing`.
 
     `verify` and `serving` say whether omissions are verified, and view cache and attention measured, at the end.
     """
@@ -133,7 +133,7 @@ def estimate_from(
         "training": on_workers([sum(training_seconds(plan, pace) for pace in group) for group in tried], machine),
         "scoring": on_workers([sum(scoring_seconds(plan, pace, paces) for pace in group) for group in tried], machine),
     }
-    start = 2 * paces.start  # of this process and of the workers
+    start = 2 * paces.start  # for this process and for the workers
     if serving:
         ray = max((pace.ray for pace in paces.of.values()), default=0.0)
         seconds = SERVED_VIEWS * min(SERVING_WIDTH, plan.views.resolution) ** 2 * ray
@@ -143,21 +143,21 @@ def estimate_from(
     lines = [f"estimated cost: {span(low, high)}"]
     if paces.delayed > WAITED:
         times = f"{paces.delayed:.1f}".removesuffix(".0")
-        lines[0] += f" if nothing else ran here; now others use this machine, and it takes {times} times as long"
+        lines[0] += f" if nothing else ran here; now other programs run, and it takes {times} times as long"
     for name, phase in phases.items():
         length = span(*phase) if phase[1] > 0 else "none"
         if name == "rendering":
             lines.append(f"  {name} {length} ({_where_from(plan, missing)})")
-        elif phase[1] > 0:  # the number of test views of a view set was not read
+        elif phase[1] > 0:  # the number of test views of a view set is not known yet
             lines.append(f"  {name} {'at most, ' if plan.view_set and name == 'scoring' else ''}{length}")
     every = len(plan.groups()) + len(plan.guest_cells())
     if len(groups) < every:
-        lines.append(f"  {every - len(groups)} of {every} groups of cells are finished, not in it")
+        lines.append(f"  {every - len(groups)} of {every} groups of cells are finished, not included")
     if verify:
-        lines.append("  verification of omissions is not in it: it trains cells again")
-    if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # none of the catalogue is full
-        lines.append("  training and scoring take longer if a medium fills your scene: no empty space is left out then")
-    lines += [f"  {method} is not in it: {why}" for method, why in paces.untried.items()]
+        lines.append("  verification of omissions is not included: it trains cells again")
+    if plan.scene_file and plan.train.grid.cells and plan.train.accelerations.grid:  # no scene of the catalogue is full
+        lines.append("  training and scoring take longer if a medium fills your scene: no empty space is skipped then")
+    lines += [f"  {method} is not included: {why}" for method, why in paces.untried.items()]
     cells = [phases["training"][end] + phases["scoring"][end] + start for end in (0, 1)]
     by_bar = {"rendering": phases["rendering"], "training": (cells[0], cells[1])}
     if serving:
@@ -167,7 +167,7 @@ def estimate_from(
 
 def training_seconds(plan: Plan, pace: Pace) -> float:
     """Return the training seconds of a cell, on its own clock."""
-    # of one thread a core second is a second, and of several fewer
+    # with one thread a core second is a second, with several it is less
     limit = min(plan.budget.seconds or math.inf, plan.budget.core_seconds or math.inf)
     if not plan.budget.steps:
         return limit
@@ -176,7 +176,7 @@ def training_seconds(plan: Plan, pace: Pace) -> float:
 
 
 def scoring_seconds(plan: Plan, pace: Pace, paces: Paces) -> float:
-    """Return the scoring seconds of a cell, at its checkpoints and once at its end."""
+    """Return the scoring seconds of a cell at its checkpoints and at its end."""
     score, views = plan.score, plan.views
     rendered = score.checkpoints * views.test + score.train_views + 2
     compared = (score.checkpoints + 1) * views.test * paces.compared
@@ -184,7 +184,7 @@ def scoring_seconds(plan: Plan, pace: Pace, paces: Paces) -> float:
 
 
 def on_workers(groups: list[float], machine: Machine) -> Range:
-    """Return the seconds of groups of cells on evenly loaded workers, which are no sooner done than the longest."""
+    """Return the seconds of groups of cells on evenly loaded workers, at least those of the longest group."""
     seconds = max(sum(groups) / machine.workers, max(groups, default=0.0))
     return SPREAD[0] * seconds, SPREAD[1] * seconds
 
@@ -193,12 +193,12 @@ def _where_from(plan: Plan, missing: int) -> str:
     if plan.view_set:
         return "the images are yours"
     if plan.scene_file:
-        return "that of a scene of your own is not known beforehand, and not in it"
+        return "not known beforehand for your own scene, and not included"
     return f"{missing} of {len(plan.scenes)} view sets are not in the cache" if missing else "all view sets are cached"
 
 
 def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
-    """Try every method of `plan`; measures processor seconds if one processor thread works, else wall seconds."""
+    """Measure every method of `plan`, in processor seconds on one processor thread, else in wall seconds."""
     use_threads(threads)
     keep_freed_memory()
     clock = time.process_time if device.type == "cpu" and threads == 1 else time.perf_counter
@@ -208,11 +208,11 @@ def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
     box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
     for method in plan.all_methods():
         try:
-            # from its second step on, a budget of one is spent: voxels are then at their finest
+            # a budget of one step is spent at the second step, when voxels have their final size
             train = replace(plan.train, own=plan.own_settings([method]))
             learner = learner_for(Job(method, box, train, Budget(1, None), "cost", device))
             learner.warm_up(*_batch(plan, FEW, device))
-            start = start or time.process_time()  # this process has done what a worker does first
+            start = start or time.process_time()  # the preparation that each worker needs too
             began = time.perf_counter(), time.process_time()
             paces[method] = _pace(learner, plan, clock)
             wall, busy = wall + time.perf_counter() - began[0], busy + time.process_time() - began[1]
@@ -223,7 +223,7 @@ def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
 
 
 def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
-    """Return rays through random pixels of a scene's cameras, so that as many as usual miss the box, and colours."""
+    """Return rays through random pixels of a scene's cameras, of which the usual share misses the box, and colours."""
     poses, width, generator = camera_to_world("train"), plan.views.resolution, generator_for("cost", count)
     focal = float(0.5 * width / np.tan(0.5 * FOV_X_RADIANS))
     cameras = Cameras.of(poses, width, width, focal, RADIUS - 2.0, RADIUS + 2.0)
@@ -240,7 +240,7 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
         learner.train_on(*batch(count))
 
     def settled_step(count: int) -> None:
-        learner.step = plan.train.grid.first_step + 1  # with the bins of later steps, and without a refresh of the grid
+        learner.step = plan.train.grid.first_step + 1  # later bins, and no refresh of the grid
         step(count)
 
     rays, chunk = plan.train.rays, plan.score.chunk
@@ -255,8 +255,8 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
 
 
 def seconds_of(work: Callable[[int], object], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
-    """Return the median seconds of `work` on `rays` rays; if that takes long, extrapolated from the largest try that
-    does not: a GPU takes as long for a few rays as for thousands.
+    """Return the median seconds of `work` on `rays` rays; if that takes long, they are extrapolated from the largest
+    fast try, as a GPU takes the same time for a few rays as for thousands.
     """
 
     def once(count: int) -> float:

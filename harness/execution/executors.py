@@ -1,4 +1,4 @@
-"""The executor of the groups of cells: this machine, a Ray cluster, or Slurm by submitit."""
+"""Chooses the executor of the groups of cells: this machine, a Ray cluster, or Slurm by submitit."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def run_groups(
     machine: "Machine", tasks: "list[GroupTask]", commit: str, locally: "Callable[..., Iterator[Event]]"
 ) -> "Iterator[Event]":
-    """Yield events of all groups, run where `machine` has them run."""
+    """Yield the events of all groups, run by the executor of `machine`."""
     if machine.executor == "ray":
         from harness.execution.ray_executor import run_on_ray
 
@@ -26,14 +26,14 @@ def run_groups(
 
 
 def device_here(machine: "Machine") -> str:
-    """Return the device of work on this machine beside the cells: the head of a cluster may lack their GPU."""
+    """Return the device of work on this machine other than cells: the head of a cluster may lack their GPU."""
     import torch
 
     return machine.device if machine.device != "cuda" or torch.cuda.is_available() else "cpu"
 
 
 def leave() -> None:
-    """Leave a cluster that was joined; a Ray that was started for this command ends."""
+    """Leave the joined cluster; a Ray that was started for this command ends."""
     if "ray" in sys.modules:
         from harness.execution.cluster.connection import disconnect
 

@@ -1,4 +1,4 @@
-"""View sets for a plan: rendered by Mitsuba in a process of its own, or taken from the cache.
+"""View sets for a plan: rendered by Mitsuba in another process, or taken from the cache.
 
 The harness never imports Mitsuba: if Dr.Jit aborts, only that process ends.
 """
@@ -32,7 +32,7 @@ from scenes.view_sets.view_set import ViewSet, read_view_set
 
 
 def scenes_output(*words: str, **options: object) -> str:
-    """Return what `python -m scenes WORDS --OPTION VALUE …` prints; if Dr.Jit ends the process, with `scalar_rgb`.
+    """Return the output of `python -m scenes WORDS --OPTION VALUE …`, repeated with `scalar_rgb` if Dr.Jit aborts.
 
     Raises `InputError` with its error output, and `RuntimeError` if it fails otherwise.
     """
@@ -49,8 +49,8 @@ def scenes_output(*words: str, **options: object) -> str:
 
 
 def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Literal["val", "test"] = "test") -> ViewSet:
-    """Read the views that a cell trains on and is scored on, as its settings ask; decoded images go to `scratch`, a
-    folder on a disk.
+    """Read the views for training and scoring a cell, by its settings; decoded images go to `scratch`, a folder on a
+    disk.
 
     Raises `InputError` for any fault of the folder.
     """
@@ -68,7 +68,7 @@ def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Lite
 
 
 def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]:
-    """Map scene → its view set: the user's own, or rendered, or from the cache."""
+    """Map scene → its view set: the user's, rendered, or from the cache."""
     if plan.view_set:
         given = dict(zip(plan.scenes, map(Path, plan.view_set), strict=True))
         for scene, path in given.items():
@@ -95,11 +95,11 @@ def render_view_sets(
 ) -> Iterator[RenderProgress]:
     """Yield progress, and a `path` for each scene. Raises `InputError` with the renderer's message.
 
-    With `scene_file`, that one is rendered, and a crash of its process is an `InputError` that names it. So is a
-    view, or loading the scene, that takes longer than `limit` seconds (`usual_limit`, if not given): its process is
-    ended, finished views are kept. Without `scene_file` and `limit` there is no limit.
+    With `scene_file`, only that scene is rendered, and a crash of its process is an `InputError` that names it. So is
+    loading or a view that takes longer than `limit` seconds (default `usual_limit`): its process is ended, finished
+    views are kept. Without `scene_file` and `limit` there is no limit.
 
-    If Dr.Jit crashes its process in the middle, the missing scenes are rendered with `scalar_rgb`.
+    If Dr.Jit crashes its process, the missing scenes are rendered with `scalar_rgb`.
     """
     missing = list(scenes)
     if scene_file is not None and limit is None:
@@ -119,13 +119,11 @@ def render_view_sets(
             if variant and scene_file is None:
                 raise
             if variant:
-                raise InputError(f"--scene-file {scene_file}: {error}; mend or simplify the scene") from error
+                raise InputError(f"--scene-file {scene_file}: {error}; repair or simplify the scene") from error
 
 
 def is_cached(scene: str, views: ViewSettings, cache: Path) -> bool:
-    """Return whether a scene of the catalogue need not be rendered, provided that the folder of its
-    name is complete.
-    """
+    """Return whether a scene of the catalogue is stored, provided that the folder of its name is complete."""
     from scenes.rendering.order import NoiseTarget
     from scenes.rendering.store import is_stored
 
@@ -143,32 +141,32 @@ def _forced_integrator(views: ViewSettings) -> str | None:
 
 
 MEGASAMPLE, SCALAR_MEGASAMPLE, MEGASAMPLE_CORES = (0.2, 0.9), (0.6, 1.6), 2
-"""The seconds of Mitsuba's path tracer on so many cores, over the scenes: compiled by LLVM, and scalar."""
+"""The range over scenes of seconds of Mitsuba's path tracer, compiled by LLVM and scalar, and the number of cores."""
 
 
 def rendering_seconds(views: ViewSettings, scenes: int) -> Range:
-    """Return the seconds of rendering so many scenes on all cores, at best as much faster as there are more cores."""
+    """Return the seconds of rendering a number of scenes on all cores; at best the speed grows with the cores."""
     scale, megasample = MEGASAMPLE_CORES / available_cores(), MEGASAMPLE if llvm_libraries() else SCALAR_MEGASAMPLE
     megasamples = scenes * sum(views.samples()) / 2 * views.resolution**2 / 1e6
     return scale * megasample[0] * megasamples, max(scale, 1.0) * megasample[1] * megasamples
 
 
 def usual_limit(views: ViewSettings) -> float:
-    """Return the seconds that a view may take: four times those of the slower variant for most large views."""
+    """Return the maximum seconds of a view; for large views four times the slower variant's seconds."""
     megasamples = views.resolution**2 * max(views.spp_train, views.spp_test) / 1e6
     return max(RENDER_LIMIT, 4 * SCALAR_MEGASAMPLE[1] * megasamples)
 
 
 BEAT_SECONDS = 15.0
-"""The seconds between two signs of life while nothing is finished."""
+"""The seconds between two signs of life while no view is finished."""
 
 
 class _Aborted(RuntimeError):
-    """A signal ended the renderer's process."""
+    """A signal ended the process of the renderer."""
 
 
 def sizes_of(views: ViewSettings) -> list[str]:
-    """Return the options of `python -m scenes render` that say how many views there are, and how large."""
+    """Return the options of `python -m scenes render` for the number and size of views."""
     names = ("resolution", "train", "val", "test", "spp_train", "spp_test")
     words = [word for name in names for word in (f"--{name.replace('_', '-')}", str(getattr(views, name)))]
     ceilings = {"train": views.ceiling_train_db, "test": views.ceiling_test_db}
@@ -184,8 +182,8 @@ def _render(
     with tempfile.TemporaryFile("w+") as complaints:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True)
         try:
-            coming = iter(scenes)
-            now, began = RenderProgress(next(coming), 0, 0, doing="loading"), time.monotonic()
+            remaining = iter(scenes)
+            now, began = RenderProgress(next(remaining), 0, 0, doing="loading"), time.monotonic()
             for message in _messages(process, min(BEAT_SECONDS, (limit or math.inf) / 10)):
                 seconds = time.monotonic() - began
                 if message is not None:
@@ -193,8 +191,8 @@ def _render(
                     yield event
                     now = replace(event, note="")
                     if event.path is not None:
-                        now = RenderProgress(next(coming, event.scene), 0, 0, doing="loading")
-                    began = time.monotonic()  # the time a consumer spends on the event is not the renderer's
+                        now = RenderProgress(next(remaining, event.scene), 0, 0, doing="loading")
+                    began = time.monotonic()  # the consumer's time for the event does not count
                 elif limit is not None and seconds >= limit:
                     process.kill()
                     where = f"--scene-file {scene_file}" if scene_file else now.scene
@@ -207,7 +205,7 @@ def _render(
             code = process.wait()
         finally:
             if process.poll() is None:
-                process.kill()  # at once: it may be in the middle of something long
+                process.kill()  # SIGTERM could take long
                 process.wait()
         complaints.seek(0)
         complaint = complaints.read().strip()
@@ -221,9 +219,9 @@ def _render(
 
 
 def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[str, Any] | None]:
-    """Yield the renderer's messages until they end, and None whenever one takes `beat` seconds.
+    """Yield the renderer's messages until they end, and None after each `beat` seconds without one.
 
-    If it has ended, a process that it started may hold its pipe open: messages then end once none came for two beats.
+    After its end a child process may keep its pipe open: messages then end after two beats without one.
     """
     messages: queue.Queue[dict[str, Any] | None] = queue.Queue()
     output = process.stdout
@@ -232,7 +230,7 @@ def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[st
     def read() -> None:
         try:
             with output, contextlib.suppress(ValueError, OSError):
-                output.reconfigure(errors="replace")  # a user's own scene may print anything
+                output.reconfigure(errors="replace")  # a user's scene may print anything
                 for line in output:
                     if (message := _message(line)) is not None:
                         messages.put(message)
@@ -265,7 +263,7 @@ def _event(message: dict[str, Any]) -> RenderProgress:
 
 
 def _message(line: str) -> dict[str, Any] | None:
-    """Return the message, or None for other lines: a user's own scene may print."""
+    """Return the message, or None for a line that a user's scene printed."""
     try:
         message = json.loads(line)
     except (ValueError, RecursionError):

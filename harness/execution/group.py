@@ -1,4 +1,4 @@
-"""One group of cells, (scene, seed), from its view set to its records: the work of a worker process."""
+"""A group of cells, (scene, seed), from its view set to its records: the work of a worker process."""
 
 import traceback
 from collections.abc import Callable
@@ -18,10 +18,10 @@ def run_group(
     placed: dict[str, object] | None = None,
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> None:
-    """Train, score and write every method of the group; an error of ours ends in records of status `error`.
+    """Train, score and write every method of the group; a program error ends in records of status `error`.
 
-    `placed` holds the executor's facts about the place, for the cells' provenance: `own_cores`, `cores`, `node`, …
-    Raises `OSError` if nothing can be written: a record could not be either.
+    `placed` holds the executor's facts for the cells' provenance: `own_cores`, `cores`, `node`, …
+    Raises `OSError` if nothing can be written, as a record could not be written either.
     """
     import torch
 
@@ -34,13 +34,13 @@ def run_group(
     from harness.training.lockstep import train_group
 
     try:
-        task.out.mkdir(parents=True, exist_ok=True)  # decoded images go there before the first record
+        task.out.mkdir(parents=True, exist_ok=True)  # decoded images are written there before the first record
         use_threads(task.threads)
         keep_freed_memory()
         views = read_views(task.view_set, task.views, task.out)
         if task.content not in (None, content_of(views)):
             raise InputError(
-                f"{task.view_set}: changed since the run began; put it back as it was and go on with --resume, or "
+                f"{task.view_set}: changed since the run began; put it back as it was and resume with --resume, or "
                 "start again with a fresh --out"
             )
         require_methods(task.methods)
@@ -54,22 +54,22 @@ def run_group(
     except OSError:
         raise
     except Exception as error:
-        lines = traceback.format_exception_only(error)
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        reason = f"{''.join(lines).strip()} ({Path(where.filename).name}:{where.lineno})"
-        if isinstance(error, InputError):
-            reason = str(error)
+        reason = str(error)
+        if not isinstance(error, InputError):
+            lines = traceback.format_exception_only(error)
+            where = traceback.extract_tb(error.__traceback__)[-1]
+            reason = f"{''.join(lines).strip()} ({Path(where.filename).name}:{where.lineno})"
         for cell in failed_cells(task, reason):
             on_cell(cell)
 
 
 def missing_methods(task: GroupTask) -> tuple[str, ...]:
-    """Return the methods of the group that have no record yet."""
+    """Return the methods of the group without a record."""
     return tuple(name for name in task.methods if not cell_path(task.out, task.scene, name, task.seed).exists())
 
 
 def failed_cells(task: GroupTask, reason: str) -> list[CellRecord]:
-    """Write a record of status `error` for each method of the group that has none yet."""
+    """Write and return a record of status `error` for each method of the group without a record."""
     cells = [unscored(task.scene, method, task.seed, "error", reason) for method in missing_methods(task)]
     for cell in cells:
         write_cell(task.out, cell)

@@ -1,4 +1,4 @@
-"""The loop over the groups of a run, wherever they run: submit, poll, cancel."""
+"""The loop over the groups of a run, which is the same for all executors: submit, poll, cancel."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from harness.records.cells import CellRecord
 
 @dataclass(frozen=True)
 class Event:
-    """An event of a group: training advanced, a cell ended, or there is a note for the reader."""
+    """An event of a group: training advanced, a cell ended, or there is a note for the user."""
 
     task: GroupTask
     share: float | None = None
@@ -22,12 +22,12 @@ class Event:
 @dataclass(eq=False)
 class Attempt:
     task: GroupTask
-    """The task as it was given, with all methods that were missing at first."""
+    """The given task, with all methods that were missing at first."""
     number: int = 1
     ended: int = 0
-    """The number of its methods that had ended before."""
+    """The number of its methods that had ended before it."""
     handle: Any = None
-    """What its executor knows it by."""
+    """The executor's handle of it."""
 
 
 @dataclass(frozen=True)
@@ -35,38 +35,38 @@ class End:
     """The end of an attempt."""
 
     lost: str | None = None
-    """Why it has not ended all of its cells, if it has not."""
+    """The reason if some of its cells have not ended."""
     refused: bool = False
-    """Whether nothing was begun, and another worker may take it."""
+    """Whether it was not begun, so that another worker may take it."""
 
 
 News = float | str | CellRecord | End
-"""The share that is trained, a notice, a cell that has ended, or the end."""
+"""The trained share, a notice, a cell that has ended, or the end."""
 
 
 class Executor(Protocol):
     room: int
-    """The number of attempts at once; 0 if no more are taken."""
+    """The maximum number of simultaneous attempts; 0 if no more are taken."""
     refusal: str
     """Why no more are taken."""
 
     def submit(self, attempt: Attempt, task: GroupTask) -> None:
-        """Begin an attempt at `task`, which is its task without the methods that have ended."""
+        """Begin an attempt at `task`, its task without the methods that have ended."""
 
     def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
-        """Yield what is new, after a wait for it; raises errors that end the run."""
+        """Wait for news and yield them; raises errors that end the run."""
 
     def again(self, attempt: Attempt, lost: str, missing: tuple[str, ...]) -> tuple[list[Attempt], str]:
-        """Return the attempts that follow a lost one and a notice of it, or none and the reason for its records."""
+        """Return the attempts that follow a lost one and a notice, or no attempt and the reason for its records."""
 
     def cancel(self, running: list[Attempt]) -> None:
-        """End what is running, and whatever belongs to the executor."""
+        """End the running attempts and the executor's resources."""
 
 
 def run_at(executor: Executor, tasks: list[GroupTask]) -> Iterator[Event]:
-    """Yield the events of all groups; closing it (Ctrl-C) cancels what runs, and ended cells are on disk.
+    """Yield the events of all groups; closing it (Ctrl-C) cancels running attempts, and ended cells are on disk.
 
-    A lost attempt is followed by others, without the methods that had ended, or recorded as errors; an error of ours is
+    A lost attempt is followed by others, without the methods that had ended, or recorded as errors; a program error is
     recorded by its group and not tried again.
     """
     waiting = [Attempt(task) for task in tasks]
@@ -87,7 +87,7 @@ def run_at(executor: Executor, tasks: list[GroupTask]) -> Iterator[Event]:
                 if isinstance(news, End):
                     running.remove(attempt)
                     events = _after(executor, attempt, news, waiting)
-                    submit()  # first, as a consumer may take its time
+                    submit()  # before the events, as a consumer may take its time
                     yield from events
                 else:
                     yield _event(attempt, news)
@@ -113,9 +113,9 @@ def _after(executor: Executor, attempt: Attempt, end: End, waiting: list[Attempt
     missing = missing_methods(attempt.task)
     if end.lost is None or not missing:
         return [Event(attempt.task, share=1.0)]
-    following, words = executor.again(attempt, end.lost, missing)
+    following, notice = executor.again(attempt, end.lost, missing)
     waiting[:0] = following
-    return [Event(attempt.task, notice=words)] if following else _failed(attempt.task, words)
+    return [Event(attempt.task, notice=notice)] if following else _failed(attempt.task, notice)
 
 
 def _failed(task: GroupTask, reason: str) -> list[Event]:

@@ -1,4 +1,4 @@
-"""Groups of cells on this machine: one worker process per core, each with its own threads."""
+"""Executes groups of cells on this machine in worker processes, each with its own threads."""
 
 import multiprocessing
 import os
@@ -31,20 +31,20 @@ class _Worker:
 
 
 def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-    """Run all tasks, at most `workers` at a time, each on cores and a GPU of its own as far as there are as many.
+    """Run all tasks, at most `workers` at a time, on separate cores and GPUs if there are enough.
 
-    A worker that dies costs what it was in the middle of: the methods of its group are then trained one at a time, and
-    one that ends its worker again is recorded as an error. A worker that finds other sources than this process
-    was started with trains nothing: its group goes to another, or is recorded as an error if none is left.
+    If a worker dies, the unfinished methods of its group are trained one at a time, and a method that ends its worker
+    again is recorded as an error. A worker that finds sources other than this process was started with trains nothing:
+    its group goes to another worker, or is recorded as an error if none is left.
 
-    Raises the `OSError` of a worker that cannot write its records: no other could. Closing the generator (Ctrl-C)
-    ends the workers at once; cells that they had finished are on disk.
+    Raises the `OSError` of a worker that cannot write its records, as no other could. Closing the generator (Ctrl-C)
+    ends the workers at once; finished cells are on disk.
     """
     return run_at(_Workers(tasks[0], workers), tasks) if tasks else iter(())
 
 
 class _Workers:
-    """The worker processes: a group is sent to one that is idle, or to a new one."""
+    """The worker processes: a group is sent to an idle worker, or to a new one."""
 
     def __init__(self, first: GroupTask, workers: int) -> None:
         self.room, self.refusal = workers, ""
@@ -65,13 +65,13 @@ class _Workers:
                 return
 
     def _start(self) -> _Worker:
-        ours, theirs = self._context.Pipe()
+        connection, workers_end = self._context.Pipe()
         number = min(set(range(len(self._masks))) - {worker.number for worker in self._pool})
-        given = theirs, self._masks[number], self._threads, *self._driver
-        process = self._context.Process(target=_work, args=given, daemon=True)
+        arguments = workers_end, self._masks[number], self._threads, *self._driver
+        process = self._context.Process(target=_work, args=arguments, daemon=True)
         process.start()
-        theirs.close()
-        self._pool.append(_Worker(process, ours, number))
+        workers_end.close()
+        self._pool.append(_Worker(process, connection, number))
         return self._pool[-1]
 
     def _drop(self, worker: _Worker) -> None:
@@ -87,12 +87,12 @@ class _Workers:
             assert attempt is not None
             try:
                 message = worker.connection.recv()
-            except (EOFError, OSError):  # the latter without a number if it died in the middle of a message
+            except (EOFError, OSError):  # an incomplete message is an OSError without a number
                 self._drop(worker)
                 message = End(f"the worker process ended with {_ending(worker.process.exitcode)}")
             if isinstance(message, OSError):
                 raise message
-            if isinstance(message, _Refusal):  # it would refuse any other task as well
+            if isinstance(message, _Refusal):  # it would refuse any task
                 self._drop(worker)
                 self.room, self.refusal, message = self.room - 1, message.reason, End(refused=True)
             if isinstance(message, End):
@@ -122,35 +122,33 @@ def _ending(exit_code: int | None) -> str:
 def _work(
     connection: Connection, gpu: dict[str, str], threads: int, known: dict[str, str], origin: dict[str, object]
 ) -> None:
-    """Serve a driver of the `known` versions on cores and a GPU of its own."""
+    """Serve a driver of the `known` versions, on own cores and a GPU."""
     end_with_parent()
     os.environ.update(gpu)
     if wrong := _other_code(known):
         connection.recv()
-        connection.send(
-            _Refusal(f"the sources changed while the run was going on ({wrong}); start it again with --resume")
-        )
+        connection.send(_Refusal(f"the sources changed during the run ({wrong}); start it again with --resume"))
     else:
-        from harness.machine.device import available_cores  # after the environment: torch asks for GPUs only once
+        from harness.machine.device import available_cores  # after the environment: torch looks for GPUs only once
 
         machine = available_cores()
         with own_cores(threads) as cores:
             _serve(connection, {**origin, "cores": machine, "own_cores": cores})
     connection.close()
-    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    # the interpreter's teardown would print warnings of OpenImageIO's bindings
     os._exit(0)
 
 
 def _other_code(known: dict[str, str]) -> str:
     if wrong := changed_since(known):
         return wrong
-    from harness.training import lockstep  # noqa: F401 -- all that trains, which may change while it is imported
+    from harness.training import lockstep  # noqa: F401 -- the training code, which may change while it is imported
 
     return changed_since(known)
 
 
 def _serve(connection: Connection, placed: dict[str, object]) -> None:
-    """Take tasks; send progress (float), finished cells, notices (str), `End` and `OSError` (cannot write)."""
+    """Receive tasks; send progress (float), finished cells, notices (str), `End` and `OSError` (cannot write)."""
     while (task := connection.recv()) is not None:
         last = 0.0
 

@@ -1,7 +1,7 @@
 """The display of a running command: bars on a terminal, plain lines elsewhere, or nothing.
 
-The remaining time is that of the whole run where its cost was estimated, else that of the work at hand; the pace of
-finished work replaces what was expected.
+The remaining time is that of the run if its cost was estimated, else that of the current phase; the pace of finished
+work replaces the estimate.
 """
 
 import sys
@@ -23,15 +23,15 @@ Range = tuple[float, float]
 """The minimum and the maximum seconds."""
 UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 ENOUGH = 0.25
-"""The share of a piece of work after which its pace allows an estimate of the rest."""
+"""The share of a piece of work after which its pace predicts the rest."""
 SPREAD = (0.7, 1.4)
-"""The factors of the seconds at a measured pace: for a group of cells, whose first steps skip no empty space, and for
-scenes, which differ by so much (`docs/reduced/summary.json`).
+"""The range of actual seconds relative to a measured pace: the first steps of a group skip no empty space, and scenes
+differ (`docs/reduced/summary.json`).
 """
 
 
 def span(low: float, high: float) -> str:
-    """Return seconds in words, no more exact than they are known: `40 to 70 s`, `13 to 24 min`, `about 3 h`."""
+    """Format a range of seconds, rounded to its precision: `40 to 70 s`, `13 to 24 min`, `about 3 h`."""
     size, unit = next((unit for unit in UNITS if high >= 1.5 * unit[0]), UNITS[-1])
     ends = [_rounded(value / size) for value in (low, high)]
     return f"about {ends[0]} {unit}" if ends[0] == ends[1] else f"{ends[0]} to {ends[1]} {unit}"
@@ -44,9 +44,9 @@ def _rounded(value: float) -> str:
 
 
 class TimeLeft:
-    """An estimate at the pace since the first report, which comes after processes have started and data are read.
+    """An estimate from the pace since the first report, which comes after processes have started and data are read.
 
-    The work has `total` units in pieces; what was done of a piece before its first report took none of this time.
+    The work has `total` units in pieces; work on a piece before its first report does not count for the pace.
     """
 
     def __init__(self, total: float = 1.0) -> None:
@@ -58,8 +58,8 @@ class TimeLeft:
         return sum(self._done.values()) / self._total if self._total else 1.0
 
     def after(self, done: float, piece: Hashable = None, size: float = 1.0) -> Range | None:
-        """Note that `done` units of a `piece` of `size` are done, and return the seconds left; None before a quarter of
-        a piece was done, and at the end.
+        """Record that `done` units of a `piece` of `size` are done, and return the seconds left; None before a quarter
+        of a piece is done, and at the end.
         """
         now = time.monotonic()
         if not self._done:
@@ -83,13 +83,13 @@ class RenderProgress:
     total: int
     path: Path | None = None
     note: str = ""
-    """A note for the user before anything is rendered."""
+    """A note for the user before rendering."""
     doing: str = ""
     """The current work of the renderer."""
     kept: int = 0
-    """The number of finished views that were there before."""
+    """The number of views that were finished before."""
     share: float = 0.0
-    """The finished share of the samples that were to be taken."""
+    """The finished share of the samples."""
 
 
 class Progress:
@@ -98,7 +98,7 @@ class Progress:
     def line(self, text: str) -> None: ...
 
     def expect(self, phases: dict[str, Range]) -> None:
-        """Note how long the phases of a run, named `rendering`, `training` and `part`, are to take in this order."""
+        """Set the expected seconds of the phases of a run, `rendering`, `training` and `part`, in this order."""
 
     def rendered(self, event: RenderProgress, scenes: int) -> None: ...
 
@@ -109,7 +109,7 @@ class Progress:
     def cell(self, cell: "CellRecord") -> None: ...
 
     def part(self, what: str, done: int, total: int) -> None:
-        """Report on anything else that has parts: how many of them are done, and which is being done."""
+        """Report on other work with parts: its current part and the number of finished parts."""
 
     def close(self) -> None: ...
 
@@ -118,7 +118,7 @@ Quiet = Progress
 
 
 class Lines(Progress):
-    """Plain lines, at most one every few seconds, and one for each scene rendered and each cell ended."""
+    """Plain lines: at most one every few seconds, and one for each rendered scene and ended cell."""
 
     def __init__(self, every_seconds: float = 15.0) -> None:
         self._every = every_seconds
@@ -147,8 +147,8 @@ class Lines(Progress):
         kept = f" ({event.kept} from before)" if event.kept else ""
         done = f"{event.done} of {event.total} views done{kept}, " if event.total else ""
         share = (self._scenes_done + event.done / max(event.total, 1)) / scenes
-        words = f"rendering {event.scene}: {done}{event.doing}{self._left('rendering', share, left)}"
-        self._show("rendering", words, share)
+        text = f"rendering {event.scene}: {done}{event.doing}{self._left('rendering', share, left)}"
+        self._show("rendering", text, share)
 
     def start_training(self, cells: int, missing: int) -> None:
         self._rendering, self._training = TimeLeft(), TimeLeft(missing)
@@ -174,8 +174,8 @@ class Lines(Progress):
         self._show("part", f"{what}: {done} of {total}{self._left('part', share, clock.after(share))}", share)
 
     def _left(self, phase: str, share: float, own: Range | None) -> str:
-        """Return the time left in words: of the run, if it was estimated, else of the phase; `own` is what the phase's
-        pace so far makes of its rest.
+        """Return the text of the time left, of the run if it was estimated, else of the phase; `own` is the phase's at
+        its pace so far.
         """
         later = [(0.0, 0.0)]
         if phase in self._expected:
@@ -196,7 +196,7 @@ class Lines(Progress):
 
 
 class Bars(Lines):
-    """Bars that stay on the terminal: rendering and training, or whatever else has parts."""
+    """Bars that stay on the terminal, for rendering, training and other work with parts."""
 
     def __init__(self) -> None:
         from rich import progress
@@ -212,7 +212,7 @@ class Bars(Lines):
 
     def start_training(self, cells: int, missing: int) -> None:
         super().start_training(cells, missing)
-        self._tasks.clear()  # there may have been another training before this one
+        self._tasks.clear()  # an earlier training has its own bar
 
     def close(self) -> None:
         self._bars.stop()
@@ -224,7 +224,7 @@ class Bars(Lines):
 
 
 def cell_line(cell: "CellRecord") -> str:
-    """Return one line of a finished cell."""
+    """Return the line of a finished cell."""
     name = f"{cell.scene} {cell.method} seed {cell.seed}"
     if cell.status != "done":
         return f"{name}: {cell.status.upper()}, {cell.reason}"

@@ -1,4 +1,4 @@
-"""Groups of cells on a Ray cluster: placed by their needs, retried if a node dies, written here alone."""
+"""Executes groups of cells on a Ray cluster: placed by their needs, retried if a node dies, written only here."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -19,24 +19,22 @@ from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError
 
 MOST_ATTEMPTS = 6
-"""The most attempts at one group, counting those ended by a dying node or worker; then its cells are recorded as
-errors.
-"""
+"""The maximum number of attempts at a group that a dying node or worker ends; then its cells are recorded as errors."""
 POLL_SECONDS = 0.2
 
 Look = tuple[list[Node], dict[str, float]]
-"""A view of the cluster: its nodes, and the free part of all their resources."""
+"""The state of the cluster: its nodes, and the free part of their resources."""
 
 
 def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
-    """Run all tasks on the cluster that `harness.execution.cluster.connection.connect` has joined, as many as it has
-    room for.
+    """Run all tasks on the cluster that `harness.execution.cluster.connection.connect` has joined, as far as there is
+    room.
 
     A group takes `threads` cores, and one GPU if it trains on one. If its node or process dies, it is retried elsewhere
-    without the methods that had ended, to the same bits; an error of ours is recorded and not retried. Raises the
-    `OSError` of a disk that accepts nothing, here or on a node, and `InputError` if a node has other packages, if none
-    is left that is large enough, and if the cluster as a whole is lost. Closing the generator (Ctrl-C) cancels running
-    groups; ended cells are on disk.
+    without the methods that had ended, with bit-identical results; a program error is recorded and not retried. Raises
+    the `OSError` of a disk that cannot be written, here or on a node, and `InputError` if a node has other packages, if
+    no node is large enough, and if the cluster is lost. Closing the generator (Ctrl-C) cancels running groups; ended
+    cells are on disk.
     """
     import ray
 
@@ -54,30 +52,30 @@ def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
                 why = (
                     f"the cluster is lost ({type(cause).__name__}): its head or this node's Ray ended; start Ray again"
                 )
-            raise InputError(f"--executor ray: {why}; finished cells are kept: go on with --resume") from error
+            raise InputError(f"--executor ray: {why}; finished cells are kept: resume with --resume") from error
         finally:
             if head.is_lost:
                 give_up()
 
 
 def _lost_clusters() -> tuple[type[Exception], ...]:
-    """Return the errors that Ray raises if there is nobody left to talk to."""
+    """Return the errors that Ray raises if the cluster does not answer."""
     from ray import exceptions
 
     return exceptions.RaySystemError, exceptions.RpcError, exceptions.LocalRayletDiedError, exceptions.ActorDiedError
 
 
 class _Cluster:
-    """The cluster, which has all groups at once; a node leaves messages in a mailbox on this node."""
+    """The cluster, which gets all groups at once; its nodes leave messages in a mailbox on this node."""
 
     def __init__(self, tasks: list[GroupTask], commit: str, head: Head[Look]) -> None:
         self.room, self.refusal = len(tasks), ""
         self._commit, self._head = commit, head
         self._listings = {task.view_set: listed(task.view_set) for task in tasks}
-        self._mailbox, self._files = _beside_us(list(self._listings.values()))
+        self._mailbox, self._files = _actors_here(list(self._listings.values()))
         self._watch = Room(needs_of(tasks[0].threads, tasks[0].device))
         self._nodes: dict[Attempt, str] = {}
-        """The node where an attempt is in training."""
+        """The node on which an attempt trains."""
 
     def submit(self, attempt: Attempt, task: GroupTask) -> None:
         import ray
@@ -92,7 +90,7 @@ class _Cluster:
 
         by_handle = {attempt.handle: attempt for attempt in running}
         ended, _ = ray.wait(list(by_handle), num_returns=1, timeout=POLL_SECONDS)
-        yield from self._delivered(running)
+        yield from self._deliver(running)
         in_training = sum(attempt in self._nodes for attempt in running)
         answer = self._head.answer
         for line in (self._head.listen(), answer and self._watch.look(*answer, in_training)):
@@ -100,11 +98,11 @@ class _Cluster:
                 yield running[0], line
         for handle in ended:
             lost = _lost(handle)
-            # everything that it delivered before its end has arrived by now
-            yield from self._delivered(running)
+            # its messages before its end have arrived by now
+            yield from self._deliver(running)
             yield by_handle[handle], End(lost)
 
-    def _delivered(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
+    def _deliver(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
         import ray
 
         taken = self._mailbox.take.remote()
@@ -121,13 +119,13 @@ class _Cluster:
         return [Attempt(task, attempt.number + 1)], (
             f"{task.scene} seed {task.seed}: {lost} (node {node}) at attempt {attempt.number}"
             f"{f'; {kept} of its cells had ended and are kept' if kept else ''}; {len(missing)} cells are trained again"
-            f"{f', {snapshots} of them kept on their way' if snapshots else ''}"
+            f"{f', {snapshots} of them from their snapshots' if snapshots else ''}"
         )
 
     def cancel(self, running: list[Attempt]) -> None:
         import ray
 
-        if not self._head.is_lost:  # else these would wait for it
+        if not self._head.is_lost:  # else these calls would wait for it
             with suppress(ray.exceptions.RayError):
                 for attempt in running:
                     ray.cancel(attempt.handle, force=True)
@@ -135,7 +133,7 @@ class _Cluster:
                     ray.kill(actor)
 
 
-def _beside_us(listings: list[Listing]) -> tuple[Handle, Handle]:
+def _actors_here(listings: list[Listing]) -> tuple[Handle, Handle]:
     import ray
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
@@ -146,18 +144,14 @@ def _beside_us(listings: list[Listing]) -> tuple[Handle, Handle]:
 
 
 def _resources(task: GroupTask) -> dict[str, object]:
-    """Return what Ray reserves; it shows a process the GPU that it has, of either vendor. Retries are ours."""
+    """Return what Ray reserves; it shows a process its GPU of either vendor. `run_at` retries, not Ray."""
     needs = needs_of(task.threads, task.device)
-    return {
-        "num_cpus": needs["CPU"],
-        "num_gpus": needs.get("GPU", 0),
-        "max_retries": 0,
-        "scheduling_strategy": "SPREAD",
-    }
+    reserved = {"num_cpus": needs["CPU"], "num_gpus": needs.get("GPU", 0)}
+    return {**reserved, "max_retries": 0, "scheduling_strategy": "SPREAD"}
 
 
 def _unfinished(task: GroupTask) -> dict[str, bytes]:
-    """Return the snapshots of its cells, path inside the output folder → content."""
+    """Return path inside the output folder → content of the snapshots of its cells."""
     files = [unfinished_path(task.out, task.scene, name, task.seed) for name in task.methods]
     return {file.relative_to(task.out).as_posix(): file.read_bytes() for file in files if file.is_file()}
 
@@ -165,8 +159,8 @@ def _unfinished(task: GroupTask) -> dict[str, bytes]:
 def news_of(
     messages: list[Message], running: list[Attempt], nodes: dict[Attempt, str]
 ) -> Iterator[tuple[Attempt, News]]:
-    """Write delivered cells, record last, and yield what is new; late messages of a lost attempt are dropped. Notes in
-    `nodes` where an attempt is in training.
+    """Write delivered cells, each record last, and yield the news; late messages of a lost attempt are dropped. `nodes`
+    is updated with the node of each attempt.
     """
     by_group: dict[Key, Attempt] = {(attempt.task.scene, attempt.task.seed): attempt for attempt in running}
     for message in messages:
@@ -179,7 +173,7 @@ def news_of(
             write_atomically(out / relative, content)
         if cell is not None:
             if not known:
-                write_cell(out, cell)  # last: a record says that its files are there
+                write_cell(out, cell)  # last: a record promises its files
             drop_ended(out, cell)
         if message.node is not None:
             nodes[attempt] = message.node
@@ -189,21 +183,17 @@ def news_of(
 
 
 def _lost(reference: object) -> str | None:
-    """Return why an attempt ended without an end of its own; None if it had one. Raises errors that end the run."""
+    """Return why an attempt was lost; None if it ended regularly. Raises errors that end the run."""
     import ray
-    from ray import exceptions as crashed
+    from ray import exceptions
 
     try:
         refusal = ray.get(reference)
-    except crashed.NodeDiedError:
+    except exceptions.NodeDiedError:
         return "the node died"
-    except (
-        ray.exceptions.WorkerCrashedError,
-        ray.exceptions.OutOfMemoryError,
-        ray.exceptions.ObjectLostError,
-    ) as error:
+    except (exceptions.WorkerCrashedError, exceptions.OutOfMemoryError, exceptions.ObjectLostError) as error:
         return f"the worker process died ({type(error).__name__}; out of memory, perhaps)"
-    except crashed.RayTaskError as error:
+    except exceptions.RayTaskError as error:
         if isinstance(error.cause, OSError):
             raise OSError(error.cause.errno, error.cause.strerror, error.cause.filename) from error
         raise

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import torch
 from msgspec import structs
@@ -38,14 +37,12 @@ from harness.records.snapshot import drop_folder
 from harness.records.targets import write_targets
 from harness.run_folder.earlier_run import earlier_run, notices_of, with_measured
 from harness.run_folder.phases import Phases
-from harness.verdicts.comparisons import compare
+from harness.verdicts.comparisons import Key, compare
 from harness.verdicts.survival import targets
 
-Key = tuple[str, str, int]
-"""The scene, method and seed of a cell."""
 Verify = Callable[[list[CellRecord], list[SceneRecord], dict[str, Path]], list[SceneRecord]]
-"""A function of the cells, the scenes' records and scene → view set, which returns the scenes' records with the savings
-and costs of omissions.
+"""A function of the cells, the scenes' records and scene → view set that adds the savings and costs of omissions to the
+scenes' records.
 """
 
 
@@ -59,11 +56,11 @@ def run(
     verify: Verify | None = None,
     serve: Callable[[], None] | None = None,
 ) -> int:
-    """Execute the plan into `out`, which is ours already (`harness.run_folder.output_folder`), without finished cells.
+    """Execute the plan, without finished cells, into the locked folder `out` (`harness.run_folder.output_folder`).
 
-    `verify` then tries what each scene does not need with and without; `serve` measures view cache and attention last,
-    which changes nothing of the run. Returns exit code 0, or 3 if a cell diverged or failed or an omission costs more
-    than its bound. Raises `InputError` before any training for wrong input.
+    `verify` then trains with and without the parts that each scene does not need; `serve` measures view cache and
+    attention last, which does not change the run. Returns exit code 0, or 3 if a cell diverged or failed or an omission
+    costs more than its bound. Raises `InputError` before training for wrong input.
     """
     earlier = earlier_run(out)
     phases = Phases(earlier.phases if earlier else {})
@@ -96,7 +93,7 @@ def run(
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the run is complete; `python -m reports {out}` makes its report") from None
         _write(out, keys, record, phases, finished=True)
-    # a method that cannot run on this machine is no failure; its cells name what is missing
+    # a method that cannot run on this machine is not a failure; its cells name what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)
     return 0 if ended == len(keys) and not any(scene.costs_more for scene in record.scenes) else 3
 
@@ -104,24 +101,24 @@ def run(
 def _read_view_sets(
     plan: Plan, tasks: list[GroupTask], command: str, show: Progress
 ) -> tuple[list[GroupTask], RunRecord]:
-    """Return the tasks, held to the view sets as they are now, and the record of the run; raises `InputError` for any
-    fault of a view set.
+    """Return the tasks, bound to the present content of the view sets, and the record of the run; raises `InputError`
+    for any fault of a view set.
     """
     keys = plan.cells()
-    seen = {task.scene: scene_record(task, keys) for task in tasks[: len(plan.scenes)]}
-    scenes = [read.record for read in seen.values()]
+    read = {task.scene: scene_record(task, keys) for task in tasks[: len(plan.scenes)]}
+    scenes = [each.record for each in read.values()]
     for scene in scenes if plan.view_set else ():
         box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
         show.line(f"view set {scene.name}: box {box}; its silhouettes leave {scene.hull_share:.0%} of it; {scene.seen}")
     cautions = [f"{scene.name}: {caution}" for scene in scenes for caution in scene.cautions]
     for caution in cautions:
         show.line(f"view set {caution}")
-    notes = {scene: read.notes for scene, read in seen.items()} if plan.view_set else {}
+    notes = {scene: each.notes for scene, each in read.items()} if plan.view_set else {}
     record = planned_record(plan, command, notes)
     claims = [measured_at_printed_size(file) for file in plan.claims]
     not_tested = [*record.not_tested, *cautions]
     record = structs.replace(record, scenes=scenes, claims=claims, not_tested=not_tested)
-    return [replace(task, content=seen[task.scene].content) for task in tasks], record
+    return [replace(task, content=read[task.scene].content) for task in tasks], record
 
 
 def _write(out: Path, keys: list[Key], record: RunRecord, phases: Phases, finished: bool = False) -> None:
@@ -131,7 +128,7 @@ def _write(out: Path, keys: list[Key], record: RunRecord, phases: Phases, finish
 
 
 def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: Machine, show: Progress) -> None:
-    """Train the missing cells of the tasks; the executor's notices are added to the record's provenance."""
+    """Train the missing cells of the tasks; add the executor's notices to the record's provenance."""
     out, origin = tasks[0].out, record.provenance
     kept = {(cell.scene, cell.method, cell.seed): cell for cell in read_cells_of(out, keys)}
     for key in [key for key, cell in kept.items() if cell.status in ("error", "not_available")]:  # tried again
@@ -143,7 +140,7 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
     if elsewhere and (missing or code_apart(cells)):
         show.line(elsewhere)
     show.start_training(len(keys), sum(len(task.methods) for task in missing))
-    for event in _events(missing, machine, origin, show):
+    for event in _events(missing, machine, origin["commit"], show):
         if event.notice is not None and event.notice not in (notices := origin.setdefault("notices", [])):
             notices.append(event.notice)
         if event.share is not None:
@@ -154,7 +151,7 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
 
 
 def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine: Machine, show: Progress) -> None:
-    """Train the missing guests, on each scene for the core seconds of the baseline there, if these are known."""
+    """Train the missing guests, on each scene for the baseline's core seconds, if these are known."""
     out, budgets, baseline = tasks[0].out, {}, record.roles.baseline
     for scene, guest, seed in plan.guest_cells():
         path = cell_path(out, scene, baseline, seed)
@@ -167,14 +164,14 @@ def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine:
     ]
     if due:
         show.line(f"training {plan.guest} for scale, on each scene for the core seconds of {baseline}")
-        for _ in _events(due, machine, record.provenance, show):
+        for _ in _events(due, machine, record.provenance["commit"], show):
             pass
         drop_folder(out)
 
 
-def _events(tasks: list[GroupTask], machine: Machine, origin: dict[str, Any], show: Progress) -> Iterator[Event]:
-    """Train the tasks and yield what happens; notices and ended cells are shown."""
-    for event in run_groups(machine, tasks, origin["commit"], run_locally):
+def _events(tasks: list[GroupTask], machine: Machine, commit: str, show: Progress) -> Iterator[Event]:
+    """Train the tasks and yield the events; show notices and ended cells."""
+    for event in run_groups(machine, tasks, commit, run_locally):
         if event.notice is not None:
             show.line(event.notice)
         if event.cell is not None:
@@ -183,8 +180,8 @@ def _events(tasks: list[GroupTask], machine: Machine, origin: dict[str, Any], sh
 
 
 def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
-    """Write comparisons of all methods and targets of those trained everywhere, from the complete groups of cells, so
-    that a stopped run has some; returns all cells.
+    """Write comparisons of all methods and targets of the main methods, from the complete groups of cells, so that a
+    stopped run has some too; return all cells.
     """
     cells = list(read_cells_of(out, keys))
     missing = Counter((scene, seed) for scene, _, seed in keys)
@@ -193,10 +190,8 @@ def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
     if complete:
         digests = digests_of(complete)
         write_comparisons(out, compare(complete, list(record.methods), record.roles), digests)
-        everywhere = record.main_methods
-        reached = targets(
-            [cell for cell in complete if cell.method in everywhere], everywhere, record.roles, record.claims or ()
-        )
+        main = record.main_methods
+        reached = targets([cell for cell in complete if cell.method in main], main, record.roles, record.claims or ())
         write_targets(out, structs.replace(reached, digests=digests))
     return cells
 
@@ -204,4 +199,4 @@ def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
 def _kept(out: Path, keys: list[Key]) -> str:
     kept = sum(cell_path(out, *key).exists() for key in keys)
     report = f"`python -m reports {out} --partial` reports them; " if kept else ""
-    return f"{kept} of {len(keys)} cells are kept; {report}go on with --resume --out {out}"
+    return f"{kept} of {len(keys)} cells are kept; {report}resume with --resume --out {out}"

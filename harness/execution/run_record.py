@@ -1,4 +1,4 @@
-"""The run record's facts about a scene's view set, and those beside the paper's numbers that need no training."""
+"""Facts of a run's record that need no training: those of a scene's view set, and measurements for claims."""
 
 from typing import Any, NamedTuple
 
@@ -26,8 +26,8 @@ from scenes.view_sets.sight import sight
 
 
 def measured_at_printed_size(file: ClaimFile) -> ClaimFile:
-    """Return claims with what they need measured without training: the weights by component of a method at 8 × 256,
-    L = 10/4, and our lines for the same parts.
+    """Return claims with the measurements that they need: the weights by component of a method at 8 × 256, L = 10/4,
+    and this program's lines for the same parts.
     """
     measured = Measured()
     for claim in file.claims:
@@ -43,20 +43,20 @@ def measured_at_printed_size(file: ClaimFile) -> ClaimFile:
 class SceneRead(NamedTuple):
     record: SceneRecord
     content: str | None
-    """Its digest."""
+    """The digest of its content."""
     notes: tuple[str, ...]
-    """What the reader of its images noted."""
+    """The notes of the reader of its images."""
 
 
 def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead:
-    """Read the view set of a task once, so that any fault of it is reported before any training.
+    """Read the view set of a task once, so that a fault is reported before any training.
 
-    Raises `InputError` for a fault, and where the cameras see nothing of the box.
+    Raises `InputError` for a fault, and if the cameras see nothing of the box.
     """
     scene, out = task.scene, task.out
     views = read_views(task.view_set, task.views, out)
-    found = sight(views)
-    told = cautions(views, found)
+    seen = sight(views)
+    cautioned = cautions(views, seen)  # refuses cameras that see nothing, before anything is written
     if not finished_on(out, [key for key in keys if key[0] == scene], views):
         drop_truth(out, scene)
     noise = views.test.noise_mse
@@ -77,8 +77,8 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
         far=views.far,
         bounds=views.bounds.tolist(),
         hull_share=float(views.hull.mean()),
-        seen=found.line,
-        cautions=told,
+        seen=seen.line,
+        cautions=cautioned,
         psnr_ceiling=ceiling,
         psnr_floor=floor_psnr(views),
         rendered={key: manifest[key] for key in kept if key in manifest},
@@ -88,6 +88,6 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
 
 
 def _left_out(row: dict[str, Any]) -> LeftOut:
-    """Return the manifest's omissions, as far as it has them: an older one knows no bounds."""
+    """Return an omission of the manifest; an older manifest has no bounds."""
     known = ("name", "concerns", "bound", "unit")
     return LeftOut(row["what"], row["reason"], None, None, None, **{key: row[key] for key in known if key in row})

@@ -1,7 +1,7 @@
-"""Groups of cells as jobs of Slurm, by submitit: each writes into the output folder, which all nodes share.
+"""Executes groups of cells as Slurm jobs, by submitit, which write into the output folder that all nodes share.
 
-A job tells its news in a journal, a file of one JSON value a line; its records, pictures and snapshots are those of a
-run on one machine.
+A job reports its news in a journal, a file with one JSON value per line; its records, pictures and snapshots are those
+of a run on one machine.
 """
 
 import json
@@ -29,19 +29,19 @@ HOW_TO_INSTALL = (
     "of pyproject.toml) puts it into this environment"
 )
 FOLDER = "jobs"
-"""The folder of OUT with the scripts, logs and journals of jobs; removed when every job ended well."""
+"""The folder of OUT with the scripts, logs and journals of jobs, which is removed if no job was lost."""
 ALIVE = "alive"
-"""The beginning of the name of the file in it that a driver touches, so that a job whose driver is gone ends."""
+"""The prefix of the name of a file in it that a driver touches, so that a job without a driver ends."""
 MOST_ATTEMPTS = 3
-"""The most jobs for one group; Slurm's own requeues, after its time or for another job, are not counted."""
+"""The maximum number of jobs for a group; Slurm's requeues, after the time limit or for another job, do not count."""
 POLL_SECONDS, TOLD_SECONDS, END_SECONDS, ORPHAN_SECONDS = 1.0, 5.0, 20.0, 600.0
 USUAL = {"timeout_min": 240, "name": "radiance-verdict"}
-"""The parameters of submitit where `--job` says nothing else."""
+"""The default parameters of submitit, which `--job` overrides."""
 
 
 @dataclass(frozen=True)
 class SlurmJob:
-    """The work of a job; picklable. submitit calls `checkpoint` before Slurm ends it."""
+    """The picklable work of a job; submitit calls `checkpoint` before Slurm ends it."""
 
     task: GroupTask
     journal: Path
@@ -52,7 +52,7 @@ class SlurmJob:
     commit: str
 
     def __call__(self) -> str | None:
-        """Train the group; returns the refusal of a node with other packages in words, else None.
+        """Train the group; return the reason if the node has other packages, else None.
 
         Raises `OSError` if its files cannot be written.
         """
@@ -94,14 +94,14 @@ class SlurmJob:
             journal.write(json.dumps(news) + "\n")
 
     def _is_orphan(self) -> bool:
-        # both times are the file server's
+        # both times come from the file server
         if not self.alive.exists():
             return True
         return self.journal.stat().st_mtime - self.alive.stat().st_mtime > ORPHAN_SECONDS
 
 
 def job_parameters(given: list[str]) -> dict[str, object]:
-    """Return the parameters of submitit that `NAME=VALUE` set; numbers are numbers. Raises `InputError`."""
+    """Return the parameters of submitit from `NAME=VALUE`, where a value may be a number; raises `InputError`."""
     parameters: dict[str, object] = dict(USUAL)
     for text in given:
         name, equals, value = text.partition("=")
@@ -115,7 +115,7 @@ def job_parameters(given: list[str]) -> dict[str, object]:
 
 
 def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
-    """Return submitit's executor: Slurm's where `sbatch` is there, else processes of this machine.
+    """Return submitit's executor: Slurm if `sbatch` is installed, else processes of this machine.
 
     Raises `InputError` without submitit, and for a parameter that it does not know.
     """
@@ -123,33 +123,33 @@ def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
         import submitit
     except ImportError as error:
         raise InputError(HOW_TO_INSTALL) from error
-    found, parameters = submitit.AutoExecutor(folder), job_parameters(given)
+    jobs, parameters = submitit.AutoExecutor(folder), job_parameters(given)
     needs = {"nodes": 1, "tasks_per_node": 1, "cpus_per_task": threads, "gpus_per_node": int(device == "cuda")}
     for name in needs.keys() & parameters.keys():
         raise InputError(
             f"--job {name}={parameters[name]}: a job is one process; --threads and --device say what it has"
         )
     try:
-        found.update_parameters(**parameters, **needs)
+        jobs.update_parameters(**parameters, **needs)
     except (NameError, AssertionError, TypeError, ValueError) as error:
         raise InputError(f"--job {' '.join(given)}: {' '.join(str(error).split())[:300]}") from error
-    return found
+    return jobs
 
 
-def ask_node(beside: Path, threads: int, device: str, given: list[str]) -> tuple[str, bool, str]:
-    """Ask one job, whose files lie for a moment in the folder `beside`, what its node has: the device, whether that
-    multiplies bfloat16, and both in words.
+def ask_node(parent: Path, threads: int, device: str, given: list[str]) -> tuple[str, bool, str]:
+    """Ask a job, whose files lie in the folder `parent` meanwhile, about its node: the device, whether it multiplies
+    bfloat16, and a line on both.
 
-    Raises `InputError` if the node's packages are not ours, or no job runs.
+    Raises `InputError` if the node has other packages, or if no job runs.
     """
-    beside.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".jobs.", dir=beside, ignore_cleanup_errors=True) as folder:
-        found = executor(Path(folder), threads, device, given)
-        answer = _result(found.submit(_this_node, versions(), device), "no job runs")
+    parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".jobs.", dir=parent, ignore_cleanup_errors=True) as folder:
+        jobs = executor(Path(folder), threads, device, given)
+        answer = _result(jobs.submit(_this_node, versions(), device), "no job runs")
     if isinstance(answer, str):
         raise InputError(f"--executor submitit: {answer}")
     chosen, bfloat16, processor = answer
-    cluster = "Slurm" if found.cluster == "slurm" else "no sbatch here: processes of this machine"
+    cluster = "Slurm" if jobs.cluster == "slurm" else "no sbatch here: processes of this machine"
     return chosen, bfloat16, f"submitit: {cluster}; a job trains on {chosen} ({processor})"
 
 
@@ -166,7 +166,7 @@ def _this_node(driver: dict[str, str], device: str) -> tuple[str, bool, str] | s
 
 
 def _wrong_node(driver: dict[str, str]) -> str | None:
-    """Return the refusal of a node whose packages are not the driver's; None if they are."""
+    """Return the refusal of a node with other packages than the driver, else None."""
     wrong = differences(driver, versions())
     node = platform.node()
     return f"node {node} has {wrong}; every node needs the driver's environment" if wrong else None
@@ -175,16 +175,16 @@ def _wrong_node(driver: dict[str, str]) -> str | None:
 def run_by_submitit(tasks: list[GroupTask], commit: str, at_once: int, given: list[str]) -> Iterator[Event]:
     """Run all tasks as jobs, at most `at_once` of them in the queue.
 
-    A job that Slurm ends at its time is queued again and resumes; one that dies is tried again without the methods that
-    had ended, to the same bits; an error of ours is recorded and not tried again. Raises `InputError` if a node has
-    other packages or a disk that accepts nothing. Closing the generator (Ctrl-C) cancels the jobs; ended cells are on
-    disk.
+    A job that reaches its time limit is queued again and resumes. A job that dies is tried again without the methods
+    that had ended, with bit-identical results. A program error is recorded and not tried again. Raises `InputError` if
+    a node has other packages or a disk that cannot be written. Closing the generator (Ctrl-C) cancels the jobs; ended
+    cells are on disk.
     """
     return run_at(_Queue(tasks[0], commit, at_once, given), tasks) if tasks else iter(())
 
 
 class _Queue:
-    """The jobs in the queue or at work; each has a journal in the folder of jobs."""
+    """The queued and running jobs; each has a journal in the folder of jobs."""
 
     def __init__(self, first: GroupTask, commit: str, at_once: int, given: list[str]) -> None:
         self.room, self.refusal = at_once, ""
@@ -195,7 +195,7 @@ class _Queue:
         self._alive.touch()
         self._jobs = executor(self._folder, first.threads, first.device, given)
         self._read: dict[Attempt, int] = {}
-        """The bytes of its journal that were read."""
+        """The number of bytes read of an attempt's journal."""
 
     def _journal(self, attempt: Attempt) -> Path:
         return self._folder / f"{attempt.task.scene}.{attempt.task.seed}.{attempt.number}.jsonl"
@@ -217,7 +217,7 @@ class _Queue:
                 yield attempt, End(lost)
 
     def _news(self, attempt: Attempt) -> Iterator[tuple[Attempt, News]]:
-        """Yield what the journal has told since it was read last; a line that is not complete yet waits."""
+        """Yield the news of the journal since the last call; an incomplete line waits."""
         with self._journal(attempt).open("rb") as journal:
             journal.seek(self._read.get(attempt, 0))
             lines = journal.read().splitlines(keepends=True)
@@ -232,16 +232,16 @@ class _Queue:
         self._lost_any = True
         if attempt.number == MOST_ATTEMPTS:
             return [], f"{lost}, {attempt.number} times in a row; its logs are in {self._folder}"
-        where = f"{attempt.task.scene} seed {attempt.task.seed}"
-        words = f"{where}: {lost}; {len(missing)} cells are trained again"
-        return [Attempt(attempt.task, attempt.number + 1)], words
+        group = f"{attempt.task.scene} seed {attempt.task.seed}"
+        notice = f"{group}: {lost}; {len(missing)} cells are trained again"
+        return [Attempt(attempt.task, attempt.number + 1)], notice
 
     def cancel(self, running: list[Attempt]) -> None:
         self._alive.unlink(missing_ok=True)  # a job that cannot be cancelled ends by itself
         for attempt in running:
             with suppress(Exception):
                 attempt.handle.cancel()
-        # processes of this machine write into a folder that is another command's after this one
+        # after this command, another one may own the folder into which local processes still write
         until = monotonic() + END_SECONDS
         while self._jobs.cluster == "local" and monotonic() < until and not all(job.handle.done() for job in running):
             sleep(POLL_SECONDS)
@@ -250,7 +250,7 @@ class _Queue:
 
 
 def _lost(job: Attempt) -> str | None:
-    """Return why a job ended without an end of its own; None if it had one. Raises `InputError` if no other can."""
+    """Return why a job was lost; None if it ended regularly. Raises `InputError` if no other job can run either."""
     from submitit.core.utils import UncompletedJobError
 
     try:
@@ -258,12 +258,12 @@ def _lost(job: Attempt) -> str | None:
     except UncompletedJobError as error:
         return f"job {job.handle.job_id} died ({_last_line(error)})"
     if refusal is not None:
-        raise InputError(f"--executor submitit: {refusal}; finished cells are kept: go on with --resume")
+        raise InputError(f"--executor submitit: {refusal}; finished cells are kept: resume with --resume")
     return None
 
 
 def _result(handle: Any, otherwise: str) -> Any:
-    """Wait for what a job returns; its error is returned in words, as a refusal is. Raises `UncompletedJobError` if it
+    """Wait for the result of a job; its error is returned as text, like a refusal. Raises `UncompletedJobError` if it
     died.
     """
     from submitit.core.utils import FailedJobError
@@ -275,7 +275,7 @@ def _result(handle: Any, otherwise: str) -> Any:
 
 
 def _last_line(error: Exception) -> str:
-    """Return the line of a job's trace that names the error; submitit's own words follow it."""
+    """Return the line of a job's trace that names the error, which other text of submitit follows."""
     lines = [line.strip() for line in str(error).splitlines()]
     trace = [line for line in lines if re.match(r"[\w.]+(Error|Exception|Interrupt): ", line)]
     return (trace or lines)[-1][:300]

@@ -1,8 +1,7 @@
-"""Has anything changed? Losses and renders of the first steps, in which rounding has not grown yet.
+"""Has anything changed? Losses and renders of the first steps, before rounding errors grow.
 
-In double precision rounding stays below 1e-10 for all of them, whatever the processor: what differs there differs in
-meaning. In single precision, which is what runs use, it doubles from step to step, so that only the first few are
-compared.
+In double precision rounding stays below 1e-10 on every processor, so that any difference is a change of the program. In
+single precision, which runs use, rounding doubles from step to step, so that only the first few steps are compared.
 """
 
 import json
@@ -33,7 +32,7 @@ from scenes.view_sets.view_set import ViewSet
 
 STEPS = 24
 PIXELS_APART = 37
-"""The stride of the pixels of a test view that are compared."""
+"""The stride of the compared pixels of a test view."""
 STREAM = "early"
 SETTINGS = "changed.settings"
 
@@ -61,19 +60,19 @@ def _answer(checks: dict[str, Check]) -> str:
 @complete("changed", _answer)
 def measure(context: GateContext) -> Iterator[Check]:
     """Compute the first steps again and compare them with the stored ones."""
-    asked, stored = context.of_kind("changed"), context.references
-    if SETTINGS in asked:
+    chosen, stored = context.of_kind("changed"), context.references
+    if SETTINGS in chosen:
         now = profile_settings()
-        others = sorted(key for key in now.keys() | stored.profiles.keys() if now.get(key) != stored.profiles.get(key))
-        why = ", ".join(f"{key} {stored.profiles.get(key)} → {now.get(key)}" for key in others)
-        yield judge(asked[SETTINGS], [len(others)], NONE_DIFFERS, why)
-    for gate, size, where in _deviations(context) if asked.keys() - {SETTINGS} else ():
-        if gate.name in asked:
+        changed = sorted(key for key in now.keys() | stored.profiles.keys() if now.get(key) != stored.profiles.get(key))
+        why = ", ".join(f"{key} {stored.profiles.get(key)} → {now.get(key)}" for key in changed)
+        yield judge(chosen[SETTINGS], [len(changed)], NONE_DIFFERS, why)
+    for gate, size, where in _deviations(context) if chosen.keys() - {SETTINGS} else ():
+        if gate.name in chosen:
             yield judge(gate, [size], _limit(gate), where)
 
 
 def broken(context: GateContext) -> list[str]:
-    """Return the gates of the first steps that fail, whether they are asked for or not."""
+    """Return the failing gates of the first steps, whether they are chosen or not."""
     return [gate.name for gate, size, _ in _deviations(context) if judge(gate, [size], _limit(gate)).is_broken]
 
 
@@ -82,7 +81,7 @@ def _limit(gate: Gate) -> Limit:
 
 
 def _deviations(context: GateContext) -> Iterator[tuple[Gate, float | None, str]]:
-    """Yield gates, how far their first steps are from the stored ones, and where."""
+    """Yield gates with the deviation of their first steps from the stored ones, and where it is."""
     here, stored = context.first_steps(), context.references.courses
     for gate in gates():
         match gate.name.split("."):
@@ -101,21 +100,21 @@ def first_steps() -> Courses:
 
 
 def courses(names: tuple[str, ...] = tuple(STARTS)) -> Courses:
-    views = disc_views(32, 12, 1, seed=1)  # without a renderer, so that no renderer's rounding is in it
+    views = disc_views(32, 12, 1, seed=1)  # made without a renderer, whose rounding would count
     dtype = torch.get_default_dtype()
-    seen: Courses = {}
+    results: Courses = {}
     try:
         for precision, kind in PRECISIONS.items():
             torch.set_default_dtype(kind.dtype)
-            seen[precision] = {name: _first_steps(STARTS[name], views, kind) for name in names}
+            results[precision] = {name: _first_steps(STARTS[name], views, kind) for name in names}
     finally:
         torch.set_default_dtype(dtype)
-    return seen
+    return results
 
 
 def settings_of_start(start: Start) -> TrainSettings:
-    """Return the default profile's settings, with a grid, a warm-up and both kinds of clipping that act within the
-    first steps, and a rate at which a density forms by then.
+    """Return the default profile's settings, changed so that the grid, the warm-up and both kinds of clipping act, and
+    a density forms, within the first steps.
     """
     usual = PROFILES["reduced"].train
     return replace(
@@ -150,37 +149,37 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision) -> Course:
             learner.coarse.amplifier.beta.fill_(1.3)
             learner.coarse.density_head.weight.mul_(4.0)
     batch_at = Batches(train, views.train.rgba, settings.covered_share).stream(STREAM, settings.rays)
-    looked_at = test.all_rays(0).chosen(torch.arange(0, test.width * test.height, PIXELS_APART))
+    compared = test.all_rays(0).chosen(torch.arange(0, test.width * test.height, PIXELS_APART))
     losses, renders = [], {}
     for _ in steps(learner, batch_at, at_step(kind.steps)):
         losses.append(float(learner.last_loss or math.nan))
         if learner.step in kind.rendered_after:
             with learner.averaged():
-                seen = learner.render(looked_at, 2048)
-            renders[str(learner.step)] = torch.cat([seen.colour.flatten(), seen.depth]).tolist()
+                image = learner.render(compared, 2048)
+            renders[str(learner.step)] = torch.cat([image.colour.flatten(), image.depth]).tolist()
     return Course(losses, renders)
 
 
 def deviation(new: Course, stored: Course) -> tuple[float | None, str]:
-    """Return the largest relative difference of a loss or RMS difference of a render, and where; None if they are not
-    of the same steps, or one is not finite.
+    """Return the largest relative difference of a loss or RMS difference of a render, and where it is; None if the
+    steps differ or a value is not finite.
     """
     if len(new.losses) != len(stored.losses) or new.renders.keys() != stored.renders.keys():
-        return None, "the stored steps are others"
+        return None, "the stored steps differ from these"
     sizes = [
-        (abs(ours - theirs) / abs(theirs), f"loss of step {step}")
-        for step, (ours, theirs) in enumerate(zip(new.losses, stored.losses, strict=True))
+        (abs(after - before) / abs(before), f"loss of step {step}")
+        for step, (after, before) in enumerate(zip(new.losses, stored.losses, strict=True))
     ]
-    for step, theirs in stored.renders.items():
-        off = np.asarray(new.renders[step]) - np.asarray(theirs)
-        sizes.append((float(np.sqrt(np.mean(off**2))), f"render after step {step}"))
+    for name, before in stored.renders.items():
+        difference = np.asarray(new.renders[name]) - np.asarray(before)
+        sizes.append((float(np.sqrt(np.mean(difference**2))), f"render after step {name}"))
     if not all(math.isfinite(size) for size, _ in sizes):
         return None, "a loss or a render is not finite"
     return max(sizes)
 
 
 def profile_settings() -> dict[str, object]:
-    """Return what the profiles of the paper's two scales train, score and look at, setting by setting."""
+    """Return the settings of budget, training, scores and views of the profiles `reduced` and `full`, one by one."""
     settings: dict[str, object] = {}
 
     def walk(name: str, value: object) -> None:

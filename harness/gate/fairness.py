@@ -1,7 +1,7 @@
 """Fairness gates: the comparison itself favours no method.
 
-Two copies of a method under different names must end bit for bit alike; what methods share must be the same bits; and
-the comparer, given cells without a difference, must not see one.
+Two copies of a method under different names must end bit-identical, methods must share the same bits, and the
+comparison must find no difference between cells without one.
 """
 
 from collections.abc import Callable, Iterator
@@ -33,13 +33,13 @@ from harness.verdicts.comparisons import compare
 from scenes.view_sets.view_set import ViewSet
 
 COPY_STEPS = 40
-"""The steps of a copy: enough for the occupancy grid to leave something out."""
+"""The steps of a copy, enough for the occupancy grid to skip empty space."""
 CPU = torch.device("cpu")
 
 
 @complete("fairness")
 def measure(context: GateContext) -> Iterator[Check]:
-    """Train on a view set that needs no renderer, and count what is not equal."""
+    """Train on a view set that needs no renderer, and count inequalities."""
     scratch, views = context.scratch, drawn()
     copies = cache(lambda method: copied(method, views, scratch / method))
     for name, gate in context.of_kind("fairness").items():
@@ -60,14 +60,14 @@ def drawn() -> ViewSet:
 
 
 def task_of(methods: tuple[str, ...], seed: int, out: Path) -> GroupTask:
-    """Return the gate's own training, shorter."""
+    """Return a shorter version of the gates' training."""
     train = replace(TRAIN, rays=128, warm_up_steps=5, grid=GridSettings(cells=16, first_step=20, every=5))
     score = ScoreSettings(checkpoints=1, chunk=1024, train_views=1, stored_views=0)
     return GroupTask("drawn", seed, methods, train, score, Budget(COPY_STEPS, None), out)
 
 
 def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
-    """Count first weights that differ between methods in tensors of one name and shape; None without any such."""
+    """Count first weights that differ between methods in tensors of one name and shape; None without such tensors."""
     train, box, budget = task_of(methods, 0, Path()).train, box_of(views, CPU), Budget(COPY_STEPS, None)
     states = [
         dict(learner_for(Job(method, box, train, budget, "drawn/0", CPU, True)).fields.state_dict())
@@ -83,25 +83,24 @@ def first_weights(methods: tuple[str, ...], views: ViewSet) -> int | None:
 
 
 def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | None:
-    """Count batches of lockstep training that are not the first method's of the same step; None without two."""
-    given: dict[str, list[tuple[Tensor, ...]]] = {}
-    cells = list(train_group(task_of(methods, 0, out), views, {}, lambda share: None, watching([], given)))
-    if len(given) < 2 or any(cell.status != "done" for cell in cells):
+    """Count batches of lockstep training that differ from the first method's; None without two methods."""
+    batches: dict[str, list[tuple[Tensor, ...]]] = {}
+    cells = list(train_group(task_of(methods, 0, out), views, {}, lambda share: None, watching([], batches)))
+    if len(batches) < 2 or any(cell.status != "done" for cell in cells):
         return None
-    first = given[methods[0]]
+    first = batches[methods[0]]
     differing = 0
     for method in methods[1:]:
-        differing += abs(len(given[method]) - len(first))
-        for batch, other in zip(first, given[method], strict=False):
+        differing += abs(len(batches[method]) - len(first))
+        for batch, other in zip(first, batches[method], strict=False):
             differing += not all(torch.equal(a, b) for a, b in zip(batch, other, strict=True))
     return differing
 
 
 def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[CellRecord]]:
-    """Return in how many weights and scores a method and its copy differ after training in lockstep with two seeds; the
-    cells.
+    """Train a method and its copy in lockstep with two seeds, and count the weights and scores that differ.
 
-    The number is None if a cell did not end: there is then nothing to compare.
+    Return the number, None if a cell did not end, and the cells.
     """
     methods = (method, copy_of(method))
     cells: list[CellRecord] = []
@@ -123,7 +122,7 @@ def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[Cel
 
 
 def copy_of(method: str) -> str:
-    """Return the name of its copy, of another length and at another place in the alphabet."""
+    """Return the name of its copy, with another length and alphabetical order."""
     return f"another_{method}"
 
 
@@ -138,7 +137,7 @@ def listed(name: str, method: str) -> Iterator[None]:
 
 
 def watching(made: list[Learner], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:
-    """Return a maker of learners that puts them into `made`, and the batches they are given into `batches`."""
+    """Return a maker of learners that records them in `made`, and their batches in `batches`."""
 
     def make(job: Job) -> Learner:
         learner = learner_for(job)
@@ -146,18 +145,18 @@ def watching(made: list[Learner], batches: dict[str, list[tuple[Tensor, ...]]] |
         if batches is not None:
             train_on = learner.train_on
 
-            def noted(rays: Rays, colours: Tensor) -> None:
+            def recorded(rays: Rays, colours: Tensor) -> None:
                 batches.setdefault(job.method, []).append((rays.origins, rays.directions, colours))
                 train_on(rays, colours)
 
-            learner.train_on = noted  # type: ignore[method-assign]
+            learner.train_on = recorded  # type: ignore[method-assign]
         return learner
 
     return make
 
 
 def seen_differences(cells: list[CellRecord], method: str) -> int | None:
-    """Count comparisons with the copy at equal steps that see a difference; None without a comparison."""
+    """Count comparisons with the copy at equal steps that find a difference; None without a comparison."""
     rows = [row for row in compare(cells, [method, copy_of(method)]) if row.budget == "steps" and row.pairs]
     if not rows:
         return None

@@ -1,4 +1,4 @@
-"""What a kind of gate is measured with, and how each of its gates comes to a check."""
+"""The context in which a kind of gates is measured, and the decorator that gives each of them a check."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from scenes.files.errors import InputError
 
 @dataclass(frozen=True)
 class GateContext(StudyContext):
-    """One run of the gates, or one renewal."""
+    """The context of one run of the gates, or of one renewal."""
 
     gates: tuple[Gate, ...]
     limits: LimitsFile
     references: References
     limits_file: Path
     first_steps: Callable[[], Courses]
-    """Trains the first steps, once for a run: `changed` compares them, and `worse` asks whether they have changed."""
+    """Trains the first steps, once per run: `changed` compares them, and `worse` depends on whether they changed."""
 
     def settings(self) -> dict[str, object]:
         return {"class": class_here(), "gates": [gate.name for gate in self.gates]}
@@ -34,48 +34,48 @@ class GateContext(StudyContext):
         return self.limits_file.parent / "images"
 
     def of_kind(self, kind: Kind) -> dict[str, Gate]:
-        """Return the gates of a kind that are asked for, by name."""
+        """Return the chosen gates of a kind by name."""
         return {gate.name: gate for gate in self.gates if gate.kind == kind}
 
 
 REFERENCED: tuple[Kind, ...] = ("changed", "worse")
-"""The kinds that are held to references that hold for every processor."""
+"""The kinds whose references hold for every processor."""
 Measure = Callable[[GateContext], Iterable[Finding]]
 
 
 def complete(
     kind: Kind, answer: Callable[[dict[str, Check]], str] = lambda checks: ""
 ) -> Callable[[Measure], Callable[[GateContext], Iterator[Finding]]]:
-    """Decorate the measurement of a kind so that each gate asked for yields one check: what is not measured fails.
+    """Decorate the measurement of a kind so that each chosen gate yields one check: a gate without a measurement fails.
 
-    An error of ours in one kind costs its gates, not those of the others. `answer` puts its checks into a sentence,
-    which comes before those of the measurement.
+    A program error in one kind fails only its gates. `answer` makes a sentence of the checks, which comes before those
+    of the measurement.
     """
 
     def decorated(measure: Measure) -> Callable[[GateContext], Iterator[Finding]]:
         @wraps(measure)
         def findings(context: GateContext) -> Iterator[Finding]:
-            asked = context.of_kind(kind)
+            chosen = context.of_kind(kind)
             checks: dict[str, Check] = {}
             why = unfit(kind, context.references.kinds) if kind in REFERENCED else ""
-            said: list[Finding] = []
+            others: list[Finding] = []
             try:
                 for finding in () if why else measure(context):
                     if isinstance(finding, Check):
                         checks[finding.id] = finding
                         yield finding
                     else:
-                        said.append(finding)
+                        others.append(finding)
             except (InputError, OSError):
                 raise
             except Exception as error:
                 why = f"{type(error).__name__}: {error}"
-            for name in [name for name in asked if name not in checks]:
-                checks[name] = judge(asked[name], [], why or "it was not measured")
+            for name in [name for name in chosen if name not in checks]:
+                checks[name] = judge(chosen[name], [], why or "it was not measured")
                 yield checks[name]
             if text := answer(checks):
                 yield Answer(text)
-            yield from said
+            yield from others
 
         return findings
 

@@ -1,4 +1,4 @@
-"""Gates → figures → checks → `gate.json`, `junit.xml`, pictures of what failed; or measurements → new limits."""
+"""Gates → figures → checks → `gate.json`, `junit.xml`, pictures of failures; or measurements → new limits."""
 
 import time
 from collections.abc import Callable
@@ -30,15 +30,13 @@ from scenes.files.atomic import write_atomically
 
 JUNIT_FILE = "junit.xml"
 CPU = torch.device("cpu")
-
-
 TITLES: dict[Kind, tuple[str, str, float]] = {
-    "changed": ("The first steps of training, against the stored ones", "early", 30),
-    "worse": ("Short trainings, against the stored ones of the same seeds", "quality.worse", 90),
-    "families": ("Short trainings of the other families, against other seeds", "gate_families", 40),
-    "images": ("Renders, against the stored mean and variance", "images", 30),
-    "fairness": ("Copies of a method, and what methods share", "fairness", 15),
-    "speed": ("Seconds beside those of plain code", "gate_speed", 30),
+    "changed": ("The first steps of training, compared with the stored ones", "early", 30),
+    "worse": ("Short trainings, compared with the stored ones of the same seeds", "quality.worse", 90),
+    "families": ("Short trainings of the other families, compared with other seeds", "gate_families", 40),
+    "images": ("Renders, compared with the stored mean and variance", "images", 30),
+    "fairness": ("Copies of a method, and shared weights and batches", "fairness", 15),
+    "speed": ("Seconds, relative to plain code", "gate_speed", 30),
 }
 """Kind → its title, its module, and the seconds that it takes."""
 SHELF = Shelf(
@@ -49,7 +47,7 @@ SHELF = Shelf(
     resumes=False,
 )
 RENEWALS: dict[Kind, Callable[[GateContext], References]] = {"changed": early.renew, "worse": worse.renew}
-"""The renewals of references; speed's are of one class of processor."""
+"""The renewals of references, without speed's, which belong to a class of processors."""
 RENEWED_LIMITS: dict[Kind, Callable[[GateContext], dict[str, list[float]]]] = {
     "images": images.renew,
     "families": gate_families.renew,
@@ -60,8 +58,8 @@ RENEWED_LIMITS: dict[Kind, Callable[[GateContext], dict[str, list[float]]]] = {
 def context_for(
     chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path, show: Progress, renewing: bool
 ) -> GateContext:
-    """Return what `run` or `renew` works with; raises `InputError` if what is stored cannot be read, and for a renewal
-    from code that is not committed.
+    """Return the context of `run` or `renew`; raises `InputError` if stored files cannot be read, and for a renewal by
+    code that is not committed.
     """
     references_file = limits_file.parent / REFERENCES_FILE
     if renewing:
@@ -79,7 +77,7 @@ def context_for(
 
 
 def run(context: GateContext, replay: str) -> int:
-    """Measure and judge; returns 0, or 4 if a gate failed, whose name is added to the command `replay`."""
+    """Measure and judge; return 0, or 4 if a gate failed. The command `replay` repeats a gate by its name."""
     began = time.monotonic()
     out, show = context.out, context.show
     show.line(f"{len(context.gates)} of {len(gates())} gates, processor of class {class_here()}")
@@ -101,7 +99,7 @@ def _is_missing(check: Check) -> bool:
 
 
 def write_junit(file: Path, record: Studies, replay: str) -> None:
-    """Write a suite per kind and a test case per gate; a kind is measured as a whole: its time is shared evenly."""
+    """Write a suite per kind and a test case per gate, which share the time of their kind evenly."""
     top = ElementTree.Element(
         "testsuites", tests=str(len(list(record.checks()))), failures=str(len(record.broken)), errors="0"
     )
@@ -123,7 +121,7 @@ def write_junit(file: Path, record: Studies, replay: str) -> None:
 
 
 def renew(context: GateContext) -> int:
-    """Measure anew the reference values of chosen gates, and write them; prints old → new for limits.
+    """Measure the reference values of the chosen gates again and write them; print old → new for limits.
 
     A kind is renewed completely, so that its limits have one origin.
     """

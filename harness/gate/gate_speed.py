@@ -1,9 +1,8 @@
-"""Speed gates: seconds of a training step, of a rendered view and of its scores, in seconds of plain code that does the
-same kind of work in turn with them in the same process and is never made faster: `baselines.plain`, and what other
-libraries compute of a score.
+"""Speed gates: seconds of a training step, of a rendered view and of its scores, relative to plain code.
 
-A slower machine, or a busy one, is slower at both. Instructions that only one of them uses are not: quotients are held
-to those of the same class of processor.
+The plain code is `baselines.plain` and the parts of a score that other libraries compute. It does the same kind of
+work, alternates with the measured code in one process, and is never made faster. A slower or busier machine slows down
+both. Their use of a processor's instructions differs, so quotients are compared within a class of processors.
 """
 
 import math
@@ -38,27 +37,27 @@ from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 
 STEPS_BEFORE = 80
-"""The steps before the measurement: the occupancy grid is in use from then on."""
+"""The steps before the measurement, after which the occupancy grid is in use."""
 STREAM = "speed"
 CPU = torch.device("cpu")
 
 
 @complete("speed")
 def measure(context: GateContext) -> Iterator[Check]:
-    asked, here = context.of_kind("speed"), class_here()
+    chosen, here = context.of_kind("speed"), class_here()
     stored = context.references.speed.get(here)
     why = unfit("speed", {"speed": stored.facts}) if stored else ""
-    there = {name: stored.gates[name] for name in asked if name in stored.gates} if stored and not why else {}
-    for name, quotient in (in_child(ratios, tuple(there)) if there else {}).items():
-        yield judge(asked[name], [quotient / statistics.geometric_mean(there[name])], limit_of(there[name]))
-    for name in asked.keys() - there.keys():
+    known = {name: stored.gates[name] for name in chosen if name in stored.gates} if stored and not why else {}
+    for name, quotient in (in_child(ratios, tuple(known)) if known else {}).items():
+        yield judge(chosen[name], [quotient / statistics.geometric_mean(known[name])], limit_of(known[name]))
+    for name in chosen.keys() - known.keys():
         missing = f"no reference of processors of class {here}; `python -m harness gate --renew --only speed` makes one"
-        check = judge(asked[name], [], why or missing)
+        check = judge(chosen[name], [], why or missing)
         yield check if why else structs.replace(check, status="not_available")
 
 
 def renew(context: GateContext) -> dict[str, list[float]]:
-    """Return the quotients by gate of several processes: where data lies in memory is part of the spread."""
+    """Return each gate's quotients from several processes: the placement of data in memory is part of the spread."""
     names = tuple(gate.name for gate in gates() if gate.kind == "speed")
     speed: dict[str, list[float]] = {name: [] for name in names}
     for number in range(RENEWAL_PROCESSES):
@@ -69,8 +68,8 @@ def renew(context: GateContext) -> dict[str, list[float]]:
 
 
 def limit_of(ratios: list[float]) -> Limit:
-    """Return the limit half way, in logarithms, between what was stored and `SLOWER_FOUND` times that; `detects` is the
-    factor found in nine of ten runs, by the spread between the processes of the renewal.
+    """Return the limit half way, in logarithms, between the stored value and `SLOWER_FOUND` times it; `detects` is the
+    factor that nine of ten runs find, by the spread between the processes of the renewal.
     """
     spread = statistics.stdev(map(math.log, ratios)) if len(ratios) > 1 else 0.0
     high = math.sqrt(SLOWER_FOUND)
@@ -78,7 +77,7 @@ def limit_of(ratios: list[float]) -> Limit:
 
 
 def ratios(names: tuple[str, ...]) -> dict[str, float]:
-    """Return gate → median over the repetitions of seconds per seconds of the plain code."""
+    """Return gate → median over repetitions of its seconds divided by those of the plain code."""
     views = disc_views(40, 20, 2, seed=3)
     return {name: ratio(*sides_of(name, views)) for name in names}
 
@@ -86,18 +85,18 @@ def ratios(names: tuple[str, ...]) -> dict[str, float]:
 def ratio(
     side: Callable[[], object], plain: Callable[[], object], clock: Callable[[], float] = time.perf_counter
 ) -> float:
-    """Return the median of repeated pairs: what disturbs the machine for a while disturbs both."""
+    """Return the median quotient of repeated pairs: a disturbance of the machine slows down both."""
     seconds = interleaved({"side": side, "plain": plain}, SPEED_REPEATS, least_seconds=0.02, clock=clock)
     return statistics.median(quotients(seconds["side"], seconds["plain"]))
 
 
 def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[[], object]]:
-    """Return what the gate of that name measures and the plain code beside it, as functions."""
+    """Return two functions: the code that the gate of that name measures, and the plain code."""
     what, _, method = name.removeprefix("speed.").partition(".")
     batch_at = Batches(evaluate.cameras_of(views, views.train, CPU), views.train.rgba).stream(STREAM, TRAIN.rays)
     learner = Trainer(Job(method or "nerf", box_of(views, CPU), TRAIN, Budget(STEPS, None), STREAM, CPU))
     warm_up(learner, batch_at)
-    train(learner, batch_at, at_step(STEPS_BEFORE))  # past the step from which the grid is in use
+    train(learner, batch_at, at_step(STEPS_BEFORE))  # the grid is then in use
     cameras = evaluate.cameras_of(views, views.test, CPU)
     field = PlainField(TRAIN.network, box_of(views, CPU), STREAM)
     if what == "train":
@@ -121,9 +120,9 @@ def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[
 
 
 def others_scores(image: np.ndarray) -> None:
-    """Compute FLIP and CIEDE2000 of an image and its mirror image, by the libraries that have them.
+    """Compute FLIP and CIEDE2000 of an image and its mirror image by the libraries that implement them.
 
-    They are most of a score's seconds, so that the quotient hardly depends on the machine (`tests/harness/gate`).
+    They take most of a score's seconds, so that the quotient hardly depends on the machine.
     """
     import colour
     import flip_evaluator

@@ -29,11 +29,9 @@ from scenes.view_sets.images import read_channels, write_channels, write_png
 from scenes.view_sets.pixels import display_from_linear, over_white
 
 LARGEST_SQUARE = 25.0
-"""The value at which a pixel's squared deviation is cut, so that the mean is about all pixels; single ones have a test
-of their own.
-"""
+"""The value at which a pixel's squared deviation is cut, so that single pixels do not dominate the mean."""
 ENLARGED = 6
-"""The pixels of a picture along each side of one of the image's."""
+"""The side of an image's pixel in a picture, in pixels."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +45,11 @@ class Reference:
     spp: int
 
     def __post_init__(self) -> None:
-        """Raises `ValueError` for a reference that nothing can be compared with."""
+        """Raise `ValueError` for a reference that allows no comparison."""
         if not (np.isfinite(self.mean).all() and np.isfinite(self.variance).all() and (self.variance >= 0).all()):
             raise ValueError("mean or variance is not finite, or a variance is below 0")
         if self.mean.shape != self.variance.shape or not self.mean[..., :3].any():
-            raise ValueError(f"mean {self.mean.shape} and variance {self.variance.shape} do not fit, or all is black")
+            raise ValueError(f"mean {self.mean.shape} and variance {self.variance.shape} do not match, or all is black")
 
     @staticmethod
     def of(renders: np.ndarray, spp: int) -> "Reference":
@@ -59,18 +57,18 @@ class Reference:
         return Reference(x.mean(axis=0), x.var(axis=0, ddof=1), len(x), spp)
 
     def variances(self) -> np.ndarray:
-        """Return the stored variance as if one sample more, as bright as the brightest pixel, had hit every pixel once.
+        """Return the stored variance as if one more sample, as bright as the brightest pixel, had hit every pixel.
 
-        A pixel that a surface touches by a hair may have been missed by all samples of the reference: its variance
-        is then 0, and the first hit would be infinitely unlikely.
+        All samples of the reference may miss a surface that barely touches a pixel. Its variance is then 0, and the
+        first hit would be infinitely unlikely.
         """
         variances: np.ndarray = self.variance + (self.mean.max() / self.spp) ** 2 / self.batches
         return variances
 
 
 def biases(renders: np.ndarray, reference: Reference) -> np.ndarray:
-    """Return how much brighter each render is than the reference, in % [batches]: the least-squares slope of its colour
-    over the reference's, pixels weighted by their precision, minus 1.
+    """Return the excess brightness of each render over the reference, in % [batches]: the least-squares slope of its
+    colour over the reference's, pixels weighted by their precision, minus 1.
     """
     r = reference.mean[..., :3]
     weighted = r / reference.variances()[..., :3]
@@ -81,19 +79,19 @@ def biases(renders: np.ndarray, reference: Reference) -> np.ndarray:
 
 def mean_square(renders: np.ndarray, reference: Reference) -> float:
     """Return the mean over pixels and channels of the squared deviation of the renders' mean, in standard errors, each
-    cut at 25.
+    square cut at 25.
 
-    Well below 1 where nothing differs: empty pixels and the opacity of full ones count and do not deviate, and the
-    floor of `variances` makes dark ones deviate by less. What is usual for a scene is measured, not derived.
+    It is well below 1 without a difference: empty pixels and the opacity of full pixels do not deviate, and the floor
+    of `variances` reduces the deviation of dark pixels. So the usual value of a scene is measured, not derived.
     """
     x = np.asarray(renders, dtype=np.float64)
     z2 = standardised(x.mean(axis=0), reference, len(x)) ** 2
-    # a pixel that is not finite makes the whole so: np.minimum hands NaN on
+    # np.minimum passes NaN on, so that one makes the mean NaN
     return float(np.minimum(z2, LARGEST_SQUARE).mean())
 
 
 def standardised(images: np.ndarray, reference: Reference, count: int = 1) -> np.ndarray:
-    """Return the deviation of means of `count` renders [..., height, width, 4] in standard errors of both."""
+    """Return the deviation of means of `count` renders [..., height, width, 4] in joint standard errors."""
     x = np.asarray(images, dtype=np.float64)
     deviations: np.ndarray = (x - reference.mean) / np.sqrt(reference.variances() * (1 / count + 1 / reference.batches))
     return deviations
@@ -120,7 +118,7 @@ def scenes_of(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def references_for(context: GateContext) -> dict[str, Reference]:
-    """Read the references that the limits were measured against; raises `InputError` if one is not there."""
+    """Read the references of the limits; raises `InputError` if one is missing or was changed."""
     facts, references = context.limits.kinds.get("images"), {}
     for scene in scenes_of(context.of_kind("images")):
         references[scene], file = read_reference(context.images, scene), context.images / f"{scene}.exr"
@@ -134,13 +132,13 @@ def references_for(context: GateContext) -> dict[str, Reference]:
 
 @complete("images")
 def measure(context: GateContext) -> Iterator[Check]:
-    """Render and compare; what fails leaves pictures. Raises `InputError` as `references_for`."""
+    """Render and compare, and leave pictures of failures; raises the errors of `references_for`."""
     references = references_for(context)
     renders = rendered(tuple(references), "gate", IMAGE_BATCHES, context.scratch)
     figures = figures_of(renders, references, context.limits.limits)
     for name, gate in context.of_kind("images").items():
         if name not in figures:
-            yield judge(gate, [], "the scenes' own limits, which weigh them, are missing")
+            yield judge(gate, [], "the limits of the scenes, which weight them, are missing")
             continue
         check = judge(gate, figures[name], context.limits.limit_of(gate))
         _, scene, test = name.split(".")
@@ -154,8 +152,8 @@ def measure(context: GateContext) -> Iterator[Check]:
 def figures_of(
     renders: Renders, references: dict[str, Reference], limits: Mapping[str, Limit] | None = None
 ) -> dict[str, list[float]]:
-    """Return the measurements for each gate of these scenes, of every `IMAGE_BATCHES` renders those of one run. The
-    spreads of the biases' limits weigh the scenes, those of the renders without limits.
+    """Return the measurements for each gate of these scenes; every `IMAGE_BATCHES` renders are those of one run. The
+    scenes are weighted by the spreads of the biases' limits, or of the biases themselves without limits.
     """
     figures = {}
     for scene, images in renders.items():
@@ -174,19 +172,18 @@ def figures_of(
 
 
 def renew(context: GateContext) -> dict[str, list[float]]:
-    """Render references anew, store them, and measure further renders against them, which limits are made of.
+    """Render and store new references, and return the measurements of further renders, from which limits are made.
 
-    All scenes are renewed together: an image and its limits belong together.
+    All scenes are renewed together, as an image and its limits belong together.
     """
     reference_renders = rendered(IMAGE_SCENES, "reference", REFERENCE_BATCHES, context.scratch)
     further = rendered(IMAGE_SCENES, "renewal", RENEWAL_BLOCKS * IMAGE_BATCHES, context.scratch)
-    # as it is read back, in single precision
     references = {scene: store(context.images, scene, reference_renders[scene]) for scene in IMAGE_SCENES}
     return figures_of(further, references)
 
 
 def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Renders:
-    """Render by `python -m scenes repeats`, with the errors of `scenes_output`."""
+    """Render with `python -m scenes repeats`, with the errors of `scenes_output`."""
     folder = out / "renders" / stream
     size = {"view": IMAGE_VIEW, "resolution": IMAGE_RESOLUTION, "spp": IMAGE_SPP}
     scenes_output("repeats", str(folder), *scenes, stream=stream, count=count, **size)
@@ -194,7 +191,7 @@ def rendered(scenes: tuple[str, ...], stream: str, count: int, out: Path) -> Ren
 
 
 def store(folder: Path, scene: str, renders: np.ndarray) -> Reference:
-    """Write mean and variance and return them as they are read back."""
+    """Write mean and variance, and return them as read back, in single precision."""
     folder.mkdir(parents=True, exist_ok=True)
     reference = Reference.of(renders, IMAGE_SPP)
     channels = {name: reference.mean[..., i] for i, name in enumerate("RGBA")}
@@ -204,7 +201,7 @@ def store(folder: Path, scene: str, renders: np.ndarray) -> Reference:
 
 
 def read_reference(folder: Path, scene: str) -> Reference:
-    """Read a reference. Raises `InputError` for a file that is missing or damaged."""
+    """Read a reference; raises `InputError` for a missing or damaged file."""
     file = folder / f"{scene}.exr"
     channels = read_channels(file)
     remedy = "get it back from version control, or renew with `python -m harness gate --renew --only images`"
@@ -221,8 +218,8 @@ def read_reference(folder: Path, scene: str) -> Reference:
 
 
 def leave_pictures(folder: Path, renders: np.ndarray, reference: Reference, test: str) -> None:
-    """Write the renders' mean, or for `largest` the render that deviates most, the reference and their difference as
-    PNG: in standard deviations, grey if nothing differs, black and white at ± 5.
+    """Write PNGs of the renders' mean (for `largest`, of the render that deviates most), the reference, and their
+    difference in standard deviations: grey at 0, black and white at ± 5.
     """
     worst = renders[int(np.argmax(largest(renders, reference)))]
     image, count = (worst, 1) if test == "largest" else (renders.mean(axis=0), len(renders))

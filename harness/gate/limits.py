@@ -1,8 +1,8 @@
-"""Limits of images and families derived from measurements (`gates/limits.json`), and how a figure is held to a limit.
+"""Limits of images and families derived from measurements (`gates/limits.json`), and how a figure is judged by a limit.
 
-A limit is a prediction interval: new renders of the same code lie outside with a probability of `LEVEL`, if spreads are
-normal, their own uncertainty included (Student). How far that holds in the outer tail is not known from a few
-measurements; no measurement is ever left out. The file holds for every processor, and is reviewed like code.
+A limit is a prediction interval: for normal measurements, new renders of the same code lie outside with a probability
+of `LEVEL`, including the uncertainty of the spread (Student). Few measurements do not show how well that holds in the
+outer tail. No measurement is ever left out. The file holds for every processor, and is reviewed like code.
 """
 
 import json
@@ -40,8 +40,8 @@ class Limit(Record, frozen=True):
     """The standard deviation of one measurement, in the gate's unit; of the logarithm for `largest`."""
     measured: int = 0
     detects: float | None = None
-    """The change of the figure that is found in 80 % of repetitions of renewal and gate, if the true spread is
-    `spread`; for `largest` the deviation itself."""
+    """The change of the figure that 80 % of repetitions of renewal and gate find, if the true spread is `spread`; for
+    `largest` the deviation itself."""
 
     def __post_init__(self) -> None:
         if self.low is None and self.high is None:
@@ -52,17 +52,17 @@ NONE_DIFFERS = Limit(None, 0.0)
 
 
 def judge(gate: Gate, values: Sequence[float | None], limit: Limit | str, why: str = "") -> Check:
-    """Hold the figure of the new measurements `values` to its limit; in place of a limit, why there is none.
+    """Judge the figure of the new measurements `values` by its limit; a text says why there is none.
 
-    It fails without a limit, and without a figure: a value that is missing or not finite is never left out.
+    It fails without a limit, and without a figure: a missing or non-finite value is never left out.
     """
     sample = [value for value in values if value is not None and math.isfinite(value)]
     figure = None
     if sample and len(sample) == len(values):
         figure = float(np.max(sample) if gate.is_largest else np.mean(sample))
     if isinstance(limit, str):
-        unheld = check(gate.what, figure, unit=gate.unit, why=limit, subject=gate.name, id=gate.name)
-        return structs.replace(unheld, status="fail")
+        unlimited = check(gate.what, figure, unit=gate.unit, why=limit, subject=gate.name, id=gate.name)
+        return structs.replace(unlimited, status="fail")
     detects = "" if limit.detects is None else f"detects {limit.detects:.3g}{gate.unit and f' {gate.unit}'}"
     reason = why or ("no finite figure" if figure is None else "")
     why = "; ".join(filter(None, (reason, detects)))
@@ -70,9 +70,9 @@ def judge(gate: Gate, values: Sequence[float | None], limit: Limit | str, why: s
 
 
 def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
-    """Return the limit from independent measurements that are not those of the gate.
+    """Return the limit from independent measurements, which are not those of the gate.
 
-    Raises `ValueError` for fewer than three, and for one that is not finite.
+    Raises `ValueError` for fewer than three, and for a non-finite one.
     """
     sample = np.asarray(values, dtype=np.float64)
     if sample.size < 3 or not np.isfinite(sample).all():
@@ -83,17 +83,17 @@ def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
         sample = np.log(sample)
     centre, spread, many = float(sample.mean()), float(sample.std(ddof=1)), int(sample.size)
     if gate.is_largest:
-        # moments of a Fréchet distribution: the logarithm of the largest of very many pixels is taken to be Gumbel's,
-        # its scale at the upper end of its 99 % interval, as the limit is far beyond what was measured
+        # the logarithm of the largest of very many pixels is taken as Gumbel-distributed; its scale is the upper end of
+        # its 99 % interval, as the limit is far beyond the measurements
         scale = spread * math.sqrt(6) / math.pi
         upper = scale * (1 + float(norm.ppf(0.99)) * 1.05 / math.sqrt(many))
         high = math.exp(centre - EULER * scale + upper * (math.log(gate.new) - math.log(-math.log1p(-LEVEL))))
-        # a deviation is on top of noise of one standard deviation
+        # a deviation adds to noise of one standard deviation
         return Limit(None, high, math.exp(centre), spread, many, high + float(norm.ppf(POWER)))
     error = spread * math.sqrt(1 / gate.new + 1 / many)
     beyond = _quantile(1 - LEVEL / 2, many - 1)
-    wide = beyond * error
-    return Limit(centre - wide, centre + wide, centre, spread, many, shift_found(beyond, many - 1) * error)
+    half = beyond * error
+    return Limit(centre - half, centre + half, centre, spread, many, shift_found(beyond, many - 1) * error)
 
 
 @cache
@@ -102,7 +102,7 @@ def _quantile(share: float, freedom: int) -> float:
 
 
 class KindFacts(Record, frozen=True):
-    """The place and the tools with which the limits of a kind were measured."""
+    """The settings and the provenance of the measurement of a kind."""
 
     settings: dict[str, Any]
     provenance: dict[str, Any]
@@ -111,7 +111,7 @@ class KindFacts(Record, frozen=True):
 
 
 def unfit(kind: Kind, kinds: Mapping[Kind, KindFacts]) -> str:
-    """Return why a kind cannot be held to what is stored, with the remedy; empty if it can."""
+    """Return why a kind cannot be compared with the stored values, with the remedy; empty if it can."""
     remedy = f"renew with `python -m harness gate --renew --only {kind}` and review what changed"
     if kind not in kinds:
         return f"nothing is stored for it; {remedy}"
@@ -121,12 +121,12 @@ def unfit(kind: Kind, kinds: Mapping[Kind, KindFacts]) -> str:
 
 
 class LimitsFile(Record, frozen=True):
-    """The limits in force, and what they were made of."""
+    """The limits in force, and the measurements from which they were made."""
 
     kinds: dict[Kind, KindFacts] = field(default_factory=dict)
     limits: dict[str, Limit] = field(default_factory=dict)
     values: dict[str, list[float]] = field(default_factory=dict)
-    """Gate → the measurements at renewal, which its limit follows from (`limit_from`)."""
+    """Gate → the measurements at renewal, from which its limit follows (`limit_from`)."""
     schema: int = SCHEMA
 
     def limit_of(self, gate: Gate) -> Limit | str:
@@ -134,7 +134,7 @@ class LimitsFile(Record, frozen=True):
         return unfit(gate.kind, self.kinds) or self.limits.get(gate.name) or unfit(gate.kind, {})
 
     def renewed(self, kind: Kind, values: Mapping[str, Sequence[float]], facts: KindFacts) -> "LimitsFile":
-        """Return the file with new measurements of one kind; every limit is computed anew."""
+        """Return the file with new measurements of one kind; every limit is computed again."""
         measured = self.values | {name: [_rounded(value) for value in some] for name, some in values.items()}
         measured = {gate.name: measured[gate.name] for gate in gates() if gate.name in measured}
         limits = {}
@@ -150,7 +150,7 @@ Stored = TypeVar("Stored")
 
 
 def read_stored(file: Path, kind: type[Stored]) -> Stored:
-    """Read a reviewed file of gates. Raises `InputError`, with the remedy, for one that is missing or damaged."""
+    """Read a reviewed file of gates; raises `InputError`, with the remedy, for a missing or damaged file."""
     remedy = "get it back from version control, or make it with `python -m harness gate --renew`, review and commit it"
     if not file.exists():
         raise InputError(f"{file}: there is no such file; {remedy}")
@@ -161,7 +161,7 @@ def read_stored(file: Path, kind: type[Stored]) -> Stored:
 
 
 def write_stored(file: Path, record: Record) -> None:
-    """Write JSON in which each entry of an object has its line, so that a renewal reads as a diff."""
+    """Write JSON with one line per entry of an object, so that a renewal has a readable diff."""
 
     def rows(value: object) -> str:
         if not isinstance(value, dict):
@@ -174,15 +174,15 @@ def write_stored(file: Path, record: Record) -> None:
 
 
 def changes(before: LimitsFile, after: LimitsFile) -> list[str]:
-    """Return old → new, a line for each gate whose limits changed."""
+    """Return a line, old → new, for each gate whose limits changed."""
 
-    def words(limit: Limit | None) -> str:
+    def shown(limit: Limit | None) -> str:
         if limit is None:
             return "none"
         return " … ".join("" if end is None else f"{end:.5g}" for end in (limit.low, limit.high))
 
     names = dict.fromkeys([*before.limits, *after.limits])
-    pairs = {name: [words(file.limits.get(name)) for file in (before, after)] for name in names}
+    pairs = {name: [shown(file.limits.get(name)) for file in (before, after)] for name in names}
     return [f"{name}: {old} → {new}" for name, (old, new) in pairs.items() if old != new]
 
 

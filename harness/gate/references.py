@@ -1,5 +1,5 @@
-"""The stored results, `gates/references.json`, which this code must reproduce on every processor; and how well the
-order of methods there predicts that of a complete run.
+"""The stored results, `gates/references.json`, which this code must reproduce on every processor, and how well their
+order of methods predicts that of a complete run.
 """
 
 from itertools import combinations
@@ -23,9 +23,9 @@ class Course(Record, frozen=True):
     """The record of the first steps of one training."""
 
     losses: Numbers
-    """The loss of each step, before it."""
+    """The loss before each step."""
     renders: dict[str, Numbers]
-    """Red, green, blue and depth of some pixels of a test view, by number of steps."""
+    """Number of steps → red, green, blue and depth of some pixels of a test view."""
 
 
 Courses = dict[str, dict[str, Course]]
@@ -37,7 +37,7 @@ class Quotients(Record, frozen=True):
 
     facts: KindFacts
     gates: dict[str, Numbers]
-    """Gate → quotients, one per process."""
+    """Gate → one quotient per process."""
 
 
 class References(Record, frozen=True):
@@ -50,7 +50,7 @@ class References(Record, frozen=True):
     cells: dict[str, dict[str, Numbers]] = field(default_factory=dict)
     """"scene/method/seed" → score → one value for each draw of the rounding, or a single one."""
     statistics: dict[str, Numbers] = field(default_factory=dict)
-    """Comparison → difference and ends of its intervals, of the cells above."""
+    """Comparison of the cells above → its difference and the ends of its intervals."""
     speed: dict[str, Quotients] = field(default_factory=dict)
     """Class of processor → its speed."""
     schema: int = SCHEMA
@@ -59,12 +59,12 @@ class References(Record, frozen=True):
 REFERENCES_FILE = "references.json"
 RANK_FILE = "rank.json"
 FEWEST = 4
-"""The fewest pairs of a scene and a method that a correlation needs."""
+"""The minimum number of pairs of a scene and a method for a correlation."""
 
 
 def ranks(both: "pd.DataFrame") -> dict[str, float]:
-    """Compare the PSNR of two scales, the columns `gate` and `run` by scene and method: rank correlations over all
-    `pairs`, and how many of the `compared` pairs of methods on the same scene are in the same order.
+    """Compare the PSNR at two scales, the columns `gate` and `run` by scene and method: rank correlations over all
+    `pairs`, and the number of `compared` pairs of methods on the same scene that are in the same order.
     """
     values = [(scene, gate, run) for (scene, _), gate, run in both.itertuples()]
     same = [
@@ -77,7 +77,7 @@ def ranks(both: "pd.DataFrame") -> dict[str, float]:
 
 
 def publish(run: Path, folder: Path) -> str:
-    """Write `rank.json` beside the limits and return it in words; raises `InputError` for a run without scores."""
+    """Write `rank.json` next to the limits and return a line on it; raises `InputError` for a run without scores."""
     import pandas as pd
 
     def means(rows: list[tuple[str, str, float]]) -> "pd.Series[float]":
@@ -87,14 +87,14 @@ def publish(run: Path, folder: Path) -> str:
     try:
         summary = load_json(run / "summary.json" if run.is_dir() else run)
         done = [cell for cell in summary["cells"] if cell["status"] == "done"]
-        theirs = means([(cell["scene"], cell["method"], cell["psnr"]) for cell in done])
+        of_run = means([(cell["scene"], cell["method"], cell["psnr"]) for cell in done])
         plan = {"profile": str(summary["profile"]), "commit": str(summary["provenance"]["commit"])}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"--rank {run}: no summary of a finished run ({error}); give a run's output folder") from error
     stored = read_stored(folder / REFERENCES_FILE, References).cells
     keys = [(key.split("/"), scores["psnr"][0]) for key, scores in stored.items()]
-    ours = means([(scene, method, psnr) for (scene, method, _), psnr in keys])
-    both = pd.DataFrame({"gate": ours, "run": theirs}).dropna()
+    of_gate = means([(scene, method, psnr) for (scene, method, _), psnr in keys])
+    both = pd.DataFrame({"gate": of_gate, "run": of_run}).dropna()
     if len(both) < FEWEST:
         raise InputError(
             f"--rank {run}: {len(both)} pairs of a scene and a method in common, {FEWEST} are needed; a default run "

@@ -1,4 +1,4 @@
-"""How much the core seconds of the same work differ here, and whether those of several threads hold work alone."""
+"""Checks of this machine's clocks: the spread of the same work's core seconds, and whether waiting counts as work."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ SPINNING = 2.0
 sleep share caches as well, and differ from case to case on a busy machine.
 """
 BUSY = "import time\nuntil = time.monotonic() + {seconds}\nwhile time.monotonic() < until:\n    pass"
-"""A program that uses a core for so many seconds, and then ends even if nobody is left to end it."""
+"""A program that uses a core for a given time, and then ends even if the process that started it is gone."""
 
 
 def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
@@ -56,7 +56,7 @@ def spinning(
 
 @contextmanager
 def busy_programs(count: int, seconds: float = 10.0) -> Iterator[None]:
-    """Run programs that use a core each, for at most `seconds`."""
+    """Run `count` programs that use one core each, for at most `seconds`."""
     command = [sys.executable, "-S", "-c", BUSY.format(seconds=seconds)]
     programs = [subprocess.Popen(command) for _ in range(count)]
     try:
@@ -68,7 +68,7 @@ def busy_programs(count: int, seconds: float = 10.0) -> Iterator[None]:
 
 
 def layers() -> object:
-    """Evaluate a few layers as a training step does: short operations, after each of which threads wait."""
+    """Evaluate a few layers as a training step does: short operations, each followed by a wait of the threads."""
     points, weights = torch.ones(1 << 13, 64), torch.ones(64, 64)
     for _ in range(4):
         points = torch.relu(points @ weights / 64.0)

@@ -1,8 +1,8 @@
-"""Cores of this machine for one worker alone: workers that share a core would measure each other.
+"""Cores that one worker has to itself: workers that share a core would measure each other.
 
 A taken core is an abstract socket with its number, which the system frees with the process that holds it, however that
-ends. So workers of several runs, and of several Ray nodes on one machine, avoid each other; those of containers with a
-network of their own do not see each other's sockets.
+ends. So workers of several runs, and of several Ray nodes on one machine, avoid each other. Containers with separate
+networks do not see each other's sockets.
 """
 
 import os
@@ -20,9 +20,9 @@ LONGEST_CHOICE_SECONDS = 5.0
 
 @contextmanager
 def own_cores(count: int, name: str = NAME) -> Iterator[list[int] | None]:
-    """Bind all threads of this process to `count` cores that no other worker of ours has, as long as it lasts.
+    """Bind all threads of this process, within the context, to `count` cores that no other worker of this program has.
 
-    Hardware threads of one core stay together, and are left idle if there are cores enough. Returns the numbers of the
+    Hardware threads of one core stay together, and are left idle if there are cores enough. Yields the numbers of the
     cores; an empty list, binding nothing, if too few are free or a quota gives time on any core; None if the system
     (all but Linux) has no such binding.
     """
@@ -45,15 +45,19 @@ def physical_cores() -> int:
     return min(cores, quota_cores() or cores)
 
 
+def allowed_cpus() -> list[int]:
+    """Return the numbers of the hardware threads that this process may run on."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+
+
 def own_siblings() -> list[tuple[int, ...]]:
     """Return the cores that this process may run on, each as the numbers of its hardware threads."""
-    cpus = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
-    return siblings(cpus)
+    return siblings(allowed_cpus())
 
 
 def quota_cores(root: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/self/cgroup")) -> int | None:
-    """Return the whole cores that a container's quota of processor time (`docker run --cpus`) is worth, at least 1;
-    None without a quota.
+    """Return a container's quota of processor time (`docker run --cpus`) in cores, rounded down, at least 1; None
+    without a quota.
 
     The quota is that of the process's control group and those above it, of either version of the interface.
     """
@@ -67,7 +71,7 @@ def quota_cores(root: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/
         for folder in {top, *(folder for folder in (inside, *inside.parents) if folder.is_relative_to(top))}:
             quota_and_period = _words(folder / "cpu.max")
             quota_and_period += _words(folder / "cpu.cfs_quota_us") + _words(folder / "cpu.cfs_period_us")
-            # "max 100000" if there is none, as -1 in the first version
+            # without a quota "max 100000", in the first version -1
             if len(quota_and_period) == 2 and all(word.isdecimal() for word in quota_and_period):
                 quota, period = map(int, quota_and_period)
                 quotas += [max(1, quota // period)] if period else []
@@ -82,7 +86,7 @@ def _words(file: Path, between: str | None = None) -> list[str]:
 
 
 def siblings(cpus: list[int]) -> list[tuple[int, ...]]:
-    """Group `cpus` by the core that they are hardware threads of, as the system reports it; else each is its own."""
+    """Group `cpus` by the core whose hardware threads they are; each is a core if the system does not report it."""
     by_core: dict[str, list[int]] = {}
     for cpu in cpus:
         listed = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list")
@@ -94,11 +98,11 @@ def siblings(cpus: list[int]) -> list[tuple[int, ...]]:
 
 
 def chosen_cores(count: int, cores: list[tuple[int, ...]], free: set[int]) -> list[int]:
-    """Choose `count` numbers of completely free `cores`: their first threads, one each, then their others; none if
-    there are too few. A core with a thread that somebody else holds is not available.
+    """Choose `count` numbers of `cores` all of whose threads are free: first one thread of each core, then the others;
+    an empty list if there are too few.
     """
-    whole = [core for core in cores if set(core) <= free]
-    chosen = [*(core[0] for core in whole), *(cpu for core in whole for cpu in core[1:])][:count]
+    unused = [core for core in cores if set(core) <= free]
+    chosen = [*(core[0] for core in unused), *(cpu for core in unused for cpu in core[1:])][:count]
     return sorted(chosen) if len(chosen) == count else []
 
 

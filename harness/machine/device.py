@@ -8,7 +8,7 @@ from pathlib import Path
 
 import torch
 
-from harness.machine.cores import quota_cores
+from harness.machine.cores import allowed_cpus, quota_cores
 from scenes.files.errors import InputError
 
 
@@ -18,7 +18,7 @@ def chosen_device(name: str) -> torch.device:
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     if name == "cuda" and not torch.cuda.is_available():
         cuda, rocm = torch.version.cuda, torch.version.hip
-        built = f"CUDA {cuda}" if cuda else f"ROCm {rocm}" if rocm else "the CPU alone"
+        built = f"CUDA {cuda}" if cuda else f"ROCm {rocm}" if rocm else "CPU only"
         raise InputError(
             f"--device cuda: torch {torch.__version__} (built for {built}) sees no GPU; "
             "use --device cpu, or install the torch build of your GPU (UV_TORCH_BACKEND, see README)"
@@ -45,7 +45,7 @@ def keep_freed_memory() -> None:
 
 
 def return_freed_memory() -> None:
-    """Use the thresholds of a process without settings, for comparisons, and release free memory now."""
+    """Undo `keep_freed_memory`, for comparisons, and release free memory now."""
     _set_thresholds(32 << 20, 64 << 20)
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
@@ -60,21 +60,20 @@ def _set_thresholds(mmap: int, trim: int) -> None:
 
 
 def rendering_threads() -> int:
-    """Return the default number of threads for rendering while somebody looks on. A core is left for the browser:
-    threads of torch that wait for each other on a core that is busy with something else made a view of 100 × 100 pixels
-    take seconds instead of half a second.
+    """Return the default number of threads for interactive rendering. One core is left for the browser: threads of
+    torch that waited for each other on a busy core made a view of 100 × 100 pixels take seconds, not half a second.
     """
     return max(1, available_cores() - 1)
 
 
 def available_cores() -> int:
     """Count the cores that this process may run on, each hardware thread as one; no more than its quota."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = len(allowed_cpus())
     return min(cores, quota_cores() or cores)
 
 
 def multiplies_bfloat16(device: torch.device) -> bool:
-    """Tell whether the processor has matrix units for bfloat16; without them float32 is faster.
+    """Return whether the processor has matrix units for bfloat16; without them float32 is faster.
 
     AVX-512's vector multiplications do not suffice: with them a step was measured to take 1.6 (6 × 64) to 1.7 times
     (8 × 256) as long as in float32.
@@ -98,13 +97,11 @@ def processor_flags(cpuinfo: Path = Path("/proc/cpuinfo")) -> set[str]:
 
 
 AMD = ("HIP_VISIBLE_DEVICES", "CUDA_VISIBLE_DEVICES")
-"""HIP reads the first, else the second; both count what `ROCR_VISIBLE_DEVICES` has left, which therefore stays as it
-is.
-"""
+"""HIP reads the first, else the second. Both number the devices that `ROCR_VISIBLE_DEVICES`, left unchanged, allows."""
 
 
 def only_gpu(number: int, count: int, amd: bool, environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment in which a new process sees GPU `number` (modulo `count`) of those seen here alone."""
+    """Return the environment in which a new process sees only GPU `number` (modulo `count`) of those seen here."""
     if count < 2:
         return {}
     names = AMD if amd else AMD[1:]
@@ -114,7 +111,7 @@ def only_gpu(number: int, count: int, amd: bool, environment: Mapping[str, str])
 
 
 def gpu_masks(workers: int, device: str) -> list[dict[str, str]]:
-    """Return the result of `only_gpu` for each worker; asks torch if cells run on a GPU."""
+    """Return the environment of each worker: one GPU each if cells run on GPUs."""
     if device != "cuda":
         return [{}] * workers
     count = torch.cuda.device_count()

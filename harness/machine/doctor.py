@@ -1,4 +1,4 @@
-"""All probes by name; each yields findings, and an error that it raises is a finding too."""
+"""Probes of this machine: each yields findings, and an error that it raises is a finding too."""
 
 import ctypes.util
 import math
@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Literal
 
-from harness.machine.cores import own_cores, quota_cores
+from harness.machine.cores import allowed_cpus, own_cores, quota_cores
 from harness.machine.wait_policy import SPINS, VARIABLE
 from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
@@ -24,11 +24,9 @@ WORKER_GB = 1.0
 LEAST_GB = 2.0
 ROOMY_GB = 2.0
 LEAST_DISK_GB = 0.3
-"""The least disk space: eight view sets of 100 pixels, weights, records and the page of a default run
-take half of it.
-"""
+"""Twice the disk space of a default run: eight view sets of 100 pixels, weights, records and the page."""
 PROJECT = Path(__file__).parents[2] / "pyproject.toml"
-RENEW = "start it through nox, which installs tested ones, or install one that pyproject.toml allows"
+RENEW = "start the command through nox, which installs tested versions, or install one that pyproject.toml allows"
 EXTRAS = {
     "view": "`view`",
     "film": "`film`",
@@ -49,10 +47,12 @@ TOOLS: tuple[tuple[tuple[str, ...], str, str], ...] = (
         "install it (Debian: apt install chromium)",
     ),
 )
-"""The tools: names to try · what they are for · what to do."""
+"""The tools: names to try · purpose · remedy."""
 FLAGS = ("avx2", "avx512f", "avx512_bf16", "amx_tile", "amx_bf16", "asimd", "bf16")
-INSTALL_LLVM = f"install the shared library of LLVM {OLDEST_LLVM} or newer (Debian: apt install libllvm19), or name it "
-INSTALL_LLVM += "in DRJIT_LIBLLVM_PATH"
+INSTALL_LLVM = (
+    f"install the shared library of LLVM {OLDEST_LLVM} or newer (Debian: apt install libllvm19), or name it in "
+    "DRJIT_LIBLLVM_PATH"
+)
 
 
 @dataclass(frozen=True)
@@ -67,19 +67,15 @@ class Finding:
 
 
 def judge(what: str, found: str, *faults: tuple[bool, Verdict, str]) -> Finding:
-    """Return a finding with the first fault (is it there, verdict, remedy) that is there; what is missing is needed."""
-    for is_there, verdict, to_do in faults:
-        if is_there:
+    """Return a finding with the first of `faults` (is it present, verdict, remedy) that is present."""
+    for is_present, verdict, to_do in faults:
+        if is_present:
             return Finding(what, found, verdict, to_do, needed=verdict == "missing")
     return Finding(what, found)
 
 
-def allowed_cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def core_findings() -> Iterator[Finding]:
-    allowed, quota = allowed_cores(), quota_cores()
+    allowed, quota = len(allowed_cpus()), quota_cores()
     yield judge(
         "cores",
         f"{allowed} of {os.cpu_count() or 1} allowed" + (f", a quota of {quota}" if quota is not None else ""),
@@ -97,12 +93,12 @@ def memory_findings() -> Iterator[Finding]:
         "unknown" if limit is None else f"{gigabytes:.1f} GB",
         (limit is None, "limited", f"a worker takes {WORKER_GB:g} GB; choose --workers by that"),
         (gigabytes < LEAST_GB, "missing", f"a run needs {LEAST_GB:g} GB; --profile smoke may do"),
-        (fit < allowed_cores(), "limited", f"enough for {fit} workers: --workers {fit}"),
+        (fit < len(allowed_cpus()), "limited", f"enough for {fit} workers: --workers {fit}"),
     )
 
 
 def memory_bytes(root: Path = Path("/sys/fs/cgroup"), meminfo: Path = Path("/proc/meminfo")) -> int | None:
-    """Return the memory, or the part of it that the container may use; None if neither can be read."""
+    """Return the memory of the machine, or of its container if that is less; None if neither can be read."""
     limits = []
     for file in (root / "memory.max", root / "memory" / "memory.limit_in_bytes"):
         with suppress(OSError, ValueError):  # "max" is no limit
@@ -126,15 +122,15 @@ def disk_findings(out: Path = Path("out")) -> Iterator[Finding]:
 
 
 def python_findings() -> Iterator[Finding]:
-    wanted = str(_project()["project"]["requires-python"]).removeprefix(">=")
+    oldest = str(_project()["project"]["requires-python"]).removeprefix(">=")
     here = platform.python_version()
-    old = [int(part) for part in here.split(".")[:2]] < [int(part) for part in wanted.split(".")[:2]]
-    found = here if old else f"{here} on {platform.system()} {platform.machine()}"
-    yield judge("Python", found, (old, "missing", f"install Python {wanted} or newer"))
+    is_old = _numbers(here)[:2] < _numbers(oldest)[:2]
+    found = here if is_old else f"{here} on {platform.system()} {platform.machine()}"
+    yield judge("Python", found, (is_old, "missing", f"install Python {oldest} or newer"))
 
 
 def package_findings() -> Iterator[Finding]:
-    """Yield one line on the packages that a run needs, and one for each that is not as tested."""
+    """Yield one line on all packages that a run needs, and one on each that is missing or of an untested version."""
     ranges = _ranges(_project()["project"]["dependencies"])
     findings = [_within(name, tested, f"{RENEW}: {name}{tested}", needed=True) for name, tested in ranges.items()]
     odd = [finding for finding in findings if finding.verdict != "ok"]
@@ -143,7 +139,7 @@ def package_findings() -> Iterator[Finding]:
 
 
 def optional_findings() -> Iterator[Finding]:
-    """Yield the packages that a single command or option needs."""
+    """Yield the packages that only one command or option needs."""
     extras = _project()["project"].get("optional-dependencies", {})
     for extra, purpose in EXTRAS.items():
         for name, tested in _ranges(extras.get(extra, [])).items():
@@ -161,9 +157,9 @@ def _within(name: str, tested: str, to_do: str, needed: bool) -> Finding:
         here = version(name)
     except PackageNotFoundError:
         return Finding(name, "not installed", "missing", to_do, needed)
-    # numbers alone: a local part is the build, as in 2.15.0+cpu
+    # without the local part, which names the build, as in 2.15.0+cpu
     low, high, found = (_numbers(text) for text in (*tested.removeprefix(">=").split(",<"), here))
-    return judge(name, here, (not low <= found < high, "limited", f"tested are {tested}; {RENEW}"))
+    return judge(name, here, (not low <= found < high, "limited", f"tested versions: {tested}; {RENEW}"))
 
 
 def _numbers(version: str) -> list[int]:
@@ -188,14 +184,14 @@ def torch_findings() -> Iterator[Finding]:
     build = f"{'ROCm' if torch.version.hip else 'CUDA'} {built}" if built else "CPU"
     yield Finding("torch", f"{torch.__version__}, built for {build}")
     names = [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
-    driver = "--device cpu works; for a GPU look at its driver, or take its build of torch (UV_TORCH_BACKEND)"
-    other = "optional: torch for your GPU: UV_TORCH_BACKEND=rocm7.1 nox … (or as your driver has it)"
-    none = f"none that {build} sees" if built else "none: this torch is for processors"
+    driver = "--device cpu works; for a GPU check its driver, or install its build of torch (UV_TORCH_BACKEND)"
+    other = "optional: torch for your GPU: UV_TORCH_BACKEND=rocm7.1 nox … (or the version that your driver has)"
+    none = f"none that {build} sees" if built else "none: this build of torch has no GPU support"
     yield judge("GPU", ", ".join(names) or none, (not names, "limited", driver if built else other))
 
 
 def clock_findings() -> Iterator[Finding]:
-    """Yield how much the same work differs, and whether core seconds of two threads hold their waiting under a load."""
+    """Yield the spread of the same work's core seconds, and whether those of two threads count waiting under a load."""
     import torch
 
     from harness.machine.clock_check import NOISY, SPINNING, busy_programs, multiplications, noise, spinning
@@ -203,12 +199,12 @@ def clock_findings() -> Iterator[Finding]:
     from harness.machine.stopwatch import Stopwatch
 
     watch = Stopwatch(torch.device("cpu"))
-    use_threads(1)  # as a training of the default run
+    use_threads(1)  # as in training
     spread, waits = noise(watch, multiplications)
-    found = f"core seconds differ by {100 * spread:.1f} % (middle half), waits for {100 * max(waits, 0.0):.1f} %"
+    found = f"core seconds differ by {100 * spread:.1f} % (middle half), waiting adds {100 * max(waits, 0.0):.1f} %"
     to_do = "stop other programs before anything is timed"
-    yield judge("the same work again", found, (max(spread, waits) > NOISY, "limited", to_do))
-    if allowed_cores() < 2:
+    yield judge("repeated work", found, (max(spread, waits) > NOISY, "limited", to_do))
+    if len(allowed_cpus()) < 2:
         return
     with own_cores(2):  # which the busy programs inherit
         times = spinning(watch, 2, busy_programs)
@@ -233,8 +229,8 @@ def matmul_findings() -> Iterator[Finding]:
 
 
 def mitsuba_findings() -> Iterator[Finding]:
-    """Yield the scalar variant, with which everything works, and what the faster ones need: a library of LLVM, of which
-    the newest that works is reported after those that fail; CUDA, for NVIDIA alone, as Dr.Jit has no other backend.
+    """Yield the scalar variant, which suffices for everything, and what the faster ones need: LLVM, whose libraries are
+    tried until one works; CUDA, which needs an NVIDIA GPU.
     """
     failure = probe("scalar_rgb", "")
     yield judge("Mitsuba scalar_rgb", failure or "renders", (bool(failure), "missing", "reinstall mitsuba as pinned"))
@@ -253,7 +249,7 @@ def mitsuba_findings() -> Iterator[Finding]:
             break
     has_driver = bool(ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda"))
     failure = probe("cuda_ad_rgb", "") if has_driver else "no CUDA driver"
-    to_do = "look at the driver; the CPU renders too" if has_driver else "optional: the CPU renders too"
+    to_do = "check the driver; the CPU renders too" if has_driver else "optional: the CPU renders too"
     yield judge("Mitsuba cuda_ad_rgb", failure or "renders", (bool(failure), "limited", to_do))
 
 
@@ -271,11 +267,11 @@ PROBES: dict[str, Callable[[], Iterator[Finding]]] = {
     "optional": optional_findings,
 }
 ESSENTIAL = ("python", "packages", "torch", "mitsuba")
-"""The probes without whose success nothing works; a failure to run them counts the same."""
+"""The probes whose failure means that nothing works."""
 
 
 def findings() -> Iterator[Finding]:
-    """Yield findings in the order of `PROBES`, each as soon as it is known; a missing package is reported once."""
+    """Yield findings in the order of `PROBES`, each as soon as it is known. A missing package is reported only once."""
     missing = set()
     for name, look in PROBES.items():
         try:

@@ -1,4 +1,4 @@
-"""Checks whether the cells of a run share code, packages and kind of clock, with a note for readers if not."""
+"""Checks whether the cells of a run share code, packages and kind of processor; notes for readers if they do not."""
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
@@ -10,27 +10,26 @@ from harness.records.cells import CellRecord, cell_path
 
 
 def clocks_apart(cells: list[CellRecord]) -> list[str]:
-    """Return sentences on mixed hardware for what a run did not test: one clock for all cells."""
+    """Return the sentences on mixed hardware for the list of what a run did not test."""
     timed = [cell for cell in cells if cell.provenance and cell.train_seconds > 0]
     groups: dict[tuple[str, int], set[str]] = defaultdict(set)
     for cell in timed:
         device = cell.provenance.get("device", "cpu")
         name = cell.provenance.get("processor", "unknown") if device == "cpu" else device
-        # the number of threads sets the pace as well
         groups[cell.scene, cell.seed].add(f"{name}, {cell.provenance.get('threads', '?')} threads")
     kinds = sorted(set().union(*groups.values()))
     sentences = []
     if len(kinds) > 1:
         split = sum(len(kinds) > 1 for kinds in groups.values())
         consequence = (
-            f"In {split} of {len(groups)} groups of one scene and seed the methods ran on different kinds: what is "
-            "compared at equal time mixes their clocks there."
+            f"In {split} of {len(groups)} groups of one scene and seed the methods ran on different kinds: their "
+            "comparisons at equal time mix clocks."
             if split
-            else f"All {len(groups)} groups of one scene and seed were trained on one kind each: what is compared at "
-            "equal time is of one kind, but seconds of different scenes and seeds are not."
+            else f"Each of the {len(groups)} groups of one scene and seed was trained on one kind: comparisons at "
+            "equal time do not mix kinds, but seconds of different scenes and seeds do."
         )
         sentences.append(f"One clock: cells ran on {len(kinds)} kinds of processor ({'; '.join(kinds)}). {consequence}")
-    # runs from before cores were taken say nothing about them
+    # old records do not name their cores
     if unbound := sum(not cell.provenance.get("own_cores", True) for cell in timed):
         sentences.append(
             f"Cores of their own for all timed cells: {unbound} of {len(timed)} could not be bound to any, so that "
@@ -38,18 +37,18 @@ def clocks_apart(cells: list[CellRecord]) -> list[str]:
         )
     if pieces := sum("resumed_at" in cell.provenance for cell in timed):
         sentences.append(
-            f"Clocks in one piece: {pieces} of {len(timed)} cells were interrupted and went on in another process; "
-            "their training seconds are the sum of what both measured."
+            f"Clocks in one piece: {pieces} of {len(timed)} cells were interrupted and resumed in another process; "
+            "their training seconds are the sum of both parts."
         )
     return sentences
 
 
 NAMED = 4
-"""The most cells made alike that are named; more are counted."""
+"""The maximum number of cells of the same origin that are named; the others are counted."""
 
 
 def code_apart(cells: Sequence[CellRecord]) -> list[str]:
-    """Return a sentence on mixed code for what a run did not test: one code for all cells."""
+    """Return the sentence on mixed code, if it is mixed, for the list of what a run did not test."""
     groups: dict[tuple[str, int], list[dict[str, str]]] = defaultdict(list)
     for cell in cells:
         if cell.provenance:
@@ -65,17 +64,17 @@ def code_apart(cells: Sequence[CellRecord]) -> list[str]:
     )
     split = sum(bool(_unlike(group)) for group in groups.values())
     consequence = (
-        f"In {split} of {len(groups)} groups of one scene and seed the methods were made by different ones: paired "
-        "comparisons there hold one code against another as well."
+        f"In {split} of {len(groups)} groups of one scene and seed the methods were made by different code or "
+        "packages: their paired comparisons compare the code as well."
         if split
-        else f"All {len(groups)} groups of one scene and seed were made by one each: what differs between scenes and "
-        "seeds may be the code's."
+        else f"Each of the {len(groups)} groups of one scene and seed was made by one code: differences between scenes "
+        "and seeds may come from the code."
     )
     return [f"One code and one set of packages for all cells: they differ in {what}. {consequence}"]
 
 
 def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) -> str | None:
-    """Return a line on the finished cells that other code or packages than `here` made, and how to renew them."""
+    """Return a line on the finished cells whose code or packages differ from `here`, and how to renew them."""
     unlike: dict[str, list[str]] = defaultdict(list)
     for cell in cells:
         before, now = (_made_by(origin, cell.method) for origin in (cell.provenance, here))
@@ -90,13 +89,13 @@ def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path)
     )
     return (
         f"{sum(map(len, unlike.values()))} of {len(cells)} finished cells were made by other code or packages "
-        f"({which}) and are compared with the others all the same; to have them anew, remove their records in "
-        f"{cell_path(out, '', '', 0).parent} and go on with --resume, or name a fresh --out"
+        f"({which}) and are compared with the others all the same; to train them again, remove their records in "
+        f"{cell_path(out, '', '', 0).parent} and use --resume, or name a fresh --out"
     )
 
 
 def _made_by(origin: dict[str, Any], method: str) -> dict[str, str]:
-    """Return name → version of everything that the cell of `method` may depend on, as far as it is known."""
+    """Return name → version of all software that a cell of `method` may depend on, as far as it is known."""
     packages, plugin = origin.get("packages", {}), origin.get("plugins", {}).get(method)
     made = {"sources": origin.get("sources"), "commit": origin.get("commit"), "Python": origin.get("python")}
     made |= {name: packages.get(name) for name in CHECKED}
@@ -106,8 +105,8 @@ def _made_by(origin: dict[str, Any], method: str) -> dict[str, str]:
 
 
 def _unlike(made: list[dict[str, str]]) -> list[str]:
-    """Return names with more than one value. A commit adds nothing to the sources, if those are known of all: it may
-    have changed other files alone.
+    """Return the names with more than one value; not the commit if all sources are known and equal, as it may have
+    changed only other files.
     """
     names = dict.fromkeys(name for versions in made for name in versions)
     apart = [name for name in names if len({versions[name] for versions in made if name in versions}) > 1]

@@ -12,8 +12,9 @@ STATUS = Path("/proc/self/status")
 
 
 def peak_bytes(status: Path = STATUS) -> int:
-    """Return the peak of all pages so far. What `getrusage` says, in bytes on macOS and in kibibytes on Linux, may be
-    that of the process from which this one was started.
+    """Return the peak resident memory so far.
+
+    `getrusage` (bytes on macOS, kibibytes on Linux) is only the fallback: it may report the parent process's peak.
     """
     with suppress(OSError):
         if peak := re.search(r"VmHWM:\s+(\d+) kB", status.read_text(encoding="utf-8")):
@@ -22,5 +23,5 @@ def peak_bytes(status: Path = STATUS) -> int:
 
 
 def peak_gpu_bytes(device: torch.device) -> int | None:
-    """Return the peak of what torch had allocated on a GPU; None on a CPU."""
+    """Return the peak memory that torch had allocated on a GPU; None on a CPU."""
     return torch.cuda.max_memory_allocated(device) if device.type == "cuda" else None

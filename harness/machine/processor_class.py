@@ -1,10 +1,10 @@
-"""The class of a processor, which decides the order in which its library sums, and so the last bits of every number."""
+"""The class of a processor, which decides the order of sums in its library, and so the last bits of every number."""
 
 import platform
 
 
 def class_here() -> str:
-    """Return the class of this process: that of the processor, unless its environment forces another."""
+    """Return the processor's class, unless the environment of this process forces another one."""
     import torch
 
     capability = str(torch.backends.cpu.get_cpu_capability()).lower().replace("no avx", "default")

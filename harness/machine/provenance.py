@@ -1,6 +1,6 @@
-"""The origin of a record: our sources and their lines, packages, processor, commit.
+"""The origin of a record: the sources and their lines, packages, processor, commit.
 
-A node must have sources and packages in common with the driver for its cells to belong to the run.
+The cells of a node belong to a run only if its sources and packages are those of the driver.
 """
 
 import ast
@@ -24,7 +24,7 @@ from harness.machine.wait_policy import waits_passively
 from scenes.files.errors import InputError
 
 OUR_PACKAGES = ("harness", "scenes", "baselines")
-"""The packages of ours that a cell needs, sent to every node."""
+"""The packages of this program that a cell needs; they are sent to every node."""
 CHECKED = (
     "torch",
     "numpy",
@@ -37,26 +37,26 @@ CHECKED = (
     "safetensors",
     "jaxtyping",
 )
-"""The packages of others that a cell's bits or scores may depend on. Mitsuba is needed only to render view sets."""
+"""The libraries on which a cell's bits or scores may depend. Mitsuba is needed only to render view sets."""
 PROGRAM = "this program"
-"""The key of our own sources among `versions`."""
+"""The key of this program's sources in `versions`."""
 
 
 def our_folders() -> list[Path]:
-    """Return the folder of each of `OUR_PACKAGES`, which on a node may lie anywhere."""
+    """Return the folder of each of `OUR_PACKAGES`; on a node they may lie anywhere."""
     return [Path(next(iter(import_module(name).__path__))).resolve() for name in OUR_PACKAGES]
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of Python, `CHECKED` and our own sources (a digest) of this process at the first call."""
+    """Return the versions of Python, `CHECKED` and this program (a digest of its sources), as of the first call."""
     packages = {name: installed(name) for name in CHECKED}
     return {"Python": platform.python_version(), PROGRAM: _digest(), **packages}
 
 
 @cache
 def installed(package: str) -> str:
-    """Return the version of a package, which is not imported; "not installed" if there is none."""
+    """Return the version of a package without importing it; "not installed" if there is none."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -64,7 +64,6 @@ def installed(package: str) -> str:
 
 
 def differences(ours: dict[str, str], theirs: dict[str, str]) -> str:
-    """Describe the differences in words; empty if there are none."""
     return ", ".join(
         f"{name} {theirs.get(name, 'unknown')} instead of {value}"
         for name, value in ours.items()
@@ -73,12 +72,12 @@ def differences(ours: dict[str, str], theirs: dict[str, str]) -> str:
 
 
 def changed_since(ours: dict[str, str]) -> str:
-    """Return `differences` to this process, with our own sources read again."""
+    """Return `differences` to this process, with this program's sources read again."""
     return differences(ours, {**versions(), PROGRAM: _digest()})
 
 
 def _digest() -> str:
-    """Return 16 hexadecimal digits of the name and bytes of every Python file of ours."""
+    """Return 16 hexadecimal digits that depend on the name and bytes of every Python file of `OUR_PACKAGES`."""
     digest = hashlib.sha256()
     for folder in our_folders():
         for file in sorted(folder.rglob("*.py")):
@@ -97,7 +96,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 BASELINES = Path(__file__).parents[2] / "baselines"
 RENEWED = "gates"
-"""The folder of what gates are held to."""
+"""The folder of the references and limits of gates."""
 SILENT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
 
 
@@ -125,7 +124,7 @@ PACKAGES = (*CHECKED, "mitsuba", "colour-science")
 
 
 def provenance(device: torch.device) -> dict[str, Any]:
-    """Return versions, processor, device, commit and a digest of our sources; no user names, no paths."""
+    """Return versions, processor, device, commit and a digest of the sources; no user names, no paths."""
     return {
         **code_here(),
         "python": platform.python_version(),
@@ -142,7 +141,7 @@ def provenance(device: torch.device) -> dict[str, Any]:
 
 
 def code_here() -> dict[str, Any]:
-    """Return commit, digest of our sources and packages as of the first call: what is imported stays as it is."""
+    """Return commit, digest of the sources and packages, as of the first call: imported modules do not change."""
     return {
         "commit": commit(),
         "sources": versions()[PROGRAM],
@@ -153,7 +152,7 @@ def code_here() -> dict[str, Any]:
 def committed(folder: Path = BASELINES) -> str:
     """Return the commit of the checkout that holds `folder`.
 
-    Raises `InputError` if a file was changed since, apart from what a renewal writes, or if git does not know it.
+    Raises `InputError` if a file outside `RENEWED` was changed since, or without git or a commit.
     """
 
     def git(*words: str) -> str:
@@ -172,7 +171,7 @@ def committed(folder: Path = BASELINES) -> str:
 
 @cache
 def processor() -> str:
-    """Return the processor's model, as the system names it."""
+    """Return the processor's model name."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
@@ -182,7 +181,7 @@ def processor() -> str:
 
 @cache
 def commit() -> str:
-    """Return the commit as git names it, `-dirty` if files were changed since; "unknown" without git."""
+    """Return the commit, followed by `-dirty` if files were changed since; "unknown" without git."""
     command = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
     try:
         return subprocess.check_output(command, cwd=BASELINES, stderr=subprocess.DEVNULL, text=True).strip()

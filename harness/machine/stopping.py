@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from scenes.files.stopping import SIGNALS
 
-ON = "go on with --resume --out"
+ON = "resume with --resume --out"
 Result = TypeVar("Result")
 
 
@@ -28,9 +28,9 @@ def told_when_stopped(kept: Callable[[], str]) -> Iterator[None]:
 
 
 def in_workers(calls: Sequence[Callable[[], Result]], workers: int) -> Iterator[Result]:
-    """Yield the results of `calls` in their order, made by fresh processes of one thread, which end with this one.
+    """Yield the results of `calls` in order, from fresh single-threaded processes that end with this one.
 
-    Raises what a call raises, and `BrokenProcessPool` if its process dies.
+    Raises the exception of a call, and `BrokenProcessPool` if its process dies.
     """
     from concurrent.futures import ProcessPoolExecutor
 
@@ -39,7 +39,7 @@ def in_workers(calls: Sequence[Callable[[], Result]], workers: int) -> Iterator[
         try:
             yield from pool.map(call, calls)
         except BaseException:
-            # the pool would wait for what they are in the middle of
+            # the pool would wait for their current calls
             for worker in multiprocessing.active_children():
                 worker.kill()
                 worker.join()
@@ -47,7 +47,7 @@ def in_workers(calls: Sequence[Callable[[], Result]], workers: int) -> Iterator[
 
 
 def in_child(function: Callable[..., Result], *given: object) -> Result:
-    """Return `function(*given)`, called in a fresh process of one thread."""
+    """Return `function(*given)`, called in a fresh single-threaded process."""
     (result,) = in_workers([partial(function, *given)], 1)
     return result
 
@@ -58,13 +58,13 @@ def _begin_worker() -> None:
     end_with_parent()
     use_threads(1)
     keep_freed_memory()
-    # without the interpreter's teardown, in which OpenImageIO's bindings print warnings that no user asked for
+    # skip the interpreter's teardown, in which OpenImageIO's bindings print warnings
     atexit.register(os._exit, 0)
 
 
 def end_with_parent() -> None:
-    """End this worker with its parent: Ctrl-C is its parent's business, and without the parent it ends at once,
-    whatever it is doing, as another process may have the folder by then.
+    """End this worker with its parent, and leave Ctrl-C to the parent. Without a parent it must end at once, as another
+    process may own the folder by then.
     """
     from multiprocessing.connection import wait
 
@@ -86,5 +86,5 @@ def end_with_parent() -> None:
         # the kernel then ends this process even if no Python runs; where that is refused, the watching thread does
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL, 0, 0, 0)
-        if not parent.is_alive():  # before the kernel was asked
+        if not parent.is_alive():  # it may have died before the call
             os._exit(1)

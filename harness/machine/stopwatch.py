@@ -1,4 +1,4 @@
-"""Training time of one method, by the wall and by the processor: only what is between `start` and `stop` counts."""
+"""Training time of one method, in wall seconds and core seconds: only work inside `running` counts."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -14,8 +14,8 @@ T = TypeVar("T")
 class Stopwatch:
     """A stopwatch that waits for launched work before each reading.
 
-    It counts `seconds` of the wall and `core_seconds`: the processor time of all threads of this process, system calls
-    and threads that spin included. Work on a GPU is no processor time: there `core_seconds` are the host's alone.
+    It counts wall `seconds` and `core_seconds`: the processor time of all threads of this process, system calls and
+    threads that spin included. On a GPU `core_seconds` are those of the host.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Stopwatch:
         self.core_seconds += core_seconds
 
     def counting(self, items: Iterable[T]) -> Iterator[T]:
-        """Yield the items; the time to make each counts, and not what is done with it."""
+        """Yield the items; the time to make each counts, the time to use it does not."""
         source = iter(items)
         while True:
             with self.running():

@@ -1,19 +1,19 @@
-"""How the threads of torch wait for each other: asleep, so that processor seconds are those of work.
+"""The wait policy of torch's threads: they sleep while they wait, so that core seconds measure work.
 
-A thread of OpenMP that has ended its part of an operation tests again and again whether the others have. Where other
-programs use the cores, those others are not running, and the processor time of a training is mostly that of waiting.
-The library reads the variable once, when torch is imported: it must be set before.
+By default an OpenMP thread that has finished its part of an operation spins until the others have. Where other programs
+use the cores, the others are not running, and most of a training's processor time is waiting. The library reads the
+variable once, when torch is imported: it must be set before.
 """
 
 from collections.abc import Mapping
 
 VARIABLE = "OMP_WAIT_POLICY"
 SPINS = "GOMP_SPINCOUNT"
-"""GNU's own variable, the number of tests before a thread sleeps, which overrules the policy."""
+"""GNU's variable: the number of spins before a thread sleeps, which overrules the policy."""
 
 
 def wait_policy(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the variable for a process that trains: passive, unless `environment` has a value of the user's."""
+    """Return the variable for a process that trains: the user's value in `environment`, else passive."""
     return {VARIABLE: environment.get(VARIABLE) or "PASSIVE"}
 
 

@@ -1,14 +1,12 @@
 """Default intervals, limits and sizes."""
 
 KEPT_EVERY = 60.0
-"""The wall seconds, outside the training clock, after which unfinished cells are kept."""
+"""The wall seconds, outside the training clock, between two snapshots of unfinished cells."""
 RENDER_LIMIT = 1800.0
 """The seconds that a view may take to render; one of 800 pixels and 256 samples takes some minutes on one slow core."""
 SERVING_WIDTH = 100
-"""The width in pixels, or that of the run's views if smaller, of the pictures of view cache and
-attention after a run.
-"""
+"""The width in pixels at which a run measures view cache and attention; at most that of its views."""
 SERVING_SECONDS, SERVING_SHARE = 240.0, 0.05
-"""The time that a run may spend on them: so many seconds, or this share of its own time if that is more."""
+"""The time that a run may spend on that: seconds, or a share of its other time, whichever is more."""
 PLAIN_SECONDS, QUICK_PLAIN_SECONDS = 420.0, 1.5
-"""The training of the plain side of the speed study's question 3, on its own clock."""
+"""The training seconds of the plain program in question 3 of the speed study."""

@@ -11,7 +11,7 @@ from harness.plan.settings import ScoreSettings, TrainSettings, ViewSettings
 
 @dataclass(frozen=True)
 class GroupTask:
-    """The methods of one scene and one seed, all with the same settings; picklable, and all that a worker needs."""
+    """The methods of one scene and one seed, with the same settings; picklable, and all that a worker needs."""
 
     scene: str
     seed: int
@@ -21,14 +21,14 @@ class GroupTask:
     budget: Budget
     out: Path
     view_set: Path = Path()
-    """The folder to read `views` from; unread where a view set is handed on beside."""
+    """The folder of `views`; not read if the view set itself is passed to the worker."""
     views: ViewSettings = field(default_factory=ViewSettings)
     content: str | None = None
-    """The digest that the view set had when the run began; None if it is not held to one."""
+    """The digest of the view set when the run began; None: unchecked."""
     device: str = "cpu"
     threads: int = 1
     keep_every: float = KEPT_EVERY
-    """The seconds between two times that the cells are kept in the middle of their training."""
+    """The seconds between two snapshots of the cells."""
     lpips: Path | None = None
     """The weights of LPIPS, if there are any."""
 

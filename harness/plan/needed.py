@@ -1,4 +1,4 @@
-"""Settings from a scene's needs: those of its view set, overruled by what the user forces in or out."""
+"""Settings from the needs of a scene's view set, including parts that the user forces in or out."""
 
 import math
 from dataclasses import replace
@@ -21,11 +21,11 @@ LEFT_OUT_BY = {
     "behind_matter": "hidden",
     "behind_opaque": "early_stop",
 }
-"""Map need → the acceleration that leaves it out (`--need NAME` and `--without ACCELERATION` are the same)."""
+"""Part → the acceleration that leaves it out: `--need PART` and `--without ACCELERATION` are the same."""
 FORCEABLE = (*LEFT_OUT_BY, "background_rays", "fine_pass", "participating_media", "depth_metric")
-"""The parts with a choice: no method has the other parts, or all are compared with them."""
+"""The parts that a user can force; no method has the others, or every comparison needs them."""
 SAMPLED = ("outside_box", "empty_space", "outside_hull", "behind_matter", "background_rays", "behind_opaque")
-"""The parts that these settings hold."""
+"""The parts that the training settings decide."""
 
 
 def kept(train: TrainSettings, need: tuple[str, ...]) -> TrainSettings:
@@ -37,35 +37,33 @@ def kept(train: TrainSettings, need: tuple[str, ...]) -> TrainSettings:
 
 
 def needs_here(train: TrainSettings, views: "ViewSet") -> Needs:
-    """Return the needs of the view set, and what its silhouettes tell beside them of training with `train`: the same
-    for all methods, and known of every set of images with alpha, whoever made it.
+    """Return the needs of the view set, and those that follow from its silhouettes when training with `train`. The
+    latter are the same for all methods, and known for every set of images with alpha.
     """
     known = needs_of(views)
-    told: dict[str, tuple[bool, str]] = {}
+    derived: dict[str, tuple[bool, str]] = {}
     if train.covered_share:
         seen = len(covered_pixels(views.train.rgba)) / math.prod(views.train.rgba.shape[:3])
-        told["background_rays"] = (
+        derived["background_rays"] = (
             seen >= train.covered_share,
             f"the object, or its edge, fills {100 * seen:.0f} % of a view",
         )
     if train.grid.cells and train.accelerations.grid:
         if train.accelerations.hull:
             share = float(views.hull.mean())
-            told["outside_hull"] = (share == 1.0, f"the silhouettes leave {100 * share:.0f} % of the box")
+            derived["outside_hull"] = (share == 1.0, f"the silhouettes leave {100 * share:.0f} % of the box")
         if train.accelerations.hidden:
             behind = known.get("behind_opaque")
             reason = "a ray ends where the grid measured opaque matter" if behind is None else behind.reason
-            told["behind_matter"] = (behind is not None and behind.needed, reason)
-    told = {name: facts for name, facts in told.items() if name not in known}
-    known |= {name: Need(name, *facts) for name, facts in told.items()}
+            derived["behind_matter"] = (behind is not None and behind.needed, reason)
+    known = {name: Need(name, *facts) for name, facts in derived.items()} | known
     return {name: known[name] for name in PARTS if name in known}
 
 
 def for_scene(train: TrainSettings, views: "ViewSet") -> TrainSettings:
     """Return `train` with all parts that this scene needs, and without those that it does not need.
 
-    The view direction is not in these settings: whoever makes a learner asks
-    `harness.training.lockstep.needs_view_direction`.
+    The view direction is not among them: `harness.training.lockstep.needs_view_direction` decides it for a learner.
     """
     needs = needs_of(views)
     sampling = tuple(name for name in SAMPLED if _is(needs, name, True))
@@ -78,14 +76,14 @@ LEAST_BINS, MOST_BINS = 24, 256
 
 
 def pixels_across(views: "ViewSet") -> float:
-    """Return how many pixels long the box's longest side is in the middle of a training view."""
+    """Return the length in pixels of the box's longest side, at its centre in a mean training view."""
     centre, longest = views.bounds.mean(axis=0), float((views.bounds[1] - views.bounds[0]).max())
     distance = float(np.linalg.norm(views.train.camera_to_world[:, :3, 3] - centre, axis=-1).mean())
     return longest * views.focal / distance
 
 
 def at_scale(train: TrainSettings, views: "ViewSet") -> TrainSettings:
-    """Return `train` with the cells and bins that are given per pixel counted for the box of these views."""
+    """Return `train` with the numbers of cells and bins that are given per pixel computed for these views."""
     pixels = pixels_across(views)
     if train.grid.per_pixel is not None and train.grid.cells:
         cells = min(max(round(train.grid.per_pixel * pixels), LEAST_CELLS), MOST_CELLS)

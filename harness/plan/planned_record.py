@@ -1,6 +1,4 @@
-"""The part of a run's record that its plan decides, before anything is measured: what is trained, where it departs
-from the paper's text, and what it does not test.
-"""
+"""The part of a run's record that follows from its plan: what is trained, departures from the paper, omitted tests."""
 
 from collections.abc import Iterator, Mapping
 
@@ -55,7 +53,7 @@ SHAPES: dict[Decay, str] = {"exponential": "exponentially", "linear": "linearly"
 
 
 def planned_record(plan: Plan, command: str, notes: Notes | None = None) -> RunRecord:
-    """Return the record of a run of `command` that has not begun; its provenance holds the methods' packages alone."""
+    """Return the record of a run of `command` that has not begun; its provenance holds only the methods' packages."""
     methods = (*plan.all_methods(), *plan.guests)
     claimed = dict.fromkeys(pair for file in plan.claims for pair in file.pairs)
     return RunRecord(
@@ -77,7 +75,7 @@ def planned_record(plan: Plan, command: str, notes: Notes | None = None) -> RunR
 
 
 def deviations(plan: Plan, notes: Notes) -> list[str]:
-    """Return where this plan departs from the paper's printed text, and why; one sentence each."""
+    """Return the departures of this plan from the paper's text, with the reasons."""
     own = plan.own_settings(plan.methods)
     parts = {method: settings for method, settings in own.items() if isinstance(settings, Parts)}
     known = [name for name in plan.methods if name in METHODS]
@@ -102,14 +100,20 @@ def _of_training(train: TrainSettings, parts: Mapping[str, Parts]) -> Iterator[s
         yield (
             f"The learning rate falls {SHAPES[train.decay]} from {train.learning_rate:g} to "
             f"{train.last_learning_rate:g} after {train.warm_up_steps} steps of warm-up, with {train.rays} rays a step "
-            f"(paper: {paper.learning_rate:g}, {paper.rays} rays): a short run would hardly begin otherwise. It is the "
-            "same for all methods; `python -m harness study sweep` tries optimisers and rates on validation views."
+            f"(paper: {paper.learning_rate:g}, {paper.rays} rays): a short run would hardly begin otherwise. All "
+            "networks train with it unless this list says otherwise; `python -m harness study sweep` tries optimisers "
+            "and rates on validation views."
         )
     elif train.last_learning_rate != paper.learning_rate:
         yield (
             f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g}, as the original "
             "NeRF's does; the paper prints one rate."
         )
+    for method, of in parts.items():
+        replaced = ({"loss": of.loss} if of.loss != "squared" else {}) | of.schedule
+        if replaced:
+            listed = ", ".join(f"{name} {value}" for name, value in replaced.items())
+            yield f"{method}: It trains with {listed}, the other methods with the loss and schedule of the run."
     if train.optimiser != paper.optimiser:
         yield (
             f"The optimiser is {OPTIMISER_TITLES[train.optimiser.name]} with β {train.optimiser.betas[0]:g} and "
@@ -168,7 +172,7 @@ def _of_images(views: ViewSettings, notes: Notes) -> Iterator[str]:
 
 
 def not_tested(plan: Plan) -> list[str]:
-    """Return what a reader of the paper might expect and this plan does not do."""
+    """Return what a reader of the paper might expect and this plan does not test."""
     full, controls = Budget(steps=200_000, seconds=None), plan.roles.among(plan.methods).controls
     missing = []
     if plan.view_set is None and plan.scene_file is None:

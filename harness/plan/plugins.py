@@ -1,9 +1,9 @@
-"""Methods of a user's own package, found by entry point: a name → a `baselines.catalog.Method`.
+"""Methods of a user's package, found by entry point: name → `baselines.catalog.Method`.
 
     [project.entry-points."radiance_verdict.methods"]
     mine = "my_package:METHOD"
 
-A package is imported only when one of its methods is asked for, and is then trusted like everything that its user has
+A package is imported only when one of its methods is named, and is then trusted like everything that its user has
 installed: it runs in this process, with its user's rights. A package cannot take a name of the catalogue.
 """
 
@@ -11,6 +11,7 @@ import csv
 import hashlib
 import importlib.util
 import json
+import math
 import multiprocessing
 import pkgutil
 import re
@@ -21,12 +22,13 @@ from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import EntryPoint, distributions, entry_points
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, get_args
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG, Method
-from baselines.composition import ACTIVATIONS, LADDERS, SKIPS, Parts
+from baselines.composition import ACTIVATIONS, LADDERS, LOSSES, SKIPS, Parts
 from baselines.numerics.quadrature import QUADRATURES
+from harness.plan.schedule import Decay
 from scenes.files.errors import InputError
 from scenes.files.trial import how_it_ends
 
@@ -35,16 +37,14 @@ OURS = frozenset(CATALOG)
 LOAD = "from importlib.metadata import EntryPoint; EntryPoint(*arguments).load()"
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """The form of a method's name, which becomes a part of file names."""
-
-
 _loaded: dict[str, dict[str, str]] = {}
 """Map method → its package, version, entry point, and the digest of the package's files as they were loaded."""
 
 
 def offered() -> dict[str, list[EntryPoint]]:
-    """Map name → the entry points that have it, of all installed packages; nothing is imported.
+    """Map name → the entry points of that name in all installed packages; nothing is imported.
 
-    A package whose list of them cannot be read offers nothing, and takes nothing away from the others.
+    A package whose entry points cannot be read offers nothing, and does not affect the others.
     """
     points: dict[str, list[EntryPoint]] = {}
     for point in _points():
@@ -56,7 +56,7 @@ def offered() -> dict[str, list[EntryPoint]]:
 def _points() -> Sequence[EntryPoint]:
     try:
         return tuple(entry_points(group=GROUP))
-    except (ValueError, TypeError, OSError):  # a fault of one package, whichever it is: read each by itself
+    except (ValueError, TypeError, OSError):  # one package has a fault: read each separately
         points: list[EntryPoint] = []
         for package in distributions():
             with suppress(ValueError, TypeError, OSError):
@@ -65,15 +65,15 @@ def _points() -> Sequence[EntryPoint]:
 
 
 def method_names() -> list[str]:
-    """Return all names that `--methods` takes: the catalogue's, then those that packages offer."""
+    """Return all names that `--methods` accepts: those of the catalogue, then those of packages."""
     return [*CATALOG, *(name for name in offered() if name not in CATALOG)]
 
 
 def require_methods(names: Iterable[str]) -> None:
-    """Load every one of `names` that a package offers into the catalogue; names that nobody offers are left alone.
+    """Load those of `names` that packages offer into the catalogue; other names are ignored.
 
-    Raises `InputError` naming package, entry point and reason: if a name is in the catalogue or offered twice, if
-    the package cannot be imported, and if the object that it offers is no method.
+    Raises `InputError` with package, entry point and reason: for a name that is in the catalogue or offered twice, a
+    package that cannot be imported, and an object that is not a valid method.
     """
     points = offered()
     for name in names:
@@ -83,7 +83,7 @@ def require_methods(names: Iterable[str]) -> None:
 
 def method_named(name: str) -> Method:
     """Return the method of the catalogue, or of the package that offers it, in any process; raises `InputError` as
-    above, and for an unknown name.
+    `require_methods` does, and for an unknown name.
     """
     if name not in CATALOG:
         require_methods([name])
@@ -93,26 +93,21 @@ def method_named(name: str) -> Method:
 
 
 def own_settings(name: str, given: Mapping[str, object]) -> Any:
-    """Return the settings of a method that are its own: those given, else those of the catalogue; None if it has none.
-    Raises `InputError` as `method_named` does.
+    """Return a method's own settings: those given, else those of the catalogue; None if it has none. Raises
+    `InputError` as `method_named` does.
     """
     own = given.get(name)
     return method_named(name).settings if own is None else own
 
 
-def origin_of(name: str) -> dict[str, str] | None:
-    """Return package, version, entry point and digest of a method that came from a package; None for one of ours."""
-    return dict(_loaded[name]) if name in _loaded else None
-
-
 def origins(names: Iterable[str]) -> dict[str, object]:
-    """Return the entry of a record: `{"plugins": {name: origin}}`, or nothing if all are ours."""
-    packages = {name: origin for name in names if (origin := origin_of(name)) is not None}
+    """Return the entry of a record: `{"plugins": {name: origin}}`, or nothing without methods of packages."""
+    packages = {name: dict(_loaded[name]) for name in names if name in _loaded}
     return {"plugins": packages} if packages else {}
 
 
 def title_of(name: str) -> str:
-    """Return the method's title, with its package if it is not ours."""
+    """Return the method's title, with its package if it has one."""
     title, origin = CATALOG[name].title, _loaded.get(name)
     return title if origin is None else f"{title} (package {origin['package']} {origin['version']})"
 
@@ -121,22 +116,22 @@ def _take(name: str, points: list[EntryPoint]) -> None:
     where = " and ".join(said_of(point) for point in points)
     if name in OURS:
         raise InputError(
-            f"method {name!r} is this harness's own (radiance-verdict), and {where} offers it as well; rename that "
-            "entry point or uninstall the package"
+            f"method {name!r} belongs to radiance-verdict, and {where} offers it as well; rename that entry point or "
+            "uninstall the package"
         )
     if len(points) > 1:
         raise InputError(f"method {name!r} is offered by {where}; uninstall one of them")
     point = points[0]
     if not NAME.fullmatch(name):
         raise InputError(f"{where}: a method's name is made of 1 to 64 letters, digits, _ and -; rename it")
-    # a worker is told by its parent what can be imported
+    # the parent of a worker has already tried the import
     if multiprocessing.parent_process() is None and (ended := how_it_ends(LOAD, point.name, point.value, GROUP)):
-        raise InputError(f"{where}: importing it {ended}; mend the package, or leave its method out")
+        raise InputError(f"{where}: importing it {ended}; repair the package, or leave its method out")
     try:
         method = point.load()
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # SystemExit too: a package that ends the process does not end this one
+    except BaseException as error:  # including SystemExit
         raise InputError(f"{where} cannot be loaded: {one_line(error)}") from error
     if wrong := _wrong_with(method):
         raise InputError(f"{where}: {wrong}")
@@ -158,7 +153,7 @@ def said_of(point: EntryPoint) -> str:
 def package_of(point: EntryPoint) -> tuple[str, str]:
     if point.dist is None:
         return "unknown", "?"
-    # an installation that was cut short has neither
+    # an incomplete installation has neither
     return str(point.dist.metadata["Name"] or "unknown"), str(point.dist.metadata["Version"] or "?")
 
 
@@ -185,12 +180,13 @@ def _wrong_in_records(method: Method) -> str | None:
 
 
 def _named_parts(method: Method) -> list[tuple[str, dict[str, Any], Mapping[str, Any]]]:
-    """Return kind, table and the method's own entries of each part that `Parts` names."""
+    """Return kind, table and the method's own entries for each part that `Parts` names."""
     return [
         ("encoding", LADDERS, method.ladders),
         ("amplifier", AMPLIFIERS, method.amplifiers),
         ("skip", SKIPS, method.skips),
         ("activation", ACTIVATIONS, method.activations),
+        ("loss", LOSSES, method.losses),
     ]
 
 
@@ -215,20 +211,35 @@ def _wrong_with(method: object) -> str | None:
             return f"its {kind} {getattr(method.parts, kind)!r} is unknown; known: {known}"
     if isinstance(method.parts, Parts) and method.parts.quadrature not in QUADRATURES:
         return f"its quadrature {method.parts.quadrature!r} is unknown; known: {' '.join(QUADRATURES)}"
+    if method.parts is not None:
+        return _wrong_in_replaced(method.parts)
+    return None
+
+
+def _wrong_in_replaced(parts: Parts) -> str | None:
+    """Return what is wrong with the settings that replace the run's."""
     for name in ("depth", "width"):
-        if method.parts is not None and (size := getattr(method.parts, name)) is not None and size < 1:
+        if (size := getattr(parts, name)) is not None and size < 1:
             return f"its {name} {size} is below 1; leave it out for the run's"
+    for name in ("learning_rate", "last_learning_rate"):
+        if (rate := getattr(parts, name)) is not None and not 0.0 < rate < math.inf:
+            return f"its {name} {rate} is not a positive number; leave it out for the run's"
+    if parts.decay not in (None, *get_args(Decay)):
+        return f"its decay {parts.decay!r} is unknown; known: {' '.join(get_args(Decay))}"
+    if parts.warm_up_steps is not None and parts.warm_up_steps < 0:
+        return f"its warm_up_steps {parts.warm_up_steps} is below 0; leave it out for the run's"
     return None
 
 
 @cache
 def sources_digest(point: EntryPoint) -> str:
-    """Return 64 hexadecimal digits of the files of the package that offers `point`, by name and content, of any kind:
-    those that its installation lists and all in the folder of the entry point's own package; in an editable
-    installation, which lists none, also the packages and modules beside that. Not counted are the installer's own
-    files, programs and data outside of the folder of packages, hidden files and Python's caches.
+    """Return 64 hexadecimal digits of the names and contents of all files of the package that offers `point`.
 
-    Raises `OSError`, and `ValueError`, `TypeError` or `csv.Error` if the installer's notes cannot be read.
+    These are the files that its installation lists, and all files in the folder of the entry point's package; in an
+    editable installation, which lists no files, also the packages and modules next to that folder. Excluded are files
+    of the installer, programs and data outside of the folder of packages, hidden files and Python's caches.
+
+    Raises `OSError`, and `ValueError`, `TypeError` or `csv.Error` if the installer's files cannot be read.
     """
     digest = hashlib.sha256()
     for name, file in sorted(_files(point)):
@@ -253,7 +264,7 @@ def _files(point: EntryPoint) -> set[tuple[str, Path]]:
 
 
 def _places(spec: ModuleSpec | None) -> set[Path]:
-    """Return the folders of a package, or the file of a module; an empty list if there is none."""
+    """Return the folders of a package, or the file of a module; an empty set if there is none."""
     if spec is None:
         return set()
     if spec.submodule_search_locations is not None:
@@ -266,7 +277,7 @@ def _counts(name: PurePath) -> bool:
 
 
 def _is_editable(point: EntryPoint) -> bool:
-    """Return whether the installer noted an editable installation (direct_url.json, PEP 610)."""
+    """Return whether the installation is editable (direct_url.json, PEP 610)."""
     text = point.dist.read_text("direct_url.json") if point.dist is not None else None
-    noted = json.loads(text) if text else {}
-    return isinstance(noted, dict) and bool((noted.get("dir_info") or {}).get("editable"))
+    recorded = json.loads(text) if text else {}
+    return isinstance(recorded, dict) and bool((recorded.get("dir_info") or {}).get("editable"))

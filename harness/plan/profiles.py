@@ -19,7 +19,7 @@ EXPLAINING = ("qnerf_printed", "nerf_phi_encoding", "nerf_phi_encoding_amplifier
 COMPARED = ("nerf", "nerf_matched", "qnerf")
 """The methods of every default run: the two methods of the paper, and the bandwidth control."""
 JUDGED = (*COMPARED, "qnerf_repaired")
-"""The methods that the headline judges: those of `COMPARED`, and the best reading that changes a listing."""
+"""The methods that the headline judges: `COMPARED`, and the best reading that changes a listing."""
 
 TUNED: dict[OptimiserName, dict[str, Any]] = {
     "adam": {
@@ -70,8 +70,8 @@ REDUCED_VIEWS = ViewSettings(
     ceiling_train_db=36.0,
     ceiling_test_db=45.0,
 )
-"""The views of scores about 30 dB: noise of the test views is 3 % of such an error. A fifth of that of the training
-views goes into it (lego: 0.8 dB are lost with 26 dB in place of 33).
+"""The views for scores of about 30 dB, where the noise of the test views is 3 % of the error. Of the noise of the
+training views a fifth adds to the error (lego: 0.8 dB are lost with a ceiling of 26 dB in place of 33).
 """
 
 SHORT_TRAINING = replace(
@@ -85,7 +85,7 @@ SHORT_TRAINING = replace(
     grid=GridSettings(cells=32, first_step=80, every=20),
     precision="float32",
 )
-"""The settings for scenes that are simple, and hard for one reason: a few hundred steps."""
+"""The settings for a few hundred steps on scenes that are simple, and hard for one reason."""
 
 PROFILES: dict[str, Plan] = {
     "smoke": Plan(

@@ -1,4 +1,4 @@
-"""The plan of a run: scenes × methods × seeds, how much, and on what."""
+"""The plan of a run: scenes × methods × seeds, with all settings."""
 
 import itertools
 from collections.abc import Collection
@@ -18,12 +18,12 @@ from harness.records.cells import USUAL, Roles
 from harness.records.claims import ClaimFile
 
 APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "guest", "claims", "roles")
-"""The fields that settings have elsewhere or not at all."""
+"""The fields of `Plan` that its settings have elsewhere or not at all."""
 
 
 @dataclass(frozen=True)
 class Extra:
-    """Further methods on one scene, beside those that train on all: they explain a result and are no part of it."""
+    """Further methods on one scene, which explain a result without being part of it."""
 
     scene: str
     methods: tuple[str, ...]
@@ -45,26 +45,24 @@ class Plan:
     rendered scenes.
     """
     scene_file: str | None = None
-    """The file of a scene of the user's own (`scenes.catalog.scene_file`), to be rendered instead of
-    the catalogue's.
-    """
+    """A user's scene (`scenes.catalog.scene_file`), to be rendered instead of the catalogue's."""
     scene_file_digest: str | None = None
     """The SHA-256 of its bytes."""
     render_limit: float | None = None
-    """The seconds that the scene file, or one of its views, may take, else the default; no result depends on it."""
+    """The seconds that the scene file, or one of its views, may take; None: the default. No result depends on it."""
     extras: tuple[Extra, ...] = ()
     guest: str | None = None
-    """A method of another family, trained with the first seed for the core seconds of the baseline on each scene: it
-    shows what else these would have bought, and is compared with nothing.
+    """A method of another family, trained with the first seed for the core seconds of the baseline on each scene, which
+    shows what else they can buy; it is not part of any comparison.
     """
     lpips: str | None = None
     """The file of the weights of LPIPS; cells name its digest."""
     claims: tuple[ClaimFile, ...] = ()
-    """What is claimed of the methods; no score depends on it."""
+    """The claims to test; no score depends on them."""
     roles: Roles = USUAL
 
     def groups(self) -> dict[tuple[str, int], tuple[str, ...]]:
-        """Map (scene, seed) → the methods that train in lockstep there: those of the plan, then the further ones.
+        """Map (scene, seed) → the methods that train in lockstep there: those of the plan, then further methods.
 
         Seeds are outermost, so that a stopped run has every scene.
         """
@@ -78,7 +76,7 @@ class Plan:
         return [(scene, method, seed) for (scene, seed), methods in self.groups().items() for method in methods]
 
     def all_methods(self) -> tuple[str, ...]:
-        """Return the methods of all scenes, then those of single ones."""
+        """Return the methods of all scenes, then those of single scenes."""
         return tuple(dict.fromkeys(itertools.chain(self.methods, *(extra.methods for extra in self.extras))))
 
     def tasks(self, view_sets: dict[str, Path], machine: "Machine", out: Path) -> list[GroupTask]:
@@ -107,18 +105,18 @@ class Plan:
         return replace(self, train=replace(self.train, precision="float32"))
 
     def settings(self) -> dict[str, object]:
-        """Return everything that the results depend on, as JSON."""
+        """Return everything that the results depend on, as JSON; without the defaults that older plans lack."""
         kept = {key: value for key, value in asdict(self).items() if key not in APART}
         kept["budget"] = self.budget.settings()
         if self.scene_file is None:
-            del kept["scene_file"], kept["scene_file_digest"]  # plans from before there was a choice are equal
+            del kept["scene_file"], kept["scene_file_digest"]
         for name in ("region", "ceiling_train_db", "ceiling_test_db"):
             if getattr(self.views, name) is None:
                 del kept["views"][name]
         if not self.extras:
             del kept["extras"]
         if self.view_set is not None and len(self.view_set) == 1:
-            kept["view_set"] = self.view_set[0]  # as in plans from before there could be several
+            kept["view_set"] = self.view_set[0]  # as older plans, which have only one
         names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
         own = self.own_settings((*self.all_methods(), *self.guests))
         kept["train"]["own"] = {name: asdict(settings) for name, settings in own.items()}
@@ -133,20 +131,20 @@ class Plan:
         return [(scene, guest, self.seeds[0]) for guest in self.guests for scene in self.scenes]
 
     def alone(self) -> "Plan":
-        """Return the plan of its own methods, without those that explain a result or show its scale."""
+        """Return the plan without further methods and guest."""
         return replace(self, extras=(), guest=None)
 
     def _handed_on(self, methods: Collection[str]) -> dict[str, Any]:
-        """Return the own settings that a worker is given; a package's are not, as it may lack their classes."""
+        """Return the own settings for a worker. Those of packages are left out, as it may lack their classes."""
         given = OURS | self.train.own.keys()
         return {name: own for name, own in self.own_settings(methods).items() if name in given}
 
     def own_settings(self, methods: Collection[str]) -> dict[str, Any]:
-        """Map method → the settings that are its own, for methods that have any: those of the plan, else those of the
-        catalogue, with the constants of density that were chosen for the profile.
+        """Map method → its own settings, if it has any: those of the plan, else those of the catalogue with the
+        constants of density that were chosen for the profile.
         """
         own = {name: METHODS[name].settings for name in methods if name in METHODS}
-        # by what a method is, not by its name: one of the searched methods may stand in the catalogue twice
+        # by settings, as a searched method may have two names in the catalogue
         searched = {METHODS[name].parts: pair for name, pair in chosen(self.profile).items()}
         for name, parts in own.items():
             if isinstance(parts, Parts) and (pair := searched.get(parts)):
@@ -157,21 +155,19 @@ class Plan:
 
 @dataclass(frozen=True)
 class Machine:
-    """The part of the machine that a run uses: clocks are comparable only on the same machine."""
+    """The part of the machine that a run uses. Clocks are comparable only on the same machine."""
 
     device: str
     workers: int
-    """The number of processes; on Ray as many groups run at once as the cluster has room for, and this is for
-    measurements.
-    """
+    """The number of processes; on Ray, where the cluster decides how many groups run at once, only of measurements."""
     threads: int
     executor: Literal["local", "ray", "submitit"] = "local"
     keep_every: float = KEPT_EVERY
-    """The seconds between two times that cells are kept in the middle of their training; changes no result."""
+    """The seconds between two snapshots of a cell in training; no result depends on it."""
     job_options: tuple[str, ...] = ()
-    """`NAME=VALUE` for the jobs of submitit; change no result."""
+    """`NAME=VALUE` for the jobs of submitit; no result depends on them."""
 
     def settings(self) -> dict[str, object]:
-        """Return the settings as JSON, without defaults, so that runs from before there was a choice can be resumed."""
+        """Return the settings as JSON; without those that older plans lack, so that older runs can be resumed."""
         usual = ("device", "workers", "threads")
         return {key: getattr(self, key) for key in (usual if self.executor == "local" else (*usual, "executor"))}

@@ -9,7 +9,7 @@ Decay = Literal["exponential", "linear"]
 
 @dataclass(frozen=True)
 class Budget:
-    """The training time of a method: steps, seconds or core seconds on its own clock, or whichever ends first."""
+    """The training time of a method in steps, seconds and core seconds on its own clock, whichever ends first."""
 
     steps: int | None
     seconds: float | None
@@ -21,7 +21,7 @@ class Budget:
         return max(used / given if given else 0.0 for used, given in spent)
 
     def settings(self) -> dict[str, object]:
-        """Return the budget as JSON; without core seconds if there are none, as in records from before."""
+        """Return the budget as JSON; without core seconds if there are none, as in old records."""
         return {name: value for name, value in asdict(self).items() if name != "core_seconds" or value is not None}
 
     @property
@@ -31,7 +31,9 @@ class Budget:
 
 
 def learning_rate(progress: float, step: int, first: float, last: float, warm_up_steps: int, decay: Decay) -> float:
-    """Fall from `first` to `last` over the budget, after a linear warm-up; exponentially as the original NeRF's."""
+    """Return the rate, which falls from `first` to `last` over the budget after a linear warm-up; the exponential decay
+    is the original NeRF's.
+    """
     spent = min(progress, 1.0)
     decayed = first + (last - first) * spent if decay == "linear" else first * (last / first) ** spent
     return decayed * min(1.0, (step + 1) / (warm_up_steps + 1))

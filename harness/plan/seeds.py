@@ -6,8 +6,6 @@ import torch
 
 
 def generator_for(*purpose: int | str) -> torch.Generator:
-    """Return a CPU generator that depends on `purpose` alone, e.g. `(seed, step, "jitter")`; the method is not part of
-    it.
-    """
+    """Return a CPU generator seeded only by its purpose, e.g. `(seed, step, "jitter")`, of which no method is part."""
     digest = hashlib.blake2b("/".join(map(str, purpose)).encode(), digest_size=8).digest()
     return torch.Generator().manual_seed(int.from_bytes(digest, "little") >> 1)

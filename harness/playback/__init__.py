@@ -1,1 +1,1 @@
-"""A finished run, rendered again: cameras, the view cache, progressive frames; imports `training` and below."""
+"""A finished run, rendered again: cameras, the view cache, progressive frames; imports `training` and rooms below."""

@@ -9,15 +9,15 @@ from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View
 
 CHANNELS = 5
-"""The number of channels: red, green, blue; opacity; depth."""
+"""Red, green, blue; opacity; depth."""
 
 
 class CachedMethod:
-    """The views of a method that were rendered before: the same bits, as arrays that cannot be written;
-    `torch.from_numpy` warns of them, `torch.tensor` copies.
+    """The views of a method that were rendered before: the same bits, as read-only arrays, of which `torch.from_numpy`
+    warns and `torch.tensor` makes copies.
 
-    Weights are part of the key. They are hashed once, and again after a training step or under another switch of torch:
-    nobody may change them otherwise.
+    Weights are part of the key. They are hashed once, and again after a training step or a change of torch's switches;
+    no other change of weights is noticed.
     """
 
     def __init__(self, learner: Learner, store: ViewStore, chunk: int) -> None:
@@ -34,12 +34,12 @@ class CachedMethod:
         return camera_key(self._method_digest(), camera, calls or self._plain)
 
     def lookup(self, camera: Camera, calls: str | None = None) -> tuple[View, Place] | None:
-        """Return the view, and where it was found; nothing is rendered."""
+        """Return a stored view and its place, or None; nothing is rendered."""
         hit = self.store.get(self.key(camera, calls), (camera.height, camera.width, CHANNELS))
         return None if hit is None else (view_of(hit[0]), hit[1])
 
     def keep(self, camera: Camera, view: View, calls: str | None = None) -> None:
-        """Store a view of this camera that the caller has rendered with the method as it is now."""
+        """Store a view of this camera, rendered with the present weights."""
         self.store.store(self.key(camera, calls), picture_of(view))
 
     def _method_digest(self) -> bytes:
@@ -50,7 +50,9 @@ class CachedMethod:
 
 
 def picture_of(view: View) -> np.ndarray:
-    """Return colour, opacity and depth, all float32, as one read-only [height, width, 5]; raises `TypeError`."""
+    """Return colour, opacity and depth as one read-only [height, width, 5]; raises `TypeError` unless all are
+    float32.
+    """
     parts = [view.colour, view.opacity[..., None], view.depth[..., None]]
     picture = np.concatenate(parts, axis=-1, dtype=np.float32, casting="equiv")
     picture.setflags(write=False)
@@ -58,5 +60,5 @@ def picture_of(view: View) -> np.ndarray:
 
 
 def view_of(picture: np.ndarray) -> View:
-    """Return views into a picture of `picture_of`; nothing is copied."""
+    """Invert `picture_of`; nothing is copied."""
     return View(picture[..., :3], picture[..., 3], picture[..., 4])

@@ -1,6 +1,6 @@
 """Camera paths, frame by frame: float64 [frames, 4, 4], OpenGL axes, z up and no roll (`CONVENTIONS.md`).
 
-Every path stands on a sphere about the origin and looks at it, as the cameras of a view set do; angles in radians.
+Every path lies on a sphere about the origin, at which its cameras look, as those of a view set do; angles in radians.
 """
 
 import math
@@ -15,25 +15,24 @@ ELEVATION = math.radians(30.0)
 QUARTER = 0.5 * math.pi
 """The azimuth of the first test view."""
 TURN_STEPS = 60
-"""The steps of a walk, once round."""
+"""The steps of a walk around a full circle."""
 KEEP = 0.75
-"""The probability with which a walk goes on the same way."""
+"""The probability with which a walk keeps its direction."""
 
 
 def orbit(frames: int, radius: float = RADIUS, elevation: float = ELEVATION) -> np.ndarray:
-    """Go once round at one height, in equal steps counterclockwise seen from above.
+    """Make one turn at constant height, in equal steps counterclockwise seen from above.
 
-    The path is closed: one frame more would be the first again, so that it can be shown in a loop.
+    The path is closed, so that it can be shown in a loop: the frame after the last would be the first.
     """
     turns = QUARTER + 2.0 * math.pi * np.arange(frames) / frames
     return _on_sphere(turns, np.full(frames, float(elevation)), radius)
 
 
 def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS) -> np.ndarray:
-    """Follow the test spiral of the NeRF synthetic set: twice round while the camera goes down and up again.
+    """Follow the test spiral of the NeRF synthetic set: two turns while the camera goes down and up again.
 
-    With 200 frames it has the very test views of `scenes.view_sets.viewpoints`; with others the same curve in as many
-    equal steps.
+    With 200 frames these are the test views of `scenes.view_sets.viewpoints`; otherwise the same curve in equal steps.
     """
     count = VIEW_COUNTS["test"]
     k = np.arange(frames) * (count / frames)
@@ -43,11 +42,10 @@ def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS) -> np.ndar
 
 
 def walk(frames: int, seed: int = 0, radius: float = RADIUS) -> np.ndarray:
-    """Walk like someone who looks around: one step per frame to the left, right, up or down, mostly the same way as
-    before.
+    """Walk at random: one step per frame to the left, right, up or down, mostly in the same direction as before.
 
-    Steps are 6° on a lattice between the lowest and the highest elevation of the spiral, so that a revisited place is
-    the same pose to the last bit.
+    Steps are 6° on a lattice between the lowest and the highest elevation of the spiral, so that a revisited place has
+    bit-identical poses.
     """
     generator = np.random.default_rng(seed)
     step = 2.0 * math.pi / TURN_STEPS
@@ -60,15 +58,10 @@ def walk(frames: int, seed: int = 0, radius: float = RADIUS) -> np.ndarray:
         if generator.random() >= KEEP:
             way = int(generator.integers(len(ways)))
         if not 0 <= row + ways[way][1] < rows:
-            way ^= 1  # turns back at the lowest and at the highest
+            way ^= 1  # turn back at the bottom and the top
         column, row = (column + ways[way][0]) % TURN_STEPS, row + ways[way][1]
     lattice = np.array(places, dtype=np.float64)
     return _on_sphere(QUARTER + step * lattice[:, 0], TILT + step * lattice[:, 1], radius)
-
-
-def mean_distance(poses: np.ndarray) -> float:
-    """Return the mean distance of cameras [n, 4, 4] from the origin, in scene units."""
-    return float(np.linalg.norm(poses[:, :3, 3], axis=-1).mean())
 
 
 PATHS: dict[str, Callable[..., np.ndarray]] = {"orbit": orbit, "spiral": spiral, "walk": walk}
@@ -76,7 +69,7 @@ PATHS: dict[str, Callable[..., np.ndarray]] = {"orbit": orbit, "spiral": spiral,
 
 
 def _on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float) -> np.ndarray:
-    """Return the poses; raises `InputError` for a radius that is not positive, as that of cameras in the origin."""
+    """Return the poses; raises `InputError` for a radius that is not positive and finite."""
     if not (math.isfinite(radius) and radius > 0.0):
         raise InputError(f"radius {radius}: must be a positive number of scene units")
     return poses_on_sphere(azimuth, elevation, radius)

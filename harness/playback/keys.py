@@ -1,7 +1,7 @@
 """Everything that a picture depends on, as one digest.
 
-The paper's key is a hash of the pose alone (Listing 5): after more training, or with another lens, it would return a
-picture of something else. Poses that are nearly equal are never taken for the same.
+The paper's key is a hash of only the pose (Listing 5): after more training, or with another lens, it would return the
+wrong picture. Poses that are nearly equal have different keys.
 """
 
 import hashlib
@@ -37,8 +37,8 @@ def method_digest(learner: Learner) -> bytes:
 
 
 def camera_key(method: bytes, camera: Camera, calls: str) -> str:
-    """Return the key of a view, 64 hexadecimal digits: `method` is its `method_digest`, the pose counts with all its
-    bits, and `calls` describes how rays are put into chunks.
+    """Return the key of a view, 64 hexadecimal digits, from a `method_digest`, all bits of the camera's numbers, and a
+    description of how rays are put into chunks.
     """
     digest = hashlib.sha256(method)
     digest.update(camera.camera_to_world.tobytes())
@@ -48,10 +48,10 @@ def camera_key(method: bytes, camera: Camera, calls: str) -> str:
 
 
 def machine(learner: Learner) -> dict[str, object]:
-    """Return the facts that determine arithmetic: our sources and the libraries, which choose their sums by processor,
-    threads and matmul precision.
+    """Return the facts that determine arithmetic: this program's sources, and the libraries, which choose the order of
+    sums by processor, threads and matmul precision.
 
-    Libraries look at the model of the processor themselves: torch's word for its capability is not all that they see.
+    The processor's model counts in addition to the capability that torch reports, as libraries inspect it themselves.
     """
     on_gpu = learner.device.type == "cuda"
     return {
@@ -64,11 +64,9 @@ def machine(learner: Learner) -> dict[str, object]:
 
 
 def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
-    """Return the settings that the process, or for autocast the thread, can change at any time; read within
-    microseconds.
+    """Return the settings that the process, or for autocast the thread, can change at any time; takes microseconds.
 
-    Precisions are those of each library, which always exist: torch's common setting raises an error once one of them
-    was set by itself.
+    Precisions are read from each library: torch's common setting raises an error once one of them was set separately.
     """
     libraries: Any = torch.backends
     kind = "cuda" if on_gpu else "cpu"
@@ -93,7 +91,7 @@ def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
 
 @cache
 def _drjit() -> list[object]:
-    """Return the versions of Mitsuba and of the compiler of Dr.Jit's kernels on a processor."""
+    """Return the versions of Mitsuba and of LLVM, which compiles Dr.Jit's kernels for a processor."""
     import drjit
 
     return [installed("mitsuba"), list(drjit.detail.llvm_version())]

@@ -1,6 +1,4 @@
-"""A view in parts: coarse at once, then region after region in some order, or with its samples allotted
-by attention.
-"""
+"""A view in parts: a coarse frame, then region after region in some order, or with samples allotted by attention."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,23 +15,23 @@ from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, pixel_order
 
 Order = Literal["attention", "raster", "spread"]
-"""Regions by priority, the most attended first (Eq. 7); row by row from the top left; or pixels of all regions at once
-in a fixed random order, in as many parts as there are regions.
+"""Regions by decreasing priority (Eq. 7); regions row by row from the top left; or pixels of all regions in a fixed
+random order, in one part per region.
 """
-RAYS_A_CALL = 1024
-"""The least rays per chunk for small regions: the overhead made chunks of 100 rays six times as slow as 2048 on one
-thread of a processor (reduced profile, 100 × 100 pixels), and those of 1024 rays 1.3 times.
+LEAST_RAYS = 1024
+"""The minimum number of rays per chunk: small regions share chunks, as their overhead made chunks of 100 rays six times
+as slow as 2048 on one thread of a processor (reduced profile, 100 × 100 pixels), and those of 1024 rays 1.3 times.
 """
 NOT_BY_REGIONS = (
-    "its density depends on which points share a call (a mean over them), so that rendering region after region would "
-    "change the picture: it is rendered plainly, in calls of pixels from all over the view"
+    "its density depends on which points share a chunk (a mean over them), so that rendering region after region would "
+    "change the picture: it is rendered plainly, in chunks of pixels from the entire view"
 )
 
 
 @dataclass(frozen=True)
 class Done:
-    """A batch of pixels that are final: flat indices [pixels], row by row, display colour float32 [pixels, 3], opacity,
-    and depth in scene units, float32 [pixels].
+    """Final pixels: flat indices [pixels], row by row, display colour float32 [pixels, 3], opacity and depth in scene
+    units, float32 [pixels].
     """
 
     pixels: np.ndarray
@@ -43,11 +41,11 @@ class Done:
     share: float
     """The share of the picture's rays that are done, including these."""
     network_evaluations: int
-    """The evaluations for these pixels; those of a chunk that holds several regions are given with its first."""
+    """The evaluations for these pixels; those of a chunk with several regions are counted for the first."""
 
 
 class Canvas:
-    """A picture that is being filled in. Starts as `View` or as empty background."""
+    """A picture that is being filled in, from a given view or from background."""
 
     def __init__(self, height: int, width: int, start: View | None = None) -> None:
         shape = (height, width)
@@ -63,7 +61,7 @@ class Canvas:
 
 
 def why_plain(learner: Learner) -> str | None:
-    """Return why this method is rendered plainly whatever is attended; None if it is not."""
+    """Return why this method is rendered plainly under any attention; None if it is not."""
     return None if learner.field.pointwise else NOT_BY_REGIONS
 
 
@@ -76,12 +74,11 @@ class CoarseFrame(NamedTuple):
 
 
 def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int | None = None) -> CoarseFrame:
-    """Render the view by the middle pixel of each square of `stride`, spread over the square.
+    """Render the middle pixel of each square of `stride` pixels, and fill the square with it.
 
-    These are pixels of the full resolution, at their own centres: with a pointwise method they are already final, to
-    float32 rounding. They come from all over the view, as those of a plain chunk do, so a method that is not pointwise
-    sees chunks like those of its training; its picture is another one all the same, as with any other chunk.
-    `bins` per ray replaces the learner's.
+    These are pixels of the full resolution: those of a pointwise method are already final, to float32 rounding. Chunks
+    hold pixels from the entire view, so a method that is not pointwise sees chunks like those of its training; its
+    picture differs from the final one, as with any other division into chunks. `bins` per ray replaces the learner's.
     """
     rows, columns = (
         np.minimum(np.arange(0, size, stride) + (stride - 1) // 2, size - 1) for size in (camera.height, camera.width)
@@ -99,8 +96,8 @@ def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int 
 
 
 class ErrorEstimate(NamedTuple):
-    """An estimate of where a view is not yet integrated well, and its cost beside the existing frame: `error` is the
-    root mean square over the channels of the difference of two coarse frames, float64 [height, width].
+    """An estimate of the error of the quadrature, and its additional cost: `error` is the root mean square over the
+    channels of the difference of two coarse frames, float64 [height, width].
     """
 
     error: np.ndarray
@@ -109,9 +106,7 @@ class ErrorEstimate(NamedTuple):
 
 
 def estimated_error(learner: Learner, camera: Camera, fine: View, stride: int, chunk: int, bins: int) -> ErrorEstimate:
-    """Return the difference that half of `bins` per ray makes to `fine`, the coarse frame with `bins` at the same
-    stride: an estimate of the error of the quadrature.
-    """
+    """Return the difference between `fine`, the coarse frame with `bins` per ray, and that with half as many."""
     rough = coarse(learner, camera, stride, chunk, max(1, bins // 2))
     difference = fine.colour.astype(np.float64) - rough.view.colour.astype(np.float64)
     return ErrorEstimate(np.sqrt((difference**2).mean(axis=-1)), rough.rays, rough.network_evaluations)
@@ -124,15 +119,14 @@ def refine(
     attention: np.ndarray,
     chunk: int,
     order: Order = "attention",
-    rays_a_call: int = RAYS_A_CALL,
+    least_rays: int = LEAST_RAYS,
 ) -> Iterator[Done]:
-    """Yield every pixel of the view once, in `order` (only the first uses `attention`: the others are its
-    reference, and stay what they are under equal attention).
+    """Yield every pixel of the view once, in `order`. Only the order by attention uses `attention`.
 
-    There is one `Done` per region, several of them after each chunk if regions are small. Two cases are plain
-    rendering, to the bit, with one `Done` per chunk of `chunk` rays from all over the view: equal attention in the
-    order by attention, and a method that is not pointwise, in whatever order (`why_plain`). Otherwise the picture is
-    that of plain rendering to float32 rounding.
+    There is one `Done` per region; a chunk that holds several small regions yields several. Two cases are bit-identical
+    with plain rendering, with one `Done` per chunk of `chunk` rays: equal attention in the order by attention, and a
+    method that is not pointwise in any order (`why_plain`). Otherwise the picture is that of plain rendering to float32
+    rounding.
 
     Raises `BadAttention` before anything is rendered, and `Diverged`.
     """
@@ -144,17 +138,17 @@ def refine(
     else:
         sequence = region_order(attended) if order == "attention" else np.arange(regions.count)
         parts = [regions.pixels(region) for region in sequence.tolist()]
-    return _by_parts(learner, camera, parts, min(chunk, rays_a_call), chunk)
+    return _by_parts(learner, camera, parts, min(chunk, least_rays), chunk)
 
 
 def render_allocated(
     learner: Learner, camera: Camera, regions: Regions, bins_by_region: np.ndarray, chunk: int
 ) -> tuple[View, int]:
-    """Render a view with its own number of bins in each region (`allocated_bins`); equal numbers share chunks. Returns
-    it with its network evaluations.
+    """Render a view with a number of bins for each region (`allocated_bins`); regions with equal numbers share chunks.
+    Returns it with its network evaluations.
 
-    A chunk has no more samples than `chunk` rays with the mean number of bins. If all have the same number, it is
-    plain rendering with so many, to the bit. A method that is not pointwise is rendered plainly with the mean number,
+    A chunk has at most the samples of `chunk` rays with the mean number of bins. Equal numbers for all regions give the
+    bits of plain rendering with that number. A method that is not pointwise is rendered plainly with the mean number,
     rounded down.
     """
     bins = np.asarray(bins_by_region)
@@ -189,7 +183,9 @@ def _by_parts(
     bins: int | None = None,
     done: int = 0,
 ) -> Iterator[Done]:
-    """Yield the pixels of each part; `at_least` rays share a chunk if as many are left, `done` were done before."""
+    """Yield the pixels of each part, of which `at_least` share a chunk, except in the last one; `done` counts earlier
+    pixels.
+    """
     rays, total = camera.rays(learner.device), camera.width * camera.height
     for together in _chunks(parts, at_least):
         pixels = np.concatenate(together)

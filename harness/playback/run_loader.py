@@ -16,7 +16,6 @@ from harness.plan.names import known_names
 from harness.plan.plugins import require_methods
 from harness.plan.schedule import Budget
 from harness.plan.settings import ScoreSettings, TrainSettings
-from harness.playback.camera_paths import mean_distance
 from harness.records.cells import (
     CellRecord,
     RunRecord,
@@ -60,7 +59,7 @@ class TrainedCell:
 
     @property
     def chunk(self) -> int:
-        """The rays per chunk with which it was scored: part of the picture if a density depends on the chunk."""
+        """Return the rays per chunk of its scoring; the picture depends on them if its density does."""
         return int(self.cell.settings["score"]["chunk"])
 
     def camera(self, camera_to_world: np.ndarray) -> Camera:
@@ -75,7 +74,7 @@ class ForcedParts(msgspec.Struct):
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """The contents of an output folder."""
+    """A run that has a record, in its output folder."""
 
     out: Path
     run: RunRecord
@@ -89,36 +88,37 @@ class FinishedRun:
         if not run.scenes or not run.main_methods:
             raise DamagedRecord(f"{records_folder(out) / 'run.json'}: names no scene or no method; run again")
         for name in (*run.methods, *(part for scene in run.scenes for part in (scene.name, scene.view_set))):
-            # they become parts of paths, of files that are read and of films that are written
+            # names become parts of paths
             if not name.isprintable() or set(name) & set("/\\") or name in ("", ".", ".."):
-                raise DamagedRecord(f"{records_folder(out) / 'run.json'}: {name!r} is no name; run again")
+                raise DamagedRecord(f"{records_folder(out) / 'run.json'}: {name!r} is not a valid name; run again")
         return FinishedRun(out, run)
 
     def scenes(self, asked: list[str] | None, option: str = "--scenes") -> list[SceneRecord]:
-        """Return those of `asked`, or all; raises `InputError`, naming the option, for one that the run lacks."""
+        """Return the scenes of these names, or all; raises `InputError` with the option for an unknown name."""
         known = {scene.name: scene for scene in self.run.scenes}
         return [known[name] for name in known_names(option, asked or list(known), list(known))]
 
     def methods(self, asked: list[str] | None) -> list[str]:
-        """Return those of `asked`, or all that every scene has; raises `InputError` for one that the run lacks."""
+        """Return the methods `asked` for, or those of all scenes; raises `InputError` for an unknown name."""
         return list(known_names("--methods", asked or self.run.main_methods, list(self.run.methods)))
 
     def shown_methods(self, asked: list[str] | None) -> list[str]:
-        """Return those of `asked`, or the baseline and the first method that is compared with it."""
-        every, cast = self.methods(None), self.run.roles
-        return self.methods(asked or [cast.among(every).baseline, *cast.among(every).contenders(every)[:1]])
+        """Return the methods `asked` for, or the baseline and the first contender."""
+        every = self.methods(None)
+        roles = self.run.roles.among(every)
+        return self.methods(asked or [roles.baseline, *roles.contenders(every)[:1]])
 
     def is_trained(self, scene: str, method: str, seed: int) -> bool:
         return checkpoint_path(self.out, scene, method, seed).is_file()
 
     def trained(self, scene: SceneRecord, method: str, seed: int, device: torch.device) -> TrainedCell:
-        """Load a trained cell; raises `InputError` if it was not trained to its end, or its checkpoint is damaged, and
+        """Load a trained cell; raises `InputError` if its training did not end or its checkpoint is damaged, and
         `NotAvailable` for a method that this machine cannot render.
         """
         name = f"{scene.name}, {method}, seed {seed}"
         path = cell_path(self.out, scene.name, method, seed)
         if not path.is_file():
-            raise InputError(f"{self.out}: {name} was not trained; choose another one, or go on with --resume")
+            raise InputError(f"{self.out}: {name} was not trained; choose another one, or train it with --resume")
         cell = read_cell(path)
         if cell.status != "done":
             raise InputError(f"{self.out}: {name} is {cell.status} ({cell.reason}); there is nothing to look at")
@@ -139,7 +139,7 @@ class FinishedRun:
         checkpoint = checkpoint_path(self.out, scene.name, method, seed)
         _require_possible(settings, settings.own.get(method), path, checkpoint)
         if [len(corner) for corner in scene.bounds] != [3, 3] or not scene.bounds[0] < scene.bounds[1]:
-            raise DamagedRecord(f"{self.out}: {scene.name}: bounds {shown(scene.bounds)} are no box; run again")
+            raise DamagedRecord(f"{self.out}: {scene.name}: bounds {shown(scene.bounds)} are not a box; run again")
         box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
         directed = "view_direction" not in [part_name(row.what, row.name) for row in scene.left_out]
         learner = learner_for(Job(method, box, settings, budget, stream_of(scene.name, seed), device, directed))
@@ -153,8 +153,8 @@ class FinishedRun:
         return trained
 
     def view_set(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> Path:
-        """Return the folder of its posed images: in `cache`, or in the folder `view_sets` beside the run; one that was
-        given with `--view-set` is where it was. Raises `InputError` if it is not there any more.
+        """Return the folder of its posed images: the one given with `--view-set`, else one in `cache` or in the folder
+        `view_sets` next to the run. Raises `InputError` if it does not exist any more.
         """
         given = self.run.settings.get("view_set")
         if isinstance(given, list):  # one per scene, if there are several
@@ -164,7 +164,7 @@ class FinishedRun:
             if place.exists() if given else transforms_file(place, "train").is_file():
                 return place
         tried = " or ".join(map(str, places))
-        raise InputError(f"{tried}: the view set of {scene.name} is not there; name its cache with --view-sets")
+        raise InputError(f"{tried}: the view set of {scene.name} is missing; name its cache with --view-sets")
 
     def views(
         self,
@@ -175,15 +175,15 @@ class FinishedRun:
         geometry: bool = True,
         scratch: Path | None = None,
     ) -> ViewSet:
-        """Read the test views that the run was scored on, at `width` pixels or the run's own, and `train` of the
-        training views, evenly spread; with parts forced in or out as in the run's settings, and without depth and
-        normals unless `geometry` is asked for. Decoded images go to `scratch`, a folder on a disk.
+        """Read the test views that the run was scored on, at `width` pixels or the run's width, and `train` of the
+        training views, evenly spread; with parts forced in or out as in the run's settings, and depth and normals only
+        with `geometry`. Decoded images go to the folder `scratch`.
 
-        Raises `InputError` for any fault of the view set, and for another rendering than the methods were trained on.
+        Raises `InputError` for any fault of the view set, and if it is not the one that the methods were trained on.
         """
         path, asked = records_folder(self.out) / "run.json", self.run.settings.get("views", {})
         if missing := sorted({"train", "test"} - set(scene.views)):
-            raise DamagedRecord(f"{path}: {scene.name}: views says no number of {' '.join(missing)}; run again")
+            raise DamagedRecord(f"{path}: {scene.name}: views lacks the number of {' '.join(missing)}; run again")
         folder = self.view_set(scene, cache)
         try:
             forced = msgspec.convert(asked, ForcedParts)
@@ -210,13 +210,15 @@ class FinishedRun:
         return with_needs(views, forced.need, forced.no_need)
 
     def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
-        """Return the distance of its cameras from the origin, in scene units: known for our own scenes, for others the
-        mean over the training cameras. Raises `InputError` if those are not there any more.
+        """Return the distance of its cameras from the origin, in scene units: that of rendered scenes, or the mean over
+        the training cameras of other view sets. Raises `InputError` if the view set does not exist any more.
         """
         if scene.rendered:
             return RADIUS
         frames = source_of(self.view_set(scene, cache)).frames("train")
-        return RADIUS if frames is None else mean_distance(frames.camera_to_world)
+        if frames is None:
+            return RADIUS
+        return float(np.linalg.norm(frames.camera_to_world[:, :3, 3], axis=-1).mean())
 
 
 LARGEST = {
@@ -233,22 +235,20 @@ LARGEST = {
     **dict.fromkeys(("nodes", "cells"), 4096),
     "finest": 512,
 }
-"""The most that each size in the settings may be, of all methods or of an explicit method's own."""
+"""The maximum of each size in the shared settings, or in the own settings of an explicit method."""
 EXPLICIT = (VoxelSettings, PlaneSettings, TableSettings, GaussianSettings)
 
 
 def _require_possible(settings: TrainSettings, own: object, path: Path, checkpoint: Path) -> None:
-    """Raise `InputError` for sizes that no run has before memory is allocated."""
+    """Raise `InputError` for impossible sizes, before memory is allocated."""
     network = own.size(settings.network) if isinstance(own, Parts) else settings.network
     shared = {**asdict(network), **asdict(settings), "grid.cells": settings.grid.cells}
     for sizes in (shared, asdict(own) if isinstance(own, EXPLICIT) else {}):
         for name in sizes.keys() & LARGEST.keys():
+            largest = LARGEST[name]
             for value in np.ravel(sizes[name]).tolist():
-                if not 0 <= value <= LARGEST[name]:
-                    most = LARGEST[name]
-                    raise InputError(
-                        f"{path}: {name} {value} of its settings: must lie between 0 and {most}; run again"
-                    )
+                if not 0 <= value <= largest:
+                    raise InputError(f"{path}: {name} {value}: must lie between 0 and {largest}; run again")
     least = 4 * max(0, network.depth - 2) * network.width**2
     if isinstance(own, Parts) and checkpoint.is_file() and least > checkpoint.stat().st_size:
         raise InputError(
@@ -258,22 +258,22 @@ def _require_possible(settings: TrainSettings, own: object, path: Path, checkpoi
 
 
 def from_plain(kind: type[Settings], data: object, path: Path) -> Settings:
-    """Make a frozen dataclass from the JSON of its `asdict`; raises `InputError` naming the file if a key is missing or
-    unknown: settings that silently differ would render another picture.
+    """Make a frozen dataclass from the JSON of its `asdict`; raises `InputError` with the file if a key is missing or
+    unknown: other settings would render another picture.
     """
     try:
         settings = msgspec.convert(data, kind)
-        ours = settings.settings() if isinstance(settings, Budget) else asdict(settings)
-        if unlike := _unlike(ours, data):
+        known = settings.settings() if isinstance(settings, Budget) else asdict(settings)
+        if unlike := _unlike(known, data):
             raise ValueError(f"{kind.__name__}: {unlike}")
     except (msgspec.ValidationError, ValueError) as error:
         raise InputError(f"{path}: its settings are not those of this version ({error}); run again") from error
     return settings
 
 
-def _unlike(ours: object, theirs: object) -> str:
+def _unlike(first: object, second: object) -> str:
     """Return the keys that only one of two JSON documents has."""
-    if not (isinstance(ours, dict) and isinstance(theirs, dict)):
+    if not (isinstance(first, dict) and isinstance(second, dict)):
         return ""
-    inner = (_unlike(ours[key], theirs[key]) for key in ours.keys() & theirs.keys())
-    return " ".join(filter(None, [*sorted(ours.keys() ^ theirs.keys()), *inner]))
+    inner = (_unlike(first[key], second[key]) for key in first.keys() & second.keys())
+    return " ".join(filter(None, [*sorted(first.keys() ^ second.keys()), *inner]))

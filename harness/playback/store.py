@@ -1,7 +1,7 @@
 """Rendered views under the digest of everything that a picture depends on (`harness.playback.keys`), in memory and in a
 file of that name.
 
-What is under a key is therefore never out of date; what was removed or damaged is rendered again.
+An entry is therefore never out of date; one that was removed or damaged is a miss.
 """
 
 import errno
@@ -24,25 +24,26 @@ DISK_BYTES = 2 << 30
 OURS = re.compile(r"[0-9a-f]{64}|\.[0-9a-f]{64}\..*")
 """The names of pictures, and of incomplete files of writers."""
 STEP = 0.05
-"""The share of the bound that is written before the folder is listed again, as other processes write as well."""
+"""The share of the bound that is written between two listings of the folder, into which other processes write too."""
 CHECKSUM_BYTES = hashlib.sha256().digest_size
 
 Place = Literal["memory", "disk"]
 
 
 class ViewStore:
-    """Pictures, float32 [height, width, channels], returned bit for bit and read-only.
+    """A least-recently-used store of pictures, float32 [height, width, channels], which come back bit-identical and
+    read-only.
 
-    Those used longest ago give way: `memory_bytes` bounds the pictures in memory, `disk_bytes` the folder `disk`; each
-    further process may exceed the latter by `STEP` of it. The folder is safe to use from several processes, a store
-    belongs to one thread. Raises `InputError`, naming the folder, if it cannot be written.
+    `memory_bytes` bounds the pictures in memory, `disk_bytes` the folder `disk`, which each further process may exceed
+    by `STEP`. Several processes may share the folder; a store belongs to one thread. Raises `InputError` if the folder
+    cannot be written.
     """
 
     def __init__(
         self, memory_bytes: int = MEMORY_BYTES, disk: Path | None = None, disk_bytes: int = DISK_BYTES
     ) -> None:
         self.failure: str | None = None
-        """Why the last picture that was not written was not; None if all were."""
+        """Why the last failed write failed; None if none did."""
         self._memory: OrderedDict[str, np.ndarray] = OrderedDict()
         self._memory_bound, self._memory_bytes = memory_bytes, 0
         self._folder, self._bound, self._written = disk, disk_bytes, 0
@@ -58,7 +59,7 @@ class ViewStore:
             ) from error
 
     def store(self, key: str, picture: np.ndarray) -> None:
-        """Keep a picture, which nobody may write to afterwards. One that cannot be written to disk is no error."""
+        """Keep a picture, which must not be changed afterwards. A failed write to disk only sets `failure`."""
         self._remember(key, picture)
         if self._folder is not None:
             try:
@@ -67,7 +68,7 @@ class ViewStore:
                 self.failure = (error.strerror or str(error))[:300]
 
     def get(self, key: str, shape: tuple[int, int, int]) -> tuple[np.ndarray, Place] | None:
-        """Return the picture, and where it was; None if there is none of this shape."""
+        """Return the picture and its place; None if there is none of this shape."""
         if (picture := self._memory.get(key)) is not None:
             self._memory.move_to_end(key)
             return (picture, "memory") if picture.shape == shape else None
@@ -95,14 +96,14 @@ class ViewStore:
         write_atomically(file, _checksum(file.name, pixels) + pixels, fsync=False)
 
     def _read(self, file: Path, size: int) -> bytes | None:
-        """Return `size` bytes of pixels just as they were written for this name; removes anything else."""
+        """Return `size` bytes of pixels if the file is valid; removes an invalid one."""
         try:
             status = file.lstat()
             if stat.S_ISREG(status.st_mode) and status.st_size == CHECKSUM_BYTES + size:
                 content = file.read_bytes()
                 pixels = content[CHECKSUM_BYTES:]
                 if content[:CHECKSUM_BYTES] == _checksum(file.name, pixels):
-                    # the time of access, which file systems do not keep by themselves
+                    # marks the access: many file systems keep no access times
                     with suppress(OSError):
                         os.utime(file)
                     return pixels
@@ -112,7 +113,7 @@ class ViewStore:
         return None
 
     def _evict(self, room: int) -> None:
-        """Remove the files used longest ago, so that `room` bytes and what is written until the next call fit."""
+        """Remove the least recently used files, so that `room` bytes and all writes until the next call fit."""
         assert self._folder is not None
         files = []
         with suppress(FileNotFoundError), os.scandir(self._folder) as entries:

@@ -1,1 +1,1 @@
-"""What is left behind: the contract with `reports`; imports numpy and `scenes.files`."""
+"""The records that a run leaves, which `reports` reads; imports numpy and `scenes.files`."""

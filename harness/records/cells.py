@@ -24,37 +24,37 @@ from harness.records.verdict import Verdict
 from scenes.files.errors import DamagedRecord
 
 Budget = Literal["steps", "seconds", "core_seconds"]
-"""What two methods are given equal amounts of: training steps, wall seconds or core seconds, each on its own clock."""
+"""The quantity of which two methods get equal amounts: training steps, or wall or core seconds of their own clocks."""
 HELD = "held:"
-"""The beginning of a digest of what a cell holds; one without it is of an older version, and of its keys' order."""
+"""The prefix of a digest that ignores the order of keys; an older version wrote digests that depend on it."""
 WAITED = 1.3
-"""The wall seconds per core second from which work shares its processor with that of others."""
+"""The wall seconds per core second above which a cell shared its processor with other work."""
 
 
 class Estimate(Record, frozen=True):
-    """An estimate of a difference in one of two senses: on these scenes, or on scenes like these."""
+    """An estimate of a difference, either on these scenes or on scenes like these."""
 
     interval: tuple[float, float] | None
-    """The two-sided 95 % interval of this comparison alone; None if there are too few values to know their spread."""
+    """The two-sided 95 % interval of this comparison only; None if there are too few values to know their spread."""
     simultaneous: tuple[float, float] | None
-    """The interval that the verdict is taken from: all those of the `family` hold the truth together in 95 %."""
+    """The interval that the verdict comes from: in 95 % of runs all intervals of the `family` contain the truth."""
     family: int
-    """The number of comparisons that are looked at together (`harness.verdicts.comparisons.family_of`)."""
+    """The number of comparisons that are judged together (`harness.verdicts.comparisons.family_of`)."""
     verdict: Verdict
     smallest_detectable: float | None
-    """The smallest true difference whose sign is found in 80 % of runs with just this spread."""
+    """The smallest true difference whose sign 80 % of runs with this spread would find."""
     effect: float | None
-    """The difference in standard deviations of the paired differences within a scene, or of the scenes' means."""
+    """The difference in standard deviations of the paired differences in a scene, or of the scenes' means."""
     p: float | None = None
-    """The two-sided p-value of a difference of 0, by the t of `interval`; None without an interval, of a single scene
-    with too few seeds for a verdict, and in older records."""
+    """The two-sided p-value of a difference of 0, by the t of `interval`. It is None without an interval, for a single
+    scene with too few seeds for a verdict, and in older records."""
     p_adjusted: float | None = None
-    """`p` for the whole `family`: the sign is known where it is at most 5 %. By Holm's step-down procedure in the
-    family of the headline, `family` times `p` in others."""
+    """`p` adjusted for the `family`: the sign is known if it is at most 5 %. It is Holm's step-down p-value in the
+    family of the headline, and `family` times `p` in others."""
 
 
 class Robust(Record, frozen=True):
-    """The estimate of a difference that one bad cell does not move (`harness.verdicts.estimates.robust`)."""
+    """An estimate of a difference that one bad cell does not move (`harness.verdicts.estimates.robust`)."""
 
     difference: float
     interval: tuple[float, float] | None
@@ -62,7 +62,7 @@ class Robust(Record, frozen=True):
 
 
 class Flagged(Record, frozen=True):
-    """A pair of cells whose difference lies off all others (`harness.verdicts.estimates.robust.outliers`)."""
+    """A pair of cells whose difference is an outlier (`harness.verdicts.estimates.robust.outliers`)."""
 
     scene: str
     seed: int
@@ -74,8 +74,8 @@ class Flagged(Record, frozen=True):
 class Comparison(Record, frozen=True):
     """A paired difference `method` − `against` with its interval.
 
-    Over all scenes it is estimated in both senses. The fields beside the difference are those of scenes like these if
-    several were tried, and of these scenes for a single one.
+    Over all scenes it is estimated in both senses. The fields that `Estimate` has too are those of scenes like these
+    if several were tried, and of these scenes for a single scene.
     """
 
     scene: str
@@ -86,22 +86,21 @@ class Comparison(Record, frozen=True):
     budget: Budget
     difference: float | None
     interval: tuple[float, float] | None
-    """Taken, as every field that `Estimate` has too, from the estimate that speaks for the row."""
     verdict: Verdict
     smallest_detectable: float | None
     pairs: int
     unpaired: int
-    """The pairs that cannot be judged because one of the two diverged, collapsed, failed or is missing."""
+    """The pairs that cannot be judged because a cell diverged, collapsed, failed or is missing."""
     simultaneous: tuple[float, float] | None
     family: int
     on_these_scenes: Estimate | None
-    """The estimate with the error of seeds alone; None without any pair."""
+    """The estimate whose error comes from seeds only; None without a pair."""
     scenes_like_these: Estimate | None
-    """The estimate for which scenes are drawn too: Student's t over their means. None for a single scene."""
+    """The estimate that treats scenes as drawn too: Student's t over their means. None for a single scene."""
     robust: Robust | None = None
-    """None without any pair, and in older records."""
+    """None without a pair, and in older records."""
     flagged: list[Flagged] = field(default_factory=list)
-    """The cells that lie off, in a row over all scenes."""
+    """The outlying cells, in a row over all scenes."""
 
     @property
     def p(self) -> float | None:
@@ -112,17 +111,15 @@ class Comparison(Record, frozen=True):
 class Comparisons(Record, frozen=True):
     rows: list[Comparison]
     digests: dict[str, str] = field(default_factory=dict)
-    """The digest of each cell's record that was compared, by the name of its file; empty in an older run."""
+    """Map file name of each compared cell → digest of its record; empty in an older run."""
 
 
 SCHEMA = 1
-
-
 Status = Literal["done", "diverged", "error", "not_available"]
 
 
 class Scores(Record, frozen=True, kw_only=True):
-    """A score by every metric of `METRICS`, in its order; None where a view or a run has no such score."""
+    """A score by every metric of `METRICS`, in its order; None if a view or a run has no such score."""
 
     psnr: float | None = None
     ssim: float | None = None
@@ -138,30 +135,29 @@ class Scores(Record, frozen=True, kw_only=True):
 
 
 class Checkpoint(Scores, frozen=True):
-    """One scoring of the whole fixed test set, by every metric."""
+    """One scoring of the fixed test set, by every metric."""
 
     step: int
     seconds: float
     """The training seconds of this method so far, without scoring, warm-up and I/O."""
     network_evaluations: int
-    """The number of points at which the network was evaluated for training so far."""
+    """The number of points at which training has evaluated the network so far."""
     density: dict[str, list[int | float]] | None = None
-    """`edges` [bins + 1], `before` [bins], `after` [bins]: shares of points (sum 1, clipped into the outer bins)
-    over the scene's box, of the density entering the amplifier and of the density that is rendered.
+    """Histograms of points in the scene's box: `edges` [bins + 1], and the shares of points by the density that enters
+    the amplifier, `before` [bins], and by the rendered density, `after` [bins] (sum 1, clipped into the outer bins).
 
-    Where the true occupancy of the scene is known also `before_inside`, `after_inside`, `before_outside` and
-    `after_outside` [bins], shares of the points that truly lie inside and outside matter (sum 1, or 0 where there are
-    none), and `points` [2], how many are inside and outside (`scenes.rendering.occupancy`)."""
+    If the true occupancy of the scene is known, `before_inside`, `after_inside`, `before_outside` and `after_outside`
+    [bins] are the shares of the points inside and outside the geometry (sum 1, or 0 without any), and `points` [2] are
+    the numbers of points inside and outside (`scenes.rendering.occupancy`)."""
     alpha: float | None = None
-    """The amplifier's α and β (Listing 2) where the method has them."""
+    """The amplifier's α and β (Listing 2) if the method has them."""
     beta: float | None = None
     core_seconds: float | None = None
-    """The processor seconds of the same work, by all threads of the process (on a GPU the host's alone); None in older
-    records.
-    """
+    """The processor seconds of the same work, by all threads of the process (with a GPU only the host's); None in older
+    records."""
     dead_units: dict[str, float] | None = None
-    """Map layer → the share of its units that are 0 at all of the points spread over the box; None where the method's
-    field does not tell, and in older records."""
+    """Map layer → the share of its units that are 0 at all points of a sample of the box; None if the method's field
+    does not report it, and in older records."""
 
 
 class ViewScore(Scores, frozen=True):
@@ -172,14 +168,15 @@ class ViewScore(Scores, frozen=True):
 
 
 class LeftOut(Record, frozen=True):
-    """A part that a scene does not need and that was therefore left out."""
+    """A part that was left out because the scene does not need it."""
 
     what: str
     reason: str
     seconds_saved: float | None
-    """None, as below, unless it was measured (`--verify-omissions`, or a published study)."""
+    """The seconds saved; None, as the two fields below, unless it was measured (`--verify-omissions`, or a published
+    study)."""
     difference: float | None
-    """Test PSNR without the part less that with it, in dB: a loss is negative. Or the largest change of colour."""
+    """Test PSNR without the part minus that with it, in dB (a loss is negative), or the largest change of colour."""
     interval: tuple[float, float] | None
     """The 95 % interval."""
     name: str = ""
@@ -191,22 +188,22 @@ class LeftOut(Record, frozen=True):
     unit: str = ""
     """The unit of `difference` and `bound`: dB, or colour for a display colour 0 … 1."""
     clock: str = ""
-    """The work that `seconds_saved` are seconds of."""
+    """The work whose seconds `seconds_saved` counts."""
     verdict: str = ""
     """One of "within its bound", "costs more" and "inconclusive"."""
     study: str = ""
-    """The published study that measured it under the same settings; empty if this run did, or nothing."""
+    """The published study that measured it under the same settings; empty if this run measured it, or none did."""
 
 
 class CellRecord(Record, frozen=True):
-    """One cell, scene × method × seed: everything that is needed to reproduce and to plot it."""
+    """One cell, scene × method × seed, with everything that is needed to reproduce and plot it."""
 
     scene: str
     method: str
     seed: int
     status: Status
     reason: str | None
-    """The reason if the status is not `done`: for `diverged` the step and the tensor."""
+    """The reason of a status other than `done`; for `diverged` the step and the tensor."""
     steps: int
     train_seconds: float
     scores: dict[str, float | None]
@@ -215,45 +212,46 @@ class CellRecord(Record, frozen=True):
     curve: list[Checkpoint]
     views: list[ViewScore]
     trace: dict[str, list[float | None]]
-    """Lists of equal length over training: step, loss, gradient_norm (before clipping), clipped_norm (what the
-    optimiser got; absent from older runs), alpha, beta, samples_per_ray, learning_rate (if all weights
-    have the same), and "gradient_norm LAYER" of each layer, before clipping."""
+    """Lists of equal length over training: step, loss, gradient_norm (before clipping), clipped_norm (which the
+    optimiser received; absent in older runs), alpha, beta, samples_per_ray, learning_rate (if it is the same for all
+    weights), and "gradient_norm LAYER" of each layer, before clipping."""
     parameters: dict[str, int]
     """The number of weights by component: density_net, density_head, colour_net, amplifier, total."""
     properties: dict[str, int | float | str | None]
-    """Measured properties: chunk_max_difference, chunk_rms_difference (same view in small and in whole chunks),
-    largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that length of it),
-    occupied_share, clipped_share (of the steps, of which the gradient was clipped), and of a method with an amplifier
-    alpha_phi and psnr_without_amplifier (`harness.training.scoring.amplifier_effect`), …
+    """Measured properties: chunk_max_difference and chunk_rms_difference (the same view in small and in full chunks),
+    largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that density over that
+    length), occupied_share, clipped_share (the share of steps whose gradient was clipped), and for a method with an
+    amplifier alpha_phi and psnr_without_amplifier (`harness.training.scoring.amplifier_effect`), …
 
-    Of the ceiling of density, per half of the longest side of the box (`harness.training.scoring.densities`):
-    density_limit (the largest that the method can have; None if there is no limit), opacity_of_a_pixel (of geometry one
-    pixel thick at that density; a pixel has its width in the middle of the box, the mean distance of the training
-    cameras from it divided by their focal length in pixels; 1 if there is no limit), weight_at_ceiling (the share of
-    the weight Σ w of test views that comes from densities of 0.99 of the limit or more), density_by_weight_50, _90 and
-    _99 (the densities up to which that many percent of the weight lie). The last four are None for empty pictures and
-    for methods that are not rendered by points of rays; older records have none of them."""
+    Properties of the ceiling of density, per half of the longest side of the box
+    (`harness.training.scoring.densities`): density_limit (the largest density that the method can have; None without a
+    limit), opacity_of_a_pixel (of geometry one pixel thick at that density, 1 without a limit; a pixel has its width in
+    the middle of the box, the mean distance of the training cameras from it divided by their focal length in pixels),
+    weight_at_ceiling (the share of the weight Σ w of test views at densities of at least 0.99 of the limit), and
+    density_by_weight_50, _90 and _99 (the densities up to which that percentage of the weight lies). The last four are
+    None for empty pictures and for methods that are not rendered by points of rays; older records have none of
+    them."""
     warnings: list[str]
-    """States that a reader must know: empty collapse, billboard (train far above test), below the floor."""
+    """What a reader must know: empty collapse, billboard (train score far above test score), below the floor."""
     settings: dict[str, Any]
     provenance: dict[str, Any]
     train_core_seconds: float | None = None
     """The processor seconds of training, as `Checkpoint.core_seconds`."""
     pictures: str | None = None
-    """The file of its saved renders (`harness.records.pictures`) relative to `OUT/records`; None if there is none."""
+    """The file of its saved renders (`harness.records.pictures`), relative to `OUT/records`; None without any."""
     costs: dict[str, float] = field(default_factory=dict)
-    """What changes from run to run, of a cell that is done: view_seconds and view_core_seconds, the time to draw a test
-    view (mean of the last scoring), weights_bytes of its file, gpu_memory_bytes, the peak that torch allocated on a
-    GPU, and memory_bytes, the peak so far of its process, which trains all methods of a group."""
+    """Costs of a cell that is done, which change from run to run: view_seconds and view_core_seconds, the time to
+    render a test view (mean of the last scoring); weights_bytes, the size of its file; gpu_memory_bytes, the peak that
+    torch allocated on a GPU; memory_bytes, the peak so far of its process, which trains all methods of a group."""
     files: dict[str, str] = field(default_factory=dict)
-    """Map every further file of the cell, relative to OUT → its SHA-256 (`with_files`)."""
+    """Map each other file of the cell, relative to OUT → its SHA-256 (`with_files`)."""
     schema: int = SCHEMA
 
     @property
     def wall_per_core_second(self) -> float | None:
         """Return the wall seconds of training per core second: above 1, it waited for a processor that others used.
 
-        None where no processor's seconds were counted, and on a GPU, whose work is no processor's.
+        It is None if core seconds were not counted, and on a GPU.
         """
         if not self.train_core_seconds or self.provenance.get("device", "cpu") != "cpu":
             return None
@@ -265,10 +263,11 @@ class CellRecord(Record, frozen=True):
 
     @property
     def spun(self) -> bool:
-        """Tell whether its core seconds are longer than its own work accounts for: several threads tested again and
-        again whether the others were done, on cores that other programs used (`harness.machine.wait_policy`).
+        """Tell whether its core seconds exceed its own work, because several threads waited actively for each other on
+        cores that other programs used too (`harness.machine.wait_policy`).
 
-        Such threads use all of their cores' time where nothing else runs. Older records do not say how they waited.
+        If nothing else runs, such threads use all of their cores' time. An older record that does not say how its
+        threads waited counts as active.
         """
         threads: int = self.provenance.get("threads", 1)
         if threads == 1 or self.provenance.get("waiting", "active") != "active":
@@ -277,7 +276,7 @@ class CellRecord(Record, frozen=True):
 
     @property
     def all_warnings(self) -> list[str]:
-        """Return the warnings, also that of its clock, which is no part of its results."""
+        """Return the warnings, including that of its clock, which is not part of its results."""
         clock = f"core seconds too long: {self.provenance['threads']} threads waited actively" if self.spun else ""
         return [*self.warnings, clock] if clock else self.warnings
 
@@ -301,53 +300,53 @@ class SceneRecord(Record, frozen=True):
     psnr_floor: float | None
     """The PSNR of copying the nearest training view."""
     rendered: dict[str, Any]
-    """How it was rendered: variant, spp, seconds, integrator, versions; empty for a view set from elsewhere."""
+    """How it was rendered: variant, spp, seconds, integrator, versions; empty for a foreign view set."""
     left_out: list[LeftOut]
     hull_share: float | None = None
-    """The share of the box that the silhouettes of the training views leave; 1 where they say nothing."""
+    """The share of the box that the silhouettes of the training views leave; 1 if they exclude nothing."""
     seen: str = ""
-    """What the training cameras see of the box, one line."""
+    """What the training cameras see of the box, in one line."""
     cautions: list[str] = field(default_factory=list)
-    """What a reader of scores on these views has to know, one sentence each."""
+    """Sentences that a reader of scores on these views must know."""
 
     @property
     def costs_more(self) -> bool:
-        """Tell whether something that was left out costs, in this run, more than its bound."""
+        """Tell whether this run measured that an omission costs more than its bound."""
         return any(row.verdict == "costs more" and not row.study for row in self.left_out)
 
 
 class Roles(Record, frozen=True):
-    """Which method of a run the others are compared with, and which ones explain a difference from it."""
+    """The method of a run that the others are compared with, and the controls that explain a difference from it."""
 
     baseline: str
     controls: tuple[str, ...] = ()
     claimed: tuple[tuple[str, str], ...] = ()
 
     def among(self, methods: Iterable[str]) -> "Roles":
-        """Return the roles in a comparison of `methods`: without the baseline, the first one takes its place."""
-        some = list(methods)
-        baseline = self.baseline if self.baseline in some else some[0]
-        return replace(self, baseline=baseline, controls=tuple(name for name in self.controls if name in some))
+        """Return the roles in a comparison of `methods`, whose first takes the place of a missing baseline."""
+        names = list(methods)
+        baseline = self.baseline if self.baseline in names else names[0]
+        return replace(self, baseline=baseline, controls=tuple(name for name in self.controls if name in names))
 
     def contenders(self, methods: Iterable[str]) -> list[str]:
-        """Return those of `methods` that are put to the test; of a baseline and controls alone, the controls."""
+        """Return the `methods` under test; if there are only a baseline and controls, the controls."""
         others = [name for name in methods if name != self.baseline]
         return [name for name in others if name not in self.controls] or others
 
     def pairs(self, methods: Iterable[str]) -> list[tuple[str, str]]:
         """Return the pairs to compare, (method, against); last those that only a claim compares."""
-        some = list(methods)
-        if not some:
+        names = list(methods)
+        if not names:
             return []
-        cast = self.among(some)
-        pairs = [(method, cast.baseline) for method in some if method != cast.baseline]
-        for control in cast.controls:
-            pairs += [(method, control) for method in some if method not in (cast.baseline, control)]
-        return pairs + [pair for pair in self.claimed if set(pair) <= set(some) and pair not in pairs]
+        roles = self.among(names)
+        pairs = [(method, roles.baseline) for method in names if method != roles.baseline]
+        for control in roles.controls:
+            pairs += [(method, control) for method in names if method not in (roles.baseline, control)]
+        return pairs + [pair for pair in self.claimed if set(pair) <= set(names) and pair not in pairs]
 
 
 USUAL = Roles("nerf", ("nerf_matched",))
-"""The roles in the program's own profiles, and in records that state none."""
+"""The roles of the built-in profiles, and of records that state none."""
 
 
 class RunRecord(Record, frozen=True):
@@ -357,27 +356,25 @@ class RunRecord(Record, frozen=True):
     methods: dict[str, str]
     """Map method → its title, in the order of tables."""
     deviations: list[str]
-    """Where the run departs from the paper's printed text, and why; one sentence each."""
+    """Sentences on where the run departs from the paper's printed text, and why."""
     seeds: list[int]
     settings: dict[str, Any]
     provenance: dict[str, Any]
     phases: dict[str, float]
-    """Wall seconds: render, train, verify, serve, total; of a resumed run sums, but for what a killed process lost."""
+    """Wall seconds: render, train, verify, serve, total; summed over the parts of a resumed run."""
     finished: bool
     not_tested: list[str]
-    """What a reader might expect and this run did not test; one sentence each."""
+    """Sentences on what a reader might expect and this run did not test."""
     schema: int = SCHEMA
     guests: list[str] = field(default_factory=list)
-    """The methods of other families that were trained for scale, and are compared with nothing."""
+    """The methods of other families that were trained for scale and are not compared."""
     claims: list[ClaimFile] | None = None
-    """What is claimed of the methods; None in older records, whose methods have the claims that come with the program.
-    """
-
+    """The claims about the methods; None in older records, for which the claims of this program hold."""
     roles: Roles = USUAL
 
     @property
     def main_methods(self) -> list[str]:
-        """Return the methods that were planned on every scene; the others explain a result on one of them."""
+        """Return the methods that were planned on every scene; the others explain a result on one scene."""
         planned = self.settings.get("methods")
         return [name for name in self.methods if not isinstance(planned, list) or name in planned]
 
@@ -400,7 +397,7 @@ def checkpoint_name(scene: str, method: str, seed: int) -> str:
 
 
 def with_files(out: Path, cell: CellRecord) -> CellRecord:
-    """Return the record with the digests of its other files: weights and pictures. Raises `OSError`."""
+    """Return the record with the digests of its other files, weights and pictures; raises `OSError`."""
     names = [checkpoint_name(cell.scene, cell.method, cell.seed)] if cell.status == "done" else []
     names += [f"records/{cell.pictures}"] if cell.pictures else []
     return replace(cell, files={name: file_digest(out / name) for name in names if (out / name).is_file()})
@@ -411,12 +408,12 @@ def write_run(out: Path, run: RunRecord) -> None:
 
 
 def digests_of(cells: Iterable[CellRecord]) -> dict[str, str]:
-    """Return the digests of cells by the names of their files: what is computed from cells is held to them."""
+    """Return the digests of cells by file name; results computed from cells are checked against them."""
     return {_file_of(cell): HELD + digest_of(without_gaps(plain(cell))) for cell in cells}
 
 
 def require_unchanged(path: Path, digests: dict[str, str], cells: Iterable[CellRecord]) -> None:
-    """Raise `DamagedRecord` for a file that was computed when one of `cells` held something else."""
+    """Raise `DamagedRecord` for a file that was computed from other contents of `cells`."""
     for name, digest in digests_of(cells).items():
         known = digests.get(name)
         if known is not None and known.startswith(HELD) and known != digest:
@@ -428,14 +425,14 @@ def write_comparisons(out: Path, comparisons: list[Comparison], digests: dict[st
 
 
 def read_cell(path: Path) -> CellRecord:
-    """Read a cell. Raises `DamagedRecord` for anything else, for the cell of another name, and impossible scores."""
+    """Read a cell; raises `DamagedRecord` for anything else, a cell with another file name, and impossible scores."""
     cell = read_record(path, CellRecord, SCHEMA, formerly=("images",))
     if _file_of(cell) != path.name:
         raise DamagedRecord(f"{path}: is the record of {_file_of(cell)}; {REMEDY}")
     for scores in (cell.scores, *(asdict(point) for point in cell.curve)):
-        for name, (least, most) in POSSIBLE.items():
-            if not least <= (scores.get(name) or 0.0) <= most:
-                raise DamagedRecord(f"{path}: {name} {scores[name]:g} is no possible score; {REMEDY}")
+        for name, (low, high) in POSSIBLE.items():
+            if not low <= (scores.get(name) or 0.0) <= high:
+                raise DamagedRecord(f"{path}: {name} {scores[name]:g} is not a possible score; {REMEDY}")
     return cell
 
 
@@ -444,7 +441,7 @@ def _file_of(cell: CellRecord) -> str:
 
 
 def read_cells(out: Path) -> Iterator[CellRecord]:
-    """Yield every finished cell, in the order of file names."""
+    """Yield the finished cells in the order of their file names."""
     yield from map(read_cell, cell_files(out))
 
 
@@ -454,7 +451,7 @@ def read_cells_of(out: Path, keys: Iterable[tuple[str, str, int]]) -> Iterator[C
 
 
 def cell_files(out: Path) -> list[Path]:
-    """Return the files of cells, sorted; without hidden ones, which other systems leave on a shared disk."""
+    """Return the sorted files of cells, without hidden files, which other systems leave on a shared disk."""
     return sorted(path for path in (records_folder(out) / "cells").glob("*.json") if not path.name.startswith("."))
 
 
@@ -464,7 +461,7 @@ def read_run(out: Path) -> RunRecord:
 
 
 def read_comparisons(out: Path, cells: Iterable[CellRecord] = ()) -> list[Comparison]:
-    """Read the comparisons. Raises `DamagedRecord` for anything else, and where one of `cells` has changed since."""
+    """Read the comparisons; raises `DamagedRecord` for anything else, and if one of `cells` has changed since."""
     path = records_folder(out) / "comparisons.json"
     if not path.exists():
         return []
@@ -474,7 +471,7 @@ def read_comparisons(out: Path, cells: Iterable[CellRecord] = ()) -> list[Compar
 
 
 def unscored(scene: str, method: str, seed: int, status: Status, reason: str) -> CellRecord:
-    """Return a record without a step, a score or a weight that gives the reason."""
+    """Return the record of a cell that has no steps, scores or weights, with the reason."""
     return CellRecord(
         scene, method, seed, status, reason, steps=0, train_seconds=0.0, scores={}, curve=[], views=[], trace={},
         parameters={}, properties={}, warnings=[], settings={}, provenance={},

@@ -1,6 +1,6 @@
-"""What a paper or a person claims of methods, as data: claims, printed tables, and the scale at which they hold.
+"""Claims about methods as data: statements, printed tables, and the scale at which they hold.
 
-A run's record keeps the files of claims whose methods it trained.
+A run's record keeps the claim files whose methods it trained.
 """
 
 from typing import Literal, TypedDict
@@ -43,16 +43,16 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
     "lines": (),
     "their code": (),
 }
-"""Kind of claim → what has to be said of its subject. `reports.claims.claim_list.RULES` has the test of each."""
+"""Kind of claim → the keys that its subject needs. `reports.claims.claim_list.RULES` tests each kind."""
 AXES = ("steps", "seconds")
 STATED = "stated"
-"""The id of the file that claims in one line make."""
+"""The id of the claim file that one-line claims form."""
 
 
 class Statement(Record, frozen=True, kw_only=True):
     id: str
     printed: Number | Pair | None = None
-    """The number, a range as a pair; None if it is claimed in words alone."""
+    """The number, or a range as a pair; None if the claim has no number."""
     statement: str
     """The claim in a sentence, without the number."""
     quantity: str
@@ -63,13 +63,13 @@ class Statement(Record, frozen=True, kw_only=True):
     of: dict[str, str] = field(default_factory=dict)
     """The subject: method, against, scene, metric, axis, table, column."""
     leaves_open: tuple[float, float] | None = None
-    """The interval that a number derived from rounded ones leaves open. None if it is printed itself."""
+    """The interval of a number that is derived from rounded numbers; None if the number itself is printed."""
 
     @property
     def digits(self) -> int:
-        least = {"dB": 1, "h": 1}.get(self.unit, 3 if self.of.get("metric") == "ssim" else 0)
+        minimum = {"dB": 1, "h": 1}.get(self.unit, 3 if self.of.get("metric") == "ssim" else 0)
         numbers = self.printed if isinstance(self.printed, tuple) else (self.printed or 0,)
-        return max(least, *map(_decimals, numbers)) if "metric" in self.of else least
+        return max(minimum, *map(_decimals, numbers)) if "metric" in self.of else minimum
 
 
 def _decimals(value: Number) -> int:
@@ -77,7 +77,7 @@ def _decimals(value: Number) -> int:
 
 
 class Scale(Record, frozen=True, kw_only=True):
-    """The settings and pictures at which printed scores are comparable with those of a run."""
+    """The settings and picture sizes at which the printed scores are comparable with those of a run."""
 
     steps: int
     width: int
@@ -85,7 +85,7 @@ class Scale(Record, frozen=True, kw_only=True):
     views: dict[str, int]
     """The views of each scene, by split."""
     settings: dict[str, Number]
-    """Place in a run's settings, joined by dots → value."""
+    """Dotted path in a run's settings → value."""
 
 
 class AblationRow(TypedDict):
@@ -95,10 +95,10 @@ class AblationRow(TypedDict):
 
 
 class Tables(TypedDict, total=False):
-    """Printed tables other than of PSNR by scene, which some quantities are about."""
+    """The printed tables other than PSNR by scene."""
 
     weights: dict[str, int]
-    """Component → number of weights, `total` of all."""
+    """Component → number of weights; `total` is their sum."""
     times: dict[str, dict[str, float]]
     """Row → method → value."""
     ablation: list[AblationRow]
@@ -110,7 +110,7 @@ class Measured(TypedDict, total=False):
     weights: dict[str, int]
     """Component → number of weights at the printed size."""
     sloc: int
-    """Our lines for the same parts."""
+    """The lines of this program for the same parts."""
     sloc_files: dict[str, int]
 
 
@@ -121,29 +121,29 @@ class ClaimFile(Record, frozen=True, kw_only=True):
     title: str
     source: str = ""
     methods: tuple[str, ...]
-    """The methods that it is about: a run that trains one of them shows its claims."""
+    """The methods of the claims; a run that trains one of them shows the claims."""
     claims: tuple[Statement, ...]
     names: dict[str, str] = field(default_factory=dict)
-    """Method → its name there."""
+    """Method → its name in the source."""
     question: str = ""
     """The question that a run answers; `{id}` stands for a claim's number."""
     scale: Scale | None = None
-    """None if the claims are about any run."""
+    """None if the claims hold for every run."""
     facts: dict[str, str] = field(default_factory=dict)
-    """Label of a fact of a run → the same of the source."""
+    """Label of a fact of a run → the same fact of the source."""
     principal: dict[str, str] = field(default_factory=dict)
-    """Id of a claim of the first screen → its few words there; empty for all claims, in their own words."""
+    """Id of a claim of the first screen → its short text there; empty to show all claims with their own statements."""
     target: float | None = None
-    """The PSNR in dB that its times and savings are to."""
+    """The target PSNR of its times and savings, in dB."""
     psnr: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Scene, or `average` → column, such as a method → printed PSNR in dB."""
+    """Scene or `average` → column, such as a method → printed PSNR in dB."""
     tables: Tables = field(default_factory=Tables)
     measured: Measured = field(default_factory=Measured)
     """Written by a run; empty in a file."""
 
     @property
     def pairs(self) -> list[tuple[str, str]]:
-        """Return the pairs of methods that claims compare, in their order."""
+        """Return the pairs of methods that claims compare, in the order of the claims."""
         subjects = [claim.of for claim in self.claims if {"method", "against"} <= claim.of.keys()]
         return list(dict.fromkeys((of["method"], of["against"]) for of in subjects))
 

@@ -1,4 +1,4 @@
-"""JSON files that outlive the process: written atomically, read strictly, held to their types."""
+"""JSON files that outlive the process: written atomically, read strictly, checked against their types."""
 
 import hashlib
 import json
@@ -16,12 +16,12 @@ from scenes.files.errors import DamagedRecord
 DIGEST = "digest"
 """The last key of a record."""
 LARGEST_FILE = 256 << 20
-"""The bytes above which no record is read."""
+"""The maximum size of a record in bytes; a larger file is not read."""
 REMEDY = "delete it and run again with --resume"
 
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file of JSON or a part of one: only exactly these keys and types are read."""
+    """A JSON file or a part of it; unknown keys and other types are refused."""
 
 
 def finite_or_none(value: float | None) -> float | None:
@@ -33,7 +33,7 @@ def finite_or_none(value: float | None) -> float | None:
 
 
 def write_record(path: Path, record: object) -> None:
-    """Write a `Record` or plain data as `write_json` does, with the digest of everything else as the last key."""
+    """Write a `Record` or plain data as `write_json` does, with a digest of the content as the last key."""
     data = plain(record)
     if DIGEST in data:
         raise ValueError(f"{path}: {DIGEST!r} is a key of the file itself")
@@ -41,12 +41,12 @@ def write_record(path: Path, record: object) -> None:
 
 
 def load_record(path: Path) -> dict[str, Any]:
-    """Return what `write_record` was given as plain data; raises `OSError`, and `ValueError`, which names no file."""
-    return _loaded(path)[0]
+    """Return the plain data that `write_record` wrote; raises `OSError`, and `ValueError` without the file's name."""
+    return _load(path)[0]
 
 
-def _loaded(path: Path) -> tuple[dict[str, Any], bool]:
-    """Return the data, and whether a digest says that it is what was written."""
+def _load(path: Path) -> tuple[dict[str, Any], bool]:
+    """Return the data, and whether they have a digest; raises `ValueError` if the digest is wrong."""
     data = load_json(path)
     if not isinstance(data, dict):
         raise ValueError(f"holds a {type(data).__name__}, not an object")
@@ -57,10 +57,10 @@ def _loaded(path: Path) -> tuple[dict[str, Any], bool]:
 
 
 def load_json(path: Path) -> Any:
-    """Read strict JSON of finite numbers; raises `OSError`, and for anything else `ValueError`, which names no file."""
+    """Read strict JSON of finite numbers; raises `OSError`, and otherwise `ValueError` without the file's name."""
     status = path.stat()
-    if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
-        raise ValueError("is no file")
+    if not stat.S_ISREG(status.st_mode):  # reading a pipe would block for ever
+        raise ValueError("is not a file")
     if (size := status.st_size) > LARGEST_FILE:
         raise ValueError(f"has {size} bytes, more than the {LARGEST_FILE} of any record")
     try:
@@ -70,7 +70,7 @@ def load_json(path: Path) -> Any:
 
 
 def shown(value: object) -> str:
-    """Return a value for a message, cut to a readable length."""
+    """Return the representation of a value for a message, cut to a readable length."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}…"
 
@@ -85,12 +85,12 @@ def digest_of(data: object) -> str:
 
 
 def without_gaps(data: object) -> object:
-    """Return plain data with the keys of every object in order, and without those that hold nothing: what a version
-    adds to a record changes no digest of one that lacks it.
+    """Return plain data with sorted keys and without empty values, so that a field that a later version adds does not
+    change the digest of an older record.
     """
     if isinstance(data, dict):
-        held = {key: without_gaps(data[key]) for key in sorted(data)}
-        return {key: value for key, value in held.items() if value is not None and value not in ({}, [])}
+        values = {key: without_gaps(data[key]) for key in sorted(data)}
+        return {key: value for key, value in values.items() if value is not None and value not in ({}, [])}
     return [without_gaps(value) for value in data] if isinstance(data, list | tuple) else data
 
 
@@ -105,24 +105,23 @@ def write_json(path: Path, data: object) -> None:
     write_atomically(path, json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False))
 
 
-One = TypeVar("One")
+T = TypeVar("T")
 
 
 def read_record(
     path: Path,
-    kind: type[One],
+    kind: type[T],
     schema: int | None,
     formerly: tuple[str, ...] = (),
     remedy: str = REMEDY,
     by_hand: bool = False,
     former: Callable[[object], object] | None = None,
-) -> One:
-    """Read a record; keys that were there `formerly` are dropped, and `former` brings what earlier versions wrote into
-    this version's form. Raises `DamagedRecord` for anything else, and for one
-    without its digest, unless it may be written `by_hand`.
+) -> T:
+    """Read a record. Keys of earlier versions, `formerly`, are dropped, and `former` converts the data of an earlier
+    version. Raises `DamagedRecord` for anything else, and without a digest unless it may be written `by_hand`.
     """
     try:
-        data, sealed = _loaded(path)
+        data, sealed = _load(path)
         if (written := data.get("schema")) != schema:
             remedy = "run again into a fresh folder" if remedy == REMEDY else remedy
             raise ValueError(f"schema {shown(written)}, this version reads {schema}")
@@ -138,19 +137,19 @@ def read_record(
 
 
 def plain(record: object) -> Any:
-    """Return the content of `record` in the types of JSON."""
+    """Return the content of `record` in JSON types."""
     return msgspec.to_builtins(record, enc_hook=_plain_scalar)
 
 
 def _plain_scalar(value: object) -> float | str:
-    """Return a number or name of numpy, which is a subclass of Python's, as Python's own."""
+    """Convert numpy's subclasses of `float` and `str` to the built-in types."""
     return float(value) if isinstance(value, float) else str.__str__(value)
 
 
-def as_promised(data: object, kind: type[One]) -> One:
-    """Return plain data as `kind`; raises `ValueError` with the first place that is not of its type."""
+def as_promised(data: object, kind: type[T]) -> T:
+    """Return plain data as `kind`; raises `ValueError` that names the first value of a wrong type."""
     try:
         return msgspec.convert(data, kind)
     except msgspec.ValidationError as error:
-        words = str(error)
-        raise ValueError(words if len(words) <= 400 else f"{words[:200]}…{words[-200:]}") from error
+        text = str(error)
+        raise ValueError(text if len(text) <= 400 else f"{text[:200]}…{text[-200:]}") from error

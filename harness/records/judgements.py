@@ -1,7 +1,4 @@
-"""The record of `python -m harness judge`: `judgement.json`.
-
-This module imports modules of records alone, as reports read it.
-"""
+"""The record of `python -m harness judge`, `judgement.json`."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -25,9 +22,9 @@ class Pair(Record, frozen=True):
     scenes: int
     difference: float | None
     scenes_like_these: Estimate | None
-    """The estimate that the verdict is taken from; None with fewer than two shared scenes."""
+    """The estimate that the verdict comes from; None with fewer than two shared scenes."""
     on_these_scenes: Estimate | None
-    """The estimate with the error of seeds alone; None without seeds."""
+    """The estimate whose error comes from seeds only; None without seeds."""
 
     @property
     def verdict(self) -> Verdict:
@@ -43,17 +40,17 @@ class Place(Record, frozen=True):
 
     method: str
     mean: float
-    """The mean over scenes of means over seeds, adjusted for the scenes that it lacks."""
+    """The mean over scenes of the means over seeds, adjusted for missing scenes."""
     scenes: int
     seconds: float | None
     steps: float | None
     groups: list[int]
-    """The numbers of its groups, from 1; empty against a baseline."""
+    """The numbers of its groups, starting from 1; empty against a baseline."""
     core_seconds: float | None = None
 
 
 class Ranking(Record, frozen=True):
-    """The methods from best to worst, and every pair that is judged, the better-placed method first."""
+    """The methods from best to worst, and all judged pairs, the better-placed method first."""
 
     places: list[Place]
     pairs: list[Pair]
@@ -95,7 +92,7 @@ class JudgementRecord(Record, frozen=True):
     suspects: list[Suspect]
     given: Ranking
     without_suspects: Ranking | None
-    """The verdicts without the suspect results; None if nothing is suspect."""
+    """The verdicts without the suspect results; None without a suspect."""
     digests: dict[str, str]
     """The SHA-256 of each file of the table."""
     schema: int = JUDGEMENT_SCHEMA

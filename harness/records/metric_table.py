@@ -1,7 +1,7 @@
-"""The metrics, each in one line: everything that computes, compares or shows scores goes through this table.
+"""The table of metrics, which everything that computes, compares or shows scores uses.
 
-A metric is the function of its name in `harness.training.scoring.metrics`, a field of the records that hold scores, a
-family of comparisons, and a column of the page.
+The name of a metric is also the name of its function in `harness.training.scoring.metrics`, of a field in the records
+of scores, and of a column of the page.
 """
 
 import math
@@ -18,22 +18,21 @@ class Metric(NamedTuple):
     digits_of_difference: int
     higher_is_better: bool
     smallest_of_interest: float
-    """The difference below which nobody is interested; for PSNR the smallest step of the paper's Table 4."""
+    """The smallest effect of interest; for PSNR the smallest step of the paper's Table 4."""
     meaning: str
     compares: Literal["colour", "light", "features", "depth", "opacity"] = "colour"
-    """What of a view its function is given, with the truth of it."""
+    """The part of a view that its function compares with the truth."""
     largest: float = math.inf
-    """What a larger score counts as."""
+    """The value that a larger score is clipped to."""
     error: str = ""
-    """The label of its figure of error against work, 1 − score if higher is better; empty for no such figure."""
+    """The label of its figure of error against work (1 − score if higher is better); empty without such a figure."""
     optional: bool = False
-    """Whether only some scenes or runs have it: unclipped light is compared where display colour cannot hold it
-    (`hdr_metrics` of a scene's needs), and features where the user brought the weights of LPIPS.
-    """
+    """Whether only some scenes or runs have it: unclipped light is compared if display colour cannot hold it
+    (`hdr_metrics` of a scene's needs), and features if the user provides the weights of LPIPS."""
 
 
 LARGEST_PSNR = 100.0
-"""The PSNR of an image that is identical to the truth, in means alone."""
+"""The PSNR of an image that is identical to the truth, used only in means."""
 METRICS: dict[str, Metric] = {
     metric.name: metric
     for metric in (
@@ -60,18 +59,18 @@ METRICS: dict[str, Metric] = {
                optional=True),
     )
 }  # fmt: skip
-"""The order is that of columns and comparisons."""
+"""Name → metric, in the order of columns and comparisons."""
 POSSIBLE = {
     "psnr": (0.0, 400.0), "ssim": (-1.0, 1.0), "rmse_linear": (0.0, 1.0), "flip": (0.0, 1.0),
     "delta_e": (0.0, 200.0), "depth_rmse": (0.0, math.inf), "opacity_iou": (0.0, 1.0),
     "rel_mse": (0.0, math.inf), "lpips": (0.0, math.inf), "smape": (0.0, 1.0), "hdr_flip": (0.0, 1.0),
 }  # fmt: skip
-"""The least and the largest score of images in 0 … 1, whatever is compared."""
+"""The range of possible scores of any two images in 0 … 1."""
 PRIMARY = "psnr"
 SMALLEST_SAVING = 5.0
 """The smallest saving of interest, in per cent of training time: the paper prints 18 and 19."""
 
 
 def metric_of(name: str) -> Metric:
-    """Return a line of the table; a metric that this version does not know keeps its name."""
+    """Return a line of the table; a metric that this version does not know is labelled by its name."""
     return METRICS.get(name) or Metric(name, name, "", 3, 4, True, 0.0, "")

@@ -1,6 +1,6 @@
-"""The test views that a run saves: the renders of each cell along its training, and their truth.
+"""The test views that a run saves: the renders of each cell during training, and their truth.
 
-A file holds tensors and a listing of them, sealed by a digest of both.
+A file holds tensors and a listing of them, with a digest of both.
 """
 
 import errno
@@ -29,12 +29,12 @@ Tensors = dict[str, np.ndarray]
 def sealed(key: str, listing: dict[str, object], tensors: Tensors) -> bytes:
     """Return the bytes of a file whose only metadata is `key`; raises `ValueError` for NaN or Infinity in `listing`."""
     text = json.dumps({**listing, "digest": digest_of(listing, tensors)}, allow_nan=False)
-    # safetensors writes memory as it lies there, whatever the strides
+    # safetensors ignores strides
     return save({name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}, {key: text})
 
 
 def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
-    """Return what `sealed` was given; raises `ValueError` for anything else."""
+    """Return the listing and tensors of `sealed`; raises `ValueError` for anything else."""
     try:
         tensors = load(data)  # checks the header's bounds
         header = msgspec.json.decode(data[8 : 8 + int.from_bytes(data[:8], "little")])
@@ -56,10 +56,10 @@ def digest_of(listing: dict[str, object], tensors: Tensors) -> str:
 
 
 EVERY_CHECKPOINT_SEED = 0
-"""The first seed of a plan: one seed shows how a picture comes about, the others how it ended."""
+"""The first seed of a plan, whose renders are saved at every checkpoint; other seeds save only the last."""
 SCHEMA = 1
 LARGEST_BYTES = 512 * 1024 * 1024
-"""A larger file is neither written nor read."""
+"""The maximum size of a file that is written or read."""
 HEADER_BYTES = 1024 * 1024
 LARGEST_HALF = 65504.0
 """The largest float16, to which brighter values are clipped."""
@@ -81,14 +81,14 @@ class Truth:
     opacity: Half
     """[h, w]."""
     linear: Half | None = None
-    """[h, w, 3]: linear light over white, not clipped but at 65504; None where the view set holds display colour."""
+    """[h, w, 3]: linear light over white, clipped only at 65504; None if the view set holds display colour."""
     depth: Half | None = None
-    """[h, w]: distance along the unit ray in scene units, 0 where nothing is hit; None where the view set has none."""
+    """[h, w]: distance along the unit ray in scene units, 0 where nothing is hit; None if the view set has no depth."""
 
 
 @dataclass(frozen=True)
 class Render:
-    """A saved view as a cell rendered it at a checkpoint."""
+    """A view that a cell rendered at a checkpoint."""
 
     view: str
     step: int
@@ -102,7 +102,7 @@ class Render:
 
 @dataclass(frozen=True)
 class Turn:
-    """Small pictures of many test views, in the order in which one walks around the scene."""
+    """Small pictures of many test views, in their order around the scene."""
 
     views: list[str]
     frames: NDArray[np.uint8]
@@ -113,11 +113,11 @@ TRUTH = {"display": 3, "opacity": None, "linear": 3, "depth": None}
 RENDER = {"colour": 3, "opacity": None, "depth": None}
 """Map tensor → its channels; None stands for [h, w]."""
 PARTS = {"truth": (TRUTH, {"display", "opacity"}), "renders": (RENDER, set(RENDER))}
-"""Map kind of file → the tensors that a picture may have, and those that it must."""
+"""Map kind of file → the tensors that a picture may have, and those that it must have."""
 
 
 class ListedPicture(Record, frozen=True, kw_only=True):
-    """A view and the tensors that there are of it; the truth has no step."""
+    """A view and the names of its tensors; the truth has no step."""
 
     view: str
     step: int | UnsetType = UNSET
@@ -129,7 +129,7 @@ class PicturesListing(Record, frozen=True):
     kind: str
     pictures: list[ListedPicture]
     turn: list[str] = field(default_factory=list)
-    """The views of the turn, if the file holds one."""
+    """The views of the turn; empty without one."""
 
 
 def half(values: np.ndarray) -> Half:
@@ -141,7 +141,7 @@ def half(values: np.ndarray) -> Half:
 
 
 def cell_pictures(scene: str, method: str, seed: int) -> str:
-    """Return the path relative to `OUT/records`, as the cell's record holds it."""
+    """Return the path relative to `OUT/records`."""
     return f"pictures/{scene}.{method}.{seed}.safetensors"
 
 
@@ -150,7 +150,7 @@ def truth_pictures(scene: str) -> str:
 
 
 def write_truth(path: Path, views: list[Truth], turn: Turn | None = None) -> None:
-    """Write the truth, unless the file holds just that already. Raises `OSError` naming the file."""
+    """Write the truth, unless the file already holds it; raises `OSError` that names the file."""
     parts = [[name for name in TRUTH if getattr(truth, name) is not None] for truth in views]
     rows = [ListedPicture(view=truth.view, parts=names) for truth, names in zip(views, parts, strict=True)]
     _write(path, "truth", rows, views, turn)
@@ -163,18 +163,18 @@ def write_renders(path: Path, renders: list[Render], turn: Turn | None = None) -
 
 
 def read_truth(path: Path) -> list[Truth]:
-    """Read the truth; raises `DamagedRecord`, with reason and remedy, for what `write_truth` does not write."""
+    """Read the truth; raises `DamagedRecord` with reason and remedy for any other file."""
     return [Truth(row.view, **parts) for row, parts in _read(path, "truth")[0]]
 
 
 def read_renders(path: Path) -> list[Render]:
-    """Read renders in the order of their checkpoints; raises `DamagedRecord` as `read_truth` does."""
+    """Read renders in the order of their checkpoints, with the errors of `read_truth`."""
     rows, _ = _read(path, "renders")
     return [Render(row.view, row.step, **parts) for row, parts in rows if row.step is not UNSET]
 
 
 def read_turn(path: Path, kind: Literal["truth", "renders"]) -> Turn | None:
-    """Read the turn of a file, if it has one; raises `DamagedRecord` as `read_truth` does."""
+    """Read the turn of a file, if it has one, with the errors of `read_truth`."""
     return _read(path, kind)[1]
 
 
@@ -244,9 +244,9 @@ def _parts(
     parts = {name: tensors[f"{place:04}.{name}"] for name in row.parts}
     size = parts["opacity"].shape
     for name, tensor in parts.items():
-        wanted = size if channels[name] is None else (*size, channels[name])
-        if tensor.dtype != np.float16 or len(size) != 2 or min(size) < 1 or tensor.shape != wanted:
-            raise ValueError(f"{name} of view {row.view} is {tensor.dtype} {tensor.shape}, not float16 {wanted}")
+        expected = size if channels[name] is None else (*size, channels[name])
+        if tensor.dtype != np.float16 or len(size) != 2 or min(size) < 1 or tensor.shape != expected:
+            raise ValueError(f"{name} of view {row.view} is {tensor.dtype} {tensor.shape}, not float16 {expected}")
         if not np.isfinite(tensor).all():
             raise ValueError(f"{name} of view {row.view} is not finite")
     return parts

@@ -1,7 +1,4 @@
-"""The table of `python -m harness score`: a row for the pictures of each scene, method and seed.
-
-`python -m harness judge` reads it beside other tables.
-"""
+"""The table of `python -m harness score`, with a row per scene, method and seed; `python -m harness judge` reads it."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +11,7 @@ REMEDY = "delete it, or name another --to"
 
 
 class ScoredPictures(Scores, frozen=True):
-    """The means of one method's pictures of one scene; None for what was not scored."""
+    """The mean scores of one method's pictures of one scene; None for a metric that was not scored."""
 
     scene: str
     method: str
@@ -23,7 +20,7 @@ class ScoredPictures(Scores, frozen=True):
     made: dict[str, Any]
     """What was scored: folder and digest of the pictures, view set, width, and whether `--as-they-are`."""
     seconds: float | None = None
-    """The training seconds, as somebody said."""
+    """The training seconds that the user stated."""
 
     @property
     def cell(self) -> tuple[str, str, int]:
@@ -43,6 +40,6 @@ def read_scores(path: Path) -> ScoreTable:
 
 
 def write_scores(path: Path, table: ScoreTable, row: ScoredPictures) -> None:
-    """Write the table with `row` in the place of one of the same scene, method and seed, or else at its end."""
-    rows = {one.cell: one for one in table.cells} | {row.cell: row}
+    """Write the table with `row`, which replaces a row of the same scene, method and seed, or is appended."""
+    rows = {known.cell: known for known in table.cells} | {row.cell: row}
     write_record(path, ScoreTable(list(rows.values())))

@@ -1,4 +1,4 @@
-"""The snapshot of a cell in the middle of its training: OUT/unfinished/<scene>.<method>.<seed>.safetensors."""
+"""Snapshots of cells in training, OUT/unfinished/<scene>.<method>.<seed>.safetensors."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from scenes.files.errors import DamagedRecord
 FOLDER = "unfinished"
 """The folder of snapshots in OUT, and the key of their listings."""
 ENDED = ("done", "diverged")
-"""The states without a snapshot; a cell with an error resumes from its own."""
+"""The states without a snapshot; a cell with an error resumes from its snapshot."""
 SCHEMA = 1
 LARGEST_BYTES = 4 << 30
 
@@ -24,7 +24,7 @@ class Unfinished:
     tensors: Tensors
 
     def under(self, prefix: str) -> Tensors:
-        """Return the tensors whose names begin with `prefix` and a dot, without these."""
+        """Return the tensors whose names begin with `prefix` and a dot, by the rest of their names."""
         start = f"{prefix}."
         return {name.removeprefix(start): self.tensors[name] for name in self.tensors if name.startswith(start)}
 
@@ -34,15 +34,15 @@ def unfinished_path(out: Path, scene: str, method: str, seed: int) -> Path:
 
 
 def write_unfinished(path: Path, cell: Unfinished) -> None:
-    """Write atomically. Raises `OSError`, naming the file."""
+    """Write atomically; raises `OSError` that names the file."""
     write_atomically(path, sealed(FOLDER, {"schema": SCHEMA, **cell.listing}, cell.tensors))
 
 
 def read_unfinished(path: Path) -> Unfinished:
-    """Read a snapshot; raises `DamagedRecord` for anything that `write_unfinished` does not write."""
+    """Read a snapshot; raises `DamagedRecord` for any other file."""
     try:
         if not path.is_file():
-            raise ValueError("is no file")
+            raise ValueError("is not a file")
         if (size := path.stat().st_size) > LARGEST_BYTES:
             raise ValueError(f"has {size} bytes, more than any cell")
         listing, tensors = unsealed(FOLDER, path.read_bytes())

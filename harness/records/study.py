@@ -1,8 +1,7 @@
-"""The record of a question answered by measurement: `OUT/<shelf>.json`, one entry per study and one shape for all
-shelves.
+"""Records of studies, `OUT/<shelf>.json`: questions that are answered by measurement, in one form for all shelves.
 
 A finding is a sentence, a check against limits, an effect, a line, a table or a picture; the first sentence of a study
-is its answer. This module imports no other library than msgspec, as reports read it.
+is its answer.
 """
 
 import math
@@ -30,7 +29,7 @@ SHELVES = {
 }
 """Shelf → its file under OUT."""
 PICTURES_FOLDER = "stability"
-"""The folder under OUT in which `Picture.path` lies."""
+"""The folder under OUT that holds the files of `Picture.path`."""
 
 CHAPTERS: dict[int, str] = {
     1: "Rounding: error against optical depth",
@@ -47,41 +46,41 @@ CHAPTERS: dict[int, str] = {
     12: "An independent reference",
     13: "What scenes do not need",
 }
-"""The chapters of stability, across its cases: the number in `item` of a finding → its title."""
+"""The number in `item` of a stability finding → the title of its chapter."""
 
 Owner = Literal["ours", "paper", "usual", "machine"]
-"""The owner of a check: this harness, the paper's form as printed, the form that the field's code usually has, or the
-machine that it was measured on. Only a check of ours fails a run; the others are properties that are shown.
+"""The owner of a check: this harness, the paper's form as printed, the usual form in the field's code, or the machine
+that was measured. Only a failed check of the harness fails a run; the others are shown as properties.
 """
 Status = Literal["pass", "fail", "measured", "inconclusive", "not_applicable", "not_available"]
-"""`measured`: a figure without a limit."""
+"""`measured` is the status of a figure without a limit."""
 CUT_SHORT = ("late", "failed")
-"""The ids of checks that say so of their study: it is not complete, and is measured again."""
+"""The ids of checks that mark their study as incomplete, so that it is measured again."""
 Values = Sequence[float | None]
-"""Figures in which `None` stands for one that was not finite: a gap in the line, which a chart marks."""
+"""Figures of a line; `None` is a figure that was not finite, which a chart marks as a gap."""
 
 
 class Answer(Record, frozen=True, tag="answer"):
-    """A sentence made from figures."""
+    """A sentence made of figures."""
 
     text: str
 
 
 class Check(Record, frozen=True, tag="check"):
-    """A figure and its outcome against its limits."""
+    """A figure and whether it is within its limits."""
 
     what: str
-    """The name of the figure, in a few words: `largest relative error of colour`."""
+    """The short name of the figure: `largest relative error of colour`."""
     value: float | None
-    """The worst or the median of what was measured; `None` if nothing was: `why` says so."""
+    """The worst or the median measurement; None without a measurement, for the reason `why`."""
     low: float | None = None
     high: float | None = None
     unit: str = ""
-    """The unit: `×` for a ratio, `%` for a share, else a unit."""
+    """The unit; `×` for a ratio, `%` for a share."""
     why: str = ""
-    """The way it was measured, what a reader must know, or why there is no figure."""
+    """How it was measured, what a reader must know, or why there is no figure."""
     subject: str = ""
-    """The method, quadrature rule, encoding, amplifier or `harness`; empty if the study is about one thing."""
+    """The method, quadrature rule, encoding, amplifier or `harness`; empty if the study has one subject."""
     owner: Owner = "ours"
     status: Status = "measured"
     spread: tuple[float, float] | None = None
@@ -104,36 +103,36 @@ class Check(Record, frozen=True, tag="check"):
 
     @property
     def limit(self) -> float | None:
-        """Return the only limit, or the nearer one of two."""
+        """Return the only limit, or the nearer of two."""
         limits = [end for end in (self.low, self.high) if end is not None]
         return min(limits, key=lambda end: abs(end - (self.value or 0.0)), default=None)
 
 
 class Effect(Record, frozen=True, tag="effect"):
-    """A difference with its interval: of one method from another, of a part, or of an interaction of parts."""
+    """A difference with its interval: between two methods, or the effect of a part or of an interaction of parts."""
 
     name: str
-    """The part that is added, changed or taken away: a method's name if it is one method against another."""
+    """The part that is added, changed or removed; a method's name if two methods are compared."""
     against: str
-    """A method's name; empty for a main effect or an interaction, which is against its own absence."""
+    """A method's name; empty for a main effect or an interaction, which is compared with its absence."""
     scene: str
     """A scene's name, or `all`."""
     metric: str
     budget: Budget
     difference: float | None
     interval: tuple[float, float] | None
-    """The 95 % interval of this comparison alone."""
+    """The 95 % interval of this comparison only."""
     simultaneous: tuple[float, float] | None
-    """The interval that the verdict is taken from: `family` says how many comparisons are judged together."""
+    """The interval that the verdict comes from, for `family` comparisons that are judged together."""
     family: int
     verdict: Verdict
     smallest_detectable: float | None
     pairs: int
     unpaired: int
-    """The pairs without a score, because a cell diverged, collapsed or failed: the others are judged."""
+    """The pairs that are not judged, because a cell diverged, collapsed or failed."""
     note: str = ""
     on_these_scenes: Estimate | None = None
-    """The estimate with error from seeds alone, where the interval is of scenes like these."""
+    """The estimate whose error comes from seeds only, if `interval` is for scenes like these."""
 
 
 class Series(Record, frozen=True, tag="series"):
@@ -141,7 +140,7 @@ class Series(Record, frozen=True, tag="series"):
 
     panel: str
     item: int
-    """The number of the chapter that it belongs to, or 0."""
+    """The number of its chapter, or 0."""
     name: str
     x_label: str
     y_label: str
@@ -154,7 +153,7 @@ class Series(Record, frozen=True, tag="series"):
 
 
 class Table(Record, frozen=True, tag="table"):
-    """Rows that are no single figure: where the remaining time goes, for instance."""
+    """Rows of figures and text, for instance of where the remaining time goes."""
 
     id: str
     item: int
@@ -178,15 +177,15 @@ class StudyInfo(Record, frozen=True):
     id: str
     title: str
     question: str = ""
-    """One sentence that ends with a question mark."""
+    """A sentence that ends with a question mark."""
     method: str = ""
-    """How it is answered, in two or three sentences; scenes, steps and seeds stand in `StudyRecord.scale`."""
+    """How it is answered, in two or three sentences; `StudyRecord.scale` has scenes, steps and seeds."""
     facts: dict[str, str] = field(default_factory=dict)
-    """What else the report says of it, by its title: `input`, `danger`, `reference`, `bar` of a stiff case."""
+    """Further text of the report by title: `input`, `danger`, `reference`, `bar` of a stiff case."""
 
 
 class StudyRecord(Record, frozen=True):
-    """One study and everything that came of it, in the order in which it came."""
+    """One study and its findings, in the order in which they were made."""
 
     info: StudyInfo
     scale: str = ""
@@ -196,7 +195,7 @@ class StudyRecord(Record, frozen=True):
 
     @property
     def cut_short(self) -> bool:
-        """Return whether it failed, or had to leave something out because its time was over."""
+        """Return whether it failed, or left something out because its time was over."""
         return any(check.id in CUT_SHORT for check in self.checks)
 
     @property
@@ -225,7 +224,7 @@ class StudyRecord(Record, frozen=True):
 
 
 class Studies(Record, frozen=True):
-    """The studies of one shelf that are complete, in the order of its catalogue."""
+    """The complete studies of one shelf, in the order of its catalogue."""
 
     shelf: str
     provenance: dict[str, Any]
@@ -246,12 +245,12 @@ class Studies(Record, frozen=True):
 
     @property
     def is_complete(self) -> bool:
-        """Return whether everything that was to be measured was."""
+        """Return whether every planned measurement was made."""
         return self.finished and not any(study.cut_short for study in self.studies)
 
     @property
     def is_quick(self) -> bool:
-        """Return whether it was measured at sizes at which no figure means anything."""
+        """Return whether it was measured at sizes that are too small for meaningful figures."""
         return bool(self.settings.get("quick"))
 
 
@@ -274,7 +273,7 @@ def check(
     why: str = "",
     **facts: Unpack[CheckFacts],
 ) -> Check:
-    """Check `value` against its limits. One that is missing or not finite fails, whatever the limits."""
+    """Check `value` against its limits; a missing or non-finite value always fails."""
     if value is not None and not math.isfinite(value):
         value, why = None, f"the figure is {value}" + (f"; {why}" if why else "")
     if value is None:
@@ -287,7 +286,7 @@ def check(
 
 
 def write_studies(path: Path, record: Studies) -> None:
-    """Writes `record` as JSON. A point of a line that is not finite is kept as a gap, a table's as words.
+    """Write `record` as JSON; figures that are not finite become gaps in lines and text in tables.
 
     Raises `ValueError` if another figure is not finite.
     """
@@ -297,11 +296,11 @@ def write_studies(path: Path, record: Studies) -> None:
             for name in ("y", "low", "high"):
                 finding[name] = None if finding[name] is None else [finite_or_none(value) for value in finding[name]]
         elif finding["type"] == "table":
-            finding["rows"] = [[_in_words(value) for value in row] for row in finding["rows"]]
+            finding["rows"] = [[_finite_or_text(value) for value in row] for row in finding["rows"]]
     write_record(path, data)
 
 
-def _in_words(value: str | float | None) -> str | float | None:
+def _finite_or_text(value: str | float | None) -> str | float | None:
     return f"not finite ({value})" if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -312,7 +311,7 @@ def again(shelf: str, out: Path) -> str:
 
 
 def read_studies(path: Path) -> Studies:
-    """Read studies. Raises `DamagedRecord` if the file is not what this version writes."""
+    """Read studies; raises `DamagedRecord` for any other file."""
     shelf = path.stem
     try:
         data = load_record(path)

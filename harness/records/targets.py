@@ -1,8 +1,4 @@
-"""How soon each run of a benchmark reached a PSNR: `OUT/records/targets.json`, as `harness.verdicts.survival` computes
-it.
-
-This module imports modules of records alone, as reports read it.
-"""
+"""When each run reached a target PSNR: `OUT/records/targets.json`, computed by `harness.verdicts.survival`."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,21 +15,21 @@ TARGETS_SCHEMA = 1
 TARGETS_FILE = "targets.json"
 
 Axis = Budget
-"""The axis of time: training steps, or wall or core seconds of training."""
+"""The axis of time: steps, wall seconds or core seconds of training."""
 
 
 class Reach(Record, frozen=True):
-    """The time at which one run first reached the target, as far as it is known; one for each axis."""
+    """The time at which one run first reached the target, as far as it is known, on one axis."""
 
     scene: str
     method: str
     seed: int
     axis: Axis
     time: float
-    """The time of reaching; for `never` that of the last look, for `earlier` that of the first checkpoint."""
+    """The time of reaching it; for `never` that of the last checkpoint, for `earlier` that of the first."""
     known: Literal["reached", "never", "earlier"]
-    """never     not reached until the run's end, or the run diverged or failed: censored, the true time is longer
-    earlier   reached by the first checkpoint already: the true time is `time` or less"""
+    """never     not reached by the end of the run, or the run diverged or failed: censored, the true time is longer
+    earlier   already reached at the first checkpoint: the true time is `time` or less"""
     why: str = ""
     """The reason of `never`: ended below the target, diverged, or failed."""
 
@@ -46,18 +42,19 @@ class ReachCurve(Record, frozen=True):
     """A scene's name, or `all`."""
     axis: Axis
     time: list[float]
-    """Rising times: a share holds until the next one. Before the first it is 0; the last ends the curve."""
+    """Rising times: a share holds until the next time. Before the first it is 0; the last ends the curve."""
     share: list[float]
-    """The shares, 0 … 1, one for each time."""
+    """The share, 0 … 1, at each time."""
     at_risk: list[int]
-    """The number of runs that were watched and below the target just before each time."""
+    """The number of runs that were observed and below the target just before each time."""
 
 
 class TargetComparison(Record, frozen=True):
     """How much sooner `method` reaches the target than `against`, paired over scenes and seeds.
 
-    What is compared is the restricted time min(T, horizon): all that a time can say that was only watched until then.
-    `interval` is of its saving. Of the time to the target itself that is one bound or both: `at_least`, `at_most`.
+    The compared quantity is the restricted time min(T, horizon), since times beyond the horizon were not observed.
+    `interval` is that of its saving. For the time to the target itself it gives one or both bounds, `at_least` and
+    `at_most`.
     """
 
     scene: str
@@ -66,56 +63,56 @@ class TargetComparison(Record, frozen=True):
     against: str
     axis: Axis
     horizon: float
-    """The shortest time that a finished run of the two was watched on the scene; for `all` the shortest of these."""
+    """The shortest time that a finished run of the two was observed on the scene; for `all` the minimum over scenes."""
     saving: float | None
-    """The saving in per cent of `against`'s restricted time, from the mean of log ratios; None without any."""
+    """The saving in per cent of `against`'s restricted time, from the mean of log ratios; None without a ratio."""
     interval: tuple[float, float] | None
-    """95 %, of this comparison alone, in per cent; None where times agree so that it would have no width. As all that
-    has the name of a part of `Estimate`: of scenes like these where several were tried."""
+    """The 95 % interval of this comparison only, in per cent; None if equal times would leave it without width. Like
+    all fields that `Estimate` has too, it is for scenes like these if several were tried."""
     simultaneous: tuple[float, float] | None
-    """The interval that the verdict is taken from, for `family` comparisons together."""
+    """The interval that the verdict comes from, for `family` comparisons together."""
     family: int
     verdict: Verdict
     """The verdict on the saving: above 0 means sooner."""
     smallest_detectable: float | None
-    """The true saving in per cent that such a sample would find in 80 % of repetitions."""
+    """The true saving in per cent that 80 % of such samples would find."""
     difference: float | None
     """The difference of the mean restricted times, `method` − `against`, in steps, seconds or core seconds."""
     difference_interval: tuple[float, float] | None
-    """The 95 % interval of this comparison alone."""
+    """The 95 % interval of this comparison only."""
     pairs: int
     never: tuple[int, int]
     """The paired runs of `method` and of `against` that had not reached it by the horizon."""
     earlier: tuple[int, int]
     """The paired runs of `method` and of `against` that had reached it by their first checkpoint."""
     unpaired: int
-    """The pairs of which a run does not exist, or failed for reasons that are not its method's."""
+    """The pairs with a run that does not exist, or that failed for reasons unrelated to its method."""
     at_least: float | None
-    """The least per cent that `method` saves, with 97.5 % confidence; None if a censored time may have made it less."""
+    """The minimum saving in per cent, with 97.5 % confidence; None if a censored time may have lowered it."""
     at_most: float | None
     on_these_scenes: Estimate | None
-    """The saving in per cent, with the error of seeds alone."""
+    """The saving in per cent, with an error from seeds only."""
     scenes_like_these: Estimate | None
-    """The saving for which scenes are drawn too; None for a single scene."""
+    """The saving that treats scenes as drawn too; None for a single scene."""
 
 
 class TargetsRecord(Record, frozen=True):
     """The target, the times at which every run reached it, and their comparisons."""
 
     target: float | None
-    """The target in dB of mean test PSNR; None if no run of the baseline finished."""
+    """The target mean test PSNR in dB; None if no run of the baseline finished."""
     printed: bool
     """Whether the target is the paper's."""
     baseline: str
-    """The method from whose runs alone the target was chosen."""
+    """The method whose runs determine the target."""
     declared: str
-    """How it was chosen, in a sentence."""
+    """A sentence on how it was chosen."""
     reaches: list[Reach]
     curves: list[ReachCurve]
     comparisons: list[TargetComparison]
     schema: int = TARGETS_SCHEMA
     digests: dict[str, str] = field(default_factory=dict)
-    """The digest of each cell's record that it was computed from, by the name of its file; empty in an older run."""
+    """Map file name of each cell that it was computed from → digest of its record; empty in an older run."""
 
     def comparison(self, scene: str, method: str, against: str, axis: str) -> TargetComparison | None:
         for row in self.comparisons:
@@ -130,8 +127,8 @@ def write_targets(out: Path, record: TargetsRecord) -> None:
 
 
 def read_targets(out: Path, cells: Iterable[CellRecord] = ()) -> TargetsRecord | None:
-    """Read the record; None for an older run. Raises `DamagedRecord` for anything that this version does not write, and
-    where one of `cells` has changed since.
+    """Read the record; None for an older run. Raises `DamagedRecord` for any other file, and if one of `cells` has
+    changed since.
     """
     path = records_folder(out) / TARGETS_FILE
     if not path.exists():

@@ -1,4 +1,4 @@
-"""A verdict: two answers to two questions about a difference, its sign and its size, and the phrase for both."""
+"""A verdict on a difference: its sign, its size, and the phrase for both."""
 
 from collections.abc import Iterable
 from typing import Literal
@@ -10,15 +10,15 @@ Size = Literal["matters", "smaller than matters", "open"]
 
 
 class Verdict(Record, frozen=True):
-    """What an interval says of a difference `method` − `against`; whether that is good depends on the metric."""
+    """What an interval says about a difference `method` − `against`; whether that is good depends on the metric."""
 
     sign: Sign
     size: Size
-    """Compared with the smallest effect of interest, the margin, in either direction."""
+    """The size compared with the smallest effect of interest, the margin, in either direction."""
 
     @property
     def phrase(self) -> str:
-        """The two words as they are printed: `above 0, smaller than matters`, `sign open, matters`, …"""
+        """Sign and size as they are printed: `above 0, smaller than matters`, `sign open, matters`, …"""
         if self == OPEN:
             return "sign and size open"
         sign = "sign open" if self.sign == "open" else self.sign
@@ -35,15 +35,15 @@ TURNED: dict[Sign, Sign] = {"above 0": "below 0", "below 0": "above 0", "open": 
 
 
 def common(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the answers that all verdicts share; an answer on which they differ is open."""
-    found = list(verdicts)
-    signs, sizes = {verdict.sign for verdict in found}, {verdict.size for verdict in found}
+    """Return the sign and the size that all verdicts share; one on which they differ is open."""
+    verdicts = list(verdicts)
+    signs, sizes = {verdict.sign for verdict in verdicts}, {verdict.size for verdict in verdicts}
     return Verdict(signs.pop() if len(signs) == 1 else "open", sizes.pop() if len(sizes) == 1 else "open")
 
 
 def phrase_with(verdict: Verdict, interval: tuple[float, float] | None) -> str:
-    """Return the phrase of a verdict next to its interval: one that lies on one side of 0 and is given no sign is of
-    too few seeds, and nothing is said of it.
+    """Return the phrase of a verdict next to its interval: an open verdict whose interval excludes 0 comes from too few
+    seeds.
     """
     one_sided = interval is not None and (interval[0] > 0 or interval[1] < 0)
     return "too few seeds for a verdict" if verdict == OPEN and one_sided else verdict.phrase
@@ -53,8 +53,8 @@ def verdict_of(interval: tuple[float, float] | None, margin: float) -> Verdict:
     """Return the verdict that an interval allows, with `margin` ≥ 0 in its unit; both answers are open without one.
 
     sign    above or below 0 if the whole interval is
-    size    "smaller than matters" if the interval lies within (−margin, margin), "matters" if it lies wholly beyond
-            one of the two; with a margin of 0 a size is never asked about, and stays open
+    size    "smaller than matters" if the interval lies within (−margin, margin), "matters" if it lies entirely beyond
+            one of the two; with a margin of 0 the size stays open
     """
     if interval is None:
         return OPEN

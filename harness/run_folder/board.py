@@ -1,7 +1,7 @@
-"""A finished cell for TensorBoard: OUT/tensorboard/<scene>/<method>/<seed>, made from its records alone.
+"""A finished cell for TensorBoard: OUT/tensorboard/<scene>/<method>/<seed>, made from its records only.
 
-Times are the cell's own training seconds, so that TensorBoard's *Relative* axis is the clock that methods are compared
-on; its *Wall* axis means nothing. A score that a record does not have is left out.
+Times are the cell's training seconds, so that TensorBoard's *Relative* axis is the clock on which methods are compared;
+its *Wall* axis means nothing. A score that a record does not have is left out.
 """
 
 import importlib.util
@@ -29,8 +29,8 @@ def require_tensorboard(option: str) -> None:
     """Raise `InputError` if the package is missing; called before anything is trained."""
     if importlib.util.find_spec("tensorboard") is None:
         raise InputError(
-            f"{option}: the package tensorboard is not installed; install the extra of pyproject.toml, or leave it out "
-            f"and write it later with python -m harness tensorboard OUT"
+            f"{option}: the package tensorboard is not installed; install the extra of pyproject.toml, or leave the "
+            "option out and run python -m harness tensorboard OUT later"
         )
 
 
@@ -39,14 +39,14 @@ def board_folder(out: Path, cell: CellRecord) -> Path:
 
 
 def write_board(out: Path, cell: CellRecord) -> Path:
-    """Write the cell anew and atomically; returns its folder. Raises `OSError`, and `DamagedRecord` for pictures that
-    cannot be read.
+    """Write the cell, replacing an earlier version atomically; returns its folder. Raises `OSError`, and
+    `DamagedRecord` for pictures that cannot be read.
     """
     from torch.utils.tensorboard import SummaryWriter
 
     folder = board_folder(out, cell)
-    with replacing(folder) as beside:
-        writer = SummaryWriter(str(beside))
+    with replacing(folder) as temporary:
+        writer = SummaryWriter(str(temporary))
         try:
             _curve(writer, cell.curve)
             _trace(writer, cell)
@@ -60,16 +60,14 @@ def write_board(out: Path, cell: CellRecord) -> Path:
 
 def _curve(writer: "SummaryWriter", curve: list[Checkpoint]) -> None:
     for point in curve:
-        for name in METRICS:
-            _scalar(writer, f"test/{name}", getattr(point, name), point.step, point.seconds)
-        for name in ("network_evaluations", "core_seconds"):
+        for name in (*METRICS, "network_evaluations", "core_seconds"):
             _scalar(writer, f"test/{name}", getattr(point, name), point.step, point.seconds)
         if point.density is None:
             continue
         edges = np.asarray(point.density["edges"])
+        centres = 0.5 * (edges[:-1] + edges[1:])
         for name in ("before", "after"):
             counts = POINTS * np.asarray(point.density[name])
-            centres = 0.5 * (edges[:-1] + edges[1:])
             writer.add_histogram_raw(
                 f"density/{name}",
                 min=float(edges[0]),
@@ -85,7 +83,7 @@ def _curve(writer: "SummaryWriter", curve: list[Checkpoint]) -> None:
 
 
 def _trace(writer: "SummaryWriter", cell: CellRecord) -> None:
-    """Write the steps; their seconds lie on a line between checkpoints, from 0 at the start."""
+    """Write the trace; the seconds of steps are interpolated linearly between checkpoints, from 0 at the start."""
     steps = cell.trace.get("step", [])
     known = [0.0, *(float(point.step) for point in cell.curve)], [0.0, *(point.seconds for point in cell.curve)]
     for name in TRACED:
@@ -102,9 +100,7 @@ def _end(writer: "SummaryWriter", cell: CellRecord) -> None:
 
 
 def _pictures(writer: "SummaryWriter", out: Path, cell: CellRecord) -> None:
-    """Write display colour and opacity of every saved view at every checkpoint that has it; the truth stands at step
-    0.
-    """
+    """Write display colour and opacity of every saved view at every checkpoint that has it; the truth is at step 0."""
     path = records_folder(out) / cell.pictures if cell.pictures else None
     if path is None or not path.is_file():
         return
@@ -120,8 +116,8 @@ def _pictures(writer: "SummaryWriter", out: Path, cell: CellRecord) -> None:
 
 def _picture(writer: "SummaryWriter", tag: str, values: np.ndarray, step: int, seconds: float) -> None:
     """Write `values` [h, w, channels], clipped to 0 … 1, as 8 bits."""
-    eight = np.round(np.clip(np.asarray(values, dtype=np.float32), 0.0, 1.0) * 255.0).astype(np.uint8)
-    writer.add_image(tag, eight, step, seconds, dataformats="HWC")
+    levels = np.round(np.clip(np.asarray(values, dtype=np.float32), 0.0, 1.0) * 255.0).astype(np.uint8)
+    writer.add_image(tag, levels, step, seconds, dataformats="HWC")
 
 
 def _scalar(writer: "SummaryWriter", tag: str, value: float | None, step: int, seconds: float) -> None:

@@ -1,4 +1,4 @@
-"""The facts that the record of a run holds already when the run is resumed: clocks, notices, costs of omissions."""
+"""Facts in the record of a run that a resumed run keeps: clocks, notices, costs of omissions."""
 
 from pathlib import Path
 
@@ -8,11 +8,11 @@ from harness.records.cells import LeftOut, RunRecord, SceneRecord, read_run
 from scenes.files.errors import DamagedRecord
 
 UNMEASURED: dict[str, object] = dict(seconds_saved=None, difference=None, interval=None, clock="", verdict="", study="")
-"""The fields of `LeftOut` that `--verify-omissions` fills in, before it does."""
+"""The values of the fields of `LeftOut` that `--verify-omissions` fills in, before it does."""
 
 
 def earlier_run(out: Path) -> RunRecord | None:
-    """Return the earlier record; None if nothing can be read, which is then treated as if nothing had been there."""
+    """Return the earlier record; None if there is none or it cannot be read."""
     try:
         return read_run(out)
     except DamagedRecord:
@@ -20,13 +20,13 @@ def earlier_run(out: Path) -> RunRecord | None:
 
 
 def notices_of(earlier: RunRecord | None) -> dict[str, object]:
-    """Return the notices of an executor for a record, `{"notices": lines}`, or an empty dictionary."""
+    """Return the earlier notices of an executor as an entry of a record, `{"notices": lines}`, or no entry."""
     notices = earlier.provenance.get("notices", []) if earlier is not None else []
     return {"notices": list(notices)} if notices else {}
 
 
 def with_measured(scenes: list[SceneRecord], earlier: RunRecord | None) -> list[SceneRecord]:
-    """Return `scenes` with what was measured on the same view set under the same settings."""
+    """Return `scenes` with the costs of omissions that were measured on the same view sets."""
     if earlier is None:
         return scenes
     before = {scene.name: scene for scene in earlier.scenes}

@@ -1,4 +1,4 @@
-"""One process at a time writes into an output folder; files that outlive no command lie in a folder within it."""
+"""A lock for output folders, so that one process at a time writes into one, and scratch folders within them."""
 
 import errno
 import json
@@ -16,18 +16,18 @@ from scenes.files.lock import Lock, LockTaken, acquire, is_held
 
 LOCK_FILE = ".lock"
 LEFT_SECONDS = 0.3
-"""The time within which the workers of a holder that was killed end by themselves."""
+"""The seconds within which the workers of a killed holder end by themselves."""
 
 
 @contextmanager
 def locked_folder(out: Path, option: str = "--out") -> Iterator[Lock]:
     """Hold the lock of a folder, which is created if it is missing; one that was created and stays empty is removed.
 
-    Raises `InputError`, naming the `option` it is the value of, if another process has it, naming that, and if the
-    folder cannot be written.
+    Raises `InputError` with the name of the `option` if another process, which is then named, holds the lock, and if
+    the folder cannot be written.
     """
     fresh = False
-    with suppress(OSError):  # a name that cannot be is refused below
+    with suppress(OSError):  # `lock_folder` refuses an impossible name
         fresh = not out.exists()
     lock = lock_folder(out, option)
     try:
@@ -56,13 +56,13 @@ def lock_folder(out: Path, option: str = "--out") -> Lock:
         ) from error
     except OSError as error:
         if error.errno == errno.ELOOP:
-            raise InputError(f"{path}: is no plain file of this folder alone; remove it") from error
+            raise InputError(f"{path}: is a link or a device; remove it") from error
         raise InputError(f"{path}: cannot be written ({error.strerror}); name another folder") from error
     if lock.is_held:
         if os.fstat(lock.handle).st_size:
             time.sleep(LEFT_SECONDS)
         note = json.dumps({"process": os.getpid(), "host": socket.gethostname()}).encode()
-        with suppress(OSError):  # on a full disk it holds all the same
+        with suppress(OSError):  # on a full disk the lock holds without the note
             os.ftruncate(lock.handle, 0)
             os.pwrite(lock.handle, note, 0)
     return lock
@@ -81,7 +81,7 @@ PREFIX = ".scratch-"
 
 @contextmanager
 def scratch_folder(out: Path) -> Iterator[Path]:
-    """Make a folder within `out` and remove it at the end. Raises `OSError` if `out` cannot be written."""
+    """Make a folder within `out`, and remove it at the end. Raises `OSError` if `out` cannot be written."""
     folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=out))
     try:
         with locked_folder(folder):

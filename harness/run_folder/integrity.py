@@ -1,6 +1,6 @@
-"""The files of a run, checked before it is resumed: whatever is damaged is quarantined, named, and made again.
+"""A check of a run's files before it is resumed: damaged files are named, quarantined in OUT/damaged, and made again.
 
-Nothing is deleted but incomplete files of writers: what is not as it was written goes to OUT/damaged.
+Only incomplete files of killed writers are deleted.
 """
 
 import json
@@ -31,29 +31,27 @@ from scenes.files.atomic import remove_leftovers
 from scenes.files.errors import DamagedRecord, InputError
 
 DAMAGED = "damaged"
-"""The folder under OUT for damaged files."""
 FOLDERS = ("records", "records/cells", "records/pictures", "checkpoints", UNFINISHED)
-"""The folders in which a run writes, the outer ones first."""
+"""The folders in which a run writes, outer folders first."""
 Say = Callable[[str], None]
 
 
 def sweep(out: Path) -> int:
-    """Remove the incomplete files of killed writers, and scratch folders that nobody works in; returns their number.
+    """Remove incomplete files and abandoned scratch folders of killed processes; returns their number.
 
-    No other process can be writing the former: the folder is ours.
+    The caller holds the folder's lock, so that no other process is writing those files.
     """
     return sum(remove_leftovers(out / folder) for folder in (".", *FOLDERS)) + remove_abandoned(out)
 
 
 def mend(out: Path, plan: Plan, say: Say) -> None:
-    """Repair the folder, so that it holds only files as they were written; reports what was damaged and what is done
-    about it.
+    """Repair the folder, so that it holds only valid files; reports each fault and its remedy.
 
-    Raises `OSError` if something cannot be moved, and `InputError` if there is no place to move it to.
+    Raises `OSError` if a file cannot be moved, and `InputError` if OUT/damaged is a file.
     """
     for folder in FOLDERS:
         if (out / folder).exists() and not (out / folder).is_dir():
-            say(f"{folder}: is no folder; moved aside")
+            say(f"{folder}: is not a folder; moved to {DAMAGED}")
             aside(out, folder)
     sweep(out)
     cells = files = 0
@@ -74,11 +72,11 @@ def mend(out: Path, plan: Plan, say: Say) -> None:
         elif cell is not None:
             cells, files = cells + 1, files + len(cell.files)
         else:
-            for name in names:  # of a cell that was not finished: written again
+            for name in names:  # an unfinished cell writes its files again
                 if (out / name).is_dir():
                     aside(out, name)
     _move_aside(out, _other_faults(out, plan), say)
-    say(f"{cells} finished cells and {files} files of theirs are as they were written")
+    say(f"{cells} finished cells and their {files} files are valid")
 
 
 def _move_aside(out: Path, faults: Iterator[tuple[str, str]], say: Say) -> None:
@@ -88,22 +86,21 @@ def _move_aside(out: Path, faults: Iterator[tuple[str, str]], say: Say) -> None:
 
 
 def plan_of_cells(out: Path, plan: Plan) -> list[str]:
-    """Return as sentences the settings in which finished cells differ from a plan, where theirs is lost."""
-    wanted = json.loads(json.dumps(plan.settings()))
+    """Return a sentence for each setting in which finished cells differ from a plan, for a run whose plan is lost."""
+    planned = json.loads(json.dumps(plan.settings()))
     sentences = []
     for scene, method, seed in plan.cells():
         with suppress(DamagedRecord):
             settings = read_cell(cell_path(out, scene, method, seed)).settings
-            # what a scene does not need is derived from its view set, and differs from the plan's
             pairs: dict[str, tuple[object, object]] = {}
             for name in ("score", "budget"):
                 if settings.get(name) is not None:
-                    pairs[name] = settings[name], wanted[name]
+                    pairs[name] = settings[name], planned[name]
             if (before := settings.get("train")) is not None:
-                usual = asdict(TrainSettings())  # settings from before there was a choice lack it
-                pairs |= {key: (before.get(key, usual[key]), wanted["train"].get(key)) for key in TRAINED_WITH}
+                usual = asdict(TrainSettings())  # old records lack newer settings
+                pairs |= {key: (before.get(key, usual[key]), planned["train"].get(key)) for key in TRAINED_WITH}
                 if "own" in before:
-                    pairs["own"] = before["own"].get(method), wanted["train"]["own"].get(method)
+                    pairs["own"] = before["own"].get(method), planned["train"]["own"].get(method)
             sentences += [
                 f"{scene}.{method}.{seed}: {name} was {before}, is {now}"
                 for name, (before, now) in pairs.items()
@@ -116,13 +113,13 @@ TRAINED_WITH = (
     *("network", "rays", "covered_share", "precision"),
     *("learning_rate", "last_learning_rate", "decay", "warm_up_steps", "average"),
 )
-"""The training settings that no scene changes."""
+"""The training settings that are the same for all scenes of a plan; the others depend on a scene's needs."""
 
 
 def _cell_fault(
     out: Path, path: Path, key: tuple[str, str, int], names: list[str]
 ) -> tuple[CellRecord | None, str | None]:
-    """Return a valid record, or None if there is none yet; and what is wrong with it."""
+    """Return the record if it is valid, and its fault; neither if there is no record yet."""
     if not path.exists():
         return None, None
     shown = path.relative_to(out)
@@ -134,10 +131,10 @@ def _cell_fault(
         return None, f"{shown}: names no weights"
     for name, digest in cell.files.items():
         if name not in names:
-            return None, f"{shown}: names a file that is none of its own"
+            return None, f"{shown}: names a file of another cell"
         try:
             if not (out / name).is_file():
-                return None, f"{name}: missing" if not (out / name).exists() else f"{name}: is no file"
+                return None, f"{name}: is not a file" if (out / name).exists() else f"{name}: missing"
             if file_digest(out / name) != digest:
                 return None, f"{name}: its digest does not match, so it was damaged or changed"
         except OSError as error:
@@ -146,7 +143,9 @@ def _cell_fault(
 
 
 def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
-    """Yield file → its fault and what becomes of it; a missing file is none, except a missing picture."""
+    """Yield each other damaged file, and its fault with the remedy. A missing picture is a fault, other missing files
+    are not.
+    """
     started = {scene for scene, method, seed in plan.cells() if cell_path(out, scene, method, seed).exists()}
     for scene in plan.scenes:
         name = f"records/{truth_pictures(scene)}"
@@ -156,7 +155,7 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
         "records/run.json": (lambda _: read_run(out), "written again"),
         "records/comparisons.json": (lambda _: read_comparisons(out, read_cells(out)), "computed again"),
         f"records/{TARGETS_FILE}": (lambda _: read_targets(out, read_cells(out)), "computed again"),
-        SHELVES["serving"]: (read_studies, f"moved aside; `python -m harness study serving {out}` measures it again"),
+        SHELVES["serving"]: (read_studies, f"moved away; `python -m harness study serving {out}` measures it again"),
     }
     for name, (read, remedy) in tries.items():
         if (out / name).exists():
@@ -171,12 +170,12 @@ def _fault(out: Path, name: str, read: Callable[[Path], object], remedy: str) ->
 
 
 def reason_of(error: Exception, path: Path) -> str:
-    """Return the reason without the file's name and without the remedy, which is being applied."""
+    """Return the reason without the file's name and without the remedy."""
     return " ".join(str(error).split()).removeprefix(f"{path}: ").rsplit("; ", 1)[0][:200]
 
 
 def aside(out: Path, name: str) -> None:
-    """Move a file or folder to OUT/damaged, under a name that is free."""
+    """Move a file or folder, if it exists, to OUT/damaged under a free name."""
     path = out / name
     if not (path.exists() or path.is_symlink()):
         return

@@ -1,4 +1,4 @@
-"""The folder that a run writes to: a fresh one, or one that is resumed; never one that is in use."""
+"""The folder that a run writes to: a fresh or a resumed one, never one that is in use."""
 
 import json
 import shutil
@@ -36,9 +36,8 @@ def point_latest_to(out: Path) -> None:
     """Point `latest` to the folder if it lies in `out/`; elsewhere do nothing."""
     if out.resolve().parent != Path("out").resolve():
         return
-    link = Path("out/latest")
-    with suppress(OSError), replacing(link) as beside:  # without links: the folder's name was printed
-        beside.symlink_to(out.resolve().name)
+    with suppress(OSError), replacing(Path("out/latest")) as link:  # not every file system has links
+        link.symlink_to(out.resolve().name)
 
 
 def latest_folder() -> Path | None:
@@ -46,21 +45,8 @@ def latest_folder() -> Path | None:
     return latest.resolve() if latest.exists() else None
 
 
-def claim_for(out: Path, file: str, resume: bool) -> bool:
-    """Make the folder ours for a measurement that keeps everything in `file`; returns whether there is one to resume.
-
-    Raises `InputError` for a folder that is in use, and with `resume` for one without that file.
-    """
-    if resume:
-        if not (out / file).exists():
-            raise InputError(f"--resume: {out} holds no {file} to go on with; name its folder with --out")
-        return True
-    make_ours(out, "name another one, or go on with --resume")
-    return False
-
-
 def make_ours(out: Path, remedy: str = "name another one") -> None:
-    """Make the folder ours; raises `InputError`, with the remedy for one that is in use."""
+    """Create the folder; raises `InputError` if it is in use, with the remedy, or cannot be written."""
     try:
         if out.exists() and not out.is_dir():
             raise InputError(f"--out {out}: is a file; name a folder")
@@ -80,21 +66,25 @@ def gone_on_with(
     beside: bool = False,
     folders: tuple[str, ...] = (),
 ) -> Record | None:
-    """Claim the folder as `claim_for` does, or `beside` a finished run that lacks `file`; returns the record to resume.
+    """Claim the folder for a measurement whose only record is `file`; returns the record to resume, None for a fresh
+    start.
 
-    It is None for a fresh start, also if `file` cannot be read: that is then reported and the file moved to
-    OUT/damaged, and everything in it is measured again. The same holds if it is missing beside one of `folders`, or one
-    of its own in OUT/damaged, which tell whose OUT is.
+    With `beside`, OUT may be the folder of a finished run that lacks `file`. With `resume`, a damaged record is
+    reported and moved to OUT/damaged, and the measurement starts afresh; likewise if the record is missing, but one of
+    `folders` or an earlier damaged record shows that OUT belongs to the measurement. Raises `InputError` for a folder
+    that is in use, and with `resume` for one without the record.
     """
     path = out / file
-    ours = any((out / name).is_dir() for name in folders) or any((out / DAMAGED).glob(f"{file}.*"))
-    if resume and ours and not path.exists():
+    if not resume:
+        if not (beside and (records_folder(out) / "run.json").exists() and not path.exists()):
+            make_ours(out, "name another one, or add --resume")
+        return None
+    if not path.exists():
+        is_known = any((out / name).is_dir() for name in folders) or any((out / DAMAGED).glob(f"{file}.*"))
+        if not is_known:
+            raise InputError(f"--resume: {out} holds no {file} to resume; name its folder with --out")
         sweep(out)
         say(f"{file}: missing: everything in it is measured again")
-        return None
-    if beside and not resume and (records_folder(out) / "run.json").exists() and not path.exists():
-        return None
-    if not claim_for(out, file, resume):
         return None
     sweep(out)
     try:
@@ -107,17 +97,16 @@ def gone_on_with(
 
 @contextmanager
 def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable[[str], None]) -> Iterator[None]:
-    """Lock the folder, make it ours as `claim` does, and with `resume` ensure that everything in it is valid.
-
-    A claim that fails because of the input is given up. Raises `InputError`, also for a folder in use.
+    """Lock and claim the folder, and with `resume` repair it. If the context raises `InputError`, the claim is
+    released.
     """
     with locked_folder(out) as lock:
         if not lock.is_held:
-            say(f"{out}: its file system has no locks; see to it that no other run uses it")
+            say(f"{out}: its file system has no locks; make sure that no other run uses the folder")
         lost = claim(out, plan, machine, resume)
         try:
             if lost is not None:
-                say(f"records/plan.json: {lost}: written again from the options, which fit what is finished")
+                say(f"records/plan.json: {lost}: written again from the options, which match the finished cells")
             if resume:
                 mend(out, plan, say)
             yield
@@ -127,8 +116,8 @@ def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable
 
 
 def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> str | None:
-    """Make the folder ours, or refuse it. A run is resumed by the same plan on the same kind of machine alone. Returns
-    why the plan of a resumed run could not be read; None if it could.
+    """Write the plan into the folder. A run is resumed only with the same plan on the same kind of machine. Returns why
+    the plan of a resumed run could not be read; None if it could. Raises `InputError` for any other folder.
     """
     started_with = {**plan.settings(), "machine": machine.settings()}
     path, lost = records_folder(out) / "plan.json", None
@@ -140,13 +129,11 @@ def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> str | None:
         if out.exists() and not out.is_dir():
             raise InputError(f"--out {out}: is a file; name a folder")
         if used and not resume:
-            raise InputError(f"--out {out}: holds results already; name another folder, or go on with --resume")
+            raise InputError(f"--out {out}: holds results already; name another folder, or add --resume")
         if not used and not _is_free(out):
             raise InputError(f"--out {out}: the folder is in use by something else; name another one")
         if resume and not used:
-            raise InputError(
-                f"--resume: {out} holds no run to go on with; leave --resume out, or name its folder with --out"
-            )
+            raise InputError(f"--resume: {out} holds no run to resume; leave the option out, or give --out")
         if resume:
             lost = _same_plan(out, plan, started_with)
         write_record(path, started_with)
@@ -158,7 +145,7 @@ def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> str | None:
 
 
 def release(out: Path) -> None:
-    """Give up a claim that led to nothing, so that the same folder can be named again; results stay."""
+    """Release a claim that led to no results, so that the folder can be named again."""
     records = records_folder(out)
     if (records / "run.json").exists() or (records / "cells").exists():
         return
@@ -167,26 +154,28 @@ def release(out: Path) -> None:
         try:
             folder.rmdir()
         except OSError:
-            return  # not empty, or not ours to remove
+            return
 
 
 def _same_plan(out: Path, plan: Plan, started_with: dict[str, object]) -> str | None:
-    """Check that the plan is the same; returns why it is lost if the options, which fit what is there, replace it."""
+    """Return why the plan of the folder is lost, if the options match its cells; None if it is the same plan. Raises
+    `InputError` for another plan.
+    """
     path = records_folder(out) / "plan.json"
     try:
         before = _load_plan(path)
     except (OSError, ValueError, RecursionError) as error:
         if unlike := plan_of_cells(out, plan):
             raise InputError(
-                f"--resume: {path}: {error}; it cannot be made again, as what is finished was trained with another "
-                f"plan ({unlike[0]}); use the same options or a new folder"
+                f"--resume: {path}: {error}; it cannot be made again, as finished cells were trained with another plan "
+                f"({unlike[0]}); use the same options or a new folder"
             ) from error
         if path.is_dir():
             aside(out, path.relative_to(out).as_posix())
         return "missing" if isinstance(error, FileNotFoundError) else str(error)
     now = json.loads(json.dumps(started_with))
     if any(settings.get("machine", {}).get("executor") for settings in (before, now)):
-        # how many groups run at once is the cluster's affair, and each cell's record says where it ran
+        # a cluster decides how many groups run at once, and each cell's record names its machine
         for settings in (before, now):
             settings["machine"] = {key: settings.get("machine", {}).get(key) for key in ("device", "threads")}
     if what := differences(before, now):
@@ -197,20 +186,23 @@ def _same_plan(out: Path, plan: Plan, started_with: dict[str, object]) -> str | 
 
 
 def differences(before: dict[str, object], now: dict[str, object]) -> str:
-    """Return in words the keys whose values changed; empty if none did."""
+    """Return the keys whose values changed, with both values; empty if none did."""
     return "; ".join(_differences("", before, now))
 
 
 def _differences(within: str, before: object, now: object) -> list[str]:
     if not (isinstance(before, dict) and isinstance(now, dict)):
-        return [] if before == now else [f"{within} was {before}, is {now}"]
+        was, is_ = ("{…}" if isinstance(value, dict) else value for value in (before, now))
+        return [] if before == now else [f"{within} was {was}, is {is_}"]
     inner = f"{within}." if within else ""
     keys = sorted({*before, *now})
     return [line for key in keys for line in _differences(f"{inner}{key}", before.get(key), now.get(key))]
 
 
 def _load_plan(path: Path) -> dict[str, Any]:
-    """Load a plan, with the errors of `load_record`; a key that no plan has was damaged, be it the digest's own."""
+    """Load a plan; raises the errors of `load_record`, and `ValueError` for a key that no plan has, as that of a
+    damaged digest.
+    """
     plan = load_record(path)
     if unknown := sorted(plan.keys() - {"machine", "density_units", *(each.name for each in fields(Plan))}):
         raise ValueError(f"holds {shown(unknown[0])}, which no plan has, so it was damaged")

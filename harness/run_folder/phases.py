@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 
 class Phases:
-    """The phases of this process, since it was made, and of those `before` it."""
+    """The phases of this process, counted from the construction, and those `before` it."""
 
     def __init__(self, before: Mapping[str, float], now: Callable[[], float] = time.monotonic) -> None:
         self._before = dict(before)
@@ -16,7 +16,7 @@ class Phases:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Time a phase, also one that is interrupted."""
+        """Time a phase, even if it is interrupted."""
         began = self._now()
         try:
             yield
@@ -24,6 +24,6 @@ class Phases:
             self._ended[name] = self._now() - began
 
     def seconds(self) -> dict[str, float]:
-        """Return phase → wall seconds, of those that have ended; `total` up to now."""
+        """Return phase → wall seconds of the phases that have ended; `total` up to now."""
         here = {**self._ended, "total": self._now() - self._began}
         return {name: self._before.get(name, 0.0) + here.get(name, 0.0) for name in {**here, **self._before}}

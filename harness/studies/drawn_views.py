@@ -1,4 +1,4 @@
-"""View sets in the Blender format that need no renderer: a disc in front of noise-free white, or noise all over."""
+"""View sets in the Blender format that need no renderer: a disc on a white background, or random noise."""
 
 import math
 import tempfile
@@ -16,7 +16,7 @@ GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 
 def poses(count: int, turn: float) -> np.ndarray:
-    """Return camera-to-world matrices [count, 4, 4], OpenGL axes, spread over the upper half sphere, looking inward."""
+    """Return camera-to-world matrices [count, 4, 4], OpenGL axes, spread over the upper hemisphere, looking inward."""
     matrices = np.tile(np.eye(4), (count, 1, 1))
     for index, elevation in enumerate(np.linspace(0.2, 1.1, count)):
         azimuth = GOLDEN_ANGLE * index + turn
@@ -37,8 +37,7 @@ def disc_image(size: int, colour: np.ndarray) -> np.ndarray:
 
 def write_disc(folder: Path, size: int, train: int, test: int, seed: int) -> None:
     """Write a view set that a small network learns in a few steps."""
-    colour = np.random.default_rng(seed).uniform(0.1, 0.7, 3)
-    image = disc_image(size, colour)
+    image = disc_image(size, np.random.default_rng(seed).uniform(0.1, 0.7, 3))
     _write(folder, {"train": [image] * train, "test": [image] * test})
 
 
@@ -49,7 +48,7 @@ def disc_views(size: int, train: int, test: int, seed: int) -> ViewSet:
 
 
 def write_noise(folder: Path, size: int, train: int, test: int) -> None:
-    """Write a view set that nobody can learn: memory and time do not depend on what is seen."""
+    """Write a view set that cannot be learnt; memory and time do not depend on what the images show."""
     generator = np.random.default_rng(0)
 
     def noise() -> np.ndarray:

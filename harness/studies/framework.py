@@ -1,6 +1,7 @@
 """How a question is measured: a catalogue of studies, and the one loop that runs them into `OUT/<shelf>.json`.
 
-A study is a generator of findings and one line in the catalogue of its shelf. To resume is to find it in the file.
+A study is a generator of findings and one entry in the catalogue of its shelf. A resumed run skips the studies that are
+already in the file.
 """
 
 import json
@@ -35,39 +36,38 @@ if TYPE_CHECKING:
 TRAININGS_FOLDER = "studies"
 """The folder under OUT in which the runs of studies that train lie."""
 Found = Finding | str
-"""The types that a study yields; a string is an `Answer`."""
+"""What a study yields; a string becomes an `Answer`."""
+Rows = list[list[str | float | None]]
+"""The rows of a table."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """One line of a catalogue."""
-
     info: StudyInfo
     measure: str
     """The generator of findings, as `module:function` in the shelf's package; imported when it is measured."""
     seconds: float
     """The estimated duration on two cores."""
     trainings: tuple[str, ...] = ()
-    """What it trains (`harness.studies.evidence.evidence_context.TRAININGS`)."""
+    """The names of the trainings that it reads."""
 
 
 @dataclass(frozen=True)
 class Shelf:
-    """A catalogue, and how its studies are called."""
+    """A catalogue of studies, and how its record is kept."""
 
     name: str
     noun: str
-    """`studies`, `cases`, `questions`."""
+    """The word for its studies: `studies`, `cases`, `questions`."""
     studies: dict[str, Study]
     folders: tuple[str, ...] = ()
-    """The folders under OUT that belong to this shelf only and tell whose OUT is."""
+    """The folders under OUT that only this shelf writes: OUT is known by them."""
     beside: bool = False
-    """Whether OUT may hold a run, in whose report the shelf then appears."""
+    """Whether OUT may also hold a run, whose report then includes the shelf."""
     anew: bool = False
-    """Whether a record that is there is replaced if it is not to be resumed."""
+    """Whether an existing record is replaced unless it is resumed."""
     resumes: bool = True
-    """Whether what was kept when it was stopped can be resumed, and reported."""
-
+    """Whether a stopped measurement can be resumed and reported."""
     package: str = ""
     """The package of its studies; empty: `harness.studies.<name>`."""
 
@@ -76,7 +76,7 @@ class Shelf:
         return f"{self.name}.json"
 
     def measure_of(self, name: str) -> Callable[[Any], Iterator[Found]]:
-        """Return the generator behind a study; what is heavy is imported here, one study at a time."""
+        """Import the generator of a study: heavy libraries are imported here, for one study at a time."""
         package = self.package or f"harness.studies.{self.name}"
         measure: Callable[[Any], Iterator[Found]] = resolve_name(f"{package}.{self.studies[name].measure}")
         return measure
@@ -92,15 +92,15 @@ def catalogue(*studies: Study) -> dict[str, Study]:
 
 @dataclass(frozen=True)
 class StudyContext(ABC):
-    """What the studies of every shelf work with in one run; each shelf adds its own, and what its figures depend on."""
+    """What the studies of every shelf need in one run; each shelf adds its own fields and settings."""
 
     out: Path
     view_sets: Path
     """The cache of rendered view sets."""
     scratch: Path
-    """A folder for temporary files on a disk: while studies are measured it is one of their own, removed afterwards."""
+    """A folder for temporary files; `run` replaces it by a fresh one that is removed afterwards."""
     quick: bool
-    """Whether to use sizes at which no figure means anything, to try the studies themselves."""
+    """Whether to use sizes at which no figure means anything, to try out the studies themselves."""
     show: "Progress"
     machine: "Machine"
 
@@ -116,28 +116,28 @@ class StudyContext(ABC):
 
     @abstractmethod
     def settings(self) -> dict[str, object]:
-        """Return everything that the figures depend on but the machine, as JSON: a record of others is not resumed."""
+        """Return all that the figures depend on except the machine, as JSON; records with others are not resumed."""
 
     def within(self, scratch: Path, missing: tuple[str, ...]) -> "StudyContext":
-        """Return the context in which the studies `missing` are measured, one after the other."""
+        """Return the context in which the studies `missing` are measured, one after another."""
         return replace(self, scratch=scratch)
 
     def valid(self, record: Studies, shelf: Shelf, asked: list[str]) -> Studies:
-        """Return a record that is resumed without the studies that have to be measured again."""
+        """Return a resumed record without the studies that have to be measured again."""
         return record
 
     def scale(self, study: Study) -> str:
         return ""
 
     def seconds(self, study: Study, asked: list[Study]) -> float:
-        """Return the estimated duration of one of the studies `asked`."""
         return study.seconds
 
 
 def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> int:
     """Measure the studies `asked` into OUT; with `resume` only those that are not complete there.
 
-    Returns 0, or 3 if a check of ours fails. Raises `InputError` before anything is measured if OUT cannot be used.
+    Returns 0, or 3 if a check of this harness fails. Raises `InputError` before anything is measured if OUT cannot be
+    used.
     """
     from harness.machine.device import keep_freed_memory, use_threads
     from harness.machine.stopping import ON, told_when_stopped
@@ -157,7 +157,7 @@ def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> 
     with told_when_stopped(kept), scratch_folder(out) as scratch:
         if resume:
             record = context.valid(record, shelf, asked)
-            # before anything is measured: from then on nothing tells that figures were of something else
+            # written first: once a training is resumed, nothing shows that old figures came from other cells
             write_studies(path, record)
         missing = [shelf.studies[name] for name in asked if record.study(name) is None]
         here = context.within(scratch, tuple(study.info.id for study in missing))
@@ -168,8 +168,8 @@ def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> 
             show.line(f"[{place + 1}/{len(missing)}] {info.id}: {info.question or info.title}")
             began = time.monotonic()
             findings = measure(shelf.measure_of(info.id)(here), show)
-            measured = StudyRecord(with_bar(info, findings), here.scale(study), findings, time.monotonic() - began)
-            studies = sorted([*record.studies, measured], key=lambda done: list(shelf.studies).index(done.info.id))
+            entry = StudyRecord(with_bar(info, findings), here.scale(study), findings, time.monotonic() - began)
+            studies = sorted([*record.studies, entry], key=lambda done: list(shelf.studies).index(done.info.id))
             record = msgspec.structs.replace(record, studies=studies)
             write_studies(path, record)
     record = msgspec.structs.replace(record, finished=True)
@@ -180,7 +180,7 @@ def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> 
 
 
 def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
-    """Return everything that one study yields, printed as it comes."""
+    """Return all findings of one study; answers and checks are printed as they come."""
     complete: list[Finding] = []
     for item in findings:
         finding = Answer(item) if isinstance(item, str) else item
@@ -193,7 +193,7 @@ def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
 
 
 def with_bar(info: StudyInfo, findings: list[Finding]) -> StudyInfo:
-    """Return the facts about a study with those of its limits that a run can fail by, in words."""
+    """Return the facts about a study, with the limits that can fail a run as the fact `bar`."""
     bars = [
         f"{check.what} {limits_of(check)}{check.unit and f' {check.unit}'}"
         for check in findings
@@ -214,7 +214,7 @@ def line_of(check: Check) -> str:
     """Return a line such as `midpoint: pass: largest relative error 2.1e-07 (at most 1e-06)`."""
     status = check.status.replace("_", " ")
     if check.status == "fail":
-        status = "FAIL" if check.must_hold else "missed" if check.owner == "machine" else "fails, a property of it"
+        status = "FAIL" if check.must_hold else "missed" if check.owner == "machine" else "fails, by its definition"
     between = f" ({limits})" if (limits := limits_of(check)) else ""
     if check.value is not None:
         unit = check.unit and f" {check.unit}"
@@ -228,7 +228,7 @@ def line_of(check: Check) -> str:
 
 
 def list_lines(shelf: Shelf) -> list[str]:
-    """Return a line per study: its id, how long it takes, and what it asks."""
+    """Return one line per study: its id, duration, title and question."""
     asks = {name: study.info.question or study.info.facts.get("danger", "") for name, study in shelf.studies.items()}
     return [
         f"{name:18} {study.seconds / 60:4.0f} min  " + ": ".join(filter(None, (study.info.title, asks[name])))

@@ -1,4 +1,4 @@
-"""`python -m scenes` in a process of its own, which prints rows of JSON: the harness never imports Mitsuba."""
+"""Runs `python -m scenes` as a separate process that prints rows of JSON, so that this one never imports Mitsuba."""
 
 import json
 import os
@@ -15,7 +15,7 @@ def printed_rows(
     environment: Mapping[str, str] | None = None,
     module: str = "scenes",
 ) -> tuple[int, str]:
-    """Call `on_row` with each row as soon as it is printed; returns the exit code and the error output."""
+    """Call `on_row` with each row as soon as it is printed; return the exit code and the error output."""
     command = [sys.executable, "-m", module, *words]
     with (
         tempfile.TemporaryFile("w+") as complaints,

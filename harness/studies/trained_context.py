@@ -1,5 +1,5 @@
-"""Studies of trainings: each is an ordinary run in a folder of its own, which several studies share, and which is
-resumed, repaired, or trained again where its plan has changed.
+"""Studies that train: each training is an ordinary run in a folder that several studies share. It is resumed, repaired,
+or trained again where its plan has changed.
 """
 
 import json
@@ -34,18 +34,17 @@ class TrainedContext(StudyContext):
     command: ClassVar[str]
     """The command that a record of a training names."""
     as_planned: bool
-    """Whether this processor has the profile's bfloat16 matrix multiplications."""
+    """Whether this processor has the bfloat16 matrix multiplications of the profile."""
 
     @abstractmethod
     def plan(self, name: str) -> Plan:
         """Return the plan of the training of that name."""
 
     def trained(self, name: str) -> StudyRun:
-        """Return the training of that name: an ordinary run in `studies/<name>`. Cells that are there are not trained
-        again, except those that failed without a chance (`lacks_cells`); what is there of another plan is moved to
-        OUT/damaged.
+        """Return the training of that name, an ordinary run in `studies/<name>`, after training what it lacks.
 
-        Studies may request the same training, one after another.
+        Existing cells are kept, except those that failed without a chance (`lacks_cells`). A run of another plan is
+        moved to OUT/damaged.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
         if is_of_another_plan(folder, plan):
@@ -57,10 +56,9 @@ class TrainedContext(StudyContext):
         return StudyRun(plan, read_run(folder).scenes, list(read_cells(folder)))
 
     def repaired(self, name: str) -> bool:
-        """Repair the folder of a training, so that it holds only valid files; returns whether the training has to be
-        resumed.
+        """Repair the folder of a training; return whether the training has to be resumed.
 
-        A folder that is missing or is of another plan is left as it is: its figures were taken when it was there.
+        A folder that is missing or of another plan is not touched: recorded figures were taken while it was valid.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
         if not folder.exists() or is_of_another_plan(folder, plan):
@@ -72,8 +70,8 @@ class TrainedContext(StudyContext):
         return list(dict.fromkeys(name for study in studies for name in study.trainings))
 
     def valid(self, record: Studies, shelf: Shelf, asked: list[str]) -> Studies:
-        """Return the record without the studies, requested now or not, on a training of `asked` that has to be resumed,
-        as other cells are other figures. Trainings of none of `asked` stay as they are, and so do their figures.
+        """Return the record without the studies whose figures a resumed training would change. Only trainings of the
+        studies `asked` are resumed, but other studies may share them.
         """
         trainings = sorted(self.trainings(*(shelf.studies[name] for name in asked)))
         resumed = {name for name in trainings if self.repaired(name)}
@@ -86,8 +84,9 @@ class TrainedContext(StudyContext):
         return msgspec.structs.replace(record, studies=kept)
 
     def scale(self, study: Study) -> str:
-        """Return the scale of trainings, in one line, and whether the code may have changed since they were done: cells
-        of another commit, or of a tree with changes, are used all the same, as the plan decides what is compatible.
+        """Describe the trainings of a study in one line, with the commits of its cells if they differ from this one.
+
+        Cells of another commit, or of a modified tree, are used all the same: the plan decides what is compatible.
         """
         names = self.trainings(study)
         lines = [
@@ -112,9 +111,7 @@ def folder_of(out: Path, training: str) -> Path:
 
 
 def lacks_cells(folder: Path, plan: Plan) -> bool:
-    """Return whether only running it again completes a training: it is not finished, something is missing, or cells
-    failed without having had their chance.
-    """
+    """Tell whether a cell is missing, failed with an error, or was not available, or the run is not finished."""
     finished = False
     with suppress(DamagedRecord):
         finished = read_run(folder).finished
@@ -124,7 +121,7 @@ def lacks_cells(folder: Path, plan: Plan) -> bool:
 
 
 def is_of_another_plan(folder: Path, plan: Plan) -> bool:
-    """Return whether the training is of another plan, by its record, or by its cells if that is lost."""
+    """Tell whether the training is of another plan, by its record, or by its cells if the record is damaged."""
     with suppress(DamagedRecord):
         return bool(read_run(folder).settings != json.loads(json.dumps(plan.settings())))
     return bool(plan_of_cells(folder, plan))

@@ -1,20 +1,18 @@
-"""The quadrature of a ray as the field usually writes it, to be compared with ours: densities and lengths of bins →
-weights and what is left of the light.
-"""
+"""The usual quadrature of a ray: densities and lengths of bins → weights and the remaining transmittance."""
 
 import torch
 from torch import Tensor
 
 
 def running_product(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Take α = 1 − exp(−σδ) and transmittance as a running product of 1 − α + 1e-10, in any precision."""
+    """Compute α = 1 − exp(−σδ) and transmittance as a running product of 1 − α + 1e-10, in any precision."""
     alpha = 1.0 - torch.exp(-sigma * lengths)
     through = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1.0 - alpha + 1e-10], dim=-1), dim=-1)
     return alpha * through[:, :-1], through[:, -1]
 
 
 def depths(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Return τ of each bin, τ in front of it by a running sum, and T_end."""
+    """Return τ of each bin, the sum of τ in front of it, and T_end."""
     tau = sigma * lengths
     through = torch.cumsum(tau, dim=-1)
     before = torch.cat([torch.zeros_like(through[:, :1]), through[:, :-1]], dim=-1)
@@ -22,6 +20,6 @@ def depths(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def stock_expm1(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Run our own forward pass, differentiated by autograd: the gradient of torch.expm1 is grad · (result + 1)."""
+    """Run this harness's forward pass by autograd, whose gradient of torch.expm1 is grad · (result + 1)."""
     tau, before, T_end = depths(sigma, lengths)
     return torch.exp(-before) * -torch.expm1(-tau), T_end

@@ -1,1 +1,1 @@
-"""One method learns one scene; imports `run_folder`, `plan`, `machine`, `records` and the rooms below it."""
+"""The training of methods on scenes; imports `run_folder`, `plan`, `machine`, `records` and the rooms below them."""

@@ -1,13 +1,13 @@
 """Pixels → rays of one pinhole camera; (seed, step) → the ray batch that every method gets.
 
-The pixel-centre and axis convention of `CONVENTIONS.md` lives here alone. Pixels are drawn evenly, or most of
-them where the images are covered: a choice made of the images alone, so that every method of a comparison gets the same
+The pixel-centre and axis convention of `CONVENTIONS.md` is implemented only here. Pixels are drawn uniformly, or mostly
+where the images are covered. The choice depends only on the images, so that every method of a comparison gets the same
 rays.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from scenes.view_sets.source import covered_pixels
 
 @dataclass(frozen=True)
 class Cameras:
-    """Pinhole cameras of one split on a device."""
+    """The pinhole cameras of one split, on a device."""
 
     camera_to_world: Float[Tensor, "views 4 4"]
     width: int
@@ -43,7 +43,7 @@ class Cameras:
         return self.camera_to_world.shape[0]
 
     def to(self, device: torch.device) -> "Cameras":
-        return Cameras(self.camera_to_world.to(device), self.width, self.height, self.focal, self.near, self.far)
+        return replace(self, camera_to_world=self.camera_to_world.to(device))
 
     def rays(self, view: Int[Tensor, " rays"], column: Int[Tensor, " rays"], row: Int[Tensor, " rays"]) -> Rays:
         """Return rays through pixel centres, `(column + 0.5, row + 0.5)`, with unit directions."""
@@ -64,8 +64,8 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Pose and intrinsics; frames and pixels as in `CONVENTIONS.md`. Compared by identity: `harness.playback.keys`
-    decides when two views are the same.
+    """A pose and intrinsics; frames and pixels as in `CONVENTIONS.md`. Cameras are compared by identity:
+    `harness.playback.keys` decides when two views are the same.
 
     Raises `ValueError` for a pose or a length that is not finite, an empty picture, or near and far out of order.
     """
@@ -93,13 +93,12 @@ class Camera:
         object.__setattr__(self, "camera_to_world", pose)
 
     def resized(self, width: int) -> "Camera":
-        """Return the same view in pictures of another width; the shape is kept to the nearest pixel."""
+        """Return the same view in pictures of another width; the aspect ratio is kept to the nearest pixel."""
         scale = width / self.width
-        height = max(1, round(self.height * scale))
-        return Camera(self.camera_to_world, width, height, self.focal * scale, self.near, self.far)
+        return replace(self, width=width, height=max(1, round(self.height * scale)), focal=self.focal * scale)
 
     def at(self, camera_to_world: np.ndarray) -> "Camera":
-        return Camera(camera_to_world, self.width, self.height, self.focal, self.near, self.far)
+        return replace(self, camera_to_world=camera_to_world)
 
     def cameras(self, device: torch.device) -> Cameras:
         pose = self.camera_to_world[None].copy()  # torch warns of an array that it may not write to
@@ -111,7 +110,7 @@ class Camera:
 
 
 class Batch(NamedTuple):
-    """Rays, the colours that they see, and what it took to make them; 0 if that is not to be counted."""
+    """Rays and their true colours, and the time of making them; 0 where that does not count."""
 
     rays: Rays
     colours: Float[Tensor, "rays 3"]
@@ -120,13 +119,14 @@ class Batch(NamedTuple):
 
 
 class Batches:
-    """Random pixels of all training views, on the device of the cameras. Holds one batch and no image."""
+    """Random pixels of all training views, on the device of the cameras. It stores one batch and no image."""
 
     def __init__(self, cameras: Cameras, rgba: ImageStack, covered_share: float = 0.0) -> None:
-        """Store `rgba` [views, height, width, 4]: straight alpha, display colour. Raises `ValueError` if it is not.
+        """Take `rgba` [views, height, width, 4] in display colour with straight alpha. Raises `ValueError` for another
+        shape.
 
-        `covered_share` of a batch are drawn evenly from the covered pixels of all images and those near by, the others
-        from all pixels.
+        The share `covered_share` of a batch is drawn uniformly from covered pixels of all images and their neighbours,
+        the rest from all pixels.
         """
         expected = (len(cameras), cameras.height, cameras.width, 4)
         if rgba.shape != expected:
@@ -138,9 +138,8 @@ class Batches:
         self._last: tuple[tuple[int | str, int, int], Batch] | None = None
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
-        """Return `count` rays and their colours over white; depends on its arguments alone. Must not be changed.
-
-        It is kept for the other methods of a group, which are at the same step: its seconds are those of its making.
+        """Return `count` rays and their colours over white, a function of the arguments only. Do not change the result:
+        it is kept for the other methods of a group, which are at the same step, with the time that it took.
         """
         key = (seed, step, count)
         if self._last is None or self._last[0] != key:
@@ -150,13 +149,13 @@ class Batches:
     def stream(self, seed: int | str, count: int) -> Callable[[int], Batch]:
         return lambda step: self.batch(seed, step, count)
 
-    def views(self, seed: int | str) -> Callable[[int], Batch]:
-        """Return the function of a step that draws a training view, and returns all of its pixels, row by row."""
-
-        return lambda step: self._timed(lambda: self._view(seed, step))
-
     def for_learner(self, whole_views: bool, seed: int | str, count: int) -> Callable[[int], Batch]:
-        return self.views(seed) if whole_views else self.stream(seed, count)
+        """Return the function that maps a step to its batch: `count` rays, or with `whole_views` all pixels of a random
+        training view, row by row.
+        """
+        if whole_views:
+            return lambda step: self._timed(lambda: self._view(seed, step))
+        return self.stream(seed, count)
 
     def _timed(self, make: Callable[[], Batch]) -> Batch:
         watch = Stopwatch(self.cameras.camera_to_world.device)

@@ -1,4 +1,4 @@
-"""One cell in training: it steps, scores at checkpoints, is kept on its way, and ends in a record."""
+"""One cell in training: it steps, scores at checkpoints, is saved in snapshots, and ends in a record."""
 
 import json
 import math
@@ -37,13 +37,13 @@ from scenes.rendering.occupancy import read_occupancy
 from scenes.view_sets.view_set import ViewSet
 
 CORNERS = 8
-"""The voxels between which a point is interpolated."""
+"""The number of voxels between which a point is interpolated."""
 
 
 def flops_per_evaluation(field: object) -> int | None:
-    """Count the operations of one forward evaluation of `field` at one point, density and colour; None if it is neither
-    a network, with the `operations` of an encoder before it, nor voxels, which interpolate one density, and so many
-    coefficients of each of three colours.
+    """Count the operations of one forward evaluation of density and colour at one point: of a network, with the
+    `operations` of an encoder before it, or of voxels, which interpolate one density and the coefficients of three
+    colours; None for any other field.
     """
     if isinstance(field, nn.Module):
         layers = [layer for layer in field.modules() if isinstance(layer, nn.Linear)]
@@ -56,16 +56,16 @@ def flops_per_evaluation(field: object) -> int | None:
 
 
 def content_of(views: ViewSet) -> str | None:
-    """Return the digest of a view set: its manifest's, or of what was read of other images."""
+    """Return the digest of a view set: that of its manifest, else that of the images that were read."""
     return views.rendered.get("digest") or views.content
 
 
 SAME = 1e-6
-"""The relative tolerance: values found from cameras may differ in their last bits between processors."""
+"""The relative tolerance: values computed from cameras may differ in their last bits between processors."""
 
 
 def view_set_facts(views: ViewSet) -> dict[str, object]:
-    """Return the facts of a view set as a cell's record holds them."""
+    """Return the facts of a view set for a cell's record."""
     return {
         "name": views.path.resolve().name,
         "digest": views.rendered.get("digest"),
@@ -82,8 +82,8 @@ def view_set_facts(views: ViewSet) -> dict[str, object]:
 
 
 def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet) -> int:
-    """Count the finished cells of `keys` (scene, method, seed), all of them on `views`; facts that an earlier version
-    did not record count as the same. Raises `InputError` if one was trained on others, and `DamagedRecord`.
+    """Count the finished cells of `keys` (scene, method, seed). Facts of the views that an earlier version did not
+    record count as equal. Raises `InputError` if a cell was not trained on `views`, and `DamagedRecord`.
     """
     now = view_set_facts(views)
     finished = 0
@@ -98,8 +98,8 @@ def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet)
         if changed := [name for name in known if not _same(before[name], now[name])]:
             what = "; ".join(f"{name} was {_short(before[name])}, is {_short(now[name])}" for name in changed)
             raise InputError(
-                f"--resume: {views.path}: not the view set that {path.stem} was trained on ({what}); put that one "
-                "back, or name a fresh --out"
+                f"--resume: {views.path}: not the view set that {path.stem} was trained on ({what}); restore that view "
+                "set, or name a fresh --out"
             )
     return finished
 
@@ -116,24 +116,24 @@ def _short(value: object) -> object:
     return f"{value[:12]}…" if isinstance(value, str) and len(value) > 12 else value
 
 
-def _in_words(error: Exception) -> str:
+def _one_line(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
 COLLAPSED_OPACITY = 0.02
-"""The mean test opacity below which a method has learnt nothing but the background."""
+"""The mean test opacity below which a method has learnt only the background."""
 BILLBOARD_GAP_DB = 6.0
-"""The gap by which training views score above test views, these also worse than a copy of the nearest training view,
-where the images are painted in front of the cameras, not in the scene.
+"""The gap between training and test views from which images count as painted in front of the cameras, not in the scene,
+if test views also score below a copy of the nearest training view.
 """
 FLAGGED_GAP_DB = 3.0
-"""The gap between training and test views where the views are fitted better than the space between them."""
+"""The gap between training and test views from which a warning says so."""
 REFERENCE_LIMITED_DB = 1.0
-"""The distance to the ceiling below which a score tells more of the ground truth's noise than of the method."""
+"""The distance to the ceiling below which a score depends more on the ground truth's noise than on the method."""
 
 
 class IncompatibleSnapshot(Exception):
-    """A snapshot of a cell that this cell cannot resume from, though it was written for it; the message says why."""
+    """A snapshot of this cell from which it cannot resume; the message says why."""
 
 
 @dataclass(eq=False)
@@ -165,7 +165,7 @@ class CellTraining:
         return 1.0 if self.ended else self.trainer.progress
 
     def warm_up(self) -> CellRecord | None:
-        """Run everything before the clock starts; returns the record if the cell ends with it."""
+        """Run everything that precedes the clock. Return the record if the cell ends here."""
         try:
             with left_as_it_was():
                 warm_up(self.trainer, self.batch_at)
@@ -174,8 +174,7 @@ class CellTraining:
         return None
 
     @property
-    def file(self) -> Path:
-        """Return the file that holds the cell until it has ended."""
+    def snapshot(self) -> Path:
         return unfinished_path(self.task.out, self.task.scene, self.trainer.method, self.task.seed)
 
     @property
@@ -183,7 +182,7 @@ class CellTraining:
         return f"{self.task.scene}, {self.trainer.method}, seed {self.task.seed}"
 
     def keep(self) -> str | None:
-        """Write the complete state; returns the reason, the first time that it cannot be written. Raises `OSError`,
+        """Write a snapshot. If the state cannot be stored, return the reason, only the first time. Raises `OSError`
         naming the file.
         """
         if not self.can_be_kept:
@@ -202,28 +201,29 @@ class CellTraining:
                 "curve": plain(self.curve),
                 "renders": [[render.view, render.step] for render in self.kept.renders],
             }
-            write_unfinished(self.file, Unfinished(training.listing | listing, training.tensors | renders))
+            write_unfinished(self.snapshot, Unfinished(training.listing | listing, training.tensors | renders))
         except OSError:
             raise
         except Exception as error:
-            # a user's own method with state that no file of ours holds: no reason to end its training
+            # a user's method may have state that a snapshot cannot store, which is no reason to end its training
             self.can_be_kept = False
-            return f"{self.name}: cannot be kept in the middle of its training ({_in_words(error)})"
+            return f"{self.name}: no snapshot can be written in the middle of its training ({_one_line(error)})"
         return None
 
-    def go_on(self) -> str | None:
-        """Resume from the snapshot, if one was kept by the same code on the same kind of processor; returns a note for
-        the reader. Raises `IncompatibleSnapshot` if the mismatch is found too late for this cell to begin at all.
+    def resume(self) -> str | None:
+        """Resume from a snapshot of the same code on the same kind of processor, if there is one. Return a note for the
+        reader. Raises `IncompatibleSnapshot` if the mismatch appears after parts were restored: this cell is unusable
+        then.
         """
-        if not self.file.exists():
+        if not self.snapshot.exists():
             return None
         try:
-            kept = read_unfinished(self.file)
+            kept = read_unfinished(self.snapshot)
             before, now = dict(kept.listing["made_with"]), self._made_with()
         except (DamagedRecord, KeyError, TypeError, ValueError):
-            return f"{self.name}: trained from the start, as what was kept of it is damaged"
-        if unlike := [key for key, value in now.items() if before.get(key) != value]:
-            return f"{self.name}: trained from the start, as {unlike[0]} changed since it was kept"
+            return f"{self.name}: trained from the start, as its snapshot is damaged"
+        if changed := [key for key, value in now.items() if before.get(key) != value]:
+            return f"{self.name}: trained from the start, as {changed[0]} changed since its snapshot"
         try:
             restore_training(self.trainer, kept)
             listing, arrays = kept.listing, kept.under("render")
@@ -238,12 +238,12 @@ class CellTraining:
             self.resumed_at = [*listing["resumed_at"], self.trainer.step]
         except Exception as error:
             raise IncompatibleSnapshot(
-                f"{self.name}: trained from the start, as what was kept of it does not fit ({_in_words(error)})"
+                f"{self.name}: trained from the start, as its snapshot is not compatible ({_one_line(error)})"
             ) from error
-        return f"{self.name}: goes on at step {self.trainer.step}"
+        return f"{self.name}: resumes at step {self.trainer.step}"
 
     def _made_with(self) -> dict[str, object]:
-        """Return all that its next steps depend on, except what training changed, as it comes back from JSON."""
+        """Return all that its next steps depend on except the trained state, as JSON returns it."""
         place = ("processor", "threads", "device", "torch_build", "bfloat16_products")
         packages = self.provenance.get("packages", {})
         facts = {
@@ -258,7 +258,7 @@ class CellTraining:
         return dict(json.loads(json.dumps(facts)))
 
     def advance(self) -> CellRecord | None:
-        """Take one step and run what is due after it; returns the record when the cell has ended."""
+        """Take one step and score if a checkpoint is due. Return the record when the cell has ended."""
         try:
             with left_as_it_was():
                 take_step(self.trainer, self.batch_at)
@@ -270,11 +270,11 @@ class CellTraining:
         except OSError:
             raise
         except (Exception, SystemExit) as error:
-            # an error of ours, or of a user's method, costs its own cell, not the others of the group
+            # an error, also of a user's method, ends only its own cell and not the others of the group
             return self._failed(error, f"at step {self.trainer.step}")
 
     def _scored(self) -> CellRecord | None:
-        """Score a checkpoint; returns the record if it is the last one."""
+        """Score a checkpoint. Return the record if it is the last."""
         drawing = Stopwatch(self.trainer.device)
         rendered = drawing.counting(evaluate.render_split(self.trainer, self.test, self.task.score.chunk))
         images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
@@ -375,7 +375,7 @@ class CellTraining:
             pictures=self.kept.write(task.out, task.scene, trainer.method, task.seed),
             costs=costs or {},
             settings={**task.settings(trainer.method), "view_set": view_set_facts(self.views)},
-            # the others of the group change no bit of it: after an interruption they may differ
+            # the other methods of the group change no bit of this cell: after an interruption they may differ
             provenance={**self.provenance, "in_lockstep": list(task.methods)}
             | ({"resumed_at": self.resumed_at} if self.resumed_at else {})
             | ({"lpips": self.lpips.digest} if self.lpips else {}),
@@ -383,13 +383,13 @@ class CellTraining:
 
 
 def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
-    """Return sentences on states that a reader of the scores must know."""
+    """Return sentences about states that a reader of the scores must know."""
     warnings = []
     psnr, floor, train, ceiling = (scores.get(f"psnr{name}") for name in ("", "_floor", "_train", "_ceiling"))
     if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:
         warnings.append(f"empty collapse: mean test opacity {mean_opacity:.3f}, the method shows little but background")
     if grid_emptied:
-        warnings.append("the occupancy grid found no matter at its last refresh; nothing was left out from then on")
+        warnings.append("the occupancy grid found no geometry at its last refresh; no cell was skipped from then on")
     if psnr is not None and floor is not None and psnr < floor:
         warnings.append(f"below the floor: {psnr:.2f} dB, copying the nearest training view gives {floor:.2f} dB")
     if psnr is not None and train is not None and train - psnr > FLAGGED_GAP_DB:

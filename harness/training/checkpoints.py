@@ -1,9 +1,9 @@
 """The tensors that training changed in a method, as a file: OUT/checkpoints/<scene>.<method>.<seed>.safetensors.
 
-A cell in the middle of its training is a file as well (`harness.records.snapshot`). Random draws depend on a cell's
-seed and step alone (`harness.plan.seeds`), so weights, optimiser, occupancy grid, counters and the scores so far are
-all that has to be kept. On a CPU, a cell that is resumed from its file ends in the bits of one that was never
-interrupted; its clocks go on as well, from where they stood.
+An unfinished cell has a file as well, its snapshot (`harness.records.snapshot`). Random draws depend only on a cell's
+seed and step (`harness.plan.seeds`), so that a snapshot needs only the weights, optimiser, occupancy grid, counters and
+scores so far. On a CPU, a cell that is resumed from its snapshot is bit-identical to an uninterrupted cell; its clocks
+continue.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from harness.training.learner import Learner
 
 OCCUPIED = "occupied"
-"""The mask of the occupancy grid, beside the weights: the choice of evaluated points is part of a picture."""
+"""The mask of the occupancy grid, stored with the weights: a picture depends on the choice of evaluated points."""
 
 
 def checkpoint_path(out: Path, scene: str, method: str, seed: int) -> Path:
@@ -51,7 +51,7 @@ def save_checkpoint(learner: "Learner", path: Path) -> None:
 
 def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | None = None) -> None:
     """Restore a learner to its state after `step` steps. Raises `InputError` for a file that is missing, damaged, of
-    another network, or of another SHA-256 than `digest`; nothing is unpickled.
+    another network, or whose SHA-256 is not `digest`; nothing is unpickled.
     """
     if not path.is_file():
         raise InputError(f"{path}: this checkpoint is missing; train the cell again, or choose another one")
@@ -60,8 +60,8 @@ def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | Non
         if digest is not None and hashlib.sha256(content).hexdigest() != digest:
             raise ValueError("changed since it was written; --resume trains the cell again")
         tensors = {name: value.to(learner.device) for name, value in load(content).items()}
-        if spoilt := [name for name, value in tensors.items() if not bool(torch.isfinite(value).all())]:
-            raise ValueError(f"{' '.join(spoilt)}: not finite")
+        if bad := [name for name, value in tensors.items() if not bool(torch.isfinite(value).all())]:
+            raise ValueError(f"{' '.join(bad)}: not finite")
         learner.restore(tensors, step)
     except (SafetensorError, RuntimeError, KeyError, ValueError, OSError) as error:
         raise InputError(f"{path}: not a checkpoint of {learner.method} as this run has it ({short(error)})") from error
@@ -78,12 +78,12 @@ def weights_digest(learner: "Learner") -> str:
 
 
 LARGEST_SHARE = 0.02
-"""The share of its time that a group spends on keeping at most: if writing takes long, cells are kept less often."""
+"""The maximum share of a group's time for snapshots: if writing takes long, they are written less often."""
 
 
 class Keeping:
-    """The schedule of keeping a group's cells: every so many seconds, and seldom enough to cost little;
-    with 0 always.
+    """The schedule of a group's snapshots: due `every` so many seconds, or less often if they would cost too much; with
+    0 always.
     """
 
     def __init__(self, every: float, clock: Callable[[], float] = time.monotonic) -> None:
@@ -122,8 +122,8 @@ def training_state(learner: "Learner") -> Unfinished:
 
 
 def restore_training(learner: "Learner", kept: Unfinished) -> None:
-    """Restore a fresh learner of the same settings. If the state is of another one, raises any error, and leaves the
-    learner unusable.
+    """Restore a fresh learner of the same settings. The state of another learner raises any error, and leaves this one
+    unusable.
     """
 
     def tensors(prefix: str) -> dict[str, Tensor]:

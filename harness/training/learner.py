@@ -19,20 +19,20 @@ from harness.training.batches import Batch
 
 NORMS_REMEMBERED = 20
 SPIKE = 10.0
-"""The multiple of the allowed norm that a norm counts as at most in the running mean. One spike of any height makes the
-mean (10 · 4 − 1) / 20 + 1 = 2.95 times as large at most; norms that last or come again raise it in a few steps, which
-norms counted only as they are clipped would not: one in ten batches would be cut to 6 times the others' norm for good.
+"""The running mean counts a norm as at most this multiple of the allowed norm. A spike of any height makes the mean at
+most (10 · 4 − 1) / 20 + 1 = 2.95 times as large; norms that last or recur raise it in a few steps. If norms counted
+only as they are clipped, one batch in ten would be cut to 6 times the norm of the others permanently.
 """
 
 
 @dataclass
 class Clipping:
-    """Clipping to a fixed norm and to a multiple of the usual one: a fixed bound may pass a hundred times as much."""
+    """Clipping to a fixed norm and to a multiple of the usual norm, a hundred times of which a fixed bound may pass."""
 
     norm: float
     ratio: float
     usual_norm: float | None = None
-    """The running mean of the norm, spikes cut; None before the first that is not zero."""
+    """The running mean of the norm, with spikes cut; None before the first norm that is not zero."""
     clipped_steps: int = 0
 
     @property
@@ -40,7 +40,7 @@ class Clipping:
         return self.norm if self.usual_norm is None else min(self.norm, self.ratio * self.usual_norm)
 
     def scale(self, norm: float) -> float:
-        """Return the factor in (0, 1] for a gradient of that finite norm; remembers the norm for those after it."""
+        """Return the factor in (0, 1] for a gradient of this finite norm, and include the norm in the running mean."""
         allowed = self.allowed
         if norm > 0.0:
             counted, usual = min(norm, SPIKE * allowed), self.usual_norm
@@ -53,7 +53,7 @@ class Clipping:
 
 @runtime_checkable
 class Stepped(Protocol):
-    """The part of a `Learner` that the loop of training needs."""
+    """The part of a `Learner` that the training loop needs."""
 
     step: int
     clock: Stopwatch
@@ -68,8 +68,7 @@ class Learner(Stepped, Protocol):
     """One method on one scene with one seed, trained one batch at a time; `harness.training.trainer.Trainer` is the
     usual one.
 
-    `train_on`, `render` and `density` raise `harness.training.trainer.Diverged` rather than continue with a number that
-    is not finite.
+    `train_on`, `render` and `density` raise `harness.training.trainer.Diverged` for a number that is not finite.
     """
 
     method: str
@@ -84,27 +83,27 @@ class Learner(Stepped, Protocol):
 
     @property
     def whole_views(self) -> bool:
-        """Return whether it is trained on all pixels of a view at a time, and not on rays of all views."""
+        """Return whether a batch is all pixels of one view, and not rays of all views."""
 
     @property
     def field(self) -> LearnedField: ...
 
     @property
     def fields(self) -> Any:
-        """Return the owner of the `state_dict` that a checkpoint keeps."""
+        """Return the object whose `state_dict` a checkpoint stores."""
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None: ...
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
         """Render in chunks of `chunk` rays, with `bins` per ray instead of those of the settings."""
 
     def rendered_by(self) -> dict[str, Any]:
-        """Return all that a picture depends on besides rays, `chunk` and what training changed, as plain data."""
+        """Return all that a picture depends on except rays, `chunk` and the trained state, as plain data."""
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
         """Restore the tensors that `harness.training.checkpoints.tensors_of` returned after `step` steps."""
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
-        """Return the optimiser's state; names without an order."""
+        """Return the optimiser's state by name."""
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
         """Restore the state that `optimiser_tensors` returned, after `restore`."""
@@ -112,12 +111,12 @@ class Learner(Stepped, Protocol):
     def amplifier_scalars(self) -> dict[str, float | None]: ...
 
     def averaged(self) -> AbstractContextManager[None]:
-        """Enclose what looks at the method in training, so that it sees what would be kept if training ended here."""
+        """Enclose code that must see the state that would be stored if training ended here."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a trainer is made from (`baselines.catalog.Method.trainer`)."""
+    """The argument of a trainer (`baselines.catalog.Method.trainer`)."""
 
     method: str
     box: Box
@@ -130,7 +129,7 @@ class Job:
 
     @property
     def own(self) -> Any:
-        """Return the method's own settings: those of `settings`, else the catalogue's."""
+        """Return the settings of the method: those in `settings`, else those of the catalogue."""
         return own_settings(self.method, self.settings.own)
 
 
@@ -138,7 +137,7 @@ L = TypeVar("L", bound=Stepped)
 
 
 def warm_up(learner: Learner, batch_at: Callable[[int], Batch]) -> None:
-    """Run everything that is done once, with the batch of the first step, off the learner's clock."""
+    """Run everything that is done once, on the batch of the first step and off the learner's clock."""
     batch = batch_at(0)
     learner.warm_up(batch.rays, batch.colours)
 
@@ -146,7 +145,8 @@ def warm_up(learner: Learner, batch_at: Callable[[int], Batch]) -> None:
 def take_step(learner: Stepped, batch_at: Callable[[int], Batch]) -> None:
     """Take the learner's next step; `batch_at` returns the batch of a step (`Batches.stream`). Raises `Diverged`.
 
-    The making of the batch counts, also where it was made for another learner: alone, this one would have made it.
+    The time of making the batch counts, even if it was made for another learner: in a run without the others, this
+    learner would have made it.
     """
     batch = batch_at(learner.step)
     learner.clock.add(batch.seconds, batch.core_seconds)
@@ -154,7 +154,7 @@ def take_step(learner: Stepped, batch_at: Callable[[int], Batch]) -> None:
 
 
 def steps(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], bool] | None = None) -> Iterator[L]:
-    """Step the learner until `until` holds, or to the end of its budget; yields it after every step, off its clock."""
+    """Step the learner until `until` holds, or to the end of its budget. Yield it after every step, off its clock."""
     while not (until(learner) if until else learner.progress >= 1.0):
         take_step(learner, batch_at)
         yield learner

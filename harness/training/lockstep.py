@@ -1,4 +1,4 @@
-"""All methods of one scene and one seed, trained in turn on the same batches, each on its own clock; or one alone."""
+"""All methods of one scene and seed, trained in turn on the same batches, each on its own clock; or one method."""
 
 from collections.abc import Callable, Iterator
 from typing import TypeVar
@@ -34,11 +34,11 @@ def train_group(
     made_by: Callable[..., Learner] | None = None,
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> Iterator[CellRecord]:
-    """Yield the record of each method as soon as it has ended; one that fails or diverges does not stop the others.
+    """Yield the record of each method as soon as it has ended. Methods that fail or diverge do not stop the others.
 
-    `on_progress` gets the share of the group's training that is done; `made_by` replaces `learner_for`. All
-    cells are kept in the output folder from time to time, and one that was kept there is resumed, which is reported to
-    `on_notice`.
+    `on_progress` gets the share of the group's training that is done; `made_by` replaces `learner_for`. Snapshots of
+    all cells are written to the output folder from time to time. A cell with a snapshot is resumed, which is reported
+    to `on_notice`.
     """
     device, stream = torch.device(task.device), stream_of(task.scene, task.seed)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.covered_share)
@@ -77,7 +77,7 @@ def train_group(
 def _started(
     method: str, task: GroupTask, fresh: Callable[[str], CellTraining], on_notice: Callable[[str], None]
 ) -> CellTraining | CellRecord:
-    """Return the cell before its next step, resumed if it was kept; its record if it ends before the first step."""
+    """Return the cell, resumed if it has a snapshot, or its record if it ends before the first step."""
     try:
         with left_as_it_was():
             runner = fresh(method)
@@ -91,9 +91,9 @@ def _started(
     if (failed := runner.warm_up()) is not None:
         return failed
     try:
-        notice = runner.go_on()
-    except IncompatibleSnapshot as unfit:
-        notice, runner = str(unfit), fresh(method)
+        notice = runner.resume()
+    except IncompatibleSnapshot as incompatible:
+        notice, runner = str(incompatible), fresh(method)
         runner.warm_up()
     if notice:
         on_notice(notice)
@@ -101,8 +101,8 @@ def _started(
 
 
 def turns(active: list[T]) -> Iterator[list[T]]:
-    """Yield the order of each turn until the caller has taken all out of `active`. The first one changes, so that none
-    always finds the caches that another has filled.
+    """Yield the order of each turn until the caller has removed all from `active`. The first in the order changes, so
+    that none always finds the caches that another has filled.
     """
     turn = 0
     while active:
@@ -112,7 +112,7 @@ def turns(active: list[T]) -> Iterator[list[T]]:
 
 
 def box_of(views: ViewSet, device: torch.device) -> Box:
-    """Return the box in which everything visible lies, with the hull of the training silhouettes."""
+    """Return the box around everything visible, with the hull of the training silhouettes."""
     lower, upper = (torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds)
     return Box(lower, upper, torch.from_numpy(views.hull))
 
@@ -125,7 +125,7 @@ def stream_of(scene: str, seed: int) -> str:
 
 
 def needs_view_direction(views: ViewSet) -> bool:
-    """Return False if the scene's own description says that it looks the same from all sides."""
+    """Return False if the scene's description says that it looks the same from all sides."""
     rows = views.rendered.get("left_out", [])
     return "view_direction" not in [part_name(row["what"], row.get("name", "")) for row in rows]
 
@@ -138,16 +138,13 @@ def trained_alone(
     budget: Budget,
     device: torch.device,
 ) -> Learner:
-    """Return a learner trained to the end of its budget on the batches of `stream`.
-
-    Parts that the scene does not need are left out. Raises `Diverged`, and `NotAvailable` if the method cannot run
-    here.
+    """Return a learner trained to the end of its budget on the batches of `stream`, without the parts that the scene
+    does not need. Raises `Diverged`, and `NotAvailable` if the method cannot run here.
     """
     settings = for_scene(settings, views)
-    cameras = evaluate.cameras_of(views, views.train, device)
-    batches = Batches(cameras, views.train.rgba, settings.covered_share)
-    box, directed = box_of(views, device), needs_view_direction(views)
-    learner = learner_for(Job(method, box, settings, budget, stream, device, directed))
+    directed = needs_view_direction(views)
+    learner = learner_for(Job(method, box_of(views, device), settings, budget, stream, device, directed))
+    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, settings.covered_share)
     batch_at = batches.for_learner(learner.whole_views, stream, settings.rays)
     warm_up(learner, batch_at)
     return train(learner, batch_at)

@@ -1,4 +1,4 @@
-"""The factory of learners: makes the right learner for a method, or reports why this machine cannot train it."""
+"""The factory of learners: creates the learner of a method, or reports why this machine cannot train it."""
 
 import importlib.util
 import os
@@ -14,15 +14,15 @@ from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
 
 class NotAvailable(InputError):
-    """A method that this machine cannot train. The message says what is missing.
+    """A method that this machine cannot train; the message says what is missing.
 
-    In a comparison its cells end as `not_available`; a command about this method alone ends with the message.
+    In a comparison its cells end as `not_available`; a command about only this method ends with the message.
     """
 
 
 def learner_for(job: Job) -> Learner:
-    """Return the method ready to be trained. Raises `NotAvailable` if this machine lacks what it needs, and
-    `InputError` if a user's own package that offers it cannot be loaded.
+    """Return the method ready to be trained. Raises `NotAvailable` if this machine cannot train it, and `InputError` if
+    the user's package that offers it cannot be loaded.
     """
     trainer = method_named(job.method).trainer
     try:
@@ -35,7 +35,7 @@ def learner_for(job: Job) -> Learner:
 
 def splats(job: Job) -> Learner:
     if job.device.type != "cpu":
-        raise NotAvailable("is drawn by the processor alone; --device cpu trains it")
+        raise NotAvailable("is drawn only by the processor; --device cpu trains it")
     from harness.training.kinds.splat_trainer import SplatTrainer
 
     return SplatTrainer(job)
@@ -57,7 +57,7 @@ def voxels(job: Job) -> Learner:
 
 
 def drjit_backend(device: torch.device) -> Literal["llvm", "cuda"]:
-    """Return Dr.Jit's backend for `device`, tested in a process of its own, as it may abort; raises `NotAvailable`."""
+    """Return Dr.Jit's backend for `device`, tested in another process, as it may abort. Raises `NotAvailable`."""
     if importlib.util.find_spec("drjit") is None:
         raise NotAvailable("needs the package drjit, which is not installed")
     if device.type == "cuda" and torch.version.hip:

@@ -1,4 +1,4 @@
-"""The test views that a run saves as pictures: their choice, their truth, and what a cell renders of them."""
+"""The test views that a run saves as pictures: their choice, their truth, and the renders of each cell."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -33,7 +33,7 @@ from scenes.view_sets.view_set import Split, ViewSet, linear_over_white
 from scenes.view_sets.viewpoints import by_azimuth, evenly_spread
 
 TURN_VIEWS, TURN_SIDE = 24, 100
-"""The most views of a turn, and the most pixels of a side of them."""
+"""The maximum number of views of a turn, and the maximum number of pixels of their sides."""
 ROOM = LARGEST_BYTES - HEADER_BYTES - 3 * TURN_VIEWS * TURN_SIDE**2
 TRUTH_BYTES = 2 * sum(channels or 1 for channels in TRUTH.values())
 RENDER_BYTES = 2 * sum(channels or 1 for channels in RENDER.values())
@@ -45,7 +45,7 @@ version.
 
 
 def kept_views(test: Split, count: int) -> list[int]:
-    """Return indices of at most `count` evenly spread test views, the same for every cell of a scene; fewer, if any, if
+    """Return indices of at most `count` evenly spread test views, the same for every cell of a scene; fewer or none if
     the file of their truth would be too large.
     """
     count = min(count, ROOM // (_pixels(test) * TRUTH_BYTES))
@@ -54,14 +54,14 @@ def kept_views(test: Split, count: int) -> list[int]:
 
 
 def turned(test: Split) -> list[int]:
-    """Return indices of evenly spread test views in the order of their azimuth, those of a turn around the scene."""
+    """Return indices of evenly spread test views in the order of their azimuth, for a turn around the scene."""
     poses = test.camera_to_world
     chosen = evenly_spread(min(TURN_VIEWS, len(poses)), poses)
     return [int(index) for index in chosen[by_azimuth(poses[chosen])]]
 
 
 def frame_of(colour: np.ndarray) -> NDArray[np.uint8]:
-    """Return display colour [h, w, 3] as a small picture."""
+    """Return a small picture of display colour [h, w, 3]."""
     width = max(1, round(colour.shape[1] * min(1.0, TURN_SIDE / max(colour.shape[:2]))))
     small = area_average(colour, width) if width < colour.shape[1] else colour
     return np.round(255.0 * np.clip(np.asarray(small, dtype=np.float64), 0.0, 1.0)).astype(np.uint8)
@@ -72,8 +72,8 @@ def _pixels(test: Split) -> int:
 
 
 def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
-    """Write the truth of the saved views, the same bytes whoever does it first; an existing one is kept. Raises
-    `OSError`, and `InputError` if that is of other views, and for a view set that was damaged meanwhile.
+    """Write the truth of the saved views, in the same bytes for every process; an existing file is kept. Raises
+    `OSError`, and `InputError` if that file is of other views, and for a view set that was damaged meanwhile.
     """
     test = views.test
     now = []
@@ -89,7 +89,7 @@ def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
     except DamagedRecord:
         kept, turn = [], None
     if kept and not _same_truth(kept, now):
-        raise InputError(f"{views.path}: not the views that {path} is of; put those back, or name a fresh --out")
+        raise InputError(f"{views.path}: not the views of {path}; restore those views, or name a fresh --out")
     if now and turn is None:
         frames = [frame_of(over_white(test.rgba[index])) for index in turned(test)]
         write_truth(path, kept or now, Turn([test.names[index] for index in turned(test)], np.stack(frames)))
@@ -100,7 +100,7 @@ def drop_truth(out: Path, scene: str) -> None:
 
 
 def _same_truth(kept: list[Truth], now: list[Truth]) -> bool:
-    """Return whether truths are equal as far as a processor or a version may change the last bits."""
+    """Return whether truths are equal, except for last bits that depend on the processor or the version."""
     if [(truth.view, truth.display.shape) for truth in kept] != [(truth.view, truth.display.shape) for truth in now]:
         return False
     pairs = zip(kept, now, strict=True)
@@ -109,12 +109,12 @@ def _same_truth(kept: list[Truth], now: list[Truth]) -> bool:
 
 @dataclass
 class KeptRenders:
-    """The renders that one cell saves of the views that pass on their way to being scored."""
+    """The renders that a cell saves, taken from the views that are rendered for its scores."""
 
     chosen: list[int]
     names: tuple[str, ...]
     every: bool
-    """Whether those of every checkpoint are saved, or of the last one alone."""
+    """Whether the renders of every checkpoint are saved, or only those of the last."""
     turn: list[int]
     """The views of the turn, if this cell saves one."""
     renders: list[Render] = field(default_factory=list)
@@ -128,7 +128,7 @@ class KeptRenders:
         return KeptRenders(chosen, test.names, fits and is_first, turned(test) if chosen and is_first else [])
 
     def passing(self, images: Iterable[View], step: int, last: bool) -> Iterator[View]:
-        """Yield the views themselves, one at a time, some of them noted on their way."""
+        """Yield the same views one at a time, and remember some of them."""
         for index, image in enumerate(images):
             if (last or self.every) and index in self.chosen:
                 parts = (half(image.colour), half(image.opacity), half(image.depth))
@@ -138,7 +138,7 @@ class KeptRenders:
             yield image
 
     def write(self, out: Path, scene: str, method: str, seed: int) -> str | None:
-        """Write the renders; returns the path relative to the records, None if nothing was saved. Raises `OSError`."""
+        """Write the renders. Return the path relative to the records, None if nothing was saved. Raises `OSError`."""
         if not self.renders:
             return None
         path = cell_pictures(scene, method, seed)

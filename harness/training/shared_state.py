@@ -1,4 +1,4 @@
-"""The settings of a process that its cells share: a method that changes them would change the cells beside its own."""
+"""The settings of a process that its cells share: a method that changes them would change the other cells."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,16 +15,16 @@ SHARED: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     "whether torch is deterministic": (torch.are_deterministic_algorithms_enabled, torch.use_deterministic_algorithms),
     "numpy's handling of errors": (np.geterr, lambda before: np.seterr(**before)),
 }
-"""In words → how it is read, and set."""
+"""Description → how it is read and set."""
 
 
 class SharedStateChanged(RuntimeError):
-    """A method left settings of the process changed; the message says which."""
+    """A method changed settings of the process; the message says which."""
 
 
 @contextmanager
 def left_as_it_was() -> Iterator[None]:
-    """Put back what was changed inside; raises `SharedStateChanged` for it, unless something else is raised."""
+    """Restore the settings at the end. Raises `SharedStateChanged` if one was changed and nothing else is raised."""
     before = {name: read() for name, (read, _) in SHARED.items()}
     changed: list[str] = []
     try:
@@ -35,4 +35,4 @@ def left_as_it_was() -> Iterator[None]:
                 put(before[name])
                 changed.append(f"{name} from {before[name]} to {now}")
     if changed:
-        raise SharedStateChanged(f"changes {', '.join(changed)}, for every cell of the process; put it back")
+        raise SharedStateChanged(f"changes {', '.join(changed)}, for every cell of the process; restore it")

@@ -1,4 +1,4 @@
-"""One method in training: its field, optimiser, occupancy grid and clock. Prints and writes nothing."""
+"""The training of one method: its field, optimiser, occupancy grid and clock. It prints and writes nothing."""
 
 import math
 from abc import ABC, abstractmethod
@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from baselines.composition import Parts
+from baselines.composition import LOSSES, Parts
 from baselines.contract import FieldSpec, Precision, Rays, Rendering, first_not_finite
 from baselines.field import field_of, training_step
 from baselines.numerics.checks import BadDensity
@@ -28,15 +28,15 @@ from harness.training.checkpoints import OCCUPIED
 from harness.training.learner import Clipping, Job
 
 LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
-"""The factor of the loss in the backward pass alone. Below 6e-8 a float16 is 0, and the gradient of one sample of
-512 rays is about 1e-6; a power of two, so that nothing is rounded. bfloat16 reaches as far down as float32.
+"""The factor of the loss in the backward pass. Below 6e-8 a float16 is 0, and the gradient of one sample of 512 rays is
+about 1e-6. It is a power of two, so that nothing is rounded. bfloat16 has the range of float32.
 """
 TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray", "learning_rate")
 LAYER = "gradient_norm "
-"""The beginning of the names of the layers' own norms in a trace, before clipping."""
+"""The prefix of the norms of single layers in a trace, before clipping."""
 TRACE_EVERY = 20
 MEAN = "mean."
-"""The beginning of the names of the weights' running means, beside the state of the optimiser."""
+"""The prefix of the running means of the weights among the tensors of the optimiser."""
 
 
 class Diverged(ArithmeticError):
@@ -56,7 +56,7 @@ class BudgetedTrainer(ABC):
     def __init__(self, job: Job) -> None:
         self.method, self.box, self.settings, self.own = job.method, job.box, job.settings, job.own
         self.budget, self.seed, self.device = job.budget, job.seed, job.device
-        # a direction that no colour depends on is left out, unless that is switched off
+        # colour gets no direction in a scene that looks the same from all sides, unless that is switched off
         self.view_dependent = job.view_dependent or not self.settings.accelerations.directions
         self.grid: OccupancyGrid | None = None
         self.clock = Stopwatch(self.device)
@@ -64,7 +64,7 @@ class BudgetedTrainer(ABC):
         self.network_evaluations = 0
         self.clipping = Clipping(self.settings.clip_norm, self.settings.clip_ratio)
         self.last_loss: float | None = None
-        """The loss of the batch of the last step, before that step."""
+        """The loss of the last batch, before its step."""
         self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
         self._layer_norms: dict[str, float] = {}
 
@@ -84,8 +84,8 @@ class BudgetedTrainer(ABC):
     def _count(
         self, loss: float, norms: tuple[float, float], evaluations: int, rays: int, rate: float | None = None
     ) -> None:
-        """End a step on `rays` rays; `norms` are those of the gradient before and after it was clipped, `rate` is the
-        learning rate if all weights have the same.
+        """End a step on `rays` rays. `norms` are those of the gradient before and after clipping, `rate` is the
+        learning rate if it is the same for all weights.
         """
         traced = self._is_traced
         self.step += 1
@@ -101,17 +101,26 @@ class BudgetedTrainer(ABC):
         return {"alpha": None, "beta": None}
 
     def averaged(self) -> AbstractContextManager[None]:
-        """Enclose what looks at the method in training: at the running mean of its weights, if it has one."""
+        """Enclose code that sees the running mean of the weights instead of the weights, if the method has one."""
         return nullcontext()
+
+    def _rendered_by(self) -> dict[str, Any]:
+        """Return the part of `Learner.rendered_by` that all trainers share."""
+        return {
+            "method": self.method,
+            "box": [self.box.lower.tolist(), self.box.upper.tolist()],
+            "background": [1.0, 1.0, 1.0],
+            "device": self.device.type,
+        }
 
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """Render all of `rays`, `chunk` at a time, at the midpoints of the bins; with `bins` of them per ray if that is
-        given, and as many more in a second pass. The samples are kept of a single chunk alone. Raises `ValueError` for
-        less than one bin, and `Diverged` on a pixel not finite.
+        """Render all of `rays`, `chunk` at a time, at the midpoints of the bins: of `bins` per ray if that is given,
+        with those of a second pass in proportion. Only a single chunk keeps its samples. Raises `ValueError` for less
+        than one bin, and `Diverged` for a pixel that is not finite.
         """
         if bins is not None and bins < 1:
-            raise ValueError(f"{bins} bins a ray: must be at least 1")
+            raise ValueError(f"{bins} bins per ray: must be at least 1")
         starts = range(0, max(len(rays), 1), chunk)
         chunks = (self._rendered(rays.part(start, start + chunk), None, start, bins) for start in starts)
         parts = [part if len(starts) == 1 else replace(part, samples=None) for part in chunks]
@@ -129,15 +138,18 @@ class BudgetedTrainer(ABC):
 
     @abstractmethod
     def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
-        """Render one chunk; `first` is the number of its first ray, for errors that name one."""
+        """Render one chunk; `first` is the number of its first ray, for errors that name a ray."""
 
 
 class Trainer(BudgetedTrainer):
-    """A trainer of a method that is a field of torch: its optimiser, and an occupancy grid."""
+    """The trainer of a method that is a field of torch, with an optimiser and an occupancy grid."""
 
     def __init__(self, job: Job) -> None:
         super().__init__(job)
-        method, settings = method_named(self.method), self.settings
+        parts = self.own if isinstance(self.own, Parts) else Parts()
+        self.settings = settings = replace(self.settings, **parts.schedule)
+        self.error = LOSSES[parts.loss]
+        method = method_named(self.method)
         self.background = torch.ones(3, device=self.device)
 
         def field(name: str) -> Any:
@@ -149,7 +161,7 @@ class Trainer(BudgetedTrainer):
         self.fine = field("fine") if settings.fine_bins else None
         self.fields = nn.ModuleDict({"coarse": self.coarse} | ({"fine": self.fine} if self.fine else {}))
         # Listing 4 takes its background from the last point before `far`: it must see every point of the complete ray
-        self.quadrature = self.own.quadrature if isinstance(self.own, Parts) else "midpoint"
+        self.quadrature = parts.quadrature
         self.whole_rays = self.quadrature == "listing4"
         if settings.accelerations.grid and settings.grid.cells > 0 and not self.whole_rays:
             box = self.box if settings.accelerations.hull else replace(self.box, hull=None)
@@ -157,38 +169,38 @@ class Trainer(BudgetedTrainer):
 
     @cached_property
     def optimiser(self) -> Optimiser:
-        """Return the optimiser, made in the warm-up: torch's own import its compiler, seconds that are no training, and
-        that rendering need not wait.
+        """Return the optimiser, created in the warm-up: it imports the compiler of torch, which takes seconds that
+        are not training, and that rendering need not wait for.
         """
         return optimiser_of(self.fields.parameters(), self.settings.optimiser)
 
     @cached_property
     def average(self) -> WeightAverage | None:
-        """Return the running mean of the weights, begun with the first step that is taken."""
+        """Return the running mean of the weights, begun at the first step."""
         power = self.settings.average
         return WeightAverage(self.fields.parameters(), power) if power else None
 
     def averaged(self) -> AbstractContextManager[None]:
-        average = self.__dict__.get("average")  # none before the first step, and for what a checkpoint holds
+        average = self.__dict__.get("average")  # absent before the first step, and after a checkpoint is loaded
         return average.shown() if average else nullcontext()
 
     @property
     def field(self) -> Any:
-        """The field that is rendered in the end (`baselines.field.field_of`)."""
+        """Return the field whose rendering is shown (`baselines.field.field_of`)."""
         return self.fine or self.coarse
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Run one forward and backward pass that changes nothing: imports, allocations and kernel choices, outside the
-        clock.
+        """Run one forward and backward pass that changes nothing, so that imports, allocations and kernel choices are
+        off the clock.
         """
         _ = self.optimiser
         self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
         self.fields.zero_grad(set_to_none=True)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Take one step on one batch, on the clock; the last one of the budget ends with the mean of the weights.
+        """Take one step on one batch, on the clock; the last step of the budget ends with the mean of the weights.
 
-        Raises `Diverged`; the weights are then those before the step, unless it is one of them that is named.
+        Raises `Diverged`; the weights are then those before the step, unless the error names a weight.
         """
         with self.clock.running():
             self._refresh_grid()
@@ -196,8 +208,7 @@ class Trainer(BudgetedTrainer):
             with training_step([self.coarse, self.fine] if self.fine else [self.coarse]):
                 loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
                 if not math.isfinite(loss_value := loss.item()):
-                    where = "loss" if _all_finite(self._weights()) else self._first_not_finite("weight")
-                    raise Diverged(self.step, where)
+                    raise self._diverged("loss")
                 norms = self._clipped_gradient(loss)
                 self.optimiser.step(rate)
             self.fields.zero_grad(set_to_none=True)
@@ -217,16 +228,14 @@ class Trainer(BudgetedTrainer):
 
     def rendered_by(self) -> dict[str, Any]:
         return {
-            "method": self.method,
+            **self._rendered_by(),
             "own": asdict(self.own) if self.own is not None else None,
             "sampling": asdict(self._sampling()),
             "network": asdict(self.settings.network),
             "precision": self.settings.precision,
             "accelerations": asdict(self.settings.accelerations),
             "view_dependent": self.view_dependent,
-            "box": [self.box.lower.tolist(), self.box.upper.tolist()],
             "background": self.background.tolist(),
-            "device": self.device.type,
         }
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
@@ -234,7 +243,7 @@ class Trainer(BudgetedTrainer):
         occupied = weights.pop(OCCUPIED, None)
         self.fields.load_state_dict(weights)
         if (occupied is None) != (self.grid is None):
-            raise ValueError("an occupancy grid is in one of settings and checkpoint alone")
+            raise ValueError("an occupancy grid is only in the settings or only in the checkpoint")
         if self.grid is not None and occupied is not None:
             if occupied.shape != self.grid.occupied.shape or occupied.dtype != torch.bool:
                 raise ValueError(f"an occupancy grid of {occupied.dtype} {tuple(occupied.shape)}")
@@ -277,26 +286,21 @@ class Trainer(BudgetedTrainer):
         try:
             return render_rays(self.coarse, self.fine, rays, self.box, sampling, self.grid, self.background, generator)
         except BadDensity as error:
-            where = f"density of sample {error.sample} of ray {first + error.ray}"
-            raise Diverged(
-                self.step, where if _all_finite(self._weights()) else self._first_not_finite("weight")
-            ) from error
+            raise self._diverged(f"density of sample {error.sample} of ray {first + error.ray}") from error
         except FloatingPointError as error:  # the coarse pass gave weights that are not finite
             raise Diverged(self.step, self._first_not_finite("weight")) from error
 
     def _loss(self, rays: Rays, colours: Tensor, generator: torch.Generator) -> tuple[Tensor, Rendering]:
-        """Return the mean squared error of display colours, with that of the coarse pass if there is one (as the
-        original).
-        """
+        """Return the error of display colours, with that of the coarse pass if there is one (as the original)."""
         rendering = self._rendered(rays, generator)
-        loss = torch.mean((rendering.colour - colours) ** 2)
+        loss = self.error(rendering.colour, colours)
         if rendering.coarse_colour is not None:
-            loss = loss + torch.mean((rendering.coarse_colour - colours) ** 2)
+            loss = loss + self.error(rendering.coarse_colour, colours)
         return loss, rendering
 
     def _clipped_gradient(self, loss: Tensor) -> tuple[float, float]:
-        """Leave the gradient of all weights, clipped; returns its norm before and, if it is traced, after that. Raises
-        `Diverged`.
+        """Compute the clipped gradient of all weights. Return its norm before and, if it is traced, after clipping.
+        Raises `Diverged`.
         """
         scale = LOSS_SCALE[self.settings.precision]
         (loss * scale).backward()
@@ -304,7 +308,7 @@ class Trainer(BudgetedTrainer):
         if scale != 1.0:
             torch._foreach_div_(gradients, scale)
         if not math.isfinite(norm := float(nn.utils.get_total_norm(gradients))):
-            # before anything is scaled by it, which would make every gradient NaN
+            # before the gradients are scaled by it, which would make them all NaN
             raise Diverged(self.step, self._first_not_finite("gradient"))
         if self._is_traced:
             self._layer_norms = self._norms_by_layer()
@@ -329,11 +333,15 @@ class Trainer(BudgetedTrainer):
         generator = generator_for(self.seed, self.step, "grid")
         self.network_evaluations += self.grid.refresh(self.field, share, generator)
         if not bool(torch.isfinite(self.grid.density).all()):
-            # a NaN is not above any threshold: the cell would count as empty for good, and never be seen again
+            # a NaN is above no threshold: the cell would count as empty permanently
             raise Diverged(self.step, "density in the occupancy grid")
 
     def _weights(self) -> Iterable[Tensor]:
         return (weight.detach() for weight in self.fields.parameters())
+
+    def _diverged(self, where: str) -> Diverged:
+        """Return the error, which names a weight that is not finite rather than `where`."""
+        return Diverged(self.step, where if _all_finite(self._weights()) else self._first_not_finite("weight"))
 
     def _first_not_finite(self, what: str) -> str:
         for name, weight in self.fields.named_parameters():
@@ -344,7 +352,7 @@ class Trainer(BudgetedTrainer):
 
 
 def _all_finite(tensors: Iterable[Tensor]) -> bool:
-    """Return whether all is finite, asking the device once if every norm is finite, as it nearly always is."""
+    """Return whether all values are finite, with a single synchronisation if every norm is finite, the usual case."""
     listed = list(tensors)
     norm_is_finite = bool(torch.isfinite(nn.utils.get_total_norm(listed)))
     return norm_is_finite or all(bool(torch.isfinite(tensor).all()) for tensor in listed)

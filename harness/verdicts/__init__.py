@@ -1,1 +1,1 @@
-"""Pure statistics on records; imports `records`, and neither torch nor Mitsuba."""
+"""Pure statistics on records; imports only `records` and `scenes.files`."""

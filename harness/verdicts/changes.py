@@ -1,8 +1,8 @@
 """How much a difference of two methods changes between two situations: a paired difference of differences.
 
-Early and late, under two optimisers, at equal steps and at equal seconds, on two processors, in two runs. That two
-verdicts have the same words does not show that nothing changed, nor do other words show that something did: the change
-is estimated itself, with the intervals of `harness.verdicts.statistics`.
+Situations are early and late in training, two optimisers, equal steps and equal seconds, two processors, or two runs.
+Equal verdicts do not show that nothing changed, and unequal verdicts do not show that something did. The change itself
+is estimated, with the intervals of `harness.verdicts.statistics`.
 """
 
 from collections.abc import Iterable
@@ -17,12 +17,12 @@ from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import difference_of, estimate, paired_difference
 
 Table = dict[str, np.ndarray]
-"""Scene → paired differences of two methods [seeds], NaN where there is none."""
+"""Scene → paired differences of two methods [seeds], NaN for a missing pair."""
 
 
 @dataclass(frozen=True)
 class Situation:
-    """Cells, and what their methods were given equal amounts of."""
+    """Cells, and the budget at which their methods are compared."""
 
     cells: list[CellRecord]
     budget: Budget = "steps"
@@ -37,17 +37,17 @@ class Change:
     before: float
     after: float
     judgement: Judgement
-    """The difference `after` − `before`, estimated in both senses."""
+    """The judgement of `after` − `before`, in both senses."""
     by_scene: dict[str, float]
     """Scene → the change of the mean over seeds."""
     seeds_paired: bool
-    """Whether both situations have the same seeds, so that the change is that of each scene and seed."""
+    """Whether both situations have the same seeds, so that each scene and seed has a change."""
 
 
 def change(
     method: str, against: str, before: Situation, after: Situation, metric: str = PRIMARY, family: int = 1
 ) -> Change | None:
-    """Return the change of a difference, one of `family` that are looked at together; None without a shared scene."""
+    """Return the change of a difference, one of `family` that are judged together; None without a shared scene."""
     tables, seeds = [], []
     for situation in (before, after):
         by_key, scenes, numbers = keyed(situation.cells)
@@ -57,20 +57,20 @@ def change(
 
 
 def changes(methods: Iterable[str], before: Situation, after: Situation, metric: str = PRIMARY) -> list[Change]:
-    """Return the changes of all pairs of `methods` that are compared; each is one of all."""
+    """Return the changes of all compared pairs of `methods`, which form a family."""
     pairs = USUAL.pairs(methods)
-    found = (change(*pair, before, after, metric, len(pairs)) for pair in pairs)
-    return [each for each in found if each is not None]
+    all_changes = (change(*pair, before, after, metric, len(pairs)) for pair in pairs)
+    return [each for each in all_changes if each is not None]
 
 
 def change_of(
     method: str, against: str, before: Table, after: Table, *, paired: bool, metric: str = PRIMARY, family: int = 1
 ) -> Change | None:
-    """Return the change between two tables of differences; with `paired` their seeds are the same, in the same order.
+    """Return the change between two tables of differences; with `paired` they have the same seeds in the same order.
 
-    Paired, each scene and seed has a change of its own, and it is judged as any paired difference. Otherwise each
-    situation has an error of its own, and their squares add up (Welch); over scenes it is Student's t in both cases.
-    Only scenes with a difference in both situations count.
+    If paired, each scene and seed has a change, which is judged as any paired difference. Otherwise the squared errors
+    of the two situations add up (Welch). Over scenes it is Student's t in both cases. Only scenes with a difference in
+    both situations count.
     """
     shared = [scene for scene in before if scene in after]
     if paired:
@@ -88,14 +88,10 @@ def change_of(
     if paired:
         judgement = judged(dict(zip(shared, second - first, strict=True)), metric, family)
     else:
-        judgement = _of_other_seeds(first, second, moved, metric, family)
+        margin, pairs = METRICS[metric].smallest_of_interest, int(np.isfinite(second).sum())
+        less = nested.less(nested.on_these_scenes(second), nested.on_these_scenes(first))
+        here = estimate(difference_of(less, len(moved), family), margin)
+        elsewhere = estimate(paired_difference(moved, family), margin) if len(moved) > 1 else None
+        judgement = Judgement(float(moved.mean()), here, elsewhere, pairs, second.size - pairs)
     by_scene = dict(zip(shared, map(float, moved), strict=True))
     return Change(method, against, float(means[0].mean()), float(means[1].mean()), judgement, by_scene, paired)
-
-
-def _of_other_seeds(before: np.ndarray, after: np.ndarray, moved: np.ndarray, metric: str, family: int) -> Judgement:
-    margin, pairs = METRICS[metric].smallest_of_interest, int(np.isfinite(after).sum())
-    less = nested.less(nested.on_these_scenes(after), nested.on_these_scenes(before))
-    here = estimate(difference_of(less, len(moved), family), margin)
-    elsewhere = estimate(paired_difference(moved, family), margin) if len(moved) > 1 else None
-    return Judgement(float(moved.mean()), here, elsewhere, pairs, after.size - pairs)

@@ -1,4 +1,4 @@
-"""Claims of methods: those that come with the program, files of the user's own, and claims in one line.
+"""Claims about methods: those that come with the program, the user's files, and one-line claims.
 
 A file of claims is TOML (`docs/claims.md`). A line reads `mine - nerf >= 1.5 dB on lego`.
 """
@@ -20,7 +20,6 @@ from scenes.files.errors import InputError
 
 PRINTED = Path(__file__).parent / "printed"
 BOUNDS: dict[str, Bound] = {">=": "at least", "<=": "at most", "=": ""}
-SIGNS = {"at least": "≥ ", "at most": "≤ ", "": ""}
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
 LINE = re.compile(
     r"(?P<method>[^\s<>=]+)(?:\s+[-−]\s+(?P<against>[^\s<>=]+))?\s*(?P<bound>>=|<=|=)\s*"
@@ -32,10 +31,10 @@ WORDS = {
     "score": "{method}{where}",
     "saving": "{method} reaches the target in fewer {axis} than {against}",
 }
-"""Kind of claim → its statement, for one without words of its own."""
+"""Kind of claim → its statement if the claim has none."""
 DEFAULTS = {"scene": "all", "metric": "psnr", "axis": "steps"}
 PLURAL = {"method": "methods", "against": "methods", "scene": "scenes"}
-NOT_RUN = "is no part of this run"
+NOT_RUN = "is not part of this run"
 OWN = ("id", "where", "statement", "quantity", "printed", "unit", "bound", "leaves_open")
 
 
@@ -45,13 +44,13 @@ def known_claims() -> tuple[ClaimFile, ...]:
 
 
 def usual_roles() -> Roles:
-    """Return the roles of a run that states none: those of the profiles, with the claims that come with it."""
+    """Return the roles of a run that states none: those of the profiles, with the claims of this program."""
     pairs = dict.fromkeys(pair for file in known_claims() for pair in file.pairs)
     return replace(USUAL, claimed=tuple(pairs))
 
 
 def read_claims(file: Path) -> ClaimFile:
-    """Read a file of claims; raises `InputError` for one that cannot be read, naming the claim."""
+    """Read a file of claims; raises `InputError` that names the file and the claim."""
     try:
         data = tomllib.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -68,13 +67,12 @@ def read_claims(file: Path) -> ClaimFile:
     about = dict.fromkeys(claim.of["method"] for claim in claims if "method" in claim.of)
     defaults = {"id": file.stem, "title": file.stem, "methods": list(about)}
     try:
-        found = as_promised({**defaults, **data, "claims": []}, ClaimFile)
+        read = as_promised({**defaults, **data, "claims": []}, ClaimFile)
     except ValueError as error:
         raise InputError(f"{file}: {error}; docs/claims.md has the form") from error
-    unknown = sorted(set(found.principal) - set(ids))
-    if unknown:
+    if unknown := sorted(set(read.principal) - set(ids)):
         raise InputError(f"{file}: principal names {unknown[0]!r}, which is the id of no claim")
-    return replace(found, claims=tuple(claims))
+    return replace(read, claims=tuple(claims))
 
 
 def _statement(row: dict[str, Any], place: int, at: str) -> Statement:
@@ -93,23 +91,22 @@ def _statement(row: dict[str, Any], place: int, at: str) -> Statement:
     where = row.get("where", ())
     printed = row.get("printed")
     if isinstance(printed, str):
-        words = re.fullmatch(rf"(>=|<=|=)\s*({NUMBER})", printed.strip())
-        if words is None:
+        bound = re.fullmatch(rf"(>=|<=|=)\s*({NUMBER})", printed.strip())
+        if bound is None:
             raise InputError(f'{at}: printed {printed!r} is neither a number, a range nor a bound such as ">= 1.5"')
-        row |= {"bound": BOUNDS[words[1]], "printed": _number(words[2])}
+        row |= {"bound": BOUNDS[bound[1]], "printed": _number(bound[2])}
     row.setdefault("unit", METRICS[of["metric"]].unit if "metric" in of else "%" if "axis" in of else "")
     row.setdefault("id", f"claim-{place}")
-    row.setdefault("statement", _words(quantity, of))
+    row.setdefault("statement", _usual_statement(quantity, of))
     try:
         fields = {name: row[name] for name in OWN if name in row}
         fields["where"] = (where,) if isinstance(where, str) else where
-        found = as_promised({**fields, "of": of}, Statement)
+        return as_promised({**fields, "of": of}, Statement)
     except ValueError as error:
         raise InputError(f"{at}: {error}") from error
-    return found
 
 
-def _words(quantity: str, of: dict[str, str]) -> str:
+def _usual_statement(quantity: str, of: dict[str, str]) -> str:
     scene, metric = of.get("scene", "all"), of.get("metric", "psnr")
     where = f" in {METRICS[metric].label}" + ("" if scene == "all" else f" on {scene}")
     return WORDS.get(quantity, quantity).format(**of, where=where)
@@ -120,16 +117,14 @@ def _number(text: str) -> Number:
 
 
 def stated(lines: Sequence[str]) -> ClaimFile:
-    """Return claims in one line each; raises `InputError` for a line of another form."""
+    """Return one-line claims as a file; raises `InputError` for a line of another form."""
     claims = []
     for place, line in enumerate(lines, start=1):
-        found = LINE.fullmatch(line.strip())
-        if found is None:
+        match = LINE.fullmatch(line.strip())
+        if match is None:
             raise InputError(f"--claim {line!r}: is not of the form {FORM}")
-        row = {
-            name: value for name, value in found.groupdict().items() if value and name in ("method", "against", "scene")
-        }
-        unit, sign = found["unit"], found["bound"]
+        row = {name: match[name] for name in ("method", "against", "scene") if match[name]}
+        unit = match["unit"]
         if unit.startswith("%"):
             if "against" not in row or "scene" in row:
                 raise InputError(f"--claim {line!r}: a saving is of one method against another, over all scenes")
@@ -139,7 +134,7 @@ def stated(lines: Sequence[str]) -> ClaimFile:
             if metric not in METRICS:
                 raise InputError(f"--claim {line!r}: {unit!r} is neither dB nor a metric ({', '.join(METRICS)})")
             row |= {"metric": metric}
-        row |= {"printed": _number(found["printed"]), "bound": BOUNDS[sign], "id": f"claim-{place}"}
+        row |= {"printed": _number(match["printed"]), "bound": BOUNDS[match["bound"]], "id": f"claim-{place}"}
         claims.append(_statement(row, place, f"--claim {line!r}"))
     about = dict.fromkeys(claim.of["method"] for claim in claims)
     return ClaimFile(id=STATED, title="Stated claims", methods=tuple(about), claims=tuple(claims))
@@ -148,23 +143,23 @@ def stated(lines: Sequence[str]) -> ClaimFile:
 def claims_of(
     methods: Collection[str], scenes: Collection[str], files: Sequence[Path] = (), lines: Sequence[str] = ()
 ) -> list[ClaimFile]:
-    """Return the claims that a run can show: those that the user gave, and the files that come with the program and are
-    about one of its methods.
+    """Return the claims that a run can show: those that the user gave, and the files of this program that are about one
+    of its methods.
 
-    Raises `InputError` for a file that is about none of them, and for a line with a method or scene that does not run.
+    Raises `InputError` for a file about none of the methods, and for a line with a method or scene that does not run.
     """
     given = [read_claims(file) for file in files]
-    for each, name in zip(given, files, strict=True):
-        if not set(each.methods) & set(methods):
-            raise InputError(f"{name}: {', '.join(each.methods)} {NOT_RUN}; name it with --methods")
+    for claims, name in zip(given, files, strict=True):
+        if not set(claims.methods) & set(methods):
+            raise InputError(f"{name}: {', '.join(claims.methods)} {NOT_RUN}; name it with --methods")
     if lines:
         given.insert(0, stated(lines))
         for claim, line in zip(given[0].claims, lines, strict=True):
             for role, known in (("method", methods), ("against", methods), ("scene", [*scenes, "all"])):
                 if role in claim.of and claim.of[role] not in known:
                     raise InputError(f"--claim {line!r}: {claim.of[role]} {NOT_RUN}; name it with --{PLURAL[role]}")
-    found = [*given, *(each for each in known_claims() if set(each.methods) & set(methods))]
-    names = [each.id for each in found]
+    given += [file for file in known_claims() if set(file.methods) & set(methods)]
+    names = [file.id for file in given]
     if repeated := [name for name in names if names.count(name) > 1]:
         raise InputError(f"two files of claims have the id {repeated[0]!r}")
-    return found
+    return given

@@ -1,4 +1,4 @@
-"""Paired comparisons of cells: at equal steps, at equal time, and at equal time of the processor."""
+"""Paired comparisons of cells at equal steps, equal wall seconds, and equal core seconds."""
 
 import math
 from collections.abc import Iterable
@@ -16,28 +16,26 @@ from harness.verdicts.headline_family import by_holm, headline_budgets, is_headl
 from harness.verdicts.statistics import estimate, on_one_scene, on_these_scenes, scenes_like_these
 
 FEWEST_SEEDS = 5
-"""The fewest pairs of seeds that give a verdict on a single scene: the interval of fewer is printed all the same."""
+"""The minimum number of paired seeds for a verdict on a single scene; with fewer, only the interval is printed."""
 
 SPENT: dict[Budget, str] = {"steps": "steps", "seconds": "train_seconds", "core_seconds": "train_core_seconds"}
-"""Map budget → the field of a cell that holds how much of it was spent."""
+"""Map budget → the field of a cell that holds the amount spent."""
 AT: dict[Budget, str] = {"steps": "step", "seconds": "seconds", "core_seconds": "core_seconds"}
-"""Map budget → the field of a checkpoint that holds how much of it was spent until then."""
+"""Map budget → the field of a checkpoint that holds the amount spent so far."""
 Key = tuple[str, str, int]
-
+"""The scene, method and seed of a cell."""
 NO_ESTIMATE = Estimate(None, None, 1, OPEN, None, None)
-
-
 OPTIONAL = tuple(name for name, metric in METRICS.items() if metric.optional)
 
 
 def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS) - len(OPTIONAL)) -> int:
-    """Return how many comparisons of two methods at one budget are looked at together with this one.
+    """Return the number of comparisons of two methods at one budget that are judged together with this one.
 
-    Declared before any data: PSNR over all scenes is the question itself, which stands alone between two methods, and
-    is judged with all others of a run in `harness.verdicts.headline_family`. PSNR by scene is asked once per scene, the
-    other metrics over all scenes once per metric, and by scene as often as both. Methods and budgets are questions of
-    their own. `metrics` is the number of metrics, PSNR included, that every run has; optional ones are looked at beside
-    all of them.
+    Families are declared before any data. PSNR over all scenes is a family of one between two methods;
+    `harness.verdicts.headline_family` judges it with the other pairs of a run. PSNR by scene is a family of the scenes,
+    another metric over all scenes one of the metrics, and another metric by scene one of both. Each pair of methods and
+    each budget has its own families. `metrics` is the number of metrics, including PSNR, that every run has; the family
+    of an optional metric also counts all of them.
     """
     by_metric = 1 if metric == PRIMARY else max(1, metrics - (metrics > 1))
     by_metric += len(OPTIONAL) if metric in OPTIONAL else 0
@@ -46,10 +44,10 @@ def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS) 
 
 @dataclass(frozen=True)
 class Judgement:
-    """A table of paired differences as a verdict sees it."""
+    """The judgement of a table of paired differences."""
 
     difference: float | None
-    """The mean over scenes of the means over seeds, which both estimates are of."""
+    """The mean over scenes of the means over seeds, which both estimates share."""
     on_these_scenes: Estimate | None
     scenes_like_these: Estimate | None
     pairs: int
@@ -57,7 +55,7 @@ class Judgement:
 
     @property
     def chosen(self) -> Estimate:
-        """The estimate that a verdict without a name is of: scenes like these if several were tried."""
+        """The estimate of the main verdict: for scenes like these if several were tried."""
         return self.scenes_like_these or self.on_these_scenes or NO_ESTIMATE
 
     @property
@@ -67,28 +65,27 @@ class Judgement:
 
 
 def fields_of(chosen: Estimate) -> dict[str, Any]:
-    """Return what a row repeats of the estimate that speaks for it."""
+    """Return the fields that a row repeats from its main estimate."""
     return {name: getattr(chosen, name) for name in ("interval", "simultaneous", "verdict", "smallest_detectable")}
 
 
 def compare(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -> list[Comparison]:
-    """Compare every method with the baseline and the controls of `roles`, and as claims ask.
+    """Compare every method with the baseline and the controls of `roles`, and the pairs of claims.
 
-    The comparison is made scene by scene where both have cells, however these ended, and over all scenes if both have
-    cells on all.
+    Pairs are compared on each scene on which both methods have cells, whatever their status, and over all scenes if
+    both have cells on all of them.
     """
     by_key, _, seeds = keyed(cells)
     along, rows, pairs = budgets_of(cells), [], roles.pairs(methods)
     throughout = {name for name in METRICS if scored_along(cells, name)}
-    asked = [pair for pair in pairs if "all" in scenes_of(cells, *pair)]
-    in_headline = len(asked) * len(headline_budgets(along))
+    in_headline = sum("all" in scenes_of(cells, *pair) for pair in pairs) * len(headline_budgets(along))
     for method, against in pairs:
         where = scenes_of(cells, method, against)
         shared = [scene for scene in where if scene != "all"]
         for name, metric in METRICS.items():
             for budget in along if name in throughout else along[:1]:
                 table = differences(by_key, shared, seeds, method, against, name, budget)
-                if metric.optional:  # a scene that has no such score is no missing pair
+                if metric.optional:  # a scene without such a score is not a missing pair
                     table = {scene: values for scene, values in table.items() if np.isfinite(values).any()}
                 for scene in (scene for scene in where if scene in table or (scene == "all" and table)):
                     family = family_of(name, scene, len(table))
@@ -112,8 +109,8 @@ def compare(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -
     return by_holm(rows, along)
 
 
-def robust_of(table: dict[str, np.ndarray], scene: str = "all") -> Robust | None:
-    """Return the robust estimate over the scenes of `table`, or over the seeds of one of them; None without a pair."""
+def robust_of(table: dict[str, np.ndarray], scene: str) -> Robust | None:
+    """Return the robust estimate over `all` scenes of `table`, or over the seeds of one scene; None without a pair."""
     rows = [row for row in table.values() if np.isfinite(row).any()] if scene == "all" else [table[scene]]
     values = np.stack(rows) if rows else np.empty((0, 0))
     if len(rows) == 1:
@@ -124,25 +121,25 @@ def robust_of(table: dict[str, np.ndarray], scene: str = "all") -> Robust | None
     return Robust(middle, (low, high) if math.isfinite(low) else None)
 
 
-def flagged(table: dict[str, np.ndarray], seeds: list[int], least: float) -> list[Flagged]:
-    places = outliers(table, least)
+def flagged(table: dict[str, np.ndarray], seeds: list[int], margin: float) -> list[Flagged]:
+    places = outliers(table, margin)
     usual = float(np.median(np.concatenate([row[np.isfinite(row)] for row in table.values()]))) if places else 0.0
     return [Flagged(scene, seeds[place], float(table[scene][place]), usual) for scene, place in places]
 
 
 def budgets_of(cells: Iterable[CellRecord]) -> tuple[Budget, ...]:
-    """Return the budgets that `cells` can be compared at: core seconds if every one that trained has counted them."""
+    """Return the budgets at which `cells` can be compared: core seconds if every trained cell has counted them."""
     counted = all(cell.train_core_seconds is not None for cell in cells if cell.steps)
     return ("steps", "seconds", "core_seconds") if counted else ("steps", "seconds")
 
 
 def scored_along(cells: Iterable[CellRecord], metric: str) -> bool:
-    """Return whether any checkpoint has the metric: older records have some at the end alone."""
+    """Return whether any checkpoint has the metric: older records have some metrics only at the end."""
     return any(getattr(point, metric) is not None for cell in cells for point in cell.curve)
 
 
 def scenes_of(cells: list[CellRecord], method: str, against: str) -> list[str]:
-    """Return the scenes on which both methods have cells, and `all` first if that is every one."""
+    """Return the scenes on which both methods have cells, preceded by `all` if these are all scenes."""
     planned = {(cell.scene, cell.method) for cell in cells}
     scenes = sorted({cell.scene for cell in cells})
     shared = [scene for scene in scenes if {(scene, method), (scene, against)} <= planned]
@@ -164,21 +161,20 @@ def differences(
     metric: str,
     budget: Budget,
 ) -> dict[str, np.ndarray]:
-    """Map scene → `method` − `against` [seeds], NaN where one of a pair is missing, failed or has no such score."""
+    """Map scene → `method` − `against` [seeds], NaN if a cell of the pair is missing, failed or has no such score."""
 
     def difference(scene: str, seed: int) -> float:
         pair = cells.get((scene, method, seed)), cells.get((scene, against, seed))
-        ours, theirs = scores_at(*pair, metric, budget)
-        return math.nan if ours is None or theirs is None else ours - theirs
+        first, second = scores_at(*pair, metric, budget)
+        return math.nan if first is None or second is None else first - second
 
     return {scene: np.array([difference(scene, seed) for seed in seeds], dtype=np.float64) for scene in scenes}
 
 
 def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = "all") -> Judgement:
-    """Judge scene → differences [seeds], NaN where there is none: over `all` its scenes, or on one of them.
+    """Judge a table of scene → differences [seeds], NaN for a missing pair: over `all` its scenes, or on one of them.
 
-    A pair without a difference is counted, and keeps no other from being judged: whether methods fail is a question of
-    its own (`harness.verdicts.failures`).
+    Pairs without a difference are counted; the others are judged, since `harness.verdicts.failures` compares failures.
     """
     about, chosen = METRICS[metric], table if scene == "all" else {scene: table[scene]}
     pairs = int(sum(np.isfinite(values).sum() for values in chosen.values()))
@@ -198,7 +194,7 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
 def scores_at(
     first: CellRecord | None, second: CellRecord | None, name: str, budget: Budget
 ) -> tuple[float | None, float | None]:
-    """Return a metric of two cells: at the steps that both have done, or at the time that the quicker one spent."""
+    """Return a metric of two cells at the steps that both have done, or at the time of the quicker cell."""
     if first is None or second is None or not (judgeable(first) and judgeable(second)):
         return None, None
     if budget == "steps" and first.steps == second.steps:
@@ -212,7 +208,7 @@ def scores_at(
 def score_on_curve(cell: CellRecord, name: str, budget: Budget, at: float) -> float | None:
     """Return a metric of a cell's curve, linear in the logarithm of steps or seconds between checkpoints.
 
-    The result is None before the first checkpoint, and for a metric that is scored at the end alone.
+    It is None before the first checkpoint, and for a metric that is scored only at the end.
     """
     scored = [(getattr(point, AT[budget]), getattr(point, name, None)) for point in cell.curve]
     points = [(position, value) for position, value in scored if position is not None and value is not None]

@@ -1,7 +1,7 @@
-"""Runs that end without a result: how often a method diverges or shows nothing, and whether another does so less often.
+"""How often a method diverges or ends in an empty picture, and whether another method does so less often.
 
-A failure is a result of its method. It is judged here and nowhere else: differences of scores are of the pairs of
-which neither failed. A run that ended for other reasons (a full disk, a killed process) is no failure and no run.
+A failure is a result of its method. Only this module judges it: differences of scores use the pairs in which neither
+run failed. A run that ended for other reasons (a full disk, a killed process) counts neither as a failure nor as a run.
 """
 
 from collections import Counter
@@ -15,10 +15,9 @@ from harness.records.verdict import Sign
 from harness.verdicts.statistics import CONFIDENCE, sign_test
 
 COLLAPSED = "empty collapse"
-"""The beginning of the warning of a run that shows little but background."""
-
+"""The prefix of the warning of a run that shows little but background."""
 FINISHED = ("done", "diverged")
-"""The states of a run that says something of its method."""
+"""The states of a run that is a result of its method."""
 Failure = Literal["diverged", "empty collapse"]
 
 
@@ -45,12 +44,12 @@ class FailureComparison:
     against: str
     pairs: int
     only_method: int
-    """The number of pairs of which `method` alone failed."""
+    """The number of pairs in which only `method` failed."""
     only_against: int
     difference: float
-    """The share of the pairs in which `method` failed less that of `against`."""
+    """The share of the pairs in which `method` failed minus that of `against`."""
     p_value: float
-    """The two-sided p-value: how often chance alone makes the counts as unequal, if both fail equally often."""
+    """The two-sided p-value: the chance of counts at least as unequal if both methods fail equally often."""
     verdict: Sign
     """The sign of the difference: below 0 if `method` fails less often."""
 
@@ -62,7 +61,7 @@ class Failures:
 
 
 def failure_of(cell: CellRecord) -> Failure | None:
-    """Return how a run failed if its method is the cause; None for all others."""
+    """Return how a run failed because of its method; None for all other runs."""
     if cell.status == "diverged":
         return "diverged"
     collapsed = cell.status == "done" and any(warning.startswith(COLLAPSED) for warning in cell.warnings)
@@ -74,7 +73,7 @@ def judgeable(cell: CellRecord) -> bool:
 
 
 def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str, str]]) -> Failures:
-    """Return the rates of the methods that have runs, and for each duel with pairs which fails more often."""
+    """Return the failure rates of the methods that have runs, and the comparison of each duel that has pairs."""
     runs = {(cell.method, cell.scene, cell.seed): failure_of(cell) for cell in cells if cell.status in FINISHED}
     rates, compared = [], []
     for method in methods:
@@ -89,23 +88,22 @@ def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str,
             for (name, scene, seed), failure in runs.items()
             if name == method and (against, scene, seed) in runs
         )
-        if pairs:
-            compared.append(_comparison(method, against, pairs.total(), pairs[True, False], pairs[False, True]))
+        if many := pairs.total():
+            only_method, only_against = pairs[True, False], pairs[False, True]
+            p_value = sign_test(only_method, only_against)
+            sign: Sign = "above 0" if only_method > only_against else "below 0"
+            if p_value >= 1.0 - CONFIDENCE:
+                sign = "open"
+            difference = (only_method - only_against) / many
+            compared.append(
+                FailureComparison(method, against, many, only_method, only_against, difference, p_value, sign)
+            )
     return Failures(rates, compared)
 
 
 def exact_interval(failed: int, runs: int) -> tuple[float, float]:
-    """Return Clopper and Pearson's interval of a share: it holds the truth in 95 % or more, whatever that is."""
+    """Return Clopper and Pearson's interval of a share, which contains any true share in at least 95 % of samples."""
     tail = (1.0 - CONFIDENCE) / 2
     low = float(betaincinv(failed, runs - failed + 1, tail)) if failed else 0.0
     high = float(betaincinv(failed + 1, runs - failed, 1.0 - tail)) if failed < runs else 1.0
     return low, high
-
-
-def _comparison(method: str, against: str, pairs: int, only_method: int, only_against: int) -> FailureComparison:
-    difference = (only_method - only_against) / pairs
-    p_value = sign_test(only_method, only_against)
-    called: Sign = "above 0" if only_method > only_against else "below 0"
-    if p_value >= 1.0 - CONFIDENCE:
-        called = "open"
-    return FailureComparison(method, against, pairs, only_method, only_against, difference, p_value, called)

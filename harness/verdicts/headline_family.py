@@ -1,9 +1,9 @@
 """The declared family of a run's headline: PSNR over all scenes, every pair at equal steps and at equal core seconds.
 
-It is judged by Holm's step-down procedure: in at most 5 % of runs any of its signs is wrong. Its printed intervals are
-Bonferroni's for the size of the family: in at most 5 % of runs any of them misses the truth. Where Holm decides a sign
-that Bonferroni's interval leaves open, the interval ends at 0: the sign is known, and by how much is not. Sign and
-interval thus never contradict each other. Each sense, on these scenes and on scenes like these, is a family.
+Holm's step-down procedure decides its signs: in at most 5 % of runs any of them is wrong. Its printed intervals are
+Bonferroni's for the size of the family: in at most 5 % of runs any of them misses the truth. If Holm decides a sign
+that Bonferroni's interval leaves open, the interval is cut at 0, so that sign and interval never contradict each other.
+Each sense, on these scenes and on scenes like these, is a family.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ SENSES: tuple[Literal["on_these_scenes", "scenes_like_these"], ...] = ("on_these
 
 
 def headline_budgets(along: Sequence[Budget]) -> tuple[Budget, ...]:
-    """Return the budgets of the headline out of all: steps, and core seconds, else seconds where none were counted."""
+    """Return the budgets of the headline: steps, and core seconds, or seconds if no core seconds were counted."""
     return ("steps", "core_seconds" if "core_seconds" in along else "seconds")
 
 
@@ -30,7 +30,7 @@ def is_headline(scene: str, metric: str, budget: Budget, along: Sequence[Budget]
 
 
 def by_holm(rows: list[Comparison], along: Sequence[Budget]) -> list[Comparison]:
-    """Return all rows of a run, the signs of the headline's ones decided by Holm's procedure in each sense."""
+    """Return all rows of a run, in which Holm's procedure has decided the headline's signs in each sense."""
     places = [place for place, row in enumerate(rows) if is_headline(row.scene, row.metric, row.budget, along)]
     rows = list(rows)
     for sense in SENSES:
@@ -38,11 +38,11 @@ def by_holm(rows: list[Comparison], along: Sequence[Budget]) -> list[Comparison]
         adjusted = holm([each.p if each else None for each in known], len(places))
         for place, each, p in zip(places, known, adjusted, strict=True):
             if each is not None and p is not None:
-                rows[place] = _with(rows[place], sense, _decided(each, p, rows[place].difference or 0.0))
+                rows[place] = _with(rows[place], sense, _decide(each, p, rows[place].difference or 0.0))
     return rows
 
 
-def _decided(known: Estimate, adjusted: float, difference: float) -> Estimate:
+def _decide(known: Estimate, adjusted: float, difference: float) -> Estimate:
     interval = known.simultaneous
     if interval is None:
         return known

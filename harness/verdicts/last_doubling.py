@@ -1,8 +1,8 @@
-"""How far from convergence: the PSNR that the last doubling of the steps brought.
+"""The distance from convergence: the PSNR that the last doubling of the steps gained.
 
-At half of the steps the learning rate is still high. The running mean of the weights, which is scored
-(`baselines.numerics.weight_average`), makes up for that in short trainings. After long ones a training of half the
-steps ends above the checkpoint, and twice the steps bring less than the gain: docs/findings.md has both.
+At half of the steps the learning rate is still high. In short trainings the running mean of the weights, which is
+scored (`baselines.numerics.weight_average`), compensates for that. In long ones a training of half the steps ends above
+the checkpoint, and twice the steps gain less: docs/findings.md shows both.
 """
 
 from dataclasses import dataclass
@@ -14,25 +14,25 @@ from harness.verdicts.comparisons import judged, keyed, score_on_curve
 from harness.verdicts.failures import judgeable
 
 STILL_RISING = 0.3
-"""The gain in dB from which a method counts as still rising."""
+"""The gain in dB at which a method counts as still rising."""
 
 
 @dataclass(frozen=True)
 class LastDoubling:
-    """What the last doubling of the steps brought a method, in dB of test PSNR."""
+    """The gain of a method by the last doubling of its steps, in dB of test PSNR."""
 
     method: str
     gain: float | None
-    """The mean over scenes of the means over seeds; None if no cell has it."""
+    """The mean over scenes of the means over seeds; None if no cell has a gain."""
     interval: tuple[float, float] | None
-    """95 %, as that of a difference: on scenes like these if there are several, else over the seeds of the one."""
+    """The 95 % interval, for scenes like these if there are several, else over the seeds of the only scene."""
     cells: int
 
 
 def gain_of_last_doubling(cell: CellRecord) -> float | None:
-    """Return the PSNR at the end less that at half of the steps, which is interpolated in the logarithm of steps.
+    """Return the PSNR at the end minus that at half of the steps, interpolated in the logarithm of steps.
 
-    The gain is None for a cell that cannot be judged, and if no checkpoint lies at or below half of its steps.
+    It is None for a cell that cannot be judged, and if no checkpoint lies at or below half of its steps.
     """
     if not judgeable(cell) or not cell.curve or cell.curve[-1].psnr is None:
         return None

@@ -1,13 +1,13 @@
 """Paired differences, their intervals and their verdicts: pure functions on arrays.
 
-Seeds are nested in scenes: every scene and seed is a draw of its own. Two questions can be asked of such a table, and
-their intervals are not the same:
+Seeds are nested in scenes: each pair of scene and seed is an independent draw. Such a table answers two questions with
+different intervals:
 
-    on these scenes     how large is the mean difference on the scenes that were tried? Error comes from seeds alone.
-    scenes like these   how large is it on scenes of this kind? Each scene's mean is one value, and Student's t is
-                        exact for normal ones, however much seeds differ.
+    on these scenes     How large is the mean difference on the scenes that were tried? Its error comes from seeds only.
+    scenes like these   How large is it on scenes of this kind? Each scene's mean is one value; Student's t is exact
+                        for normal means, however much seeds differ.
 
-Pixels or views are never the units.
+The units are never pixels or views.
 """
 
 import math
@@ -24,13 +24,13 @@ from harness.verdicts.estimates import nested
 
 CONFIDENCE = 0.95
 LEAST_FREEDOM = 1.0
-"""The least degrees of freedom of an error with an interval: with fewer it would reach beyond every scale."""
+"""The minimum degrees of freedom of an error with an interval: with fewer, the interval would be useless."""
 MOST_FREEDOM = 1e6
 POWER = 0.80
 
 NORMAL = np.linspace(-8.0, 8.0, 801)
 WEIGHTS = np.exp(-(NORMAL**2) / 2) / np.exp(-(NORMAL**2) / 2).sum()
-"""The weights of a standard normal variable on a grid: the trapezoidal rule is all but exact for a smooth integrand."""
+"""The weights of a standard normal variable on a grid: the trapezoidal rule is almost exact for a smooth integrand."""
 
 
 @dataclass(frozen=True)
@@ -39,28 +39,27 @@ class PairedDifference:
 
     mean: float
     interval: tuple[float, float] | None
-    """The 95 % interval; None with fewer than two units: one difference has no spread."""
+    """The 95 % interval; None with fewer than two units."""
     smallest_detectable: float | None
-    """The true difference that 80 % of such samples tell from 0, if the true spread is the one measured here."""
+    """The true difference whose sign 80 % of such samples find, if the true spread is the measured one."""
     units: int
     simultaneous: tuple[float, float] | None = None
-    """The interval that a verdict is taken from: of all the family's intervals of this kind, every one holds the truth
-    in 95 % of repetitions (Bonferroni). Equal to `interval` for a family of one."""
+    """The interval that a verdict comes from: in 95 % of repetitions all such intervals of the family contain the truth
+    (Bonferroni). Equal to `interval` for a family of one."""
     error: float | None = None
     freedom: float | None = None
     family: int = 1
     effect: float | None = None
-    """The standardised effect: the mean in standard deviations of one of the differences that `error` was made from, of
-    pairs within a scene or of scenes. None if they do not differ.
-    """
+    """The standardised effect: the mean divided by the standard deviation behind `error`, of pairs within a scene or of
+    scenes. None if that is 0."""
     p: float | None = None
-    """The two-sided p-value of a difference of 0, by the t of `interval`: below 5 % where that lies on one side."""
+    """The two-sided p-value of a difference of 0, by the t of `interval`: below 5 % if that excludes 0."""
 
 
 def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDifference:
-    """Compare by independent differences [units]; raises `ValueError` if there is none or one is not finite.
+    """Estimate the mean of independent differences [units]; raises `ValueError` if there is none or one is not finite.
 
-    `family` is the number of comparisons that are looked at together.
+    `family` is the number of comparisons that are judged together.
     """
     values = np.asarray(differences, dtype=np.float64)
     if values.size == 0 or not np.isfinite(values).all():
@@ -69,28 +68,26 @@ def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDiffere
 
 
 def on_these_scenes(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
-    """Map scene → differences [seeds], NaN where a seed has none, to the mean over scenes of the means over seeds.
+    """Estimate the mean over scenes of the means over seeds, with an error from seeds only.
 
-    The scenes are those that are asked about, so that the error comes from seeds alone. Raises `ValueError` if there is
-    no difference at all.
+    `table` maps scene → differences [seeds], NaN for a missing one. Raises `ValueError` if it has no difference.
     """
     values = _rows(table)
     return difference_of(nested.on_these_scenes(values), len(values), family)
 
 
 def on_one_scene(differences: np.ndarray, family: int = 1) -> PairedDifference:
-    """Compare by the differences [seeds] of one scene, NaN where a seed has none: Student's t on them.
+    """Estimate the mean of the differences [seeds] of one scene, NaN for a missing one, by Student's t.
 
-    That is what Satterthwaite's freedom comes to for the pairs of one scene, whose variance no other scene lends.
-    Raises `ValueError` if there is no difference.
+    That equals `on_these_scenes` for one scene. Raises `ValueError` if there is no difference.
     """
     return paired_difference(differences[np.isfinite(differences)], family)
 
 
 def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
-    """Compare as `on_these_scenes`, but for scenes that were not tried: Student's t over the means of the scenes.
+    """Estimate the mean of `on_these_scenes` for scenes like these: Student's t over the means of the scenes.
 
-    A single scene gives no interval.
+    A single scene has no interval.
     """
     values = _rows(table)
     return difference_of(nested.scenes_like_these(values), len(values), family)
@@ -108,7 +105,7 @@ def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def difference_of(estimates: nested.Estimated, units: int, family: int = 1) -> PairedDifference:
-    """Return the difference of one table of `units` that were estimated from."""
+    """Return the difference of one table, estimated from `units`."""
     parts = (estimates.mean, estimates.error, estimates.freedom, estimates.spread)
     mean, error, freedom, spread = map(float, parts)
     if np.isnan(error) or freedom < LEAST_FREEDOM:
@@ -123,34 +120,34 @@ def difference_of(estimates: nested.Estimated, units: int, family: int = 1) -> P
 
 
 def rounded_down(freedom: np.ndarray | float) -> np.ndarray:
-    """Round down to a tenth, so that computations are shared; all are equal above a limit, at which t is normal."""
+    """Round down to a tenth, so that cached computations are shared; limited to a value at which t is normal."""
     tenths = np.floor(10 * np.minimum(freedom, MOST_FREEDOM) + 1e-6) / 10
     return np.asarray(np.maximum(tenths, np.minimum(freedom, LEAST_FREEDOM)))
 
 
 def half_widths(estimates: nested.Estimated, family: int = 1) -> np.ndarray:
-    """Return half the widths of the intervals of many estimates, as they are printed for one; NaN for no interval."""
+    """Return half the widths of the intervals of many estimates, as printed for one; NaN without an interval."""
     values, places = np.unique(rounded_down(estimates.freedom), return_inverse=True)
     factors = np.array([critical(float(value), family) if value >= LEAST_FREEDOM else np.nan for value in values])
     return np.asarray(factors[places.reshape(estimates.freedom.shape)] * estimates.error)
 
 
 def p_values(estimates: nested.Estimated) -> np.ndarray:
-    """Return the two-sided p-values of many estimates, as they are printed for one; NaN where there is no interval."""
+    """Return the two-sided p-values of many estimates, as printed for one; NaN without an interval."""
     known = np.where(estimates.freedom >= LEAST_FREEDOM, rounded_down(estimates.freedom), np.nan)
     return p_value(estimates.mean, estimates.error, known)
 
 
 def p_value(mean: np.ndarray | float, error: np.ndarray | float, freedom: np.ndarray | float) -> np.ndarray:
-    """Return the chance of an estimate as far from 0 as `mean` or farther, on both sides, if 0 is the truth."""
+    """Return the two-sided probability of an estimate at least as far from 0 as `mean` if the truth is 0."""
     with np.errstate(invalid="ignore", divide="ignore"):
         score = np.where(np.asarray(mean) == 0.0, 0.0, np.abs(mean) / np.asarray(error))
-    # of an infinite score stdtr is NaN
+    # stdtr of an infinite score is NaN
     return np.asarray(np.where(np.isinf(score), 0.0, 2.0 * stdtr(freedom, -score)))
 
 
 def critical(freedom: float, family: int = 1) -> float:
-    """Return the half-width, in standard errors, of one of `family` two-sided intervals that hold together in 95 %."""
+    """Return the half-width, in standard errors, of each of `family` two-sided intervals that hold together in 95 %."""
     return _quantile(1.0 - (1.0 - CONFIDENCE) / 2 / family, freedom)
 
 
@@ -160,19 +157,18 @@ def _quantile(share: float, freedom: float) -> float:
 
 
 def sign_test(ahead: int, behind: int) -> float:
-    """Return the two-sided p-value of the exact sign test: the chance of so unequal counts, or more, of fair coins."""
+    """Return the two-sided p-value of the exact sign test: the chance that fair coins are at least as unequal."""
     tosses = ahead + behind
     return min(1.0, 2 * sum(math.comb(tosses, heads) for heads in range(min(ahead, behind) + 1)) / (1 << tosses))
 
 
 def shift_found(threshold: float, freedom: float) -> float:
-    """Return the true mean, in standard errors, that is found in 80 % of repetitions: by the noncentral t distribution.
+    """Return the true mean, in standard errors, that 80 % of repetitions find, by the noncentral t distribution.
 
-    A mean is found if it lies beyond `threshold` of its own estimated standard errors, which have `freedom` degrees of
-    freedom. The estimate's own uncertainty counts: with few degrees of freedom this is well beyond the sum of two
-    quantiles of t.
+    A mean is found if it lies beyond `threshold` estimated standard errors, which have `freedom` degrees of freedom.
+    With few degrees of freedom the result is well above the sum of two quantiles of t.
     """
-    # rounded to all digits that count, so that a table and the same one shifted share a cache entry
+    # rounded, so that a table and a shifted copy of it share a cache entry
     return _shift_found(float(f"{threshold:.7g}"), float(f"{freedom:.7g}"))
 
 
@@ -185,25 +181,26 @@ def _shift_found(threshold: float, freedom: float) -> float:
 
 
 def share_found(shift: float, threshold: float, freedom: float) -> float:
-    """Return the share of repetitions, with a true mean of `shift` standard errors, that find it: the noncentral t
-    distribution's upper tail. Given the mean, its estimated error must be small enough for 0 to lie outside.
+    """Return the share of repetitions that find a true mean of `shift` standard errors, by the noncentral t.
+
+    It averages, over the possible estimates, the probability that the estimated error is small enough.
     """
     return float(WEIGHTS @ _error_below((NORMAL + shift) / threshold, freedom))
 
 
 def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
-    """Return the probability that the estimated standard error is below `bound` true ones: χ."""
+    """Return the probability (χ) that the estimated standard error is below `bound` true standard errors."""
     return np.asarray(gammainc(freedom / 2, freedom / 2 * np.maximum(bound, 0.0) ** 2))
 
 
 def verdict(result: PairedDifference, smallest_of_interest: float) -> Verdict:
-    """Return sign and size as the simultaneous interval allows (`harness.records.verdict.verdict_of`)."""
+    """Return the verdict that the simultaneous interval allows."""
     return verdict_of(result.simultaneous, smallest_of_interest)
 
 
 def estimate(result: PairedDifference, smallest_of_interest: float, settled: bool = True) -> Estimate:
-    """Return the record of an estimate, both answers open and without a p-value unless `settled`."""
-    called, p = (verdict(result, smallest_of_interest), result.p) if settled else (OPEN, None)
-    together = None if p is None else min(1.0, p * result.family)
-    least = result.smallest_detectable
-    return Estimate(result.interval, result.simultaneous, result.family, called, least, result.effect, p, together)
+    """Return the record of an estimate; unless it is `settled`, its verdict is open and it has no p-value."""
+    answer, p = (verdict(result, smallest_of_interest), result.p) if settled else (OPEN, None)
+    adjusted = None if p is None else min(1.0, p * result.family)
+    detectable = result.smallest_detectable
+    return Estimate(result.interval, result.simultaneous, result.family, answer, detectable, result.effect, p, adjusted)

@@ -1,10 +1,10 @@
 """The times at which cells reach a PSNR, and which method was sooner: times are censored, never dropped.
 
-A run that ends below the target was watched until its end: its time is known to be longer (censored). One that
-diverged never gets there, whatever it scored before: that is a result of its method. One that failed (a full disk, a
-killed process) says nothing of its method: it was watched until then, and its pairs are not judged. One above the
-target at its first checkpoint was there at that time or earlier; its time counts as that of the checkpoint, which can
-only hide a difference, never make one.
+A run that ends below the target is censored: its time is known to be longer. A run that diverged never reaches the
+target, even if it scored above it before, because divergence is a result of its method. A run that failed for other
+reasons (a full disk, a killed process) is censored when it failed, and its pairs are not judged. A run above the target
+at its first checkpoint reached it at that time or earlier; it counts with the time of the checkpoint, which can hide a
+difference but never create one.
 """
 
 import math
@@ -42,15 +42,15 @@ from harness.verdicts.statistics import (
 )
 
 LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
-"""Map status → why a run was not seen to get there, whatever it scored before."""
+"""Map status → why a run counts as not reaching the target, even if it scored above it before."""
 
 
 def targets(
     cells: list[CellRecord], methods: list[str], roles: Roles = USUAL, claims: Iterable[ClaimFile] = ()
 ) -> TargetsRecord:
-    """Return everything about a PSNR that is chosen from the runs of the baseline alone.
+    """Return a target PSNR that only the baseline's runs determine, the times of reaching it, and their comparisons.
 
-    Cells that were not available here are no runs. Of the `claims`, the first that names a target is preferred.
+    Cells that were not available do not count. The first target that `claims` name is preferred.
     """
     runs = [cell for cell in cells if cell.status != "not_available"]
     baseline = roles.among(methods).baseline
@@ -63,7 +63,8 @@ def targets(
     curves = []
     for axis, method, scene in product(axes, methods, ["all", *scenes]):
         own = [each for each in reaches if (each.axis, each.method) == (axis, method) and scene in ("all", each.scene)]
-        curves += [ReachCurve(method, scene, axis, *kaplan_meier(own))] if own else []
+        if own:
+            curves.append(ReachCurve(method, scene, axis, *kaplan_meier(own)))
     comparisons = [
         compared(runs, method, against, axis, target, scene)
         for axis in axes
@@ -76,10 +77,10 @@ def targets(
 
 
 def chosen_target(runs: list[CellRecord], baseline: str, printed: ClaimFile | None = None) -> tuple[float | None, str]:
-    """Return the printed target if half of the `runs` reach it, else the largest whole dB that half of them reach; and
-    why.
+    """Return the printed target if half of the `runs` reach it, else the largest whole dB that half of them reach, with
+    a sentence on the choice.
 
-    The target is None if fewer than half of them finished with a score.
+    The target is None if fewer than half of the runs finished with a score.
     """
     best = [
         max((psnr for _, psnr in scored(cell, "steps") if cell.status == "done"), default=-math.inf) for cell in runs
@@ -119,7 +120,7 @@ def reach(cell: CellRecord, axis: Axis, target: float) -> Reach:
 def first_reached(
     points: list[tuple[float, float]], target: float
 ) -> tuple[float, Literal["reached", "never", "earlier"]]:
-    """Return the time and what is known of it (`Reach.known`), from one or more (time, score) in the order of time."""
+    """Return the time and `Reach.known` from at least one point (time, score), in the order of time."""
     if points[0][1] >= target:
         return points[0][0], "earlier"
     for (before, low), (after, high) in pairwise(points):
@@ -132,13 +133,13 @@ def first_reached(
 def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[int]]:
     """Return (times, share that has reached the target, runs at risk just before), as `ReachCurve` holds them.
 
-    0 has reached it before the first time. The curve ends where the last run ends. Runs that diverged stay at risk
-    until then: to take them out as if they had only been watched for a shorter time would count them as no worse than
-    the others. Runs that failed for other reasons were watched until they did.
+    Before the first time the share is 0, and the curve ends where the last run ends. Runs that diverged stay at risk
+    until then: censoring them earlier would count them as no worse than the others. Runs that failed for other reasons
+    are censored when they failed.
     """
     end = max(each.time for each in reaches)
     lost = [each.known == "never" and each.why in (LOST["diverged"], LOST["done"]) for each in reaches]
-    watched = np.array([end if gone else each.time for each, gone in zip(reaches, lost, strict=True)])
+    watched = np.array([end if is_lost else each.time for each, is_lost in zip(reaches, lost, strict=True)])
     event = np.array([each.known != "never" for each in reaches])
     times = np.unique(np.append(watched[event], end))
     left, share, at_risk = 1.0, [], []
@@ -152,37 +153,37 @@ def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[i
 
 @dataclass(frozen=True)
 class Paired:
-    """The runs of two methods side by side, watched until the horizon of their scene."""
+    """The paired runs of two methods, observed until the horizon of their scene."""
 
     pairs: dict[tuple[str, int], tuple[Reach, Reach]]
-    """Map scene and seed → when each got there."""
+    """Map scene and seed → when each run of the pair reached the target."""
     horizons: dict[str, float]
-    """Map scene with a pair → the shortest time that a finished run of the two was watched there."""
+    """Map scene with a pair → the shortest time that a finished run of the two was observed there."""
     seeds: list[int]
 
     def table(self, value: Callable[[float, float], float]) -> dict[str, np.ndarray]:
-        """Map scene → value of both times [seeds], NaN where there is no pair."""
-        values = {key: value(ours.time, theirs.time) for key, (ours, theirs) in self.pairs.items()}
+        """Map scene → `value` of both times [seeds], NaN for a missing pair."""
+        values = {key: value(first.time, second.time) for key, (first, second) in self.pairs.items()}
         return {
             scene: np.array([values.get((scene, seed), math.nan) for seed in self.seeds]) for scene in self.horizons
         }
 
     @property
     def ratios(self) -> dict[str, np.ndarray]:
-        return self.table(lambda ours, theirs: math.log(ours / theirs))
+        return self.table(lambda first, second: math.log(first / second))
 
     @property
     def apart(self) -> dict[str, np.ndarray]:
-        return self.table(lambda ours, theirs: ours - theirs)
+        return self.table(lambda first, second: first - second)
 
     def count(self, known: str) -> tuple[int, int]:
-        ours, theirs = (sum(pair[side].known == known for pair in self.pairs.values()) for side in (0, 1))
-        return ours, theirs
+        first, second = (sum(pair[side].known == known for pair in self.pairs.values()) for side in (0, 1))
+        return first, second
 
     def sooner(self, family: int) -> Sign:
-        """Return whether one was there first in more pairs than chance explains (sign test, exact and two-sided)."""
-        ahead = sum(ours.time < theirs.time for ours, theirs in self.pairs.values())
-        behind = sum(ours.time > theirs.time for ours, theirs in self.pairs.values())
+        """Return the method that was first in more pairs than chance explains (exact two-sided sign test)."""
+        ahead = sum(first.time < second.time for first, second in self.pairs.values())
+        behind = sum(first.time > second.time for first, second in self.pairs.values())
         if sign_test(ahead, behind) >= (1.0 - CONFIDENCE) / family:
             return "open"
         return "above 0" if ahead > behind else "below 0"
@@ -193,10 +194,10 @@ def compared(
 ) -> TargetComparison:
     """Compare `method` with `against` on one scene, or on `all` of `cells`.
 
-    The compared quantity is the restricted time min(T, horizon), with a horizon for each scene: the shortest that a
-    finished run of the two was watched there. All of it was seen, so that its interval is honest whatever is censored;
-    of the time to the target itself it is a bound at most. While some pair's time is a bound alone, no saving is
-    called smaller than matters.
+    The compared quantity is the restricted time min(T, horizon). The horizon of a scene is the shortest time that a
+    finished run of the two was observed there. Restricted times are fully observed, so that their interval is valid
+    under any censoring; for the time to the target itself it is at most a bound. If the time of any pair is only a
+    bound, no saving is called smaller than matters.
     """
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
     shared = [name for name in scenes_of(list(runs.values()), method, against) if name != "all"]
@@ -204,8 +205,8 @@ def compared(
     paired = _paired(runs, chosen, method, against, axis, target)
     family = family_of("psnr", scene, len(shared))
     here = elsewhere = apart = saving = None
-    # where both times of every pair are bounds on the same side, it is unknown which was sooner
-    if not all(ours.known == theirs.known != "reached" for ours, theirs in paired.pairs.values()):
+    # if both times of every pair are bounds on the same side, it is unknown which was sooner
+    if not all(first.known == second.known != "reached" for first, second in paired.pairs.values()):
         saving = _per_cent(on_these_scenes(paired.ratios).mean)
         if scene == "all" and len(paired.horizons) > 1:
             here = _estimate(paired, on_these_scenes(paired.ratios, family))
@@ -232,7 +233,7 @@ def compared(
         never=never,
         earlier=earlier,
         unpaired=len(chosen) * len(paired.seeds) - len(paired.pairs),
-        # what was cut short of `against`, or came before the first look at `method`, can only have been saved besides
+        # a time of `against` beyond the horizon, or of `method` before its first checkpoint, only increases the saving
         at_least=None if never[0] or earlier[1] else low,
         at_most=None if never[1] or earlier[0] else high,
         on_these_scenes=here,
@@ -246,23 +247,23 @@ def _estimate(paired: Paired, result: PairedDifference, settled: bool = True) ->
     verdict = verdict_of(_in_per_cent(result.simultaneous), SMALLEST_SAVING) if settled else OPEN
     bounds = any(each.known != "reached" for pair in paired.pairs.values() for each in pair)
     if settled and bounds:
-        if not _with_width(result.interval):  # times that are bounds alone agree by construction
+        if not _with_width(result.interval):  # times that are bounds are equal by construction
             verdict = Verdict(paired.sooner(result.family), "open")
         elif verdict.size == "smaller than matters":
             verdict = Verdict(verdict.sign, "open")
-    least = result.smallest_detectable
+    detectable = result.smallest_detectable
     return Estimate(
         _in_per_cent(_with_width(result.interval)),
         _in_per_cent(_with_width(result.simultaneous)),
         result.family,
         verdict,
-        None if least is None else _per_cent(-least),
+        None if detectable is None else _per_cent(-detectable),
         None if result.effect is None else -result.effect,
     )
 
 
 def _with_width(interval: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Return None for an interval without any width: equal times say nothing of how much times differ."""
+    """Return None for an interval of width 0: equal times do not show the spread of times."""
     return interval if interval is not None and interval[1] > interval[0] else None
 
 
@@ -276,10 +277,10 @@ def _paired(
         horizon = min((points[-1][0] for cell in finished if (points := scored(cell, axis))), default=None)
         if horizon is None:
             continue
-        for seed, (ours, theirs) in sides.items():
-            if ours is not None and theirs is not None and "error" not in (ours.status, theirs.status):
-                first, second = reach(ours, axis, target), reach(theirs, axis, target)
-                paired.pairs[scene, seed] = _cut(first, horizon), _cut(second, horizon)
+        for seed, (first, second) in sides.items():
+            if first is not None and second is not None and "error" not in (first.status, second.status):
+                reaches = reach(first, axis, target), reach(second, axis, target)
+                paired.pairs[scene, seed] = _cut(reaches[0], horizon), _cut(reaches[1], horizon)
                 paired.horizons[scene] = horizon
     return paired
 
@@ -296,11 +297,11 @@ def _cut(full: Reach, horizon: float) -> Reach:
 
 
 def _per_cent(log_ratio: float) -> float:
-    """Return the saving in per cent: 0 for a ratio of 1, 50 for one half, −100 for 2."""
+    """Return the saving in per cent: 0 for a ratio of 1, 50 for 1/2, −100 for 2."""
     return -100.0 * math.expm1(log_ratio)
 
 
 def _in_per_cent(interval: tuple[float, float] | None) -> tuple[float, float] | None:
-    if interval is None or max(interval) > 300:  # overflow: there is no interval
+    if interval is None or max(interval) > 300:  # it would overflow
         return None
     return _per_cent(interval[1]), _per_cent(interval[0])

@@ -1,4 +1,4 @@
-"""What training costs: core seconds of a method as a multiple of the baseline's."""
+"""The cost of training: core seconds of a method as a multiple of the baseline's."""
 
 from dataclasses import dataclass
 
@@ -10,29 +10,26 @@ from harness.verdicts.comparisons import judged, keyed
 
 @dataclass(frozen=True)
 class CostRatio:
-    """Core seconds of a method over those of the baseline in the same scene and seed, for the same number of steps."""
+    """A method's core seconds divided by the baseline's, on the same scene and seed, for the same number of steps."""
 
     method: str
     ratio: float | None
-    """The geometric mean; None for the baseline, and where no pair did the same number of steps."""
+    """The geometric mean; None for the baseline, and if no pair did the same number of steps."""
     interval: tuple[float, float] | None
-    """95 %: on scenes like these if there are several, else over the seeds of the one."""
+    """The 95 % interval, for scenes like these if there are several, else over the seeds of the only scene."""
 
 
 def cost_ratios(cells: list[CellRecord], methods: list[str], against: str) -> list[CostRatio]:
-    """Return one row per method, as a multiple of `against`.
-
-    Wall seconds take the place of core seconds where a pair did not count these.
-    """
+    """Return one row per method, as a multiple of `against`; pairs without core seconds use wall seconds."""
     by_key, scenes, seeds = keyed(cells)
 
     def log_ratio(scene: str, method: str, seed: int) -> float:
-        ours, theirs = by_key.get((scene, method, seed)), by_key.get((scene, against, seed))
-        if ours is None or theirs is None or (ours.status, theirs.status) != ("done", "done"):
+        cell, other = by_key.get((scene, method, seed)), by_key.get((scene, against, seed))
+        if cell is None or other is None or (cell.status, other.status) != ("done", "done"):
             return np.nan
-        spent = ours.train_core_seconds, theirs.train_core_seconds
-        first, second = (ours.train_seconds, theirs.train_seconds) if None in spent else spent
-        if ours.steps != theirs.steps or not first or not second:
+        spent = cell.train_core_seconds, other.train_core_seconds
+        first, second = (cell.train_seconds, other.train_seconds) if None in spent else spent
+        if cell.steps != other.steps or not first or not second:
             return np.nan
         return float(np.log(first / second))
 

@@ -1,1 +1,1 @@
-"""A finished run in the browser; imports `playback` and the rooms below it."""
+"""A finished run in the browser, and films of it; imports `playback` and the rooms below it."""

@@ -1,4 +1,4 @@
-"""The requests of a page, checked, and the camera that they describe: one that circles a point, z up.
+"""Checked requests of a page, and the camera that they describe, which orbits a point, z up.
 
 A malformed request is refused with a sentence. Angles in radians, lengths in scene units.
 """
@@ -19,19 +19,19 @@ from scenes.files.errors import printable
 from scenes.view_sets.viewpoints import poses_on_sphere
 
 LARGEST_BODY = 4096
-"""The largest body in bytes."""
+"""In bytes."""
 LARGEST_WIDTH = 1024
-"""The largest width in pixels."""
+"""In pixels."""
 FARTHEST = 1000.0
-"""The largest coordinate and distance in scene units."""
+"""The largest coordinate and distance."""
 NEAREST = 1e-3
 MOST_METHODS = 8
 LARGEST_NUMBER = 2**53
 """The number up to which a page counts exactly."""
 STEEPEST = math.radians(89.9)
-"""The steepest elevation: right above its target a camera has no upright."""
+"""The steepest elevation: a camera vertically above its target has no upright direction."""
 MARGIN = 1e-3
-"""The share of the box's half diagonal that is kept free before and behind it."""
+"""The margin around the box, as a share of its half diagonal."""
 
 
 Name = Annotated[str, Meta(min_length=1, max_length=200)]
@@ -41,7 +41,7 @@ Coordinate = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
 
 
 class Orbit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The place of a camera that looks at `target`, without roll."""
+    """The position of a camera that looks at `target`, without roll."""
 
     target: tuple[Coordinate, Coordinate, Coordinate]
     azimuth: Angle
@@ -50,7 +50,7 @@ class Orbit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     distance: Annotated[float, Meta(ge=NEAREST, le=FARTHEST)]
 
     def pose(self) -> np.ndarray:
-        """Return camera to world [4, 4], OpenGL axes; elevations beyond the poles are taken to be just below them."""
+        """Return camera to world [4, 4], OpenGL axes; the elevation is clamped to `STEEPEST`."""
         elevation = min(max(self.elevation, -STEEPEST), STEEPEST)
         pose: np.ndarray = poses_on_sphere(np.array([self.azimuth]), np.array([elevation]), self.distance)[0]
         pose[:3, 3] += self.target
@@ -58,10 +58,10 @@ class Orbit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def orbit_of(camera_to_world: np.ndarray, centre: np.ndarray) -> Orbit:
-    """Return the orbit that continues from a pose without a jump: about the point of its optical axis next to `centre`
-    [3].
+    """Return the orbit with the given pose, without its roll; the target is the point of its optical axis nearest to
+    `centre` [3].
 
-    Roll is not part of an orbit. A camera that looks away from `centre` gets a target as far before it.
+    A camera that looks away from `centre` gets a target at the distance of `centre` in front of it.
     """
     eye, backward = camera_to_world[:3, 3], camera_to_world[:3, 2] / np.linalg.norm(camera_to_world[:3, 2])
     away = float(np.linalg.norm(eye - centre))
@@ -73,7 +73,7 @@ def orbit_of(camera_to_world: np.ndarray, centre: np.ndarray) -> Orbit:
 
 
 def covering(camera: Camera, bounds: np.ndarray) -> Camera:
-    """Return the same camera with near and far moved apart, as necessary, until they hold the complete box [2, 3]."""
+    """Return the camera with near and far moved apart, if necessary, so that they enclose the box [2, 3]."""
     lower, upper = np.asarray(bounds, dtype=np.float64)
     radius = (1.0 + MARGIN) * 0.5 * float(np.linalg.norm(upper - lower))
     distance = float(np.linalg.norm(camera.camera_to_world[:3, 3] - 0.5 * (lower + upper)))
@@ -84,26 +84,26 @@ def covering(camera: Camera, bounds: np.ndarray) -> Camera:
 
 
 class BadRequest(ValueError):
-    """A request that a page would not send; the message begins with what is wrong, and says what to send instead."""
+    """A request that a page would not send; the message begins with the faulty part, and says what to send instead."""
 
     status = 400
 
 
 class ViewRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     client: Name
-    """The page; its newest request is the only one that is still rendered."""
+    """The page; only its newest request is rendered to the end."""
     generation: Number
     scene: Name
     methods: Annotated[tuple[Name, ...], Meta(min_length=1, max_length=MOST_METHODS)]
     place: Number | Orbit
-    """A test view's number, which a page sends as `{"view": number}`, or the camera's place."""
+    """A test view's number, which a page sends as `{"view": number}`, or the camera's orbit."""
     attention: Attention
     width: Annotated[int, Meta(ge=8, le=LARGEST_WIDTH)] | None = None
-    """The width in pixels; None for the views' own."""
+    """The width in pixels; None for that of the views."""
 
 
 def parsed(body: bytes) -> ViewRequest:
-    """Parse a request; raises `BadRequest` unless it is valid in every detail; names are not looked up here."""
+    """Parse a request; raises `BadRequest` if it is invalid. Names are not looked up here."""
     if len(body) > LARGEST_BODY:
         raise BadRequest(f"the request has {len(body)} bytes, at most {LARGEST_BODY} are read")
     try:
@@ -120,14 +120,14 @@ def parsed(body: bytes) -> ViewRequest:
         names = re.findall(r"[a-z_]+", path) or ["the request"]
         raise BadRequest(f"{names[-1]}: {printable(what)}") from error
     except UnicodeEncodeError as error:
-        raise BadRequest("the request holds half of a character (a lone surrogate); send whole ones") from error
+        raise BadRequest("the request holds a lone surrogate, half of a character; send complete ones") from error
     if len(set(request.methods)) < len(request.methods):
         raise BadRequest("methods: give different names")
     return request
 
 
 def view_number(text: str | None) -> int:
-    """Return the number of a test view, from the address; raises `BadRequest`."""
+    """Parse the number of a test view in the address; raises `BadRequest`."""
     if text is None or not text.isascii() or not text.isdigit() or len(text) > 6:
         raise BadRequest("view: give the number of a test view")
     return int(text)

@@ -1,4 +1,4 @@
-"""The attention of every region, from what a viewer attends to."""
+"""The attention of every region, from the object of a viewer's attention."""
 
 from collections.abc import Callable
 from typing import Annotated, Literal
@@ -20,20 +20,20 @@ ATTENTIONS: dict[str, str] = {
     "error": "estimated error of the coarse frame",
     "none": "none (plain)",
 }
-"""Map of `baselines.numerics.attention.maps.MAPS` → the label for a reader."""
+"""Name of a map (`baselines.numerics.attention.maps.MAPS`), or none → its label on the page."""
 
 
 Share = Annotated[float, Meta(ge=0, le=1)]
 
 
 class Attention(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The object of attention: `foveal` and `point` about a point, `gradients` and `error` of the coarse frame, or
+    """The object of attention: a point (`foveal`, `point`), a property of the coarse frame (`gradients`, `error`), or
     nothing.
     """
 
     kind: Literal["foveal", "point", "gradients", "error", "none"] = "foveal"
     row: Share = 0.5
-    """The place from 0 at the top to 1 at the bottom."""
+    """From 0 at the top to 1 at the bottom."""
     column: Share = 0.5
 
 

@@ -1,8 +1,7 @@
-"""One view of several trained methods, shown while it is rendered: coarse at once, then refined in order of
-attention, method after method in turn; from the view cache if it was seen before.
+"""One view of several trained methods as a stream of frames: coarse first, then refined in order of attention, the
+methods in turn; or from the view cache.
 
-Nothing here knows of HTTP: a camera, methods and an attention go in, frames come out, and a caller that takes no more
-of them has stopped the rendering.
+Nothing here knows of HTTP. A caller stops the rendering by taking no more frames.
 """
 
 import math
@@ -32,10 +31,10 @@ COARSE_SECONDS = 0.1
 """The seconds that a coarse frame of one method may take."""
 FINEST_STRIDE, COARSEST_STRIDE = 2, 16
 REGION = 16
-"""The least side of a region in pixels: smaller chunks cost more than they bring."""
-REGIONS_A_SIDE = 12
-NOT_BY_REGIONS = "Refined plainly: its density depends on which points share a call."
-"""The reader's version of `harness.playback.progressive.why_plain`."""
+"""The minimum side of a region in pixels: smaller chunks cost too much."""
+REGIONS_PER_SIDE = 12
+NOT_BY_REGIONS = "Refined plainly: its density depends on which points share a chunk."
+"""The short version, for the page, of `harness.playback.progressive.why_plain`."""
 
 State = Literal["coarse", "refining", "whole", "failed"]
 
@@ -55,7 +54,7 @@ class MethodView:
         return MethodView(cell.cell.method, cell.learner, cached, cell.chunk)
 
     def learn(self, rays: int, seconds: float) -> None:
-        """Update the pace, weighing the last measurement as much as all before it."""
+        """Replace the pace by its geometric mean with a new measurement."""
         if rays > 0 and seconds > 0.0:
             self.rays_per_second = math.sqrt(self.rays_per_second * rays / seconds)
 
@@ -87,39 +86,39 @@ class FreshPixels:
     share: float
     """The share of the picture's rays at full resolution that are done."""
     seconds: float
-    """The seconds since the view was asked for; methods take turns."""
+    """The seconds since the request; methods take turns."""
     work: float
     """The part of these spent on this method."""
     rays: int = 0
-    """The number of rays rendered so far, with those of the coarse frame and of an estimate of its error."""
+    """The rays so far, including those of the coarse frame and of an estimate of its error."""
     evaluations: int = 0
     """The network evaluations so far, without those of the coarse frame, with those of an estimate of its error."""
     stride: int | None = None
     cached: Place | None = None
-    """The place in the view cache that a complete picture came from; None if it was rendered."""
+    """The place in the view cache of a complete picture; None if it was rendered."""
     psnr: float | None = None
-    """The dB against the ground truth, if there is one for exactly this view; not while refining."""
+    """In dB, if there is ground truth for exactly this view; not while refining."""
     note: str = ""
 
 
 def frames(
-    seats: Sequence[MethodView],
+    methods: Sequence[MethodView],
     camera: Camera,
     attention: Attention,
     truth: np.ndarray | None = None,
     asked_at: float | None = None,
 ) -> Iterator[FreshPixels]:
-    """Yield for each method either one complete picture out of the cache, or a coarse one, its refined parts, and a
-    last frame that holds the complete picture.
+    """Yield for each method either one complete picture from the cache, or a coarse one, its refined parts, and a last
+    frame with the complete picture.
 
     `truth` [h, w, 3] is the reference. `asked_at` is a time of `time.perf_counter`. Pictures from the cache come first.
-    Then it is the turn of the method that has had the least time, for one chunk of rays. Rendering continues only when
-    the next frame is asked for. A method whose picture is not finite ends with the state `failed`.
+    Then each turn, one chunk of rays, goes to the method that has had the least time. Rendering continues only when the
+    next frame is requested. A method whose picture is not finite ends with the state `failed`.
     """
     start = time.perf_counter() if asked_at is None else asked_at
     waiting = []
-    for seat in seats:
-        turn = _Turn(seat, camera, attention, truth, start)
+    for method in methods:
+        turn = _Turn(method, camera, attention, truth, start)
         if (cached := turn.from_cache()) is not None:
             yield cached
         else:
@@ -135,7 +134,7 @@ def frames(
 
 @dataclass
 class _Turn:
-    seat: MethodView
+    method: MethodView
     camera: Camera
     attention: Attention
     truth: np.ndarray | None
@@ -145,17 +144,17 @@ class _Turn:
     evaluations: int = 0
 
     def __post_init__(self) -> None:
-        camera, attends, plain = self.camera, self.attention.kind != "none", why_plain(self.seat.learner)
-        side = max(REGION, math.ceil(max(camera.width, camera.height) / REGIONS_A_SIDE))
+        camera, attends, plain = self.camera, self.attention.kind != "none", why_plain(self.method.learner)
+        side = max(REGION, math.ceil(max(camera.width, camera.height) / REGIONS_PER_SIDE))
         self.regions = Regions(camera.height, camera.width, side)
         self.by_regions = attends and not plain
         self.note = NOT_BY_REGIONS if attends and plain else ""
 
     def from_cache(self) -> FreshPixels | None:
-        """Return the picture that rendering would give, or the plain one, which differs by rounding alone."""
+        """Return the picture that rendering would give, or the plain one, which differs only by rounding."""
         began = time.perf_counter()
-        for calls in dict.fromkeys((self._calls(self.by_regions), plain_calls(self.seat.chunk))):
-            if (kept := self.seat.cached.lookup(self.camera, calls)) is not None:
+        for calls in dict.fromkeys((self._calls(self.by_regions), plain_calls(self.method.chunk))):
+            if (kept := self.method.cached.lookup(self.camera, calls)) is not None:
                 view, place = kept
                 self.work = time.perf_counter() - began
                 return self._frame("whole", *_all(view), share=1.0, cached=place, psnr=self._psnr(view))
@@ -170,17 +169,17 @@ class _Turn:
             yield self._frame("failed", np.zeros(0, np.int64), np.zeros((0, 3), np.float32), none, none, share=0.0)
 
     def _rendered(self) -> Iterator[FreshPixels]:
-        seat, camera, size = self.seat, self.camera, self.camera.width * self.camera.height
-        stride = seat.stride(size)
+        method, camera, size = self.method, self.camera, self.camera.width * self.camera.height
+        stride = method.stride(size)
         began = time.perf_counter()
-        first, self.rays, _ = coarse(seat.learner, camera, stride, seat.chunk)
+        first, self.rays, _ = coarse(method.learner, camera, stride, method.chunk)
         self.work = passed = time.perf_counter() - began
-        seat.learn(self.rays, passed)
+        method.learn(self.rays, passed)
         yield self._frame("coarse", *_all(first), share=0.0, stride=stride, psnr=self._psnr(first))
         began = time.perf_counter()
         attended = self._attended(first, stride)
         canvas = Canvas(camera.height, camera.width)
-        for done in refine(seat.learner, camera, self.regions, attended, seat.chunk):
+        for done in refine(method.learner, camera, self.regions, attended, method.chunk):
             canvas.put(done)
             self.rays += len(done.pixels)
             self.evaluations += done.network_evaluations
@@ -188,22 +187,21 @@ class _Turn:
             yield self._frame("refining", done.pixels, done.colour, done.opacity, done.depth, share=done.share)
             began = time.perf_counter()
         score = self._psnr(canvas.view)
-        seat.learn(size, self.work - passed)
+        method.learn(size, self.work - passed)
         self.work += time.perf_counter() - began
         try:
             yield self._frame("whole", *_all(canvas.view), share=1.0, psnr=score)
-        finally:  # also if the caller has seen enough
-            seat.cached.keep(camera, canvas.view, self._calls(self.by_regions and not is_equal(attended)))
+        finally:  # even if the caller takes no more frames
+            method.cached.keep(camera, canvas.view, self._calls(self.by_regions and not is_equal(attended)))
 
     def _attended(self, first: View, stride: int) -> np.ndarray:
-        """Return the attention; nothing is spent on it if it changes nothing."""
         if not self.by_regions:
             return np.ones(self.regions.count)
 
         def error() -> np.ndarray:
-            how = self.seat.learner.rendered_by()
+            how = self.method.learner.rendered_by()
             bins = int(how.get("sampling", how)["bins"])  # samples per ray
-            estimate = estimated_error(self.seat.learner, self.camera, first, stride, self.seat.chunk, bins)
+            estimate = estimated_error(self.method.learner, self.camera, first, stride, self.method.chunk, bins)
             self.rays += estimate.rays
             self.evaluations += estimate.network_evaluations
             return estimate.error
@@ -211,8 +209,8 @@ class _Turn:
         return attention_map(self.attention, self.regions, self.camera.focal, first.colour, error)
 
     def _calls(self, by_regions: bool) -> str:
-        """Describe the chunks; of a picture by regions the order is no part, as it changes rounding alone."""
-        plain = plain_calls(self.seat.chunk)
+        """Describe the chunks. The order of regions is left out, as it changes only rounding."""
+        plain = plain_calls(self.method.chunk)
         return f"regions of {self.regions.tile} pixels, each {plain}" if by_regions else plain
 
     def _psnr(self, view: View) -> float | None:
@@ -226,11 +224,10 @@ class _Turn:
         facts |= {"rays": self.rays, "evaluations": self.evaluations, "note": self.note}
         seconds = time.perf_counter() - self.start
         return FreshPixels(
-            self.seat.name, state, pixels, colour, opacity, depth, seconds=seconds, work=self.work, **facts
+            self.method.name, state, pixels, colour, opacity, depth, seconds=seconds, work=self.work, **facts
         )
 
 
 def _all(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return pixels, colour, opacity and depth of a complete picture."""
     size = view.opacity.size
     return np.arange(size), view.colour.reshape(size, 3), view.opacity.reshape(size), view.depth.reshape(size)

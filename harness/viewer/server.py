@@ -1,4 +1,4 @@
-"""The page over HTTP: access, answers, and how a render is streamed and given up."""
+"""The page over HTTP: access control, answers, and the streaming and cancelling of renders."""
 
 import asyncio
 import socket
@@ -29,7 +29,7 @@ from harness.viewer.wire import message
 PAGE = Path(__file__).parent / "page"
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 FILES = {"/": "index.html", **{f"/{file.name}": file.name for file in PAGE.iterdir() if file.suffix in TYPES}}
-"""Map path → file: nothing else is read from the disk for a request."""
+"""Map path → file; a request can read no other file."""
 HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -40,17 +40,17 @@ HEADERS = {
     "cache-control": "no-store",
 }
 MOST_CLIENTS = 64
-"""The number of pages whose newest request is remembered."""
+"""The maximum number of pages whose newest request is remembered."""
 MOST_STREAMS = 8
-"""The most views being rendered: each holds its pictures in memory."""
+"""The maximum number of views in rendering: each holds its pictures in memory."""
 BODY_SECONDS = 10.0
-"""The seconds within which a request has to arrive."""
+"""The seconds within which a request must arrive."""
 
 Made = TypeVar("Made")
 
 
 class Refused(BadRequest):
-    """A refusal with a status of its own: the reason, in a sentence."""
+    """A refusal with another HTTP status than 400."""
 
     def __init__(self, status: int, why: str) -> None:
         super().__init__(why)
@@ -59,7 +59,7 @@ class Refused(BadRequest):
 
 @dataclass
 class Desk:
-    """A desk that takes requests and has them done by one thread, a piece of work at a time."""
+    """The requests in progress, all of whose work is done in one thread, piece by piece."""
 
     shown: ShownRun
     worker: ThreadPoolExecutor
@@ -71,9 +71,9 @@ class Desk:
         return await asyncio.get_running_loop().run_in_executor(self.worker, work, *arguments)
 
     def enter(self, asked: ViewRequest) -> None:
-        """Register a request; the page's earlier one is given up after its current chunk of rays.
+        """Register a request; the page's earlier one is cancelled after its current chunk of rays.
 
-        Raises `Refused` for a request that is not newer than that.
+        Raises `Refused` for a request that is not newer.
         """
         if asked.generation <= (known := self.newest.get(asked.client, -1)):
             raise Refused(409, f"generation {asked.generation}: this page has asked for number {known} already")
@@ -99,7 +99,7 @@ class Desk:
 
 
 class Streamed(StreamingResponse):
-    """A stream that leaves its place to another one however it ends, even if nobody has taken the first piece."""
+    """A stream that makes room for another one at its end, even if its first piece was never taken."""
 
     def __init__(self, desk: Desk, pieces: AsyncIterator[bytes]) -> None:
         super().__init__(pieces, media_type="application/octet-stream")
@@ -113,7 +113,7 @@ class Streamed(StreamingResponse):
 
 
 class Announced(uvicorn.Server):
-    """A server that reports when it answers, and that an interrupt ends in order."""
+    """A server that calls `announce` once it answers."""
 
     def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
         super().__init__(config)
@@ -133,7 +133,7 @@ def _next_piece(messages: Iterator[bytes]) -> bytes | None:
 
 
 def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -> Starlette:
-    """Return the application, which answers to these names in the `Host` header alone."""
+    """Return the application, which answers only to these names in the `Host` header."""
     desk = Desk(shown, worker)
 
     async def run(request: Request) -> Response:
@@ -184,7 +184,7 @@ async def _break(request: Request, error: Exception) -> Response:
 
 
 async def _body(request: Request) -> bytes:
-    """Read the body; no more than the limit is ever kept, nor waited for longer."""
+    """Read the body, within the limits of size and time."""
     body = b""
     try:
         async with asyncio.timeout(BODY_SECONDS):
@@ -193,7 +193,7 @@ async def _body(request: Request) -> bytes:
                 if len(body) > LARGEST_BODY:
                     raise BadRequest(f"the request has more than {LARGEST_BODY} bytes")
     except TimeoutError as error:
-        raise Refused(408, f"the request was not here after {BODY_SECONDS:g} seconds") from error
+        raise Refused(408, f"the request did not arrive within {BODY_SECONDS:g} seconds") from error
     return body
 
 
@@ -207,7 +207,7 @@ def _file(path: Path) -> Callable[[Request], Awaitable[Response]]:
 
 
 class Guard:
-    """A filter that adds `HEADERS` and refuses what another site's page asks, as rendering costs work."""
+    """A filter that adds `HEADERS` and refuses requests of other sites' pages, as rendering costs work."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app

@@ -1,4 +1,4 @@
-"""A finished run as a page shows it: its listing, and methods and views loaded when they are first asked for."""
+"""A finished run as a page shows it: listings, and methods and views, which are loaded on the first request."""
 
 import math
 import time
@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from msgspec.structs import asdict
 
+from harness.playback.camera_paths import ELEVATION
 from harness.playback.run_loader import FinishedRun
 from harness.playback.store import ViewStore
 from harness.records.cells import SceneRecord, cell_path, read_cell
@@ -33,15 +34,13 @@ class TrueViews(NamedTuple):
     missing: str = ""
 
 
-ELEVATION = math.radians(30.0)
-"""The elevation of the first view if there is no test view to begin with."""
 TRUTHS = 2
 """The number of scenes whose decoded test views are kept."""
 
 
 @dataclass
 class ShownRun:
-    """A shown run. All but the two listings is called in the one thread that renders; nothing here is locked."""
+    """A shown run. All but `listing` is called in the one thread that renders, so that nothing is locked."""
 
     run: FinishedRun
     view_sets: Path
@@ -51,16 +50,16 @@ class ShownRun:
     device: torch.device
     store: ViewStore
     memory_alone: str = ""
-    """The reason why nothing is kept on disk; empty if it is."""
+    """The reason why the view cache is kept only in memory; empty if it is on disk, too."""
     width: int | None = None
-    """The width in pixels; None: each scene's own."""
-    seats: dict[tuple[str, str], engine.MethodView] = field(default_factory=dict)
+    """The width in pixels; None: that of each scene's views."""
+    loaded: dict[tuple[str, str], engine.MethodView] = field(default_factory=dict)
     lenses: dict[str, Camera] = field(default_factory=dict)
     """Map scene → a camera with the lens of its views."""
     truths: dict[str, TrueViews] = field(default_factory=dict)
     """The views of the scenes opened last."""
     sources: Counter[str] = field(default_factory=Counter)
-    """The origins of complete pictures: a place of the view cache, or `rendered`."""
+    """The number of complete pictures by origin: a place of the view cache, or `rendered`."""
 
     @staticmethod
     def of(
@@ -72,7 +71,7 @@ class ShownRun:
         width: int | None,
         device: torch.device,
     ) -> "ShownRun":
-        """Load a run; raises `InputError` for names that it does not have, and if it left nothing to show."""
+        """Load a run; raises `InputError` for unknown names, and if it has nothing to show."""
         run = FinishedRun.of(out)
         scenes = [record.name for record in run.scenes([scene] if scene else None, "--scene")]
         asked = run.shown_methods(methods)
@@ -104,7 +103,7 @@ class ShownRun:
         }
 
     def scene_listing(self, name: str) -> dict[str, object]:
-        """List one scene: its pictures' size, where the camera begins and stands at each test view, and its cells."""
+        """List one scene: the size of its pictures, the first camera and those of the test views, and its cells."""
         scene = self.scene(name)
         truth = self.truth(scene)
         centre = np.mean(scene.bounds, axis=0)
@@ -148,8 +147,8 @@ class ShownRun:
         raise BadRequest("scene: the run has no such scene")
 
     def truth(self, scene: SceneRecord) -> TrueViews:
-        """Return the views at their own width or, if that is smaller, at the shown one; decoded images go to the run's
-        folder if it can be written. A fault of the view set is the reason why they are missing.
+        """Return the test views at their width or the shown width, whichever is smaller. Decoded images go to the run's
+        folder if it can be written. A fault of the view set becomes the reason why the views are missing.
         """
         if scene.name not in self.truths:
             if len(self.truths) >= TRUTHS:
@@ -162,18 +161,18 @@ class ShownRun:
                 self.truths[scene.name] = TrueViews(None, (), f"No ground truth: {error}")
         return self.truths[scene.name]
 
-    def seat(self, scene: SceneRecord, method: str) -> engine.MethodView:
+    def method_view(self, scene: SceneRecord, method: str) -> engine.MethodView:
         """Load a cell; raises `InputError` if it cannot be shown."""
-        if (scene.name, method) not in self.seats:
+        if (scene.name, method) not in self.loaded:
             cell = self.run.trained(scene, method, self.seed, self.device)
-            seat = engine.MethodView.of(cell, self.store)
+            view = engine.MethodView.of(cell, self.store)
             lens = self.lenses.setdefault(scene.name, cell.camera(_start(scene).pose()))
-            seat.warm_up(self._camera(scene, lens, None))
-            self.seats[scene.name, method] = seat
-        return self.seats[scene.name, method]
+            view.warm_up(self._camera(scene, lens, None))
+            self.loaded[scene.name, method] = view
+        return self.loaded[scene.name, method]
 
     def checked(self, asked: ViewRequest) -> None:
-        """Check a request; raises `BadRequest` for names and views that are not there."""
+        """Check a request; raises `BadRequest` for unknown names and views."""
         scene = self.scene(asked.scene)
         if not set(asked.methods) <= self.run.run.methods.keys():
             raise BadRequest("methods: the run has no such method")
@@ -181,7 +180,7 @@ class ShownRun:
             self._test_views(scene, asked.place)
 
     def _test_views(self, scene: SceneRecord, view: int) -> Split:
-        """Return the test views, of which `view` is one; raises `BadRequest`."""
+        """Return the test views; raises `BadRequest` if `view` is none of their numbers."""
         truth = self.truth(scene)
         if truth.split is None or view >= len(truth.names):
             raise BadRequest(f"view: there are {len(truth.names)} test views")
@@ -195,7 +194,7 @@ class ShownRun:
         return picture_message("truth", over_white(rgba), rgba[..., 3], depth, **facts)
 
     def messages(self, asked: ViewRequest) -> Generator[bytes, None, None]:
-        """Yield all messages for a page's request, one piece of work after another; it has been `checked` before."""
+        """Yield all messages for a `checked` request, each after one piece of work."""
         scene = self.scene(asked.scene)
         exact, picture = None, None
         if isinstance(asked.place, Orbit):
@@ -203,37 +202,32 @@ class ShownRun:
         else:
             exact, split = asked.place, self._test_views(scene, asked.place)
             pose, picture = split.camera_to_world[exact], over_white(split.rgba[exact])
-        seats = []
+        views = []
         for method in asked.methods:
-            if (scene.name, method) not in self.seats:
+            if (scene.name, method) not in self.loaded:
                 yield message("loading", method=method)
             try:
-                seats.append(self.seat(scene, method))
+                views.append(self.method_view(scene, method))
             except InputError as mistake:
                 yield message("failed", method=method, note=str(mistake))
-        if not seats:
-            yield message("end", cache=self.cache_listing())
-            return
-        began = time.perf_counter()
-        camera = self._camera(scene, self.lenses[scene.name].at(pose), asked.width, exact is None)
-        yield message("start", width=camera.width, height=camera.height, exact=exact)
-        for frame in engine.frames(seats, camera, asked.attention, picture, asked_at=began):
-            if frame.state == "whole":
-                self.sources[frame.cached or "rendered"] += 1
-            yield frame_message(frame)
-        yield message("end", cache=self.cache_listing())
-
-    def cache_listing(self) -> dict[str, object]:
-        return {"sources": dict(self.sources), "memory_alone": self.memory_alone}
+        if views:
+            began = time.perf_counter()
+            camera = self._camera(scene, self.lenses[scene.name].at(pose), asked.width, exact is None)
+            yield message("start", width=camera.width, height=camera.height, exact=exact)
+            for frame in engine.frames(views, camera, asked.attention, picture, asked_at=began):
+                if frame.state == "whole":
+                    self.sources[frame.cached or "rendered"] += 1
+                yield frame_message(frame)
+        yield message("end", cache={"sources": dict(self.sources), "memory_alone": self.memory_alone})
 
     def _camera(self, scene: SceneRecord, camera: Camera, width: int | None, free: bool = True) -> Camera:
-        """Return a camera at the shown size; a free one sees the complete box, an exact one is the view's own."""
+        """Return the camera at the shown size; near and far of a free camera enclose the box."""
         camera = covering(camera, np.asarray(scene.bounds)) if free else camera
-        wanted = width or self.width or scene.width
-        return camera if wanted == camera.width else camera.resized(wanted)
+        width = width or self.width or scene.width
+        return camera if width == camera.width else camera.resized(width)
 
 
 def _start(scene: SceneRecord) -> Orbit:
-    """Return the camera's place until somebody moves it, if there is no test view to begin with."""
+    """Return the first position of the camera if there is no test view."""
     x, y, z = np.mean(scene.bounds, axis=0).tolist()
     return Orbit((x, y, z), 0.5 * math.pi, ELEVATION, 0.5 * (scene.near + scene.far))

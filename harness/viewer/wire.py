@@ -1,11 +1,11 @@
-"""Frames as bytes: a header's length (uint32, little-endian), the header (JSON), and then its `pixels` n as arrays.
+"""Frames as bytes: the length of the header (uint32), the header (JSON), and arrays of n pixels, the header's `pixels`.
 
     number   uint32  [n]      of the pixel, row by row
-    depth    float32 [n]      scene units along the ray, 0 where nothing was hit
+    depth    float32 [n]      scene units along the ray, 0 without a hit
     colour   uint8   [n, 3]   display colour
     opacity  uint8   [n]
 
-Everything is little-endian. A stream is such messages one after another.
+Everything is little-endian. A stream is a sequence of such messages.
 """
 
 import json
@@ -26,7 +26,7 @@ def message(kind: str, **header: object) -> bytes:
 
 
 def frame_message(frame: FreshPixels) -> bytes:
-    """Return the message of a frame; a last one whose parts were all sent before holds none of them again."""
+    """Return the message of a frame; a last frame whose parts were all sent before has no pixels."""
     header = {each.name: getattr(frame, each.name) for each in fields(frame) if each.name not in ARRAYS}
     if frame.state == "whole" and frame.cached is None:
         return message("frame", **header)
@@ -36,7 +36,7 @@ def frame_message(frame: FreshPixels) -> bytes:
 def picture_message(
     kind: str, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray | None, **header: object
 ) -> bytes:
-    """Return the message of a complete picture: [h, w, 3], [h, w] and [h, w] or, if depth is unknown, None."""
+    """Return the message of a complete picture: colour [h, w, 3], opacity [h, w], and depth [h, w] if it is known."""
     size = opacity.size
     far = np.zeros(size, np.float32) if depth is None else depth.reshape(size)
     return _with_pixels(kind, header, np.arange(size), colour.reshape(size, 3), opacity.reshape(size), far)

@@ -1,1 +1,1 @@
-"""The printed numbers, judged; imports `studies` and the rooms below it."""
+"""Verdicts on printed numbers, and the first screen; imports `studies` and the rooms below it."""

@@ -1,4 +1,4 @@
-"""Tests of the paper's own figures against each other: sums, means, ratios, cross-references; and what is counted."""
+"""Checks of the paper's own figures against each other (sums, means, ratios, cross-references), and counts of code."""
 
 import math
 from collections.abc import Callable
@@ -17,10 +17,10 @@ COMPONENT_TITLES = {
     "total": "total",
 }
 DIGIT_DB = 0.05
-"""The most that rounding may have taken from a printed score."""
+"""The maximum error of a printed score by rounding."""
 
 Result = tuple[Verdict, Number | Pair, str]
-"""A verdict, the figure that it is of, and a note."""
+"""A verdict, its figure, and a note."""
 
 
 def _exactly(entry: Statement, value: Number | Pair, note: str = "") -> Result:
@@ -28,14 +28,14 @@ def _exactly(entry: Statement, value: Number | Pair, note: str = "") -> Result:
 
 
 def _counted(entry: Statement, right: dict[str, bool]) -> Result | None:
-    """Judge several things: how many are as printed, and which are not; None if there are none."""
+    """Return how many of several figures are as printed, and which are not; None if there are none."""
     wrong = [name for name, holds in right.items() if not holds]
     verdict: Verdict = "reproduced" if not wrong and len(right) == entry.printed else "not reproduced"
     return (verdict, len(right) - len(wrong), f"not {listed(wrong)}" if wrong else "") if right else None
 
 
 def last_exponent(bench: Bench, entry: Statement) -> Result:
-    """Compare Eq. 3 with the code that is printed beside it, for L = 10."""
+    """Compare Eq. 3 with the code that is printed next to it, for L = 10."""
     return _exactly(entry, 9, "Listing 1 is used; it also keeps the raw coordinate, which Eq. 3 does not")
 
 
@@ -59,15 +59,14 @@ def differences_of_rows(bench: Bench, entry: Statement) -> Result | None:
 
 def means_of_rows(bench: Bench, entry: Statement) -> Result | None:
     """Check the row of averages, each to within the rounding of its column's figures."""
-    rows, average = list(bench.file.scenes.values()), bench.file.psnr.get("average", {})
-    right = {}
-    for column in average:
+    rows, right = list(bench.file.scenes.values()), {}
+    for column, average in bench.file.psnr.get("average", {}).items():
         values = [row[column] for row in rows if column in row]
         if len(values) < max(len(rows), 1):
             return None
         mean = sum(values) / len(values)
         ends = (mean - DIGIT_DB, mean + DIGIT_DB)
-        right[column] = judge_figures(average[column], half_unit(average[column], "dB"), mean, ends) == "reproduced"
+        right[column] = judge_figures(average, half_unit(average, "dB"), mean, ends) == "reproduced"
     return _counted(entry, right)
 
 
@@ -76,23 +75,18 @@ def range_of_rows(bench: Bench, entry: Statement) -> Result | None:
     return _exactly(entry, (min(gains), max(gains))) if gains else None
 
 
-def scenes_of_rows(bench: Bench, entry: Statement) -> Result | None:
-    many = len(bench.file.scenes)
-    return _exactly(entry, many) if many else None
-
-
 def source_of_baseline(bench: Bench, entry: Statement) -> Result | None:
-    """Judge whether the baseline was measured, or taken over: equal figures suggest, but do not prove."""
-    original, rows = bench.file.tables.get("original", {}), bench.file.scenes
-    rows = {scene: row for scene, row in rows.items() if entry.of["method"] in row}
-    known = [scene for scene in rows if scene in original]
-    unknown = [scene for scene in rows if scene not in original]
+    """Judge whether the baseline was measured or copied: equal figures suggest a copy, but do not prove it."""
+    original, method = bench.file.tables.get("original", {}), entry.of["method"]
+    printed = {scene: row[method] for scene, row in bench.file.scenes.items() if method in row}
+    known = [scene for scene in printed if scene in original]
+    unknown = [scene for scene in printed if scene not in original]
     without = f" (without {listed(unknown)}, of which no original score is recorded)" if unknown else ""
-    same = [scene for scene in known if abs(original[scene] - rows[scene][entry.of["method"]]) <= DIGIT_DB + 1e-9]
+    same = [scene for scene in known if abs(original[scene] - printed[scene]) <= DIGIT_DB + 1e-9]
     note = (
-        f"equal in {len(same)} of {len(known)} scenes{without}; the original trained with 4096 rays a step for "
-        "100 000 to 300 000 steps. Scores of a training of its own would differ in some last digit, as seeds differ by "
-        "more; figures alone do not prove where they come from"
+        f"equal in {len(same)} of {len(known)} scenes{without}; the original trained with 4096 rays per step for "
+        "100 000 to 300 000 steps. Scores of a separate training would differ in some last digit, as seeds differ by "
+        "more; figures do not prove where they come from"
     )
     return ("inconclusive", len(same), note) if known else None
 
@@ -132,7 +126,10 @@ FIGURES: dict[str, tuple[str, Callable[[Bench, Statement], Result | None]]] = {
     "differences of rows": ("Q-NeRF less NeRF against Δ, row by row", differences_of_rows),
     "means of rows": ("mean of each column’s rows", means_of_rows),
     "range of rows": ("smallest and largest Δ of Table 2", range_of_rows),
-    "scenes of rows": ("rows of Table 2 without the average", scenes_of_rows),
+    "scenes of rows": (
+        "rows of Table 2 without the average",
+        lambda bench, entry: _exactly(entry, len(bench.file.scenes)) if bench.file.scenes else None,
+    ),
     "source of the baseline": (
         "scenes whose printed NeRF score is the original NeRF paper’s, rounded (Mildenhall et al. 2020)",
         source_of_baseline,
@@ -145,7 +142,7 @@ FIGURES: dict[str, tuple[str, Callable[[Bench, Statement], Result | None]]] = {
         lambda _, entry: _exactly(entry, 4, "the ablation is Table 4; there is no Table 7"),
     ),
 }
-"""Map the quantity of a claim → how it is checked by the printed figures alone, and its check, None without tables."""
+"""Quantity of a claim → how the printed figures check it, and the check, which returns None without the tables."""
 
 
 def own_figures(bench: Bench, entry: Statement) -> Finding:
@@ -161,7 +158,7 @@ PUBLISHED = "need the authors’ code, which is not published"
 
 
 def weights(bench: Bench, entry: Statement) -> Finding:
-    """Check the weights, counted at the paper's own size: no training is needed, so the run's scale does not matter."""
+    """Check the weights of a network of the paper's size: counting needs no training, so any run will do."""
     how = "counted in the network that Table 1 describes"
     ours, printed = bench.file.measured.get("weights", {}), bench.file.tables.get("weights", {})
     if "total" not in ours or not set(printed) <= set(ours):
@@ -181,11 +178,11 @@ def run_setting(bench: Bench, entry: Statement) -> Finding:
 
 
 def lines(bench: Bench, entry: Statement) -> Finding:
-    """Show the lines of their module, which is not published; those of the same parts here stand beside it."""
-    ours, files = bench.file.measured.get("sloc"), bench.file.measured.get("sloc_files", {})
+    """Show how many lines the same parts have here; the paper's module is not published."""
+    here, files = bench.file.measured.get("sloc"), bench.file.measured.get("sloc_files", {})
     how = "lines of our modules for the same parts that are neither blank nor comment"
     how += ": " + listed([f"{name} {count(many)}" for name, many in files.items()]) if files else ""
-    return Finding(UNTESTED, how, int(ours) if ours is not None else None, note=PUBLISHED)
+    return Finding(UNTESTED, how, int(here) if here is not None else None, note=PUBLISHED)
 
 
 def their_code(bench: Bench, entry: Statement) -> Finding:

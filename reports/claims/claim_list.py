@@ -1,6 +1,6 @@
-"""The claims ledger: the claimed numbers, with the measurements here and a verdict. Never a silent pass.
+"""The claims ledger: every claimed number with this run's measurement and a verdict. None passes silently.
 
-Statements that are one comparison are one entry; our interpretations of the paper stand apart.
+Statements about the same comparison share an entry; our interpretations of the paper are a separate kind.
 """
 
 from collections import Counter
@@ -47,11 +47,10 @@ RULES: dict[str, tuple[str, Judge]] = {
     "lines": ("others", arithmetic.lines),
     "their code": ("others", arithmetic.their_code),
 }
-"""Map the quantity of a claim → its kind of statement, and its judge."""
+"""Quantity of a claim → its kind of statement, and its judge."""
 
 
 def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
-    """Return every claim that the run's record lists, file by file in the files' order."""
     here = in_a_line(records)
     benches = [
         Bench(records, file, beside.evidence, records.targets, beside.serving) for file in records.run.claims or []
@@ -72,6 +71,6 @@ def _claim(bench: Bench, entry: Statement, here: str) -> Claim:
     return claim_of(bench.file, entry, finding, kind, here)
 
 
-def tally(claimed: list[Claim]) -> list[tuple[Verdict, int]]:
-    many = Counter(claim.verdict for claim in claimed)
+def tally(judged: list[Claim]) -> list[tuple[Verdict, int]]:
+    many = Counter(claim.verdict for claim in judged)
     return [(verdict, many[verdict]) for verdict in VERDICTS if many[verdict]]

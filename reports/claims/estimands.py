@@ -1,13 +1,13 @@
-"""Two questions about one difference, side by side, and how often runs fail: the context of every verdict."""
+"""The two questions that a difference answers, side by side, and how often runs fail: the context of every verdict."""
 
 from harness.records.cells import Comparison, Estimate
 from harness.records.verdict import Verdict, phrase_with
 from harness.verdicts.failures import Failures, failures
-from reports.claims.psnr_table import lines
+from reports.claims.psnr_table import ends_of, lines
 from reports.data.load import Records
 from reports.data.outcome import doubts, robust_differs
 from reports.data.selection import behind_difference
-from reports.data.wording import BUDGETS, NARROW, counted, interval, number, signed, tone_of_sign
+from reports.data.wording import BUDGETS, NARROW, NOTHING, counted, interval, number, signed, tone_of_sign
 from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 SENSES = {"on_these_scenes": "on these scenes", "scenes_like_these": "on scenes like these"}
@@ -33,9 +33,9 @@ def difference_in_words(row: Comparison, scenes: list[str], seeds: list[int]) ->
     return f"{row.method} − {row.against} = {signed(row.difference)} dB {budget} ({known}{lost})"
 
 
-def between(pair: tuple[float, float], digits: int = 2) -> str:
+def between(pair: tuple[float, float]) -> str:
     """Format an interval: `−7.89 to −3.25`."""
-    return f"{signed(pair[0], digits)} to {signed(pair[1], digits)}"
+    return f"{signed(pair[0])} to {signed(pair[1])}"
 
 
 def judged_in_words(pair: tuple[float, float], verdict: Verdict) -> str:
@@ -51,9 +51,7 @@ def senses_grid(records: Records) -> Grid:
             Entry(f"at {BUDGETS[row.budget]}"),
             Entry(f"{signed(row.difference)} dB", value=row.difference, runs=behind_difference(row)),
             *(_estimate(getattr(row, name)) for name in SENSES),
-            Entry("" if row.robust is None else f"{signed(row.robust.difference)} dB", _within(row), value=_robust(row))
-            if robust_differs(row)
-            else EMPTY,
+            _robust(row),
         ]
         for row in records.comparisons
         if (row.scene, row.metric) == ("all", "psnr") and row.on_these_scenes
@@ -74,25 +72,22 @@ def _estimate(about: Estimate | None) -> Entry:
         return EMPTY
     effect = f"d = {signed(about.effect, 1)}" if about.effect is not None else ""
     chance = f"p = {number(about.p_adjusted, 3)}" if about.p_adjusted is not None else ""
-    low, high = pair
     tone, words = tone_of_sign(about.verdict.sign), lines(phrase_with(about.verdict, pair), chance, effect)
-    return Entry(between(pair), words, tone, low, {"low": low, "high": high})
+    return Entry(between(pair), words, tone, pair[0], ends_of(pair))
 
 
-def _within(row: Comparison) -> str:
-    return interval(row.robust.interval) if row.robust else ""
+def _robust(row: Comparison) -> Entry:
+    if row.robust is None or not robust_differs(row):
+        return EMPTY
+    return Entry(f"{signed(row.robust.difference)} dB", interval(row.robust.interval), value=row.robust.difference)
 
 
-def _robust(row: Comparison) -> float | None:
-    return row.robust.difference if row.robust else None
-
-
-def found_failures(records: Records) -> Failures:
+def failures_of(records: Records) -> Failures:
     return failures(records.cells, records.methods, records.run.roles.pairs(records.methods))
 
 
 def rates_grid(records: Records) -> Grid:
-    failed = found_failures(records)
+    failed = failures_of(records)
     rates = failed.rates if any(rate.failed for rate in failed.rates) else []
     words = {"below 0": "fails less often", "above 0": "fails more often", "open": "not distinguished"}
     columns = [Column("method", numeric=False), *map(Column, ("runs", "diverged", "empty collapse", "rate"))]
@@ -101,7 +96,7 @@ def rates_grid(records: Records) -> Grid:
     for rate in rates:
         low, high = (number(100 * end, 0) for end in rate.interval)
         share = f"{number(100 * rate.rate, 0)}{NARROW}%"
-        duels_of = [
+        against = [
             f"{duel.against}: {words[duel.verdict]} ({duel.only_method} : {duel.only_against} of "
             f"{counted(duel.pairs, 'pair')}, p = {number(duel.p_value, 3)})"
             for duel in failed.comparisons
@@ -112,12 +107,12 @@ def rates_grid(records: Records) -> Grid:
                 Entry(rate.method),
                 *(Entry(str(many), value=many) for many in (rate.runs, rate.diverged, rate.collapsed)),
                 Entry(share, f"{low} to {high}{NARROW}%", value=100 * rate.rate),
-                Entry("\n".join(duels_of) or "–"),
+                Entry("\n".join(against) or NOTHING),
             ]
         )
     note = (
-        "A run failed where it diverged or shows little but background. Rates have exact 95 % intervals (Clopper and "
-        "Pearson), pairs of the same scene and seed an exact test (McNemar). All differences of scores are of the "
-        "pairs of which neither failed."
+        "A run failed if it diverged or shows little but background. Rates have exact 95 % intervals (Clopper and "
+        "Pearson), pairs of the same scene and seed an exact test (McNemar). All differences of scores are over the "
+        "pairs in which neither run failed."
     )
     return Grid("How often runs fail", columns, rows, note=note)

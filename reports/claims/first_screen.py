@@ -1,6 +1,6 @@
 """The first screen: the question, the answer, its certainty, its scale, and what was not tested.
 
-It is built from the ledger, the run's comparisons and, if it lies beside, the evidence; it computes nothing.
+It is built from the ledger, the run's comparisons and the evidence, if there is a record; it computes nothing.
 """
 
 import re
@@ -19,11 +19,11 @@ from reports.data.load import Records
 from reports.data.scale import in_a_line
 from reports.data.wording import NARROW, UNTESTED, counted, listed, number
 from reports.page.grid import Entry
-from reports.studies.check_words import described
+from reports.studies.check_words import describe
 
 PLACE = re.compile(r"\{([^{}]+)\}")
-MOST = 8
-"""The most claims of a file that the first screen shows where the file does not choose them."""
+MAX_CLAIMS = 8
+"""The maximum number of claims of a file that the first screen shows if the file does not choose them."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def first_screen(records: Records, claims: list[Claim], beside: Beside) -> First
     shown, here, lines = principal(records, claims), in_a_line(records), []
     for words, claim in shown:
         if claim.verdict != UNTESTED:
-            # its first sentence; the other notes on a study's cells stand with the study
+            # the first sentence; the page of the study has the rest
             elsewhere = claim.scale.split(". ")[0] if claim.scale != here else ""
             note = "; ".join(filter(None, [claim.note, elsewhere]))
             figures = printed_entry(claim), measured_entry(claim)
@@ -73,13 +73,15 @@ def principal(records: Records, claims: list[Claim]) -> list[tuple[str, Claim]]:
     chosen = []
     for file in records.run.claims or []:
         own = {claim.id: claim for claim in claims if claim.file == file.id}
-        words = file.principal or {name: own[name].statement for name in list(own)[:MOST]}
+        words = file.principal or {name: own[name].statement for name in list(own)[:MAX_CLAIMS]}
         chosen += [(words[name], own[name]) for name in words if name in own]
     return chosen
 
 
 def question(records: Records, claims: list[Claim]) -> str:
-    """Return what a file of claims asks of a method of this run; else a stated claim, or what this run can answer."""
+    """Return what a file of claims asks of a method of this run, or whether a stated claim holds, or how the methods
+    of this run compare.
+    """
     for file in records.run.claims or []:
         own = {claim.id: printed_text(claim).replace(" %", f"{NARROW}%") for claim in claims if claim.file == file.id}
         if file.question and set(file.methods) & set(records.methods):
@@ -93,33 +95,31 @@ def question(records: Records, claims: list[Claim]) -> str:
     return f"How {'do' if len(contenders) > 1 else 'does'} {listed(contenders)} compare with {baseline}?"
 
 
-def _number(texts: dict[str, str], found: re.Match[str]) -> str:
-    return texts.get(found[1], found[0])
+def _number(texts: dict[str, str], place: re.Match[str]) -> str:
+    return texts.get(place[1], place[0])
 
 
 def guests(records: Records) -> str:
     """State what a method of another family reaches in the core seconds of the baseline; empty if none was trained."""
     for name in records.run.guests:
         pairs = []
-        for cell in (one for one in records.guest_cells if one.method == name):
-            beside = next(
-                (one for one in records.cells_of(cell.scene, records.baseline) if one.seed == cell.seed), None
-            )
-            scores = cell.scores.get("psnr"), beside and beside.scores.get("psnr"), cell.train_core_seconds
-            if None not in scores:
-                pairs.append(scores)
+        for cell in records.guest_cells:
+            for rival in records.cells_of(cell.scene, records.baseline):
+                scores = cell.scores.get("psnr"), rival.scores.get("psnr"), cell.train_core_seconds
+                if (cell.method, cell.seed) == (name, rival.seed) and None not in scores:
+                    pairs.append(scores)
         if pairs:
             theirs, ours, spent = (fmean(float(pair[place] or 0.0) for pair in pairs) for place in range(3))
-            scenes = f"{counted(len(pairs), 'scene')}, {spent:.0f} core seconds a cell"
+            scenes = f"{counted(len(pairs), 'scene')}, {spent:.0f} core seconds per cell"
             return (
-                f"{name} reaches {number(theirs)} dB in as many core seconds as {records.baseline}, which reaches "
+                f"{name} reaches {number(theirs)} dB with the same core seconds as {records.baseline}, which reaches "
                 f"{number(ours)} dB ({scenes}; one seed, not judged)"
             )
     return ""
 
 
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:
-    """State the interval of the answer, what could have gone unnoticed, and how often the comparer itself errs."""
+    """State the interval of the answer, its power, and how often the comparer itself errs."""
     sentences, contenders = [], records.contenders
     row = records.comparison("all", contenders[0], records.baseline) if contenders else None
     if row is not None and row.difference is not None:
@@ -128,7 +128,7 @@ def how_sure(records: Records, evidence: Studies | None) -> list[str]:
         sentences.append(f"{difference_in_words(row, records.scenes, records.run.seeds)}. The verdict is {sense}.")
         if like and here is not None and here.simultaneous is not None:
             known = f"{between(here.simultaneous)} dB ({here.verdict.phrase})"
-            sentences.append(f"On these scenes alone, the interval is {known}.")
+            sentences.append(f"On only these scenes, the interval is {known}.")
     if row is not None and row.smallest_detectable is not None:
         least = number(row.smallest_detectable)
         sentences.append(f"The sign of a true difference below {least} dB could have stayed open (power 80 %).")
@@ -140,4 +140,4 @@ def calibration(evidence: Studies | None) -> list[str]:
     if study is None:
         return ["The intervals' own error rate was not checked in this run (`nox -s evidence` does)."]
     broken = [check for check in study.checks if not check.holds]
-    return [*study.answers[:1], *(f"Comparer: {described(check)} – this check does not hold." for check in broken)]
+    return [*study.answers[:1], *(f"Comparer: {describe(check)} – this check does not hold." for check in broken)]

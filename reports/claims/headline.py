@@ -1,7 +1,7 @@
-"""The result in plain words: against the baseline *and* against the bandwidth control, by steps and by time.
+"""The result as sentences: against the baseline *and* against the bandwidth control, by steps and by time.
 
-The verdicts are those of the run's comparisons; this module only finds the words. `nerf_matched` is the same network as
-`nerf` with a bandwidth that reaches as far as φ: what it gains, bandwidth alone brings.
+The verdicts are those of the run's comparisons; this module only words them. `nerf_matched` is the same network as
+`nerf` with a bandwidth that reaches as far as φ: its gain is the effect of only the bandwidth.
 """
 
 from collections.abc import Iterable
@@ -20,6 +20,7 @@ from reports.data.wording import BUDGETS, counted, interval, listed, number, sig
 
 LOST = ("diverged", "error")
 FURTHER = 2
+"""The maximum number of contenders after the first that the sentences compare."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Duel:
     against: str
     steps: Comparison | None
     time: Comparison | None
-    """At equal core seconds, or training seconds where no others were counted."""
+    """At equal core seconds, or training seconds in a run that did not count them."""
 
 
 @dataclass(frozen=True)
@@ -40,16 +41,15 @@ class Headline:
     duels: list[Duel]
 
 
-def tabulated(records: Records) -> list[tuple[Budget, str]]:
-    """Return the budgets of the headline with their words: equal steps, and equal core seconds if they were counted."""
-    known: list[Budget] = [row.budget for row in records.comparisons]
-    return [(budget, BUDGETS[budget]) for budget in headline_budgets(known)]
+def budgets_of(records: Records) -> tuple[Budget, ...]:
+    """Return the budgets of the headline: equal steps, and equal core seconds if they were counted."""
+    return headline_budgets([row.budget for row in records.comparisons])
 
 
-def duels(records: Records, scene: str = "all") -> list[Duel]:
-    budgets = [budget for budget, _ in tabulated(records)]
+def duels(records: Records) -> list[Duel]:
+    budgets = budgets_of(records)
     return [
-        Duel(method, rival, *(records.comparison(scene, method, rival, budget=budget) for budget in budgets))
+        Duel(method, rival, *(records.comparison("all", method, rival, budget=budget) for budget in budgets))
         for method in records.contenders
         for rival in records.rivals
         if method != rival
@@ -68,22 +68,23 @@ def headline(records: Records) -> Headline:
 
 
 def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: str | None = None) -> str:
-    """Return the line that a reader takes home: sign and size of the difference from the baseline at equal steps, and
-    how much of it the bandwidth alone explains. `control` is the method with the bandwidth of φ alone, if it was run.
+    """State sign and size of the difference from the baseline at equal steps, and how much of it bandwidth explains.
+
+    `control` is the baseline with the bandwidth of φ, if it was run.
     """
     if vs_baseline is None:
         return ""
-    told = clause(vs_baseline)
+    difference = clause(vs_baseline)
     if control == vs_baseline.method and vs_baseline.verdict.sign == "above 0":
-        return f"{told}: bandwidth alone makes this difference"
+        return f"{difference}: bandwidth alone makes this difference"
     if vs_control is None or (vs_baseline.verdict.sign == "open" and on_few_scenes(vs_baseline)):
-        return told
+        return difference
     same = f"{vs_control.against}, which has the same bandwidth,"
     if vs_control.verdict.sign == "open":
         return f"{clauses([vs_baseline, vs_control])}: {same} may do as well"
     if vs_control.verdict.sign == "above 0":
-        return f"{told}; over {same} {vs_control.method} gains {vs_control.size}{size_words(vs_control.verdict)}"
-    return f"{told}; {same} scores {vs_control.size} more{size_words(vs_control.verdict)}"
+        return f"{difference}; over {same} {vs_control.method} gains {vs_control.size}{size_words(vs_control.verdict)}"
+    return f"{difference}; {same} scores {vs_control.size} more{size_words(vs_control.verdict)}"
 
 
 def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
@@ -102,24 +103,24 @@ def _title(records: Records, method: str, fought: list[Duel]) -> str:
         return f"{method} was not available: nothing can be said of it"
     if cells and lost == len(cells):
         return f"{method} did not finish a single run: nothing can be said of its quality"
-    found = {duel.against: outcome for duel in fought if (outcome := outcome_of(records, duel.steps))}
+    outcomes = {duel.against: outcome for duel in fought if (outcome := outcome_of(records, duel.steps))}
     losses = [words for name in (method, baseline) if (words := _lost(records, name))]
-    if losses and baseline not in found:
+    if losses and baseline not in outcomes:
         return f"{' and '.join(losses)}: {method} and {baseline} cannot be compared"
-    title = title_of(found.get(baseline), found.get(control or ""), control)
+    title = title_of(outcomes.get(baseline), outcomes.get(control or ""), control)
     title = title or f"No comparison of {method} with {baseline} could be made"
     how = ["at equal steps"] if any(duel.time for duel in fought) else []
-    if found:  # the question that they answer (`reports.claims.estimands`)
+    if outcomes:
         like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
         how.append("on scenes like these" if like else "on these scenes")
     gains = (row.gain for row in last_doublings(records.cells, [method, baseline]))
-    unfinished = [rising(gains)] if found else []
+    unfinished = [rising(gains)] if outcomes else []
     title = title if title.startswith(method) else title[0].upper() + title[1:]
     return "; ".join(filter(None, [f"{title} ({', '.join(how)})" if how else title, *unfinished, *losses]))
 
 
 def rising(gains: Iterable[float | None]) -> str:
-    """State what the last doubling of the steps brought at most, if training was not finished by then."""
+    """State the largest gain of the last doubling of the steps, if it shows that training was not finished."""
     gain = max((gain for gain in gains if gain is not None), default=0.0)
     return f"training was not finished (twice the steps brought {number(gain, 1)} dB)" if gain >= STILL_RISING else ""
 
@@ -145,13 +146,12 @@ def _means(records: Records) -> str:
 
 def _others(records: Records, method: str, fought: list[Duel]) -> str:
     further = [name for name in dict.fromkeys(duel.method for duel in fought) if name != method][:FURTHER]
-    found = [outcome_of(records, duel.steps) for duel in fought if duel.method in further]
-    told = clauses([outcome for outcome in found if outcome])
-    return f"At equal steps, {told}." if told else ""
+    outcomes = [outcome_of(records, duel.steps) for duel in fought if duel.method in further]
+    words = clauses([outcome for outcome in outcomes if outcome])
+    return f"At equal steps, {words}." if words else ""
 
 
 def _bandwidth(records: Records, method: str) -> str:
-    """Explain the control and its own gain: the size of the bandwidth effect."""
     baseline, control = records.baseline, records.control
     if control is None:
         encodings = [value_at(records.run.settings, "train", "own", name, "encoding") for name in (baseline, method)]
@@ -159,9 +159,8 @@ def _bandwidth(records: Records, method: str) -> str:
             return ""
         return f"No method with the bandwidth of {method} was run, so a difference may be only an effect of bandwidth."
     why = (
-        f"{control} is {baseline} with nothing changed but its encoding, cut down to "
-        f"the frequencies that the φ encoding reaches. "
-        f"Its own gain comes from bandwidth, not from the parts of the new method"
+        f"{control} is {baseline} with nothing changed but its encoding, cut down to the frequencies that the φ "
+        "encoding reaches. Its own gain comes from bandwidth, not from the parts of the new method"
     )
     row = records.comparison("all", control, baseline)
     if row is None or row.difference is None:
@@ -171,12 +170,10 @@ def _bandwidth(records: Records, method: str) -> str:
 
 
 def from_steps_to_time(records: Records, method: str) -> list[str]:
-    """State by how much each difference of `method` changes from equal steps to equal time, judged as a change."""
-    (steps, _), (time, words) = tabulated(records)
+    """State how each difference of `method` changes from equal steps to equal time, judged as a change."""
+    steps, time = budgets_of(records)
     pairs = [(duel.method, duel.against) for duel in duels(records) if duel.method == method]
-    told = []
-    for pair in pairs:
-        found = change(*pair, Situation(records.cells, steps), Situation(records.cells, time), family=len(pairs))
-        if found is not None:
-            told.append(change_in_words(found))
-    return [f"From equal steps to {words}: {'; '.join(told)}."] if told else []
+    before, after = Situation(records.cells, steps), Situation(records.cells, time)
+    changes = [change(*pair, before, after, family=len(pairs)) for pair in pairs]
+    stated = [change_in_words(known) for known in changes if known is not None]
+    return [f"From equal steps to {BUDGETS[time]}: {'; '.join(stated)}."] if stated else []

@@ -1,10 +1,9 @@
 """The verdicts on claims: pure functions of figures and intervals.
 
-A gain is a level. At the claim's scale it is *reproduced* where the interval of what was measured lies above 0 and
-within `margin` of what is printed, and *not reproduced* where it lies outside. At another scale it can only be *seen*,
-where the interval lies above 0 and reaches to within `margin` of what is printed, or *not seen at this scale*, where it
-does not reach there. A claim without a scale is about any run. A bound is met exactly or not.
-All else is *inconclusive*. A printed sum is judged by the figures that it is made of.
+At the claim's scale a gain is *reproduced* if the interval of the measurement lies above 0 and within `margin` of the
+printed number, and *not reproduced* if it lies outside. At another scale it can only be *seen*, if the interval lies
+above 0 and meets that region, or *not seen at this scale*, if it does not meet it. A claim without a scale is about any
+run. A bound has no margin. All else is *inconclusive*. A printed sum is judged by the figures that it is made of.
 """
 
 import math
@@ -44,13 +43,13 @@ class Finding:
     measured: Number | Pair | None = None
     """The measurement, a range as a pair: from the worst to the best scene."""
     interval: Pair | None = None
-    """The 95 % interval, and the one that the verdict is taken from if there is one."""
+    """The interval that the verdict is taken from, or else the 95 % interval."""
     scale: str = ""
     """The scale if it is not that of the run."""
     note: str = ""
     """The qualification of the verdict; for an untested statement, what it needs."""
     runs: Selection | None = None
-    """The runs of this report that `measured` is taken from; None if it has another subject, or there is none."""
+    """The runs of this report that `measured` is taken from; None if it is not a score of trained runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,14 +86,14 @@ def claim_of(file: ClaimFile, entry: Statement, finding: Finding, kind: str, her
 
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
 LEAST_PAIRS = 3
-"""The least pairs for a verdict: two seeds give none."""
+"""The minimum number of pairs for a verdict: two seeds give none."""
 MOST_SEEDS = 1000
 
 
 def half_unit(printed: Number, unit: str = "") -> float:
-    """Return half of the last printed digit, the most that rounding removed. 1.4 → 0.05, 257 → 0.5, 67 000 → 500.
+    """Return half of the last printed digit, the maximum error by rounding: 1.4 → 0.05, 257 → 0.5, 67 000 → 500.
 
-    dB and hours are printed with one decimal, also if it is 0.
+    dB and hours are printed with one decimal, even if it is 0.
     """
     if unit in ("dB", "h"):
         return 0.05
@@ -114,10 +113,10 @@ def judge_gain(
     bound: Bound = "",
     upwards: bool = True,
 ) -> Verdict:
-    """Compare a printed gain with the interval of the measured one; without an interval nothing is settled.
+    """Compare a printed gain with the interval of the measured gain; without an interval nothing is settled.
 
-    A number is met within `margin` of it, a bound exactly. A gain is above 0, unless what is claimed is a loss or,
-    with `upwards` false, lower is better.
+    The margin applies to numbers, not to bounds. A gain is above 0, unless a loss is claimed or, with `upwards` false,
+    lower is better.
     """
     if measured is None:
         return "inconclusive"
@@ -133,12 +132,12 @@ def judge_gain(
 
 
 def judge_bound(printed: float, bound: Bound, measured: Pair) -> Verdict:
-    """Compare a bound with an interval: on its side of it, on the other, or neither."""
+    """Compare a bound with an interval: on the claimed side of it, on the other, or neither."""
     return _within(*((printed, math.inf) if bound == "at least" else (-math.inf, printed)), measured)
 
 
 def judge_level(printed: Number | Pair, margin: float, measured: Pair | None, bound: Bound = "") -> Verdict:
-    """Compare a printed level, at its own scale alone: within `margin` of it, outside, or neither."""
+    """Compare a printed level with an interval at its own scale: within `margin` of it, outside, or neither."""
     if measured is None:
         return "inconclusive"
     least, most = ends(printed)
@@ -146,7 +145,7 @@ def judge_level(printed: Number | Pair, margin: float, measured: Pair | None, bo
 
 
 def ends(printed: Number | Pair) -> Pair:
-    """Return a range; a number is one of no width."""
+    """Return the ends of a range; both ends of a number are the number."""
     return printed if isinstance(printed, tuple) else (printed, printed)
 
 
@@ -166,10 +165,10 @@ def judge_all(parts: Iterable[Verdict]) -> Verdict:
 
 
 def seeds_that_settle(deviation: float, scenes: int, margin: float, family: int = 1) -> int | None:
-    """Return how many seeds per scene would show a true gain that is just the printed one, in 80 % of repetitions.
+    """Return how many seeds per scene would show a true gain equal to the printed one, in 80 % of repetitions.
 
-    `deviation` is that of a paired difference about its scene's mean. The interval on `scenes` fixed scenes, one of
-    `family`, must then fit into ± `margin`. None if a thousand would not do.
+    `deviation` is the standard deviation of a paired difference about its scene's mean. The interval on `scenes` fixed
+    scenes, one of `family`, must fit into ± `margin`. None if even `MOST_SEEDS` are too few.
     """
     off_centre = NormalDist().inv_cdf((1 + POWER) / 2)
     for seeds in range(LEAST_PAIRS, MOST_SEEDS):
@@ -180,13 +179,13 @@ def seeds_that_settle(deviation: float, scenes: int, margin: float, family: int 
 
 
 def judge_figures(printed: float, rounding: float, computed: float, reachable: Pair) -> Verdict:
-    """Compare a printed result with the one that the printed figures give: `computed` from them as they stand,
-    `reachable` from all that rounds to them.
+    """Compare a printed result with what the printed figures give: `computed` is the result of the figures as printed,
+    `reachable` the range of results of all figures that round to them.
 
     *reproduced* if `computed` rounds to the printed result, *not reproduced* if nothing reachable does, and
     *inconclusive* if only the rounding of the figures could explain it.
     """
-    slack = 1e-9 * max(1.0, abs(printed))  # decimals are no binary fractions
+    slack = 1e-9 * max(1.0, abs(printed))  # decimals are not binary fractions
     if abs(computed - printed) <= rounding + slack:
         return "reproduced"
     missed = reachable[1] < printed - rounding - slack or reachable[0] > printed + rounding + slack
@@ -194,7 +193,7 @@ def judge_figures(printed: float, rounding: float, computed: float, reachable: P
 
 
 def by_cause(claims: list[Claim]) -> list[tuple[str, list[Claim]]]:
-    """Gather untested claims by what they need: `4 claims need …`, most first."""
+    """Gather untested claims by what they need, the largest group first: `4 claims need …`."""
     missing: dict[str, list[Claim]] = {}
     for claim in claims:
         if claim.verdict == UNTESTED:
@@ -208,12 +207,11 @@ def by_cause(claims: list[Claim]) -> list[tuple[str, list[Claim]]]:
 
 
 def not_tested(of_run: list[str], claims: list[Claim]) -> list[str]:
-    """Return the sentences of the run, then the needs of the untested claims."""
     return [*of_run, *(sentence for sentence, _ in by_cause(claims))]
 
 
 def in_short(sentences: list[str]) -> str:
-    """Return the number of things, and the first of them, which weighs most; nothing if all was tested."""
+    """Return the number of sentences and the first, which is the most important; nothing if all was tested."""
     if not sentences:
         return ""
     first = sentences[0].split(": ")[0].rstrip(".")

@@ -1,4 +1,4 @@
-"""PSNR scene by scene: every method with its spread, ceiling and floor, and the differences with their verdicts."""
+"""PSNR by scene: every method with its spread, ceiling and floor, and the differences with their verdicts."""
 
 from collections import Counter
 from statistics import fmean
@@ -8,12 +8,12 @@ from harness.records.metric_table import metric_of
 from harness.records.verdict import phrase_with
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.last_doubling import LastDoubling, last_doublings
-from reports.claims.headline import tabulated
+from reports.claims.headline import budgets_of
 from reports.data.load import Records
 from reports.data.outcome import robust_in_words
 from reports.data.selection import Selection, behind_difference
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
-from reports.data.wording import NOTHING, counted, interval, number, signed, tone_of_sign
+from reports.data.wording import BUDGETS, NOTHING, counted, interval, number, signed, tone_of_sign
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
 TOGETHER = (
@@ -76,37 +76,41 @@ def scores_grid(records: Records) -> Grid:
 
 
 def gain_entry(row: LastDoubling) -> Entry:
-    low, high = row.interval or (None, None)
     behind = Selection("", row.method, metric="psnr")
-    return Entry(signed(row.gain), interval(row.interval), "", row.gain, {"low": low, "high": high}, behind)
+    return Entry(signed(row.gain), interval(row.interval), "", row.gain, ends_of(row.interval), behind)
+
+
+def ends_of(pair: tuple[float, float] | None) -> dict[str, float | None]:
+    low, high = pair or (None, None)
+    return {"low": low, "high": high}
 
 
 def spent_entry(cells: list[CellRecord]) -> Entry:
-    """Return the mean core seconds of training, below them those of the wall; these alone if no others were counted."""
+    """Return the mean core seconds of training, below them wall seconds; only wall seconds if a cell has no others."""
     if not cells:
         return EMPTY
-    wall, cores = fmean(cell.train_seconds for cell in cells), [cell.train_core_seconds for cell in cells]
-    known = [each for each in cores if each is not None]
+    wall = fmean(cell.train_seconds for cell in cells)
+    known = [cell.train_core_seconds for cell in cells if cell.train_core_seconds is not None]
     if len(known) < len(cells):
         return Entry(f"{number(wall, 1)} s", value=wall)
     return Entry(f"{number(fmean(known), 1)} core s", f"{number(wall, 1)} s", value=fmean(known), parts={"wall": wall})
 
 
 def _level(values: list[float | None]) -> Entry:
-    there = [value for value in values if value is not None]
-    if not there or len(there) < len(values):
+    known = [value for value in values if value is not None]
+    if not known or len(known) < len(values):
         return EMPTY
-    mean = fmean(there)
+    mean = fmean(known)
     return Entry(number(mean, 1), tone="muted", value=mean)
 
 
 def score_entry(
     test: Spread, train: Spread, cells: list[CellRecord], ceiling: float | None = None, behind: Selection | None = None
 ) -> Entry:
-    """Return the mean of the finished seeds, below it the others, and whether the noise of the truth limits it."""
+    """Return the mean of the finished seeds; below it the lost seeds, and whether the noise of the truth limits it."""
     lost = losses(cells)
     if test.mean is None:
-        return Entry(lost or "–", reason_of(cells), tone_of(cells) or "muted", runs=behind)
+        return Entry(lost or NOTHING, reason_of(cells), tone_of(cells) or "muted", runs=behind)
     text = number(test.mean) + (f" ± {number(test.sd)}" if test.sd is not None else "")
     parts = [f"train {number(train.mean)}"] if train.mean is not None else []
     parts += ["reference-limited"] if ceiling is not None and test.mean > ceiling - 1.0 else []
@@ -116,7 +120,7 @@ def score_entry(
 
 
 def tone_of(cells: list[CellRecord]) -> str:
-    """Return `failed` if a cell did; an unavailable one is no failure."""
+    """Return `failed` if a cell failed; a method that was not available did not fail."""
     if any(cell.status in ("diverged", "error") for cell in cells):
         return "failed"
     return "muted" if any(cell.status == "not_available" for cell in cells) else ""
@@ -128,36 +132,36 @@ def reason_of(cells: list[CellRecord]) -> str:
 
 
 def losses(cells: list[CellRecord]) -> str:
-    """Return `1 of 3 diverged`, or nothing."""
+    """Format `1 of 3 diverged`, or nothing."""
     many = Counter[str](cell.status for cell in cells)
     return ", ".join(f"{many[status]} of {len(cells)} {name}" for status, name in FAILURES.items() if many[status])
 
 
 def differences_grids(records: Records) -> list[Grid]:
-    """Tabulate for each contender its difference to baseline and control, at equal steps and equal time."""
+    """Tabulate each contender's difference from baseline and control, at equal steps and equal time."""
     grids = []
     for method in records.contenders:
         pairs = [
-            (rival, name, words)
-            for name, words in tabulated(records)
+            (rival, budget)
+            for budget in budgets_of(records)
             for rival in records.rivals
-            if any(records.comparison(scene, method, rival, budget=name) for scene in [*records.scenes, "all"])
+            if any(records.comparison(scene, method, rival, budget=budget) for scene in [*records.scenes, "all"])
         ]
         if pairs:
             grids.append(_differences(records, method, pairs, records.control))
     return grids
 
 
-def _differences(records: Records, method: str, pairs: list[tuple[str, Budget, str]], control: str | None) -> Grid:
+def _differences(records: Records, method: str, pairs: list[tuple[str, Budget]], control: str | None) -> Grid:
     gains = [printed_gain(records, scene, method, pairs[0][0]) for scene in records.scenes]
     printed = any(gain is not None for gain in gains)
     columns = [Column("scene", numeric=False)]
-    columns += [Column(f"− {rival}", rival, f"at {words}") for rival, _, words in pairs]
+    columns += [Column(f"− {rival}", rival, f"at {BUDGETS[budget]}") for rival, budget in pairs]
     columns += [Column("Δ", small="printed")] if printed else []
     compared = {
-        (scene, rival, name): records.comparison(scene, method, rival, budget=name)
+        (scene, rival, budget): records.comparison(scene, method, rival, budget=budget)
         for scene in records.scenes
-        for rival, name, _ in pairs
+        for rival, budget in pairs
     }
     q = dict(zip(compared, benjamini_hochberg([row.p if row else None for row in compared.values()]), strict=True))
     known = [gain for gain in gains if gain is not None]
@@ -166,8 +170,8 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, Budget, s
     for scene, gain in zip([*records.scenes, "all"], [*gains, mean], strict=True):
         row = [Entry("all scenes" if scene == "all" else scene)]
         row += [
-            difference_entry(records.comparison(scene, method, rival, budget=name), q.get((scene, rival, name)))
-            for rival, name, _ in pairs
+            difference_entry(records.comparison(scene, method, rival, budget=budget), q.get((scene, rival, budget)))
+            for rival, budget in pairs
         ]
         rows.append(row + [Entry(signed(gain, 1), tone="muted", value=gain)] * printed)
     note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and its sign and size. "
@@ -179,7 +183,7 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, Budget, s
 
 
 def difference_entry(row: Comparison | None, q: float | None = None) -> Entry:
-    """Return `+0.82`, below it interval, verdict and q-value, and how many cells could not be paired."""
+    """Format `+0.82`, below it interval, verdict and q-value, and how many cells could not be paired."""
     if row is None:
         return EMPTY
     lost = f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
@@ -191,8 +195,7 @@ def difference_entry(row: Comparison | None, q: float | None = None) -> Entry:
     pair = row.simultaneous or row.interval
     adjusted = "" if q is None else f"q = {number(q, 3)}"
     small = lines(interval(pair, digits), phrase_with(row.verdict, pair), adjusted, robust_in_words(row), lost)
-    low, high = pair or (None, None)
-    return Entry(signed(row.difference, digits), small, tone, row.difference, {"low": low, "high": high}, behind)
+    return Entry(signed(row.difference, digits), small, tone, row.difference, ends_of(pair), behind)
 
 
 def lines(*parts: str) -> str:
@@ -200,14 +203,14 @@ def lines(*parts: str) -> str:
 
 
 def printed_methods(records: Records) -> list[tuple[str, str]]:
-    """Return the methods of the run of which a source prints PSNR on one of its scenes, with their names there."""
+    """Return the methods of the run whose PSNR a source prints on a scene of the run, with their names there."""
     files, every = records.run.claims or [], [_printed(records, scene) for scene in records.scenes]
     names = {method: name for file in files for method, name in file.names.items()}
     return [(method, names.get(method, method)) for method in records.methods if any(method in row for row in every)]
 
 
 def _printed(records: Records, scene: str) -> dict[str, float]:
-    """Map method → the PSNR that is printed of it on a scene of the run, whose name may differ in case."""
+    """Map method → its printed PSNR on a scene of the run, whose name may differ in case."""
     rows = [
         row for file in records.run.claims or [] for name, row in file.scenes.items() if name.lower() == scene.lower()
     ]
@@ -215,7 +218,7 @@ def _printed(records: Records, scene: str) -> dict[str, float]:
 
 
 def printed_gain(records: Records, scene: str, method: str, against: str) -> float | None:
-    """Return the printed difference of two methods on a scene; None if it is not printed of both."""
+    """Return the printed difference of two methods on a scene; None if a score of either is not printed."""
     row = _printed(records, scene)
-    # rounded, as decimals are not binary fractions
+    # decimals are not binary fractions
     return round(row[method] - row[against], 9) if {method, against} <= row.keys() else None

@@ -1,7 +1,6 @@
-"""Scores: how much better, how good, and what each part adds."""
+"""Claims about scores: how much better, how good, and what each part adds."""
 
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +30,7 @@ NEEDS_RUN = "need a run of {methods}"
 
 
 def on_them(row: Comparison | Effect) -> Pair | None:
-    """Return the interval that a printed gain is judged by, with error from seeds alone; two seeds give none."""
+    """Return the interval that a printed gain is judged by, whose error is that of the seeds; two seeds give none."""
     if row.on_these_scenes is None or row.pairs < LEAST_PAIRS:
         return None
     return row.on_these_scenes.simultaneous or row.on_these_scenes.interval
@@ -54,15 +53,15 @@ def gain(bench: Bench, entry: Statement) -> Finding:
     upwards = METRICS[metric].higher_is_better
     verdict = judge_gain(entry.printed, margin, pair, bench.at_scale(scene) and complete, entry.bound, upwards)
     seeds = seeds_needed(row, margin, len(scenes)) if verdict == "inconclusive" else None
-    notes = [unpaired(row), f"about {counted(seeds, 'seed')} a scene would settle it" if seeds else ""]
-    if "beside" in entry.of:  # another reading of the method, and what is left once bandwidth is matched
+    notes = [unpaired(row), f"about {counted(seeds, 'seed')} per scene would settle it" if seeds else ""]
+    if "beside" in entry.of:  # another reading of the method, and the gain over the control of the same bandwidth
         notes.append(_beside(bench, entry, entry.of["beside"], against))
         notes.append(_beside(bench, entry, method, bench.records.control or ""))
     return Finding(verdict, how, row.difference, pair, note="; ".join(filter(None, notes)), runs=behind_difference(row))
 
 
 def seeds_needed(row: Comparison, margin: float, scenes: int) -> int | None:
-    """Return how many seeds would settle an open gain; None if they would not, or its spread is not known."""
+    """Return how many seeds per scene would settle an open gain; None if they would not, or its spread is unknown."""
     about = row.on_these_scenes
     if about is None or not about.effect or row.difference is None:
         return None
@@ -71,31 +70,27 @@ def seeds_needed(row: Comparison, margin: float, scenes: int) -> int | None:
 
 
 def tried(bench: Bench, row: Comparison) -> bool:
-    """Return whether there is a difference, or runs of both methods that could have given one and were lost."""
+    """Return whether there is a difference, or runs of both methods were started and lost."""
     cells = [cell for cell in bench.records.cells if row.scene in ("all", cell.scene)]
     started = {cell.method for cell in cells if cell.status != "not_available"}
     return row.difference is not None or {row.method, row.against} <= started
 
 
 def _beside(bench: Bench, entry: Statement, method: str, against: str) -> str:
-    """State another difference in words: over all scenes if it was measured, else on the single one that has it."""
-    metric, asked = entry.of["metric"], entry.of["scene"]
-    rows = [bench.records.comparison(scene, method, against, metric) for scene in (asked, *bench.records.scenes)]
+    """State another difference: on the scene of the claim (or all) if it was measured, else on the first with one."""
+    metric, wanted = entry.of["metric"], entry.of["scene"]
+    rows = [bench.records.comparison(scene, method, against, metric) for scene in (wanted, *bench.records.scenes)]
     row = next((row for row in rows if row is not None and row.difference is not None), None)
     if row is None:
         return ""
-    where = f" on {row.scene}" if row.scene != asked else ""
-    shown = f"{method} − {against}{where}: {signed(row.difference)} {interval(on_them(row))}".rstrip()
+    where, pair = f" on {row.scene}" if row.scene != wanted else "", on_them(row)
+    shown = f"{method} − {against}{where}: {signed(row.difference)} {interval(pair)}".rstrip()
     if method == entry.of["method"] or entry.printed is None:
         return shown
-    return (
-        f"{shown}: {judge_gain(entry.printed, MARGINS[metric], on_them(row), bench.at_scale(row.scene), entry.bound)}"
-    )
+    return f"{shown}: {judge_gain(entry.printed, MARGINS[metric], pair, bench.at_scale(row.scene), entry.bound)}"
 
 
 class Part(NamedTuple):
-    """One of several subjects of a statement."""
-
     name: str
     verdict: Verdict
     value: float
@@ -104,7 +99,7 @@ class Part(NamedTuple):
 
 
 def each_row(bench: Bench, entry: Statement) -> Finding:
-    """Judge a table row by row, each on its own scene: a printed row is about no other."""
+    """Judge a table row by row, each on its own scene, which is the only one that it is about."""
     column, metric = entry.of["column"], entry.of["metric"]
     how = f"mean test {metric.upper()} over seeds; each row on its own scene"
     if "against" in entry.of:
@@ -116,9 +111,8 @@ def each_row(bench: Bench, entry: Statement) -> Finding:
         rows = [
             (row["method"], scene, row["method"], row["scores"][metric]) for row in table if metric in row["scores"]
         ]
-    judge = partial(_gain_of, entry.of["method"], entry.of["against"]) if "against" in entry.of else _level_of
-    own = [row for row in rows if bench.at_scale(row[1])]  # the others' pictures are not the printed ones
-    parts = [part for row in own if (part := judge(bench, *row, metric, len(rows))) is not None]
+    own = [row for row in rows if bench.at_scale(row[1])]  # the pictures of the others are not the paper's
+    parts = [part for row in own if (part := _part(bench, entry, len(rows), *row)) is not None]
     if not parts:
         return Finding(UNTESTED, how, note=NEEDS_PAPER)
     verdict = judge_all(part.verdict for part in parts)
@@ -128,39 +122,36 @@ def each_row(bench: Bench, entry: Statement) -> Finding:
         f"{verdict}: {listed([part.name for part in parts if part.verdict == verdict])}"
         for verdict in dict.fromkeys(part.verdict for part in parts)
     ]
-    wanted = [part.seeds for part in parts if part.seeds]
-    notes += [f"about {counted(max(wanted), 'seed')} would settle the open ones"] if wanted else []
+    seeds = [part.seeds for part in parts if part.seeds]
+    notes += [f"about {counted(max(seeds), 'seed')} would settle the open ones"] if seeds else []
     notes += [f"{len(parts)} of {len(rows)} rows"] if len(parts) < len(rows) else []
     values = [part.value for part in parts]
     return Finding(verdict, how, (min(values), max(values)), note="; ".join(notes))
 
 
-def _gain_of(
-    ours: str, theirs: str, bench: Bench, name: str, scene: str, column: str, printed: float, metric: str, family: int
+def _part(
+    bench: Bench, entry: Statement, family: int, name: str, scene: str, column: str, printed: float
 ) -> Part | None:
-    row = bench.records.comparison(scene, ours, theirs, metric)
-    if row is None or row.difference is None:
+    """Judge a row: its gain if the statement names a rival, else the level of the method `column`."""
+    metric = entry.of["metric"]
+    margin = MARGINS[metric]
+    if "against" in entry.of:
+        row = bench.records.comparison(scene, entry.of["method"], entry.of["against"], metric)
+        if row is None or row.difference is None:
+            return None
+        verdict = judge_gain(printed, margin, on_them(row), True)
+        return Part(name, verdict, row.difference, seeds_needed(row, margin, 1) if verdict == "inconclusive" else None)
+    scores = _scores(bench, column, metric).get(scene)
+    if scores is None:
         return None
-    verdict = judge_gain(printed, MARGINS[metric], on_them(row), True)
-    seeds = seeds_needed(row, MARGINS[metric], 1) if verdict == "inconclusive" else None
-    return Part(name, verdict, row.difference, seeds)
-
-
-def _level_of(
-    bench: Bench, name: str, scene: str, method: str, printed: float, metric: str, family: int
-) -> Part | None:
-    table = _scores(bench, method, metric)
-    if scene not in table:
-        return None
-    level = on_one_scene(table[scene], family)
+    level = on_one_scene(scores, family)
     pair = level.simultaneous if level.units >= LEAST_PAIRS else None
-    return Part(name, judge_level(printed, MARGINS[metric], pair), level.mean)
+    return Part(name, judge_level(printed, margin, pair), level.mean)
 
 
 def score(bench: Bench, entry: Statement) -> Finding:
-    """Judge how good a method gets. At another scale, or on other pictures than the paper's, it only stands beside."""
-    method, metric = entry.of["method"], entry.of["metric"]
-    scene = entry.of["scene"]
+    """Judge the score of a method; at another scale, or on other pictures, show it without a verdict."""
+    method, metric, scene = (entry.of[name] for name in ("method", "metric", "scene"))
     how = f"mean test {metric.upper()} of this run’s {method}, error from seeds"
     scenes, table = bench.records.scenes if scene == "all" else [scene], _scores(bench, method, metric)
     table = {name: table[name] for name in scenes if name in table}
@@ -189,7 +180,7 @@ NEEDS_STUDY = "need the ablation study: `nox -s evidence -- --out out/latest`"
 
 
 def added_part(bench: Bench, entry: Statement) -> Finding:
-    """Judge a row of Table 4 less the row above it: by the run's own comparison, else by the factorial study."""
+    """Judge a row of Table 4 minus the row above it: by the run's own comparison, else by the factorial study."""
     scene, method, against, metric = (entry.of[name] for name in ("scene", "method", "against", "metric"))
     finding, evidence = gain(bench, entry), bench.evidence
     if finding.verdict != UNTESTED:
@@ -224,7 +215,7 @@ def doubts(evidence: Studies) -> str:
 
 
 def effect_of(evidence: Studies | None, scene: str, method: str, against: str, metric: str) -> Effect | None:
-    """Return an effect at equal steps from the factorial study; a quick one says nothing."""
+    """Return an effect at equal steps from the factorial study; a quick study gives none."""
     study = evidence.study(STUDY) if evidence and not evidence.is_quick else None
     for effect in study.effects if study else []:
         of = (effect.name, effect.against, effect.scene, effect.metric, effect.budget)

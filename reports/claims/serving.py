@@ -1,4 +1,4 @@
-"""§8: retrieval from the cache, its key, and attention as priority, as measured on the run's trained methods."""
+"""Claims of §8 on the run's trained methods: retrieval from the cache, its key, and attention as priority."""
 
 from harness.records.claims import Pair, Statement
 from harness.records.study import Check
@@ -10,7 +10,7 @@ MISSED: Verdict = "not seen at this scale"
 
 
 def retrieval(bench: Bench, entry: Statement) -> Finding:
-    """Judge retrieval. “Instant” has no number: the spread of repeated calls is held against the record's limit."""
+    """Judge retrieval. “Instant” has no number: the spread of repeated calls is compared with the record's limit."""
     hits = _checks(bench, "hit.")
     memory, disk = ([hit for hit in hits if hit.id.startswith(f"hit.{place}.")] for place in ("memory", "disk"))
     judged, shown = memory + disk, memory or disk
@@ -20,11 +20,11 @@ def retrieval(bench: Bench, entry: Statement) -> Finding:
         if some
     ]
     how = (
-        "rendering a view takes as many times as long as a hit, of a method that is no longer trained (weights hashed "
-        f"once); “instant” is our bar: {', '.join(bars)}"
+        "time of rendering a view divided by the time of a hit, for a method whose training has ended (weights hashed "
+        f"once); the threshold for “instant” is ours: {', '.join(bars)}"
     )
     if not bars:
-        return _untested(bench, "time of rendering a view against that of having it from the cache")
+        return _untested(bench, "time of rendering a view divided by the time of reading it from the cache")
     verdict: Verdict = "inconclusive"
     if any(hit.status == "fail" for hit in judged):
         verdict = MISSED
@@ -35,7 +35,7 @@ def retrieval(bench: Bench, entry: Statement) -> Finding:
     for words in dict.fromkeys(hit.what for hit in others):
         ends = _ends([hit for hit in others if hit.what == words])
         notes.append(f"{words}: {listed([f'{significant(end)}×' for end in dict.fromkeys(ends)], 'to')}")
-    for status, words in (("fail", "missed"), ("inconclusive", "its spread reaches across the bar")):
+    for status, words in (("fail", "missed"), ("inconclusive", "its spread includes the threshold")):
         names = [f"{hit.subject} ({hit.what})" for hit in judged if hit.status == status]
         notes += [f"{words}: {listed(names)}"] if names else []
     spreads = [hit.spread for hit in shown if hit.spread]
@@ -45,10 +45,10 @@ def retrieval(bench: Bench, entry: Statement) -> Finding:
 
 
 def pose_key(bench: Bench, entry: Statement) -> Finding:
-    """Judge the hash of the pose alone, as in Listing 5: what else may change without its noticing."""
+    """Judge a key that hashes only the pose, as in Listing 5: which kinds of change it misses."""
     how = (
-        "kinds of change after which a key of the pose alone returns another picture than is asked for, where the same "
-        "views are asked for again"
+        "kinds of change after which a key that hashes only the pose returns a wrong picture, when the same views are "
+        "requested again"
     )
     stale, ours = _check(bench, "key.pose"), _check(bench, "key.ours")
     if stale is None:
@@ -60,8 +60,8 @@ def pose_key(bench: Bench, entry: Statement) -> Finding:
 def attended_first(bench: Bench, entry: Statement) -> Finding:
     """Judge whether attended regions are useful earlier; overlapping repeats decide nothing."""
     how = (
-        "seconds until the error in the most attended quarter has fallen to a tenth of the coarse frame’s, against "
-        "raster order; earlier is what is so in all repeats"
+        "seconds until the error in the most attended quarter has fallen to a tenth of the coarse frame’s, compared "
+        "with raster order; earlier means earlier in all repeats"
     )
     attended, sooner = _check(bench, "earlier.attended"), _check(bench, "sooner.attended")
     if attended is None:
@@ -76,7 +76,7 @@ def attended_first(bench: Bench, entry: Statement) -> Finding:
 
 
 def factor_of_priorities(bench: Bench, entry: Statement) -> Finding:
-    """Judge the factor φ, to which priorities sum where shares sum to 1: in what maps it changes anything."""
+    """Judge the factor φ of the priorities: in which attention maps it changes anything."""
     how = "orders and allocations of attention maps, with the factor φ and without it"
     changed = _check(bench, "phi.changed")
     if changed is None:

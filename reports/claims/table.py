@@ -1,8 +1,9 @@
-"""The ledger as tables: the printed number, the measurement, the verdict, and its method and scale."""
+"""The ledger as tables: the printed number, the measurement, the verdict, and how and at which scale it was judged."""
 
 from harness.records.claims import Bound, Number, Pair
 from reports.claims.claim_list import KINDS, tally
 from reports.claims.ledger import Claim, by_cause
+from reports.claims.psnr_table import ends_of
 from reports.data.wording import NOTHING, UNTESTED, bare, count, counted, listed, number, signed, significant
 from reports.page.grid import Column, Entry, Grid
 
@@ -15,11 +16,11 @@ LOOKS = {
     "inconclusive": ("?", ""),
     UNTESTED: ("–", "muted"),
 }
-"""Map verdict → its mark and tone."""
+"""Verdict → its mark and tone."""
 
 
 def chapters(claims: list[Claim], here: str) -> list[tuple[str, Grid]]:
-    """Return title and grid of the tested claims of each kind; `here` is the run's scale, which stands above them."""
+    """Return title and grid of the tested claims of each kind; `here` is the run's scale, which rows do not repeat."""
     of_kind = {kind: [claim for claim in claims if claim.kind == kind and claim.verdict != UNTESTED] for kind in KINDS}
     return [
         (f"{KINDS[kind]} ({len(some)})", claims_grid(some, here, KINDS[kind])) for kind, some in of_kind.items() if some
@@ -27,7 +28,7 @@ def chapters(claims: list[Claim], here: str) -> list[tuple[str, Grid]]:
 
 
 def folds(claims: list[Claim]) -> list[tuple[str, list[str]]]:
-    """Gather untested claims by what they need, each in a line: `Layers of the MLP (Table 1): 8, here 6`."""
+    """Gather untested claims by what they need, as lines `Layers of the MLP (Table 1): 8, here 6`."""
 
     def line(claim: Claim) -> str:
         here = f", here {measured_text(claim)}" if claim.measured is not None else ""
@@ -37,7 +38,7 @@ def folds(claims: list[Claim]) -> list[tuple[str, list[str]]]:
 
 
 def in_a_sentence(claims: list[Claim]) -> str:
-    """Return `Of 58 statements 10 are reproduced, 4 not reproduced and 38 not tested.`; nothing without a ledger."""
+    """Format `Of 58 statements in the ledger: 10 reproduced, 4 not reproduced and 38 not tested.`, or nothing."""
     words = [f"{many} {verdict}" for verdict, many in tally(claims)]
     return f"Of {counted(len(claims), 'statement')} in the ledger: {listed(words)}." if claims else ""
 
@@ -56,12 +57,12 @@ def claims_grid(claims: list[Claim], here: str, caption: str = "Printed and meas
         verdict = Entry(f"{mark} {claim.verdict}", "" if claim.scale == here else claim.scale, tone)
         printed = printed_entry(claim, claim.source.replace(", ", "\n"))
         rows.append([Entry(claim.statement), printed, measured_entry(claim), verdict, Entry(claim.how, claim.note)])
-    # without the judged ones, it would read as if none had been judged
+    # a filter that hid verdicts would make the claims look untested
     return Grid(caption, columns, rows, filtered=False)
 
 
 def printed_entry(claim: Claim, small: str = "") -> Entry:
-    """Return the printed number, with its unit for files, in which numbers stand without."""
+    """Return the printed number; saved files give its unit in a separate column."""
     value, parts = _numbers(claim.printed)
     unit = claim.unit if claim.printed is not None and claim.unit else None
     return Entry(printed_text(claim), small, value=value, parts={**parts, "unit": unit})
@@ -70,20 +71,19 @@ def printed_entry(claim: Claim, small: str = "") -> Entry:
 def measured_entry(claim: Claim) -> Entry:
     value, parts = _numbers(claim.measured)
     pair = claim.interval if claim.measured is not None else None
-    low, high = pair or (None, None)
     between = f"[{', '.join(_value(claim, end, _finer(claim)) for end in pair)}]" if pair else ""
-    return Entry(measured_text(claim), between, value=value, parts={**parts, "low": low, "high": high}, runs=claim.runs)
+    return Entry(measured_text(claim), between, value=value, parts={**parts, **ends_of(pair)}, runs=claim.runs)
 
 
 def _numbers(value: Number | Pair | None) -> tuple[Number | None, dict[str, float | None]]:
-    """Return a number; or the ends of a range, which is neither a number nor an interval."""
+    """Return a number, or the ends of a range, which is not an interval."""
     return (None, {"from": value[0], "to": value[1]}) if isinstance(value, tuple) else (value, {})
 
 
 def printed_text(claim: Claim) -> str:
     """Format a printed number: +1.2 to +1.8 dB, +1.4 dB, 33.0 dB, 257, 18 %, 4.2 h."""
     if claim.printed is None:
-        return "in words" if claim.kind != "others" else NOTHING
+        return "no number" if claim.kind != "others" else NOTHING
     return BOUNDS[claim.bound] + _text(claim, claim.printed, claim.digits)
 
 

@@ -1,9 +1,8 @@
 """Table 3: how soon a score is reached.
 
-The harness judges that as a survival problem (`harness.records.targets`): a run that never gets there is censored, not
-dropped. A saving is judged as a gain is: *reproduced* at the paper's scale and at its 30 dB alone, and elsewhere *seen*
-or not. Where censoring leaves the true saving larger or smaller than what was measured, that side of its interval is
-open.
+The harness judges that as a survival problem (`harness.records.targets`): a run that never reaches the target is
+censored, not dropped. A saving is judged like a gain: *reproduced* only at the paper's scale and its 30 dB, elsewhere
+*seen* or not. If censoring may hide a larger or smaller saving, that side of its interval is open.
 """
 
 import math
@@ -25,9 +24,7 @@ NEEDS_SCENES = "need to know of which scenes they are: in Table 2 NeRF never rea
 def saving(bench: Bench, entry: Statement) -> Finding:
     method, against, axis = (entry.of[name] for name in ("method", "against", "axis"))
     targets = bench.targets
-    how = (
-        f"{WHAT[axis]} until mean test PSNR reaches the target, paired by scene and seed; censored where it never does"
-    )
+    how = f"{WHAT[axis]} until mean test PSNR reaches the target, paired by scene and seed; censored if it never does"
     if targets is None:
         return Finding(UNTESTED, how, note=NEEDS_TARGETS)
     row = targets.comparison("all", method, against, axis) if targets.target is not None else None
@@ -41,7 +38,7 @@ def saving(bench: Bench, entry: Statement) -> Finding:
 
 
 def reachable(row: TargetComparison) -> Pair | None:
-    """Return the interval, open on the side to which censored times may move the saving; None for too few pairs."""
+    """Return the interval, open on each side to which censored times may move the saving; None for too few pairs."""
     pair = _on_them(row)
     if pair is None or row.pairs < LEAST_PAIRS:
         return None
@@ -57,14 +54,14 @@ def _on_them(row: TargetComparison) -> Pair | None:
 def _sides(row: TargetComparison) -> tuple[bool, bool]:
     """Return whether the true saving may be larger, and whether it may be smaller.
 
-    It may be larger if the rival was not watched to its end or the method was there before the first look; smaller the
-    other way round.
+    It may be larger if a run of the rival never reached the target, or one of the method reached it before the first
+    checkpoint; it may be smaller in the reverse cases.
     """
     return bool(row.never[1] or row.earlier[0]), bool(row.never[0] or row.earlier[1])
 
 
 def _note(row: TargetComparison, targets: TargetsRecord, names: dict[str, str]) -> str:
-    """State the target, how many of each got there while both were watched, and whether the saving is a bound."""
+    """State the target, how many runs of each method reached it, and whether the saving is a bound."""
     parts, (method, against) = [], (names.get(name, name) for name in (row.method, row.against))
     if row.pairs:
         ours, theirs = (count(row.pairs - never) for never in row.never)
@@ -85,10 +82,10 @@ def _note(row: TargetComparison, targets: TargetsRecord, names: dict[str, str]) 
 def bound(row: TargetComparison) -> str:
     larger, smaller = _sides(row)
     if larger and smaller:
-        return "the saving is of the time watched alone"
+        return "the saving covers only the time watched"
     return "the true saving is larger" if larger else "the true saving is smaller" if smaller else ""
 
 
 def time_to_target(bench: Bench, entry: Statement) -> Finding:
-    """Show steps or hours themselves, with which nothing here is comparable."""
+    """Leave printed steps or hours untested: no run here is comparable with them."""
     return Finding(UNTESTED, "no run is asked for it", note=NEEDS_MACHINE if entry.unit == "h" else NEEDS_SCENES)

@@ -1,1 +1,1 @@
-"""Records into frames, and numbers into words; imports no other room of reports."""
+"""Records into data frames, and numbers into text; imports no other room of reports."""

@@ -1,4 +1,4 @@
-"""The measurements that may lie beside a run's records in its folder and stand in its report."""
+"""The records of studies in the output folder of a run, which its report shows too."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from harness.records.study import Studies
 
 @dataclass(frozen=True)
 class Beside:
-    """The measurements beside a run; None for those that were not made."""
+    """The studies of a run's folder; None for a shelf that was not measured."""
 
     stability: Studies | None = None
     evidence: Studies | None = None

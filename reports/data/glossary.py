@@ -1,34 +1,34 @@
-"""The words of the page that a reader from another field would look up."""
+"""The terms of the page that a reader from another field may not know."""
 
 WORDS = (
     ("cell", "One method, trained on one scene with one seed."),
     (
         "seed",
-        "The number from which the first weights and the batches are drawn. Methods are compared in pairs: of the same "
-        "scene and the same seed, on the same rays.",
+        "The number that determines the initial weights and the batches. Methods are compared in pairs with the same "
+        "scene and seed, on the same rays.",
     ),
     (
         "equal steps, equal training time, equal core seconds",
-        "What two methods are given the same of. At equal time the slower one is read before its last step, and before "
-        "its learning rate has fallen all the way.",
+        "The budget that two methods share. At equal time the slower one is evaluated before its last step, and before "
+        "its learning rate has decayed fully.",
     ),
     (
         "core second",
-        "A second of one processor core, used only by this training, the making of its batches included. Other "
-        "programs on the machine make wall times too long, and change core seconds little. They too are too long where "
-        "several threads wait for each other actively; a cell then carries a warning.",
+        "A second of one processor core, spent on this training and on making its batches. Other programs on the "
+        "machine make wall times too long, and change core seconds little. Where several threads spin while they wait "
+        "for each other, core seconds are too long as well; the cell then carries a warning.",
     ),
     ("floor", "The score of the nearest training photo, shown in place of a rendering. Below it nothing was learnt."),
-    ("ceiling", "The score of a perfect method: the ground truth itself is rendered, and has noise."),
+    ("ceiling", "The score of a perfect method: the ground truth is rendered, and has noise itself."),
     (
         "95 % interval",
-        "Made this way, 95 of 100 intervals hold the true difference. Where several differences are looked at "
-        "together, it is wider, so that all of them do.",
+        "Of 100 intervals made this way, 95 hold the true difference. Where several differences are judged together, "
+        "the intervals are wider, so that all of them hold at once.",
     ),
     (
         "on these scenes, on scenes like these",
-        "The first asks what other seeds would give on the same scenes. The second asks what to expect of a scene that "
-        "was not tried; it is wider, as scenes differ.",
+        "The first interval answers what other seeds would give on the same scenes. The second answers what to expect "
+        "of a scene that was not tried; it is wider, as scenes differ.",
     ),
     (
         "sign: above 0, below 0, open",
@@ -42,8 +42,8 @@ WORDS = (
     ),
     (
         "p, q",
-        "p: how often chance alone would bring so large a difference, adjusted for all that the headline compares. q: "
-        "the share of false ones to expect among all rows of a table that differ as clearly as this one, or more so.",
+        "p: how often chance would bring a difference at least this large, adjusted for all comparisons of the "
+        "headline. q: the expected share of false ones among all rows of a table that differ at least as clearly.",
     ),
     (
         "robust",
@@ -58,11 +58,11 @@ WORDS = (
     ),
     (
         "gain of the last doubling",
-        "PSNR at the end, less that at half of the steps: how far training is from its end. The learning rate is "
-        "still high at half of the steps: after long training, twice as many bring less than this.",
+        "PSNR at the end minus PSNR at half of the steps: how far training is from convergence. The learning rate is "
+        "still high at half of the steps, so that doubling a long training brings less than this.",
     ),
     ("diverged", "A number became infinite or NaN. The run has no score, and stays visible."),
     ("empty collapse", "The method shows little but background."),
-    ("billboard", "Training views are far better than test views, which are below the floor: pictures, no scene."),
+    ("billboard", "Training views score far above test views, which are below the floor: no scene was learnt."),
     ("profile", "The size of a run: pixels, steps, seeds and methods."),
 )

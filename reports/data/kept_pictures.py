@@ -1,4 +1,4 @@
-"""The pictures that a run saved, as a report reads them: a missing or damaged one is a reason, never an error."""
+"""The pictures that a run saved, as a report reads them: a missing or damaged file is a reason, never an error."""
 
 from collections.abc import Callable
 from contextlib import suppress

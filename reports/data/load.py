@@ -29,7 +29,7 @@ from harness.verdicts.claim_files import claims_of, usual_roles
 from harness.verdicts.comparisons import compare
 from scenes.files.errors import DamagedRecord
 
-One = TypeVar("One")
+Value = TypeVar("Value")
 
 
 class NoRecords(ValueError):
@@ -60,10 +60,10 @@ class Records:
     left_out: list[str] = field(default_factory=list)
     """The damaged files that `--partial` excludes, one line each with the reason."""
     extra_cells: list[CellRecord] = field(default_factory=list)
-    """The cells of methods that were planned on single scenes: they are in no table of all scenes."""
+    """The cells of methods that were planned on some scenes only: tables over all scenes exclude them."""
     extra_comparisons: list[Comparison] = field(default_factory=list)
     guest_cells: list[CellRecord] = field(default_factory=list)
-    """The cells of methods of other families, which are compared with nothing."""
+    """The cells of methods of other families, which are not compared."""
 
     @property
     def folder(self) -> Path:
@@ -106,7 +106,7 @@ class Records:
 
     @property
     def not_available(self) -> dict[str, dict[str, int]]:
-        """Map method → reason → number of its cells that could not be trained here; that is no failure."""
+        """Map method → reason → number of its cells that could not be trained here; that is not a failure."""
         reasons: dict[str, dict[str, int]] = {}
         for cell in self.cells:
             if cell.status == "not_available":
@@ -153,13 +153,13 @@ def read_records(out: Path, partly: bool = False) -> Records:
         raise NoRecords(f"{folder}: no finished cell is valid; {finish}")
     comparisons: list[Comparison] = if_sound(partial(read_comparisons, out, cells), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
-    known = Records(out, run, [cell for cell in cells if cell.method not in extra], comparisons).methods
+    known = _in_order(run.main_methods, (cell.method for cell in cells if cell.method not in extra))
     targets = if_sound(partial(_targets, out, known, cells), None, left_out)
-    if len(cells) < len(paths):  # both are of cells that are not shown
+    if len(cells) < len(paths):  # the recorded ones include cells that are not shown
         compared = [name for name in run.methods if name not in run.guests]
         comparisons, targets = compare(of_whole_groups(cells, run.main_methods), compared, run.roles), None
-    unsorted = Records(out, run, cells, comparisons)
-    scenes, methods = unsorted.scenes, [*known, *run.methods]
+    scenes = _in_order([scene.name for scene in run.scenes], (cell.scene for cell in cells))
+    methods = [*known, *run.methods]
     cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))
     return Records(
         out,
@@ -175,17 +175,17 @@ def read_records(out: Path, partly: bool = False) -> Records:
 
 
 def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRecord]:
-    """Return the cells of scenes and seeds that have every method: no others are compared."""
+    """Return the cells of scenes and seeds that have every method: only these are compared."""
     ended = Counter((cell.scene, cell.seed) for cell in cells if cell.method in methods)
     return [cell for cell in cells if ended[cell.scene, cell.seed] == len(methods)]
 
 
 def _targets(out: Path, methods: list[str], cells: list[CellRecord]) -> TargetsRecord | None:
-    """Read the record; raises `DamagedRecord` also where a curve is of none of the methods."""
+    """Read the record; raises `DamagedRecord` also for a curve of an unknown method."""
     record = read_targets(out, cells)
     for curve in record.curves if record else []:
         if curve.method not in methods:
-            why = f"a curve is of {shown(curve.method)}, which is no method of the run; {REMEDY}"
+            why = f"a curve is of {shown(curve.method)}, which is not a method of the run; {REMEDY}"
             raise DamagedRecord(f"{records_folder(out) / TARGETS_FILE}: {why}")
     return record
 
@@ -194,7 +194,7 @@ def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
     return list(dict.fromkeys([*first, *sorted(set(then) - set(first))]))
 
 
-def if_sound(read: Callable[[], One], without: One, left_out: list[str] | None) -> One:
+def if_sound(read: Callable[[], Value], without: Value, left_out: list[str] | None) -> Value:
     """Return what `read` returns; for a `DamagedRecord` `without`, and a line in `left_out` unless that is None."""
     try:
         return read()

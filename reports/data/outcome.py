@@ -1,4 +1,4 @@
-"""A difference of two methods as a clause, its change between two situations, and what makes its mean doubtful."""
+"""The difference between two methods as a clause, its change between two situations, and doubts about its mean."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from harness.verdicts.changes import Change
 from reports.data.wording import interval, listed, number, signed
 
 FEW_SCENES = 3
-"""The number of scenes up to which an open sign is explained by how few they are."""
+"""The maximum number of scenes at which an open sign is explained by their number."""
 MARGIN = f"{METRICS[PRIMARY].smallest_of_interest:g} dB"
 NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight", 9: "nine"}
 
@@ -56,19 +56,19 @@ def shared(differences: Sequence[float], verdicts: Sequence[Verdict]) -> str:
     return f"{in_runs(differences)}: {common(verdicts).phrase}"
 
 
-def clause(found: Outcome) -> str:
+def clause(outcome: Outcome) -> str:
     """Return `qnerf gains 0.14 dB over nerf, less than the 0.2 dB that matter`."""
-    if found.verdict.sign == "open":
-        return on_few_scenes(found) or _open(found)
-    verb = "gains {} over" if found.verdict.sign == "above 0" else "loses {} to"
-    return f"{found.method} {verb.format(found.size)} {found.against}{size_words(found.verdict)}"
+    if outcome.verdict.sign == "open":
+        return on_few_scenes(outcome) or _open(outcome)
+    verb = "gains {} over" if outcome.verdict.sign == "above 0" else "loses {} to"
+    return f"{outcome.method} {verb.format(outcome.size)} {outcome.against}{size_words(outcome.verdict)}"
 
 
 def clauses(outcomes: Sequence[Outcome]) -> str:
-    """Return the clauses of several differences, one clause for all if nothing is known of any."""
-    if len(outcomes) < 2 or any(found.verdict != OPEN or on_few_scenes(found) for found in outcomes):
+    """Return the clauses of several differences; a single clause if all of them are open."""
+    if len(outcomes) < 2 or any(outcome.verdict != OPEN or on_few_scenes(outcome) for outcome in outcomes):
         return "; ".join(map(clause, outcomes))
-    pairs = listed([f"{found.method} − {found.against} ({in_runs(found.differences)})" for found in outcomes])
+    pairs = listed([f"{each.method} − {each.against} ({in_runs(each.differences)})" for each in outcomes])
     return f"signs and sizes of {pairs} are open"
 
 
@@ -80,48 +80,48 @@ def size_words(verdict: Verdict) -> str:
     }[verdict.size]
 
 
-def _open(found: Outcome) -> str:
-    start = f"the sign of {found.method} − {found.against} is open ({in_runs(found.differences)})"
-    if found.verdict.size == "smaller than matters":
+def _open(outcome: Outcome) -> str:
+    start = f"the sign of {outcome.method} − {outcome.against} is open ({in_runs(outcome.differences)})"
+    if outcome.verdict.size == "smaller than matters":
         return f"{start}, its size below the {MARGIN} that matter"
     return f"{start}, and so is whether it reaches the {MARGIN} that matter"
 
 
-def on_few_scenes(found: Outcome) -> str:
+def on_few_scenes(outcome: Outcome) -> str:
     """State what was measured on scenes that are too few for a sign; empty if they are not few."""
-    many = len(found.by_scene)
-    if not 1 < many <= FEW_SCENES or len(found.differences) > 1:
+    many = len(outcome.by_scene)
+    if not 1 < many <= FEW_SCENES or len(outcome.differences) > 1:
         return ""
     where = "both scenes" if many == 2 else f"all {NUMBERS[many]} scenes"
-    (difference,) = found.differences
-    if all(value * difference > 0 for value in found.by_scene):
+    (difference,) = outcome.differences
+    if all(value * difference > 0 for value in outcome.by_scene):
         way = "above" if difference > 0 else "below"
-        measured = f"{found.method} is {number(abs(difference))} dB {way} {found.against} on {where}"
+        measured = f"{outcome.method} is {number(abs(difference))} dB {way} {outcome.against} on {where}"
     else:
-        each = listed([signed(value) for value in found.by_scene])
-        measured = f"{found.method} − {found.against} is {each} dB on the {NUMBERS[many]} scenes"
+        each = listed([signed(value) for value in outcome.by_scene])
+        measured = f"{outcome.method} − {outcome.against} is {each} dB on the {NUMBERS[many]} scenes"
     return f"{measured}; {NUMBERS[many]} scenes are too few to predict others"
 
 
-def change_in_words(found: Change) -> str:
+def change_in_words(change: Change) -> str:
     """Format `qnerf − nerf changes by −0.35 dB [−0.61, −0.09], on 8 of 8 scenes in that direction: below 0, size open`.
 
     The interval is that of the verdict: on scenes like these if several were tried.
     """
-    size, chosen = found.judgement.difference or 0.0, found.judgement.chosen
-    many = len(found.by_scene)
-    same = sum(moved * size > 0 for moved in found.by_scene.values())
+    size, chosen = change.judgement.difference or 0.0, change.judgement.chosen
+    many = len(change.by_scene)
+    same = sum(moved * size > 0 for moved in change.by_scene.values())
     where = f", on {same} of {many} scenes in that direction" if many > 1 else ""
-    known = f"{signed(size)} dB {interval(chosen.simultaneous)}".rstrip()
-    return f"{found.method} − {found.against} changes by {known}{where}: {chosen.verdict.phrase}"
+    figures = f"{signed(size)} dB {interval(chosen.simultaneous)}".rstrip()
+    return f"{change.method} − {change.against} changes by {figures}{where}: {chosen.verdict.phrase}"
 
 
 def robust_differs(row: Comparison) -> bool:
     """Return whether mean and robust estimate disagree in sign, or by more than the smallest effect of interest."""
     if row.robust is None or row.difference is None:
         return False
-    apart = abs(row.robust.difference - row.difference) > metric_of(row.metric).smallest_of_interest
-    return apart or row.robust.difference * row.difference < 0
+    distance = abs(row.robust.difference - row.difference)
+    return distance > metric_of(row.metric).smallest_of_interest or row.robust.difference * row.difference < 0
 
 
 def robust_in_words(row: Comparison) -> str:
@@ -133,7 +133,7 @@ def robust_in_words(row: Comparison) -> str:
 
 
 def doubts(row: Comparison | None) -> Iterator[str]:
-    """Yield a sentence where the robust estimate disagrees with the mean, and one where cells lie off all others."""
+    """Yield a sentence if the robust estimate disagrees with the mean, and one if some cells are outliers."""
     if row is None:
         return
     about = metric_of(row.metric)

@@ -36,34 +36,34 @@ class Packed:
 
 def display(values: np.ndarray) -> Packed:
     """Pack 0 … 1 in 8 bits, [h, w] or [h, w, 3]; values outside are clipped."""
-    return _packed(np.round(np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0) * 255).astype(np.uint8), 0.0, 1.0)
+    return _pack(np.round(np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0) * 255).astype(np.uint8), 0.0, 1.0)
 
 
 def depth(values: np.ndarray, far: float) -> Packed:
     """Pack 0 … `far` in 16 bits, [h, w]; `far` is above 0, and values outside are clipped."""
     steps = np.round(np.clip(np.asarray(values, dtype=np.float64) / far, 0.0, 1.0) * DEPTH_STEPS)
-    return _packed(*_spread(steps, DEPTH_STEPS, 0.0, far))
+    return _pack(*_spread(steps, DEPTH_STEPS, 0.0, far))
 
 
 def light(values: np.ndarray) -> Packed:
-    """Pack linear light of 0 or more in 16 bits, [h, w, 3], as logarithms between its own least and largest."""
+    """Pack linear light of 0 or more in 16 bits, [h, w, 3], as logarithms between its minimum and maximum."""
     logarithms = np.log(np.maximum(np.asarray(values, dtype=np.float64), 0.0) + DARKEST)
     low, high = float(logarithms.min()), float(logarithms.max())
     steps = np.round((logarithms - low) / max(high - low, 1e-9) * LIGHT_STEPS)
-    return _packed(*_spread(steps, LIGHT_STEPS, low, high), log=True)
+    return _pack(*_spread(steps, LIGHT_STEPS, low, high), log=True)
 
 
 def _spread(steps: np.ndarray, most: int, low: float, high: float) -> tuple[np.ndarray, float, float]:
-    """Return steps as 16-bit numbers whose last bits are 0, and the ends that 0 and 65535 then stand for."""
+    """Return steps as 16-bit numbers whose last bits are 0, and the values that 0 and 65535 then stand for."""
     width = 65536 // (most + 1)
     return (steps * width).astype(np.uint16), low, low + (high - low) * 65535 / (most * width)
 
 
-def _packed(levels: np.ndarray, low: float, high: float, log: bool = False) -> Packed:
+def _pack(levels: np.ndarray, low: float, high: float, log: bool = False) -> Packed:
     levels = levels if levels.ndim == 3 else levels[..., None]
     data = zlib.compress(planes(levels), 9)
     bits = 8 * levels.dtype.itemsize
-    name = hashlib.blake2b(data, digest_size=6).hexdigest()  # equal pictures have one name, and are in the page once
+    name = hashlib.blake2b(data, digest_size=6).hexdigest()  # equal pictures share a name, and are in the page once
     ref = {"channels": levels.shape[2], "bits": bits, "low": low, "high": high, "id": f"px{name}"}
     return Packed({**ref, **({"log": True} if log else {})}, base64.b64encode(data).decode("ascii"))
 
@@ -81,7 +81,10 @@ def planes(levels: np.ndarray) -> bytes:
     return coded
 
 
+def as_json(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
 def as_data(value: object) -> Markup:
     """Return JSON for a `<script type="application/json">`: no text in it can end the element or open another."""
-    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+    return Markup(as_json(value).replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

@@ -1,4 +1,4 @@
-"""The scale of a run: the facts without which no number of it means anything."""
+"""The scale of a run: the facts without which its numbers mean nothing."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ class Fact:
     label: str
     value: str
     printed: str
-    """The same of what the run is compared with; empty if that does not say it."""
+    """The same fact of the source that the run is compared with; empty if the source does not state it."""
 
 
 def facts(records: Records) -> list[Fact]:
-    """Return resolution, steps, time, seeds, network: the top of the page, beside the settings of a source."""
+    """Return resolution, steps, time, seeds, network, each with that of the source, for the top of the page."""
     settings = records.run.settings
     done = [cell for cell in records.cells if cell.status == "done"]
     seconds, cores = [cell.train_seconds for cell in done], [cell.train_core_seconds for cell in done]
-    counted_cores = [each for each in cores if each is not None]
-    of_cores = f", {number(median(counted_cores), 1)} core s" if counted_cores else ""
+    known = [each for each in cores if each is not None]
+    of_cores = f", {number(median(known), 1)} core s" if known else ""
     every = {
         "profile": records.run.profile,
         "scenes": count(len(records.scenes)),
         "picture": _resolutions(records),
         "views": _views(records),
         "steps": _steps(records),
-        "training time": f"{duration(median(seconds))} a cell (median){of_cores}" if seconds else "",
+        "training time": f"{duration(median(seconds))} per cell (median){of_cores}" if seconds else "",
         "seeds": count(len(records.run.seeds)),
         "network": _network(records),
         "rays a step": setting(settings, "train", "rays"),
@@ -47,7 +47,7 @@ def compared_with(records: Records) -> ClaimFile | None:
 
 
 def in_a_line(records: Records) -> str:
-    """Return the scale in a dozen words, as it stands beside every claim."""
+    """Return the scale in a dozen words, which accompany every claim."""
     steps, seeds = f"{_steps(records)} steps", counted(len(records.run.seeds), "seed")
     network = f"{_layers(records)} network" if _layers(records) else ""
     parts = [f"profile {records.run.profile}", _resolutions(records), steps, seeds, network]
@@ -65,8 +65,8 @@ def has_settings(records: Records, scale: Scale) -> bool:
 def scenes_at_scale(records: Records, file: ClaimFile, scale: Scale) -> list[str]:
     """Return the scenes of the run that are taken to be those of a source.
 
-    A name alone is no evidence, as ours are analogues that share the names: accepted are view sets that were given and
-    not rendered here, with as many views as those of the source. The name then says which printed row they are.
+    A name is not evidence, as our own scenes are analogues that share the names: a view set is accepted if it was given
+    and not rendered here, and has the source's numbers of views. Its name then identifies the printed row.
     """
     return [
         scene.name
@@ -78,18 +78,17 @@ def scenes_at_scale(records: Records, file: ClaimFile, scale: Scale) -> list[str
 
 
 def is_at_scale(records: Records, file: ClaimFile, scene: str = "all") -> bool:
-    """Return whether a result on `scene` is comparable with the numbers of a source: its settings, on its pictures. A
-    claim without a scale is about any run.
+    """Return whether a result on `scene` has the settings and the pictures of a source, so that the two compare.
 
-    A mean over `all` scenes is if they are just those that are printed.
+    A mean over `all` scenes can be if they are exactly the printed scenes. A claim without a scale is about any run.
     """
     if file.scale is None:
         return True
-    there = scenes_at_scale(records, file, file.scale)
+    accepted = scenes_at_scale(records, file, file.scale)
     if scene == "all":
-        every = set(records.scenes) == set(there) == file.scenes.keys()
-        return bool(there) and every and has_settings(records, file.scale)
-    return has_settings(records, file.scale) and scene in there
+        exactly = set(records.scenes) == set(accepted) == file.scenes.keys()
+        return bool(accepted) and exactly and has_settings(records, file.scale)
+    return has_settings(records, file.scale) and scene in accepted
 
 
 def standing(records: Records, file: ClaimFile) -> str:
@@ -115,7 +114,7 @@ def _resolutions(records: Records) -> str:
 
 
 def _between(values: Iterable[int]) -> str:
-    """Return the value, or the range of several; nothing without any."""
+    """Return the value, or the range of several values; nothing without any."""
     ends = sorted(values)
     return "–".join(dict.fromkeys(map(count, [*ends[:1], *ends[-1:]])))
 
@@ -147,7 +146,7 @@ def _samples(settings: Mapping[str, object]) -> str:
 
 
 def setting(settings: Mapping[str, object], *path: str) -> str:
-    """Return a nested setting in words; nothing if the run does not state it."""
+    """Return a nested setting as text; nothing if the run does not state it."""
     value = value_at(settings, *path)
     if isinstance(value, bool) or value is None:
         return ""

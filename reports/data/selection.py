@@ -1,4 +1,4 @@
-"""The runs behind a cell of a table or a point of a drawing, as a reader finds them."""
+"""The runs behind a cell of a table or a point of a drawing."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ TARGET = "target"
 
 @dataclass(frozen=True)
 class Selection:
-    """A selection of the report's runs; empty fields do not restrict it, as the scene of a mean over all of them."""
+    """A selection of the report's runs; an empty field, such as the scene of a mean, does not restrict it."""
 
     scene: str = ""
     method: str = ""
@@ -20,7 +20,7 @@ class Selection:
     metric: str = ""
     """The name of a score, or `TARGET`."""
     budget: str = ""
-    """The budget, `steps`, `seconds` or `core_seconds`, of a difference or of the way to the target."""
+    """The budget, `steps`, `seconds` or `core_seconds`, of a difference or of the time to the target."""
     seed: int | None = None
     step: int | None = None
 

@@ -1,4 +1,4 @@
-"""Records of the studies → records with every figure checked against its type."""
+"""Read the records of studies and check that they do not contradict themselves."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from scenes.files.errors import DamagedRecord
 
 
 def find_studies(out: Path, shelf: str) -> Studies | None:
-    """Return the studies of a shelf, if there are any; raises `DamagedRecord`, also for what contradicts itself."""
+    """Return the studies of a shelf, if there are any; raises `DamagedRecord` also if they contradict themselves."""
     path = out / SHELVES[shelf]
     if not path.is_file():
         return None
@@ -37,7 +37,7 @@ def _contradictions(record: Studies, shelf: str) -> Iterator[str]:
 
 
 def _in_study(study: StudyRecord, shelf: str) -> Iterator[str]:
-    """Yield lists of unequal length, items of a chapter that is shown nowhere, and intervals that run backwards."""
+    """Yield lists of unequal length, items of a chapter that is not shown, and intervals that run backwards."""
     for line in study.series:
         for name in ("y", "low", "high"):
             values = getattr(line, name)

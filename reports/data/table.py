@@ -1,6 +1,6 @@
 """Records → tidy pandas tables: one row per cell, one row per checkpoint, means over seeds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pandas as pd
 
@@ -75,11 +75,11 @@ def _times(many: int, each: float | str | None) -> float | None:
 
 
 def spread(values: pd.Series, seeds: int) -> Spread:
-    there = values.dropna()
-    if there.empty:
+    known = values.dropna()
+    if known.empty:
         return Spread(None, None, None, None, 0, seeds)
-    sd = float(there.std(ddof=1)) if len(there) > 1 else None
-    return Spread(float(there.mean()), sd, float(there.min()), float(there.max()), len(there), seeds)
+    sd = float(known.std(ddof=1)) if len(known) > 1 else None
+    return Spread(float(known.mean()), sd, float(known.min()), float(known.max()), len(known), seeds)
 
 
 def spread_of(frame: pd.DataFrame, scene: str, method: str, score: str) -> Spread:
@@ -102,9 +102,9 @@ def average_of(frame: pd.DataFrame, method: str, score: str, scenes: list[str]) 
     """Return the mean over `scenes` of the means over seeds; its spread is that of seeds finished in all scenes."""
     chosen = frame[(frame["method"] == method) & frame["scene"].isin(scenes)]
     done = chosen[(chosen["status"] == "done") & chosen[score].notna()]
+    seeds = chosen["seed"].nunique()
     if done.empty:
-        return Spread(None, None, None, None, 0, chosen["seed"].nunique())
+        return Spread(None, None, None, None, 0, seeds)
     by_seed = done.groupby("seed")[score].agg(["mean", "size"])
-    whole = spread(by_seed.loc[by_seed["size"] == len(scenes), "mean"], chosen["seed"].nunique())
-    mean = float(done.groupby("scene")[score].mean().mean())
-    return Spread(mean, whole.sd, whole.low, whole.high, whole.done, whole.seeds)
+    over_seeds = spread(by_seed.loc[by_seed["size"] == len(scenes), "mean"], seeds)
+    return replace(over_seeds, mean=float(done.groupby("scene")[score].mean().mean()))

@@ -1,4 +1,4 @@
-"""Numbers as words on the page: sensible precision, true minus signs, never NaN or Infinity."""
+"""Numbers as text on the page: sensible precision, true minus signs, never NaN or Infinity."""
 
 import math
 from typing import Literal, get_args
@@ -7,7 +7,7 @@ from harness.records.verdict import Sign
 from harness.records.verdict import Verdict as TwoWords
 
 Verdict = Literal["reproduced", "not reproduced", "seen", "not seen at this scale", "inconclusive", "not tested"]
-"""The verdict on a statement of the paper; that on a difference is `harness.records.verdict.Verdict`."""
+"""The verdict on a statement of the paper; a difference has a `harness.records.verdict.Verdict`."""
 UNTESTED: Verdict = "not tested"
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 MARKS: dict[Sign, str] = {"above 0": "▲", "below 0": "▼", "open": "?"}
@@ -26,7 +26,7 @@ def mark_of(verdict: TwoWords) -> str:
 
 
 BUDGETS = {"steps": "equal steps", "seconds": "equal training time", "core_seconds": "equal core seconds"}
-"""Map budget of a comparison → what the compared methods had the same of."""
+"""The budget of a comparison → what the compared methods share."""
 NOTHING = "–"
 MINUS = "−"
 NARROW = "\u202f"
@@ -72,6 +72,10 @@ def significant(value: float | None, digits: int = 3) -> str:
 def scientific(value: float, digits: int = 3) -> str:
     """Format `2.13·10⁻⁷`; a power of ten without its factor 1."""
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return _with_power(mantissa, exponent)
+
+
+def _with_power(mantissa: str, exponent: str) -> str:
     power = f"10{str(int(exponent)).translate(RAISED)}"
     return power if float(mantissa) == 1 else f"{mantissa}·{power}".replace("-", MINUS)
 
@@ -91,9 +95,8 @@ def bare(value: float) -> str:
         return count(int(value))
     if 1e-2 <= abs(value) < 1e3:
         return number(value, 3).rstrip("0").rstrip(".")
-    mantissa, _, exponent = f"{value:.3e}".partition("e")
-    power = f"10{str(int(exponent)).translate(RAISED)}"
-    return power if float(mantissa) == 1 else f"{float(mantissa):g}·{power}".replace("-", MINUS)
+    mantissa, exponent = f"{value:.3e}".split("e")
+    return _with_power(f"{float(mantissa):g}", exponent)
 
 
 def after(unit: str) -> str:
@@ -102,11 +105,11 @@ def after(unit: str) -> str:
 
 def count(value: int) -> str:
     """Format an integer with thin spaces between groups of three: 493 056."""
-    return f"{value:,}".replace(",", "\u202f").replace("-", MINUS)
+    return f"{value:,}".replace(",", NARROW).replace("-", MINUS)
 
 
 def duration(seconds: float | None) -> str:
-    """Format seconds as a person says them: 0.8 s, 42 s, 3 min 20 s, 2 h 05 min."""
+    """Format seconds for a reader: 0.8 s, 42 s, 3 min 20 s, 2 h 05 min."""
     if seconds is None or not math.isfinite(seconds):
         return NOTHING
     if seconds < 10:

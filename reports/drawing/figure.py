@@ -1,4 +1,4 @@
-"""Plain trace data → inline SVG. Plots elsewhere return data; only this module draws.
+"""Plain trace data → inline SVG. Other modules return plots as data; only this module draws.
 
 Text stays text (searchable, in the reader's font), colours become CSS variables (light and dark mode),
 and every id is made unique, so that many figures can live in one page.
@@ -25,8 +25,8 @@ from reports.drawing.palette import INK
 from reports.drawing.traces import Kind, Panel, Trace, as_element
 
 
-def inlined(text: str, name: str, alt: str) -> str:
-    """Make a standalone SVG of Matplotlib fit for one page among many others."""
+def inline_svg(text: str, name: str, alt: str) -> str:
+    """Return a standalone SVG of Matplotlib changed so that it can share a page with others."""
     body = text[text.index("<svg") :]
     box = re.search(r'viewBox="([^"]+)"', body)
     inner = body[body.index(">") + 1 : body.rindex("</svg>")]
@@ -47,7 +47,7 @@ def inlined(text: str, name: str, alt: str) -> str:
 FINEST = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 """The labelled multiples of a power of ten on a short logarithmic axis."""
 DRAWABLE = 1e150
-"""The end of the axes; logarithmic ones begin at its reciprocal. Much beyond, ticks are not finite."""
+"""The end of the axes; logarithmic axes begin at its reciprocal. Far beyond, ticks are not finite."""
 
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -73,7 +73,7 @@ STYLE: dict[Any, Any] = {
 
 
 def with_common_limits(panels: list[Panel], axes: str = "xy") -> list[Panel]:
-    """Set the same limits on every panel, so that the eye may compare across them."""
+    """Set the same limits on every panel, so that panels can be compared by eye."""
     for axis in axes:
         traces = [trace for panel in panels for trace in panel.traces]
         values = [v for trace in traces for v in (*getattr(trace, axis), *getattr(trace, f"{axis}_high"))]
@@ -93,7 +93,7 @@ def _drawable(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def padded(values: list[float], log: bool) -> tuple[float, float] | None:
-    """Widen the range of the values a little, within `DRAWABLE`; points outside of it are not seen."""
+    """Widen the range of the values a little, within `DRAWABLE`; points beyond are not visible."""
     if not values:
         return None
     low, high = _drawable((min(values), max(values)))
@@ -123,10 +123,10 @@ def draw(panel: Panel) -> Figure:
 
 
 def paint(axes: Axes, panel: Panel) -> None:
-    """Paint the panel's traces and axes onto axes that somebody else made."""
+    """Paint the panel's traces and axes onto existing axes."""
     for name in "xy":
         if (limits := getattr(panel, f"{name}_limits")) is not None:
-            # first: else limits are sought among all numbers, however large
+            # first: otherwise Matplotlib derives limits from all numbers, however large
             getattr(axes, f"set_{name}lim")(*_drawable(limits))
     for trace in panel.traces:
         _PENS[trace.kind](axes, trace)
@@ -165,7 +165,6 @@ def _axis(axes: Axes, panel: Panel, name: str) -> None:
     elif scale == "log":
         low, high = getattr(axes, f"get_{name}lim")()
         decades = math.log10(high) - math.log10(low)
-        # the multiples of a power of ten that are labelled
         subdivisions = (1.0,) if decades > 1.7 else (1.0, 2.0, 5.0) if decades > 0.6 else FINEST
         axis.set_major_locator(LogLocator(subs=subdivisions, numticks=8))
         write = power if decades > 6.0 else tick
@@ -197,7 +196,7 @@ def _line(axes: Axes, trace: Trace) -> None:
 
 
 def _bins(axes: Axes, trace: Trace) -> None:
-    """Draw bins; empty ones have no place on a logarithmic axis and lie on its foot."""
+    """Draw bins; an empty bin has no place on a logarithmic axis and lies on its foot."""
     foot = axes.get_ylim()[0]
     edges = [*trace.x, trace.x_high[-1]]
     axes.stairs([max(share, foot) for share in trace.y], edges, baseline=None, color=trace.colour, linewidth=1.4)
@@ -213,7 +212,7 @@ def _mark(axes: Axes, trace: Trace) -> None:
 
 
 def _band(axes: Axes, trace: Trace) -> None:
-    """Draw a band; a single point has no width to fill, so that a bar stands for it."""
+    """Draw a band; a single point has no width to fill and is drawn as a bar."""
     if len(trace.x) == 1:
         axes.vlines(trace.x, trace.y, trace.y_high, color=trace.colour, linewidth=2.0, alpha=0.4)
     else:
@@ -221,7 +220,7 @@ def _band(axes: Axes, trace: Trace) -> None:
 
 
 def _area(axes: Axes, trace: Trace) -> None:
-    """Draw one path for all polygons: where they overlap, they are filled once."""
+    """Draw one path for all polygons, so that overlaps are filled once."""
     ends = [place for place, x in enumerate(trace.x) if math.isnan(x)]
     parts = zip([0, *(end + 1 for end in ends)], [*ends, len(trace.x)], strict=True)
     corners = [[*zip(trace.x[a:b], trace.y[a:b], strict=True), (trace.x[a], trace.y[a])] for a, b in parts]
@@ -250,12 +249,12 @@ _PENS: dict[Kind, Callable[[Axes, Trace], object]] = {
 
 
 def svg(panel: Panel, name: str) -> Markup:
-    """Return one `<svg>` with its numbers beside it; `name`, of letters, digits and dashes, makes its ids unique."""
+    """Return an `<svg>` followed by its numbers; `name`, of letters, digits and dashes, makes its ids unique."""
     buffer = io.StringIO()
     with matplotlib.rc_context(STYLE):
         drawn = draw(panel)
         drawn.savefig(buffer, format="svg", metadata={"Date": None})
-    return Markup(inlined(buffer.getvalue(), name, panel.alt)) + as_element(panel, drawn.axes[0])
+    return Markup(inline_svg(buffer.getvalue(), name, panel.alt)) + as_element(panel, drawn.axes[0])
 
 
 class Plot(NamedTuple):
@@ -264,5 +263,5 @@ class Plot(NamedTuple):
 
 
 def plots(panels: Iterable[Panel], name: str) -> list[Plot]:
-    """Return all plots; `name` makes their ids unique on the page and consists of letters, digits and dashes."""
+    """Return all plots; `name`, of letters, digits and dashes, makes their ids unique on the page."""
     return [Plot(panel.title, svg(panel, f"{name}-{place}")) for place, panel in enumerate(panels)]

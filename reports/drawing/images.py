@@ -1,4 +1,4 @@
-"""Pictures in the page as base64 PNGs, made smaller if many of them would otherwise make it heavy."""
+"""Pictures of the page as base64 PNGs, reduced in size if there are many of them."""
 
 import base64
 import io
@@ -31,20 +31,19 @@ def smaller(picture: Picture, side: int) -> Picture:
     block = max(1, -(-max(picture.shape[:2]) // side))
     height, width = (length // block * block for length in picture.shape[:2])
     blocks = picture[:height, :width].reshape(height // block, block, width // block, block, -1)
-    means: Picture = blocks.mean(axis=(1, 3))
-    return means
+    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
-BYTES_A_PIXEL = 2.6
+BYTES_PER_PIXEL = 2.6
 """The approximate bytes per pixel of a PNG in base64."""
 SIZES = (400, 320, 256, 200, 160, 128, 100, 64)
 LARGEST_PIXELS = 1 << 24
-"""The most pixels of a picture that is read: 4096 × 4096. A damaged file may claim any number, and memory for it."""
+"""The maximum number of pixels of a picture that is read: a damaged file may claim any size."""
 
 
 def side_for(pictures: int, budget: int) -> int:
     """Return the longest side at which so many pictures stay within a budget of bytes."""
-    fitting = (side for side in SIZES if pictures * side * side * BYTES_A_PIXEL <= budget)
+    fitting = (side for side in SIZES if pictures * side * side * BYTES_PER_PIXEL <= budget)
     return next(fitting, SIZES[-1])
 
 
@@ -59,7 +58,7 @@ def read(folder: Path, relative: str) -> Picture | None:
         if int.from_bytes(head[16:20], "big") * int.from_bytes(head[20:24], "big") > LARGEST_PIXELS:
             return None
         picture = np.asarray(matplotlib.image.imread(path, format="png"), dtype=np.float64)
-    except Exception:  # a decoder's errors on a damaged file are of many kinds, among them too large for memory
+    except Exception:  # decoders raise many kinds of errors for a damaged file, MemoryError among them
         return None
     if picture.ndim == 2:
         picture = np.repeat(picture[..., None], 3, axis=-1)

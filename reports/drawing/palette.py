@@ -1,4 +1,4 @@
-"""One colour per method, everywhere: Okabe and Ito's set, a little darker so that text can bear it.
+"""One colour per method, everywhere: Okabe and Ito's set, a little darker so that it also works for text.
 
 A colour is written as its light hex value in plain trace data and in PNGs. On the page every such value is
 replaced by a CSS variable, so the same figure serves light and dark mode.
@@ -50,7 +50,7 @@ SURFACES = (
     Colour("--finding-ground", "#f6eef8", "#2c2131"),
     Colour("--bad-ground", "#fdeae3", "#3a1f16"),
 )
-"""The colours of the page itself, used in no drawing."""
+"""The colours of the page itself, which drawings do not use."""
 
 EVERY = (*KNOWN.values(), *OTHERS, INK, MUTED, RULE, PAPER)
 
@@ -63,9 +63,9 @@ def colours_of(methods: list[str]) -> dict[str, Colour]:
 
 
 COLOURS = (*(KNOWN[name] for name in ("nerf", "qnerf")), *OTHERS)
-"""The colours of lines, far apart for every kind of colour vision if there are few; methods keep their own colours."""
+"""The colours of lines; the first are far apart for every kind of colour vision. Methods keep their own colours."""
 MARKERS = (("o", False), ("D", True), ("s", False), ("^", True), ("o", True), ("D", False), ("s", True))
-"""The markers: Matplotlib's letter, and whether it is hollow. One fewer than colours, so that the pairs repeat late."""
+"""Matplotlib's letter, and whether it is hollow. One marker fewer than colours, so that pairs repeat late."""
 DASHES: tuple[tuple[float, ...], ...] = ((), (), (5, 2), (1.2, 1.2), (6, 1.5, 1.2, 1.5))
 
 
@@ -75,11 +75,11 @@ class Pen:
     marker: str
     hollow: bool
     dash: tuple[float, ...]
-    """The lengths of strokes and gaps in widths of the line; empty for an unbroken one."""
+    """The lengths of strokes and gaps in line widths; empty for a solid line."""
 
 
 def pens_of(*charts: Iterable[str]) -> dict[str, Pen]:
-    """Map name → pen, the same in every chart; of two lines of a chart none share a colour if there are enough."""
+    """Map name → pen, the same in every chart; lines of one chart differ in colour while there are enough colours."""
     named = [list(dict.fromkeys(names)) for names in charts]
     every = list(dict.fromkeys(name for names in named for name in names))
     kept = [name for name in every if name in KNOWN]
@@ -87,10 +87,10 @@ def pens_of(*charts: Iterable[str]) -> dict[str, Pen]:
     places: dict[str, int] = {}
     for name in every:
         if name not in kept:
-            beside = {places.get(other) for names in named if name in names for other in names}
+            neighbours = {places.get(other) for names in named if name in names for other in names}
             taken = list(places.values())
             places[name] = min(
-                (place for place in range(len(free)) if place not in beside),
+                (place for place in range(len(free)) if place not in neighbours),
                 key=lambda place: (taken.count(place), place),
                 default=len(places),
             )
@@ -113,7 +113,7 @@ SHAPES = {
 
 
 def key(pen: Pen, line: bool = True) -> Markup:
-    """Return a piece of the line, or its marker alone, as it is in the chart."""
+    """Return a piece of the line with its marker, or only the marker, as the chart shows it."""
     dash = f' stroke-dasharray="{" ".join(f"{2 * length:g}" for length in pen.dash)}"' if pen.dash else ""
     colour = f"var({pen.colour.variable})"
     fill = "var(--paper)" if pen.hollow else colour

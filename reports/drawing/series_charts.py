@@ -1,6 +1,6 @@
 """Series of a record → charts: one per panel, a band if the spread is known, colour, marker and dash by name.
 
-Nothing is dropped silently: a zero on a logarithmic axis stands at its foot, a non-finite value at the upper edge.
+Nothing is dropped silently: a zero on a logarithmic axis is drawn at its foot, a non-finite value at the upper edge.
 """
 
 from itertools import groupby
@@ -17,7 +17,7 @@ from reports.drawing.traces import Panel, Trace
 
 WIDE = (5.8, 3.6)
 MARKED = 14
-"""The number of points of a line up to which all are marked."""
+"""The maximum number of marked points of a line that has more than twice as many."""
 FOOT = 10.0
 """The factor by which the foot of a logarithmic axis lies below the smallest positive value."""
 
@@ -35,7 +35,7 @@ class Chart(NamedTuple):
     keys: list[tuple[str, Markup]]
     svg: Markup
     notes: list[str]
-    """The meaning of its special marks, if there are any."""
+    """The meaning of its special marks, if it has any."""
     wide: bool = False
 
 
@@ -52,7 +52,7 @@ def charts(series: list[Series], prefix: str) -> list[Chart]:
 
 
 def panels_of(series: list[Series]) -> list[tuple[Panel, dict[str, Pen]]]:
-    """Return each chart with the pens of its lines, the same in every chart; one without points is left out."""
+    """Return each chart with the pens of its lines, the same in every chart; charts without points are left out."""
     groups: dict[str, list[Series]] = {}
     for line in series:
         if line.x:
@@ -64,7 +64,7 @@ def panels_of(series: list[Series]) -> list[tuple[Panel, dict[str, Pen]]]:
 
 
 def _panel(title: str, group: list[Series], pens: dict[str, Pen]) -> Panel:
-    """Draw bands below, then lines, then markers, so that a single point is seen as well."""
+    """Return bands, then lines, then markers on top, so that a single point is visible too."""
     lines = [points(line) for line in group]
     every = [point for line in lines for point in line]
     all_x = [point.x for point in every]
@@ -91,7 +91,7 @@ def _panel(title: str, group: list[Series], pens: dict[str, Pen]) -> Panel:
 
 
 def points(line: Series) -> list[Point]:
-    """Return points in the order of x: a line never runs back."""
+    """Return the points in the order of x, so that a line never runs back."""
     nothing: list[float | None] = [None] * len(line.x)
     columns = [map(finite_or_none, values) for values in (line.y, line.low or nothing, line.high or nothing)]
     return sorted((Point(*values) for values in zip(line.x, *columns, strict=True)), key=lambda point: point.x)

@@ -17,13 +17,11 @@ from reports.drawing.traces import Panel
 Key = dict[str, dict[str, Any]]
 """The name of each line → how it is plotted."""
 Drawing = tuple[Panel, Key]
-
-
 CROSS: dict[str, Any] = {"marker": "x", "linestyle": " ", "color": MUTED.light, "markersize": 7}
 
 
 def key_of(panel: Panel) -> Key:
-    """Return the key of a panel whose traces bear the names of what they show."""
+    """Return the key of a panel whose traces are labelled with what they show."""
     shapes: dict[str, dict[str, Any]] = {
         "line": {"linestyle": "-"},
         "range": {"linestyle": "-"},
@@ -56,7 +54,7 @@ def key_of_pens(pens: dict[str, Pen]) -> Key:
 def save_sheet(
     path: Path, drawings: Sequence[Drawing], across: int, size: tuple[float, float] | None = None
 ) -> list[Path]:
-    """Save panels side by side, each of `size` in inches or as large as on its page; returns the written paths."""
+    """Save panels side by side, each of `size` in inches or of its size on the page; returns the written paths."""
     if not drawings:
         return []
     with matplotlib.rc_context(STYLE):
@@ -65,7 +63,7 @@ def save_sheet(
 
 
 def sheet(drawings: Sequence[Drawing], across: int, size: tuple[float, float] | None = None) -> Figure:
-    """Draw panels side by side. A label of all axes and a key of all panels stand once."""
+    """Draw panels side by side. A label that all axes share, and a key that all panels share, are drawn once."""
     panels, keys = [panel for panel, _ in drawings], [key for _, key in drawings]
     across = min(across, len(panels))
     down = math.ceil(len(panels) / across)

@@ -1,11 +1,11 @@
-"""The numbers of a drawing, plain traces on panels, and as JSON beside it: what a reader points at and saves as CSV.
+"""The numbers of a drawing: plain traces on panels, and JSON next to the SVG for pointing at values and saving CSV.
 
     {"title", "box": [x, y, width, height] of the axes in the drawing's own units,
      "x": {"label", "scale", "low", "high"}, "y": likewise with "rows", their names,
      "traces": [{"label", "kind", "colour", "x", "y", "x_high", "y_high", "runs", "steps"}], "runs": [Selection, …]}
 
-`x` is the place of an earlier trace if it is the same, `runs` are places in the drawing's list of runs: one, or one
-per point. Numbers have six significant digits.
+`x` is the index of an earlier trace with the same x; `runs` are indices into the drawing's list of runs, one for the
+trace or one per point. Numbers have six significant digits.
 """
 
 import math
@@ -21,18 +21,16 @@ from reports.data.selection import Selection
 from reports.drawing import palette
 
 Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "bins", "range", "mark", "zero", "band", "area"]
-
-
 Scale = Literal["linear", "log", "symlog"]
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Points of one kind and colour; `x` and `y` are equally long.
+    """Points of one kind and colour; `x` and `y` have the same length.
 
     `bins` and the bars of a `range` reach from `x` to `x_high`, a `band` lies between `y` and `y_high`, an `area` is
-    the union of polygons that turn the same way, with NaN between them. A `line` may be dashed, a `mark` has a shape
-    (Matplotlib's letter), a `zero` stands at the foot of a logarithmic axis.
+    the union of polygons of the same orientation, separated by NaN. A `line` may be dashed, a `mark` has a shape
+    (Matplotlib's letter), a `zero` is drawn at the foot of a logarithmic axis.
     """
 
     label: str
@@ -48,7 +46,7 @@ class Trace:
     hollow: bool = True
     size: float = 4.6
     runs: tuple[Selection, ...] = field(default=(), compare=False)
-    """The runs behind it: those of the complete trace, or one per point."""
+    """The runs behind it: one for the complete trace, or one per point."""
     steps: tuple[int, ...] = field(default=(), compare=False)
     """The training step of each point, if it has one."""
 
@@ -68,18 +66,18 @@ class Panel:
     y_limits: tuple[float, float] | None = None
     rows: tuple[str, ...] = ()
     figures: tuple[str, ...] = ()
-    """What stands behind each row."""
+    """The text to the right of each row."""
     columns: tuple[tuple[float, str], ...] = ()
-    """Places on the x axis with words above them, in place of its ticks."""
+    """Positions on the x axis with text above them, in place of its ticks."""
     size: tuple[float, float] = (3.7, 2.6)
     linear_below: float = 1.0
     """The value at which a `symlog` axis begins to be logarithmic."""
     zero_at: float | None = None
-    """The place of zeros on a logarithmic y axis; its tick says 0."""
+    """The position of zeros on a logarithmic y axis; its tick is labelled 0."""
 
 
 def as_element(panel: Panel, axes: Axes) -> Markup:
-    """Return the element for the place behind the drawing; nothing in it can run or end the element."""
+    """Return the element that follows the drawing; nothing in it can run or end the element."""
     return Markup('<script type="application/json" class="drawn">{}</script>').format(as_data(data_of(panel, axes)))
 
 
@@ -87,7 +85,7 @@ def data_of(panel: Panel, axes: Axes) -> dict[str, object]:
     width, height = (72.0 * inches for inches in panel.size)  # in points
     left, bottom, wide, high = axes.get_position().bounds
     runs = list(dict.fromkeys(selection for trace in panel.traces for selection in trace.runs))
-    traces = [trace for trace in panel.traces if trace.kind != "area"]  # drawn around points of others
+    traces = [trace for trace in panel.traces if trace.kind != "area"]  # drawn around points of other traces
     y = _axis(panel.y_label, panel.y_scale, axes.get_ylim(), panel.linear_below)
     data: dict[str, object] = {
         "title": panel.title,

@@ -1,1 +1,1 @@
-"""The common parts of every page: shell, tables, script, style; imports `drawing` and `data`."""
+"""The parts that all pages share: shell, tables, script, style; imports `drawing` and `data`."""

@@ -1,4 +1,4 @@
-"""A table as plain data, which `page.html` lays out and tests compare with literals."""
+"""A table as plain data, which `parts.html` lays out and tests compare with literals."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -10,38 +10,38 @@ from reports.data.selection import Selection
 
 @dataclass(frozen=True)
 class Entry:
-    """One cell of a table: its text, a smaller second line, and a tone that the page gives a look.
+    """One cell of a table: its text, a smaller second line, and a tone that the style gives a colour.
 
-    Invisible fields take no part in comparisons: two entries are equal if a reader sees the same.
+    Two entries are equal if a reader sees the same: comparisons ignore the invisible fields.
     """
 
     text: str
     small: str = ""
     tone: str = ""
-    """The tone: `above gain`, `below loss`, … of a sign, `open`, `failed`, `muted`, or nothing."""
+    """`above gain`, `below loss`, … for a sign, `open`, `failed`, `muted`, or nothing."""
     value: float | str | None = field(default=None, compare=False)
-    """The value it is sorted by and saved as: a number before it was rounded, the scene if its name is not repeated;
-    None for a text, which is sorted as one.
+    """The value for sorting and saving: the unrounded number, or the scene if its name is not repeated; None if the
+    text itself is the value.
     """
     parts: Mapping[str, float | str | None] = field(default_factory=dict, compare=False)
-    """The additional values in a file, by name: the ends of an interval, a standard deviation, a unit."""
+    """Additional values for saving, by name: the ends of an interval, a standard deviation, a unit."""
     runs: Selection | None = field(default=None, compare=False)
     link: str = field(default="", compare=False)
-    """The id of a place in the page that the text leads to."""
+    """The id of an element in the page that the text links to."""
 
 
 @dataclass(frozen=True)
 class Column:
     label: str
     method: str = ""
-    """The method that a column belongs to: the page shows its colour."""
+    """The method that the column belongs to, whose colour the page shows."""
     small: str = ""
     numeric: bool = True
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Rows of entries under columns; `totals` stand apart below, `note` explains what the numbers are."""
+    """Rows of entries under columns; `totals` are set apart below, `note` explains the numbers."""
 
     caption: str
     columns: list[Column]
@@ -49,14 +49,14 @@ class Grid:
     totals: list[list[Entry]] = field(default_factory=list)
     note: str = ""
     filtered: bool = True
-    """Whether rows of scenes and methods that a reader hides are hidden with them."""
+    """Whether the reader's filter of scenes and methods hides rows of it."""
 
 
 EMPTY = Entry("–", tone="muted")
 
 
 def without_empty_columns(grid: Grid, always: int = 0) -> Grid:
-    """Leave out the columns, from the place `always` on, in which nothing stands."""
+    """Leave out empty columns, except among the first `always` columns."""
     kept = [
         place for place in range(len(grid.columns)) if place < always or any(row[place] != EMPTY for row in grid.rows)
     ]
@@ -65,7 +65,7 @@ def without_empty_columns(grid: Grid, always: int = 0) -> Grid:
 
 
 def table_grid(table: Table, write: Callable[[float], str]) -> Grid:
-    """Return a study's table; a column of nothing but numbers is set to the right, as `write` writes them."""
+    """Return a study's table; columns of numbers are right-aligned, and `write` formats them."""
     kinds = [{type(row[place]) for row in table.rows} - {NoneType} for place in range(len(table.columns))]
     columns = [
         Column(label, numeric=place > 0 and bool(of_column) and str not in of_column)

@@ -1,6 +1,5 @@
-"""The common shell of our pages: policy, template environment, style, settings in words, and how a file is written."""
+"""The shell that all pages share: policy, template environment, style, and settings as text."""
 
-import json
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -11,13 +10,14 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from reports.data import wording
+from reports.data.packing import as_json
 from reports.data.selection import Selection
 from reports.drawing import palette
 from reports.page.grid import Entry
 from reports.page.script import content_policy, script
 
 
-def of_entry(entry: Entry) -> Markup:
+def entry_data(entry: Entry) -> Markup:
     attributes: dict[str, str] = {}
     if isinstance(entry.value, str):
         attributes["said"] = entry.value
@@ -30,29 +30,25 @@ def of_entry(entry: Entry) -> Markup:
     }
     if parts:
         attributes["parts"] = as_json(parts)
-    return _written(attributes) + of_runs(entry.runs)
+    return _attributes(attributes) + runs_data(entry.runs)
 
 
-def of_runs(runs: Selection | None) -> Markup:
-    """Return the attribute of a cell that shows the runs behind it; none if there are none."""
-    return _written({"runs": as_json(runs.data())} if runs is not None and runs.data() else {})
+def runs_data(runs: Selection | None) -> Markup:
+    """Return the attribute with the runs behind a cell; empty if there are none."""
+    return _attributes({"runs": as_json(runs.data())} if runs is not None and runs.data() else {})
 
 
-def of_row(row: list[Entry]) -> Markup:
-    """Return the scene and the method that a complete row belongs to, which a filter uses."""
+def row_data(row: list[Entry]) -> Markup:
+    """Return the scene and the method that all entries of a row belong to, for the filter."""
     attributes = {}
     for name in ("scene", "method"):
         values = {getattr(entry.runs, name) for entry in row if entry.runs is not None}
         if len(values) == 1 and (value := values.pop()):
             attributes[name] = value
-    return _written(attributes)
+    return _attributes(attributes)
 
 
-def as_json(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-
-
-def _written(attributes: dict[str, str]) -> Markup:
+def _attributes(attributes: dict[str, str]) -> Markup:
     return Markup("").join(Markup(' data-{}="{}"').format(name, escape(value)) for name, value in attributes.items())
 
 
@@ -65,21 +61,21 @@ SCRIPTS = (
     *("chart_scale.js", "figure_svg.js", "figures.js", "evidence.js", "runs.js"),
     *("tables.js", "filter.js", "reading.js"),
 )
-"""The scripts that every page needs to sort, filter and save, in this order."""
+"""The scripts of every page, for sorting, filtering and saving, in this order."""
 START = "start.js"
 STYLES = ("page.css", "explore.css", "studies.css", "compare.css", "work.css", "judgement.css")
 
 
 class Section(NamedTuple):
-    """A part of a page with a title and an entry in the contents; its parts are made by the macros of a `Layout`."""
+    """A section of a page with a title and an entry in the contents; the macros of a `Layout` make its parts."""
 
     name: str
     title: str
     parts: list[Markup]
     question: str | None = None
-    """The question of a study, which stands below its title; None for anything else."""
+    """The question of a study, its heading; None for other sections."""
     folded: bool = False
-    """Whether a reader unfolds it; a link to it does."""
+    """Whether it is folded at first; a link to it unfolds it."""
 
 
 def section(name: str, title: str, *parts: Markup, question: str | None = None, folded: bool = False) -> Section:
@@ -87,7 +83,7 @@ def section(name: str, title: str, *parts: Markup, question: str | None = None, 
 
 
 class Layout:
-    """How a page looks: `parts` and `study_parts` are the macros of these templates, `named` colours methods' names."""
+    """The templates of a page: `parts` and `study_parts` are their macros, `named` colours the names of methods."""
 
     def __init__(self, colours: dict[str, palette.Colour] | None = None) -> None:
         self.colours = colours or {}
@@ -113,8 +109,8 @@ class Layout:
         fold_origins: bool = False,
         **content: object,
     ) -> str:
-        """Return a page as text; sections without parts are left out. `files` lets it load script files that lie
-        beside it, `rules` are further rules of style.
+        """Return a page as text; sections without parts are left out. `files` allows script files next to the page,
+        `rules` are additional style rules.
         """
         origins = [
             self.parts.folded(name, self.parts.terms("provenance", pairs), place == 0)
@@ -133,13 +129,13 @@ class Layout:
 
 
 def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
-    """Return text with the methods' names set in their colours, and commands in backticks as code."""
+    """Return text with the names of methods in their colours, and commands in backticks as code."""
     names = sorted(colours, key=len, reverse=True)
     pattern = re.compile(rf"(?<![\w-])({'|'.join(map(re.escape, names))})(?![\w-])")
     name = Markup('<b class="name" style="color: var({})">{}</b>')
 
     def coloured(plain: str) -> Markup:
-        parts = pattern.split(plain)  # every second one is a name
+        parts = pattern.split(plain)  # every second part is a name
         parts = [name.format(colours[part].variable, part) if at % 2 else escape(part) for at, part in enumerate(parts)]
         return Markup("").join(parts)
 
@@ -147,13 +143,13 @@ def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
 
 
 def anchor(kind: str, name: str) -> str:
-    """The id of a section: readable where the name is a plain word, and no code whatever the name is."""
+    """Return the id of a section: readable for a plain word, and safe for any other name."""
     readable = name if re.fullmatch("[A-Za-z0-9_]+", name) else "-" + name.encode().hex()
     return f"{kind}-{readable}".replace("_", "-")
 
 
 def environment() -> Environment:
-    """Return an environment that escapes all data, and stops at an undefined name."""
+    """Return an environment that escapes all data, and raises an error for an undefined name."""
     made = Environment(
         loader=FileSystemLoader(HERE / "templates"),
         autoescape=True,
@@ -161,18 +157,18 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters = {"cell_data": of_entry, "row_data": of_row, "runs_data": of_runs, "breakable": breakable}
+    filters = {"cell_data": entry_data, "row_data": row_data, "runs_data": runs_data, "breakable": breakable}
     made.filters.update(filters | {"code": with_code})
     return made
 
 
 def breakable(name: str) -> Markup:
-    """Return a name that may be broken behind its underscores, where a column is narrow."""
+    """Return a name that a narrow column may break after its underscores."""
     return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
 
 
 def with_code(sentence: str, plain: Callable[[str], Markup] = escape) -> Markup:
-    """Return a sentence whose commands in backticks are set as code; the words between them as `plain` sets them."""
+    """Return a sentence whose commands in backticks are marked as code; `plain` marks up the text between them."""
     parts = enumerate(sentence.split("`"))
     return Markup("").join(Markup("<code>{}</code>").format(part) if at % 2 else plain(part) for at, part in parts)
 
@@ -183,7 +179,7 @@ def style() -> Markup:
 
 
 def variables() -> str:
-    """Return the palette as CSS: light; dark if the system wants it so, and never on paper."""
+    """Return the palette as CSS: light, or dark if the system prefers it and the page is not printed."""
     light, dark = (
         "".join(f"{colour.variable}:{getattr(colour, tone)};" for colour in (*palette.EVERY, *palette.SURFACES))
         for tone in ("light", "dark")

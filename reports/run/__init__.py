@@ -1,1 +1,1 @@
-"""The page of a run, of several outputs, of a judgement; imports `claims` and the rooms below it."""
+"""The page of a run, and the page that compares several outputs; imports `claims` and the rooms below it."""

@@ -1,8 +1,8 @@
 """Learning curves: test PSNR against steps and time, and work–precision diagrams of every error against every cost.
 
-Both go one way: records → a frame of checkpoints → traces → panels. Every seed is thin, the mean of the finished ones
-thick, a cross stands where a run ended early. Where both axes are logarithmic, means are geometric, and a band reaches
-one standard deviation over the seeds (of the logarithms) up and down in error, left and right in cost.
+Both go from records to a frame of checkpoints, then to traces, then to panels. Seeds are thin lines, the mean of the
+finished seeds is thick, and a cross marks where a run ended early. If both axes are logarithmic, means are geometric,
+and a band shows one standard deviation over the seeds (of the logarithms), vertically in error, horizontally in cost.
 """
 
 import math
@@ -25,11 +25,13 @@ from reports.drawing.traces import Kind, Panel, Trace
 
 EVERYWHERE = "all scenes"
 NEAR_DB = 2.0
-"""The distance in dB beyond all curves at which a floor or ceiling is left to the table."""
+"""The maximum distance in dB from the curves at which a floor or ceiling is drawn; the table has all of them."""
 FURTHEST = 10
-"""The factor below the smallest error beyond which a floor would only squeeze the curves: it is stated instead."""
+"""The maximum factor between the smallest error and a floor that is drawn; a lower floor would squeeze the curves, and
+is stated instead.
+"""
 SMALL, LARGE = (3.7, 2.6), (6.1, 4.4)
-"""The inches of a scene's panel, and of that of all scenes together."""
+"""The size in inches of the panel of a scene, and of all scenes together."""
 ENDS = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
 
 
@@ -62,9 +64,9 @@ AXES = {"step": "training step", "seconds": "training seconds", "core_seconds": 
 def convergence(records: Records, axis: str) -> list[Panel]:
     """Draw test PSNR against one of `AXES`: a panel for each scene, the mean over several scenes first."""
     colours, panels = colours_of(records.methods), []
-    guests = (
-        {} if axis == "step" else dict(_along(replace(records, cells=records.guest_cells), axis, by_checkpoint=True))
-    )
+    guests: dict[str, pd.DataFrame] = {}
+    if axis != "step":
+        guests = dict(_along(replace(records, cells=records.guest_cells), axis, by_checkpoint=True))
     for scene, points in _along(records, axis):
         about = records.scene(scene)
         levels = [Level("floor", about.psnr_floor), Level("ceiling", about.psnr_ceiling, INK)] if about else []
@@ -75,17 +77,19 @@ def convergence(records: Records, axis: str) -> list[Panel]:
         ]
         title = "all scenes (mean)" if scene == EVERYWHERE else scene
         traces = traces_of(points, colours, scene, "psnr", log=False)
-        if scene in guests:  # which are no runs of the tables
+        if scene in guests:
             of_guests = colours_of([*records.methods, *records.run.guests])
             own = {name: of_guests[name] for name in records.run.guests}
+            # the page has no data of the runs of guests
             traces += [replace(trace, runs=()) for trace in traces_of(guests[scene], own, scene, "psnr", log=False)]
         panels.append(_panel(title, AXES[axis], "test PSNR (dB)", traces, points, near))
     return with_common_limits(panels, "x")
 
 
 def _along(records: Records, axis: str, by_checkpoint: bool = False) -> Iterable[tuple[str, pd.DataFrame]]:
-    """Yield the test PSNR of each scene's cells over an axis, the mean over several scenes first: at the same steps, or
-    `by_checkpoint` where budgets of seconds ended at different ones.
+    """Yield the test PSNR of each scene's cells over an axis, the mean over several scenes first.
+
+    Scenes are averaged at equal steps, or `by_checkpoint`, as budgets of seconds end at different steps.
     """
     curves = curves_frame(records)
     if by_checkpoint:
@@ -95,13 +99,13 @@ def _along(records: Records, axis: str, by_checkpoint: bool = False) -> Iterable
 
 @dataclass(frozen=True)
 class Diagram:
-    """One error against one cost: a panel for all scenes together, if there are several, and one per scene."""
+    """An error against a cost: a panel for all scenes together, if there are several, and a panel per scene."""
 
     measure: Choice
     cost: Choice
     panels: list[Panel]
     notes: list[list[str]]
-    """The notes beside each panel: what diverged, what could not be drawn."""
+    """The notes of each panel: what diverged, what could not be drawn."""
 
     @property
     def name(self) -> str:
@@ -109,7 +113,7 @@ class Diagram:
 
 
 def diagrams(records: Records) -> list[Diagram]:
-    """Return every pair of an error and a cost for which the records suffice for a line."""
+    """Return a diagram for every pair of an error and a cost that the records have."""
     curves, floors = curves_frame(records), noise_floors(records)
     made = [_diagram(records, curves, measure, cost, floors) for measure in ERRORS for cost in COSTS]
     return [diagram for diagram in made if diagram.panels]
@@ -147,17 +151,17 @@ def _notes(records: Records, scene: str, points: pd.DataFrame) -> list[str]:
         others = "; the mean is of the others" if lost < len(own) else ""
         notes += [f"✕ {method}: {lost} of {counted(len(own), 'run')} did not finish{others}"] if lost else []
     absent = [method for method in records.methods if method not in set(points["method"])]
-    return [*notes, f"not known of {listed(absent)}"] if absent else notes
+    return [*notes, f"not known for {listed(absent)}"] if absent else notes
 
 
 def points_of(curves: pd.DataFrame) -> pd.DataFrame:
-    """Return the checkpoints that have `x` and `y`, and an `x` that a logarithmic axis has."""
+    """Return the checkpoints that have `x` and `y`, and an `x` above 0, for a logarithmic axis."""
     points = curves.dropna(subset=["x", "y"])
     return points[points["x"] > 0]
 
 
 def by_scene(points: pd.DataFrame, records: Records, log: bool) -> Iterable[tuple[str, pd.DataFrame]]:
-    """Yield the points of all scenes together, if there are several, and of each scene; without empty ones."""
+    """Yield the points of all scenes together, if there are several, and of each scene that has points."""
     together = [(EVERYWHERE, over_scenes(points, records, log))] if len(records.scenes) > 1 else []
     chosen = [*together, *((scene, points[points["scene"] == scene]) for scene in records.scenes)]
     return ((scene, some) for scene, some in chosen if len(some))
@@ -166,7 +170,7 @@ def by_scene(points: pd.DataFrame, records: Records, log: bool) -> Iterable[tupl
 def over_scenes(points: pd.DataFrame, records: Records, log: bool) -> pd.DataFrame:
     """Return means over the scenes, per method, seed and step, where every scene has a point.
 
-    A seed is done if it is in every scene; else it ends where its first scene ended, with that scene's status.
+    A seed is done if it is done in every scene; else it ends with its first scene that ended early, and its status.
     """
     lost = {(cell.method, cell.seed): cell.status for cell in records.cells if cell.status != "done"}
     values = np.log(points[["x", "y"]]) if log else points[["x", "y"]]
@@ -178,7 +182,7 @@ def over_scenes(points: pd.DataFrame, records: Records, log: bool) -> pd.DataFra
 
 
 def traces_of(points: pd.DataFrame, colours: dict[str, Colour], scene: str, metric: str, log: bool) -> list[Trace]:
-    """Return bands if `log`, then the seeds, then the means, then a cross where a run ended early."""
+    """Return the bands (only if `log`), the seeds, the means, and a cross where a run ended early."""
     where = "" if scene == EVERYWHERE else scene
     bands, thin, thick, crosses = [], [], [], []
     for method, colour in colours.items():
@@ -203,9 +207,9 @@ def _trace(label: str, colour: Colour, kind: Kind, points: pd.DataFrame, behind:
 
 
 def middle_of(runs: pd.DataFrame, log: bool) -> pd.DataFrame:
-    """Return the means over seeds at the steps that all `runs` share; geometric ones if `log`.
+    """Return the means over seeds at the steps that all `runs` share; geometric means if `log`.
 
-    `dx` and `dy` are the sample standard deviations over the seeds, of the logarithms if `log`; 0 of a single seed.
+    `dx` and `dy` are the sample standard deviations over the seeds, of the logarithms if `log`; 0 for a single seed.
     """
     values = np.log(runs[["x", "y"]]) if log else runs[["x", "y"]]
     grouped = values.groupby(runs["step"])
@@ -229,8 +233,8 @@ def _panel(
 
 
 def outline(middle: pd.DataFrame) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the band as polygons with NaN between them, all turning the same way, so that together they fill their
-    union: the hull of the rectangles of every two consecutive checkpoints.
+    """Return the band as polygons with NaN between them: the hull of the rectangles of every two consecutive
+    checkpoints. All turn the same way, so that together they fill their union.
     """
     x, y = np.log(middle["x"]), np.log(middle["y"])
     rectangles = [
@@ -251,7 +255,7 @@ def hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
         return ordered
 
     def turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-        """Return a number above 0 if the way from `a` over `b` to `c` turns left."""
+        """Return a number above 0 if the path from `a` over `b` to `c` turns left."""
         return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
     def half(chain: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -266,10 +270,10 @@ def hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def noise_floors(records: Records) -> dict[str, float]:
-    """Map scene → linear RMSE that the ground truth's own noise causes.
+    """Map scene → the linear RMSE that the noise of the ground truth causes.
 
-    The ceiling is known in display colour. It is carried over to linear light by the ratio of the two errors
-    that the finished cells of the scene show: an estimate, exact only if noise and error lie in the same tones.
+    The ceiling is known in display colour. The ratio of both errors in the finished cells of the scene converts it to
+    linear light: an estimate, exact only if noise and error lie in the same tones.
     """
     frame = cells_frame(records)
     done = frame[frame["status"] == "done"].dropna(subset=["psnr", "rmse_linear", "psnr_ceiling"])
@@ -279,7 +283,7 @@ def noise_floors(records: Records) -> dict[str, float]:
 
 
 def chooser_rules(made: list[Diagram]) -> str:
-    """Return the rules of style that show the diagram which is chosen, or that there is none of this pair."""
+    """Return the style rules that show the chosen diagram, or the note that there is no diagram of this pair."""
     known = {diagram.name for diagram in made}
     pairs = product(
         dict.fromkeys(diagram.measure.name for diagram in made), dict.fromkeys(diagram.cost.name for diagram in made)

@@ -1,4 +1,4 @@
-"""Histograms of density before and after the amplifier, and the methods that explain the result on one scene."""
+"""Histograms of density before and after the amplifier, and the further methods that explain a result on one scene."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -20,12 +20,12 @@ from reports.page.grid import EMPTY, Column, Entry, Grid
 
 GOLDEN = (1 + 5**0.5) / 2
 FOOT = 1e-5 / 1.6
-"""The foot of the axis of shares: smaller ones are drawn on it, so that empty bins have a place."""
+"""The lower end of the axis of shares; smaller shares and empty bins are drawn there."""
 SIDES = ("before", "after")
 
 
 class Mean(NamedTuple):
-    """The mean shares over seeds, of one method on one scene at one step."""
+    """The mean shares over the seeds of a method on a scene, at one step."""
 
     edges: tuple[float, ...]
     shares: dict[str, tuple[float, ...]]
@@ -40,8 +40,8 @@ def is_histogram(point: Checkpoint) -> bool:
 
 
 def density_histograms(records: Records) -> list[Panel]:
-    """Draw a panel for each scene and method with an amplifier: mean over the finished runs, or over the others if
-    there is none.
+    """Draw a panel for each scene and method with an amplifier: the mean over the finished runs, or over all runs if
+    none finished.
     """
     amplified = amplified_methods(records)
     panels = []
@@ -49,7 +49,7 @@ def density_histograms(records: Records) -> list[Panel]:
         for method in amplified:
             cells = records.cells_of(scene, method)
             finished = mean_density([cell for cell in cells if cell.status == "done"])
-            mean = finished or mean_density([cell for cell in cells if cell.status != "done"])
+            mean = finished or mean_density(cells)
             if mean is None:
                 continue
             whose = f"{scene}, {method}" if len(amplified) > 1 else scene
@@ -61,7 +61,7 @@ def density_histograms(records: Records) -> list[Panel]:
 
 
 def amplified_methods(records: Records) -> list[str]:
-    """Return the methods whose density is changed on its way to the picture."""
+    """Return the methods with an amplifier: the density of the picture is not that of the network."""
 
     def amplifies(point: Checkpoint) -> bool:
         density = point.density or {}
@@ -72,11 +72,11 @@ def amplified_methods(records: Records) -> list[str]:
 
 
 def mean_density(cells: list[CellRecord]) -> Mean | None:
-    """Average at the step, and with the bins, that most runs share, and of these at the last step: a run that ended
-    early is not mixed with others that went on.
+    """Average over the runs that have the most common step and bins, at the last such step: a run that ended early is
+    not averaged with a later checkpoint of another.
     """
-    points = [point for cell in cells for point in cell.curve if is_histogram(point)]
-    keyed = [((point.step, tuple((point.density or {})["edges"])), point.density or {}) for point in points]
+    densities = [(point.step, point.density or {}) for cell in cells for point in cell.curve if is_histogram(point)]
+    keyed = [((step, tuple(density["edges"])), density) for step, density in densities]
     if not keyed:
         return None
     many = Counter(key for key, _ in keyed)
@@ -104,7 +104,7 @@ def _histogram(title: str, mean: Mean, colour: str, behind: Selection) -> Panel:
 
 
 def axis_of(edges: Sequence[float]) -> tuple[Scale, float]:
-    """Return a linear axis for evenly wide bins, otherwise a logarithmic one, through zero if the bins reach it."""
+    """Return a linear axis for bins of similar width, otherwise a logarithmic axis, through 0 if the bins reach it."""
     widths = [high - low for low, high in pairwise(edges)]
     if max(widths) < 3 * min(widths):
         return "linear", 1.0
@@ -114,7 +114,7 @@ def axis_of(edges: Sequence[float]) -> tuple[Scale, float]:
 
 
 def amplifier_over_time(records: Records) -> list[Panel]:
-    """Draw α and β against steps: one line per cell, dashed where they started (1/φ and 1)."""
+    """Draw α and β against steps, a line per cell; a dashed line marks where they started (1/φ and 1)."""
     colours = colours_of(records.methods)
     panels = []
     for name, letter, start in (("alpha", "α", 1 / GOLDEN), ("beta", "β", 1.0)):
@@ -137,8 +137,8 @@ def amplifier_over_time(records: Records) -> list[Panel]:
 
 
 def separation(density: dict[str, list[float]]) -> float | None:
-    """Return how often a point inside the true geometry is denser than one outside (the area under the ROC curve), from
-    the histograms of both; 0.5 is chance. Points of one bin count as half. None where the truth is not known.
+    """Return how often a point inside the true geometry is denser than a point outside (the area under the ROC curve),
+    from the histograms of both; 0.5 is chance. Two points in one bin count half. None if the truth is not known.
     """
     inside, outside = (np.asarray(density.get(f"after_{where}", ()), dtype=float) for where in ("inside", "outside"))
     if inside.size == 0 or inside.size != outside.size or inside.sum() == 0 or outside.sum() == 0:
@@ -160,23 +160,15 @@ def separation_grid(records: Records) -> Grid:
             row.append(Entry(number(fmean(known), 3), value=fmean(known), runs=behind) if known else EMPTY)
         rows.append(row)
     note = (
-        "How often a point inside the true geometry is denser than one outside of it, of points on a grid over the "
-        "box; 1 is perfect, 0.5 chance. What no camera sees, the inside of solid things, is learnt from nothing."
+        "How often a point inside the true geometry is denser than a point outside, of points on a grid over the box; "
+        "1 is perfect, 0.5 chance. No camera sees the inside of solid things, so no training data teach it."
     )
     caption = "Density against the true geometry"
     return Grid(caption, columns, [row for row in rows if any(entry != EMPTY for entry in row[1:])], note=note)
 
 
-def explained_scene(records: Records) -> str:
-    return next((cell.scene for cell in records.extra_cells), "")
-
-
-def scores(cells: list[CellRecord]) -> list[float]:
-    return [value for cell in cells if (value := cell.scores.get("psnr")) is not None]
-
-
 def printed_form(records: Records) -> str:
-    """State the result of another reading of a method, which a claim names next to it; empty if none was trained."""
+    """State the result of another reading of a method that a claim mentions; empty if none was trained."""
     readings = {claim.of.get("beside") for file in records.run.claims or [] for claim in file.claims}
     cell = next((cell for cell in records.extra_cells if cell.method in readings), None)
     comparison = records.comparison(cell.scene, cell.method, records.baseline) if cell else None
@@ -193,20 +185,19 @@ def printed_form(records: Records) -> str:
 
 
 def further_grid(records: Records) -> Grid:
-    """Tabulate the further methods, each against the baseline on its scene."""
-    scene, rows, baseline = explained_scene(records), [], records.baseline
+    scene, rows, baseline = next((cell.scene for cell in records.extra_cells), ""), [], records.baseline
     for method, title in records.run.methods.items():
         cells = [cell for cell in records.extra_cells if (cell.scene, cell.method) == (scene, method)]
         if not cells:
             continue
-        psnr, comparison = scores(cells), records.comparison(scene, method, baseline)
-        against = EMPTY
-        if comparison is not None and comparison.difference is not None:
-            pair = interval(comparison.simultaneous or comparison.interval)
-            against = Entry(signed(comparison.difference), pair, value=comparison.difference)
-        verdict = Entry(
-            phrase_with(comparison.verdict, comparison.simultaneous) if comparison is not None else "not compared"
-        )
+        psnr = [value for cell in cells if (value := cell.scores.get("psnr")) is not None]
+        comparison = records.comparison(scene, method, baseline)
+        against, verdict = EMPTY, Entry("not compared")
+        if comparison is not None:
+            verdict = Entry(phrase_with(comparison.verdict, comparison.simultaneous))
+            if comparison.difference is not None:
+                pair = interval(comparison.simultaneous or comparison.interval)
+                against = Entry(signed(comparison.difference), pair, value=comparison.difference)
         rows.append([Entry(method, title), _score(psnr) if psnr else EMPTY, against, verdict])
     columns = [
         Column("method", numeric=False),

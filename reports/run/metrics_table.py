@@ -1,4 +1,4 @@
-"""The properties of a method, the scores beside PSNR, and every comparison that was made, in full."""
+"""Tables of a run other than PSNR: other scores, every comparison, properties, weights, costs, and what went wrong."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -10,7 +10,16 @@ from harness.records.metric_table import METRICS, Metric, metric_of
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.training_cost import CostRatio, cost_ratios
 from reports.claims.arithmetic import COMPONENT_TITLES
-from reports.claims.psnr_table import DISCOVERIES, FAILURES, TOGETHER, difference_entry, losses, spent_entry, tone_of
+from reports.claims.psnr_table import (
+    DISCOVERIES,
+    FAILURES,
+    TOGETHER,
+    difference_entry,
+    ends_of,
+    losses,
+    spent_entry,
+    tone_of,
+)
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import average_of, cells_frame, shared_scenes, spread_of
@@ -59,15 +68,18 @@ def comparisons_grid(records: Records) -> Grid:
     adjusted = benjamini_hochberg([comparison.p for comparison in records.comparisons])
     for comparison, q in zip(records.comparisons, adjusted, strict=True):
         metric, least = metric_of(comparison.metric), comparison.smallest_detectable
-        words = [
-            "all scenes" if comparison.scene == "all" else comparison.scene,
-            f"{comparison.method} − {comparison.against}",
-            metric.label,
-            BUDGETS[comparison.budget].removeprefix("equal "),
-        ]
-        detected = Entry(number(least, metric.digits_of_difference), value=least)
-        pairs = Entry(str(comparison.pairs), value=comparison.pairs)
-        rows.append([*map(Entry, words), difference_entry(comparison), _q(q), detected, pairs])
+        rows.append(
+            [
+                Entry("all scenes" if comparison.scene == "all" else comparison.scene),
+                Entry(f"{comparison.method} − {comparison.against}"),
+                Entry(metric.label),
+                Entry(BUDGETS[comparison.budget].removeprefix("equal ")),
+                difference_entry(comparison),
+                EMPTY if q is None else Entry(number(q, 3), value=q),
+                Entry(number(least, metric.digits_of_difference), value=least),
+                Entry(str(comparison.pairs), value=comparison.pairs),
+            ]
+        )
     note = (
         "Smallest detectable: the true difference whose sign a comparison with just this spread finds in "
         "80 % of repetitions. Looked at together are all scenes for PSNR, all other metrics over all scenes, and these "
@@ -76,14 +88,10 @@ def comparisons_grid(records: Records) -> Grid:
     return without_empty_columns(Grid("Every comparison", columns, rows, note=note), always=5)
 
 
-def _q(value: float | None) -> Entry:
-    return EMPTY if value is None else Entry(number(value, 3), value=value)
-
-
 PROPERTY_NAMES = {
     "chunk_max_difference": "largest change of a pixel when a view is rendered in small chunks",
     "chunk_rms_difference": "RMS change of a view when rendered in small chunks",
-    "largest_density": "largest density found, per half of the box’s longest side",
+    "largest_density": "largest density measured, per half of the box’s longest side",
     "opacity_unit_slab": "opacity of that length of it",
     "density_limit": "largest density that the method can have, per half of the box’s longest side",
     "opacity_of_a_pixel": "opacity of geometry one pixel thick at that density",
@@ -97,23 +105,23 @@ PROPERTY_NAMES = {
 
 
 def properties_grid(records: Records) -> Grid:
-    """Tabulate one row per property, one column per method: the mean over its cells and, if they differ, the range."""
+    """Tabulate each property by method: the mean over its cells and, if they differ, the range."""
     columns = [Column("property", numeric=False), *(Column(method, method) for method in records.methods)]
     rows = []
     for name in dict.fromkeys(name for cell in records.cells for name in cell.properties):
         row = [Entry(PROPERTY_NAMES.get(name, name.replace("_", " ")), name if name in PROPERTY_NAMES else "")]
         for method in records.methods:
             values = [cell.properties.get(name) for cell in records.cells if cell.method == method]
-            row.append(_property_entry([value for value in values if value is not None], Selection(method=method)))
+            row.append(_property_entry(values, Selection(method=method)))
         rows.append(row)
     return Grid("Measured properties", columns, [row for row in rows if any(entry != EMPTY for entry in row[1:])])
 
 
-def _property_entry(values: list[float | str], behind: Selection) -> Entry:
+def _property_entry(values: list[float | str | None], behind: Selection) -> Entry:
     words = dict.fromkeys(value for value in values if isinstance(value, str))
     if words:
         return Entry(", ".join(words), runs=behind)
-    numbers = [float(value) for value in values]
+    numbers = [float(value) for value in values if value is not None]
     if not numbers:
         return EMPTY
     low, high, mean = min(numbers), max(numbers), sum(numbers) / len(numbers)
@@ -122,30 +130,21 @@ def _property_entry(values: list[float | str], behind: Selection) -> Entry:
 
 
 def parameters_grid(records: Records) -> Grid:
-    """Tabulate weights of the networks that were trained, and Table 1 beside the counts of its description."""
-    files = records.run.claims or []
+    """Tabulate the weights of the trained networks, Table 1 as printed, and the counts of the network it describes."""
     printed: dict[str, int] = {}
     measured: dict[str, int] = {}
-    for file in files:
+    for file in records.run.claims or []:
         printed |= file.tables.get("weights", {})
         measured |= file.measured.get("weights", {})
     trained = {cell.method: cell.parameters for cell in records.cells if cell.parameters}
-    columns, weights = [Column("component", numeric=False)], []
-    for method in records.methods:
-        if method in trained:
-            columns.append(Column(method, method, "this run"))
-            weights.append(trained[method])
-    for label, small, known in (("printed", "", printed), ("counted", "at the printed size", measured)):
-        if known:
-            columns.append(Column(label, small=small))
-            weights.append(known)
-    names = dict.fromkeys([name for of_method in trained.values() for name in of_method] + [*printed, *measured])
+    sources = [(Column(method, method, "this run"), trained[method]) for method in records.methods if method in trained]
+    sources += [(Column("printed"), printed)] if printed else []
+    sources += [(Column("counted", small="at the printed size"), measured)] if measured else []
+    columns = [Column("component", numeric=False), *(column for column, _ in sources)]
+    names = dict.fromkeys(name for weights in (*trained.values(), printed, measured) for name in weights)
     order = list(COMPONENT_TITLES)
     rows = [
-        [
-            Entry(COMPONENT_TITLES.get(name, name.replace("_", " "))),
-            *(_weights(some.get(name)) for some in weights),
-        ]
+        [Entry(COMPONENT_TITLES.get(name, name.replace("_", " "))), *(_weights(own.get(name)) for _, own in sources)]
         for name in sorted(names, key=lambda name: order.index(name) if name in order else -1)
     ]
     totals = [row for row in rows if row[0].text == "total"]
@@ -160,15 +159,11 @@ BYTES = ((1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 
 
 def costs_grid(records: Records) -> Grid:
-    """Tabulate what training, drawing and keeping a model of each method costs: means over its finished cells."""
+    """Tabulate the costs of training, drawing and storing a model of each method: means over its finished cells."""
     against = records.baseline
-    columns = [
-        Column("method", numeric=False),
-        Column("training", small="a cell"),
-        Column("multiple", small=f"of {against}’s"),
-    ]
-    columns += [Column("drawing", small="a test view"), Column("weights"), Column("file"), Column("memory")]
-    columns.append(Column("of the GPU"))
+    columns = [Column("method", numeric=False), Column("training", small="per cell")]
+    columns += [Column("multiple", small=f"of {against}’s"), Column("drawing", small="per test view")]
+    columns += [Column("weights"), Column("file"), Column("memory"), Column("of the GPU")]
     every = [*records.cells, *records.guest_cells]
     multiples = {row.method: _multiple(row, against) for row in cost_ratios(records.cells, records.methods, against)}
     rows = []
@@ -181,7 +176,7 @@ def costs_grid(records: Records) -> Grid:
             [
                 Entry(method, runs=Selection("", method) if method in records.methods else None),
                 spent_entry(cells),
-                multiples.get(method, EMPTY),  # a guest is given the core seconds of nerf
+                multiples.get(method, EMPTY),  # a guest's budget is the core seconds of nerf
                 EMPTY if view is None else Entry(f"{significant(1000 * view)}{NARROW}ms", value=1000 * view),
                 _weights(mean_weights(cells)),
                 _bytes(_cost(fmean, cells, "weights_bytes")),
@@ -191,16 +186,17 @@ def costs_grid(records: Records) -> Grid:
         )
     note = (
         f"Training: core seconds, below them wall time, without scoring; as a multiple of {against}’s on the "
-        "same scene and seed, for as many steps (geometric mean, 95 % interval). Drawing: wall time of a view at the "
-        "end. Memory: the peak of the process, libraries included, which trains all methods of a scene and seed."
+        "same scene and seed, for the same number of steps (geometric mean, 95 % interval). Drawing: wall time of a "
+        "view at the end. Memory: the peak of the process, libraries included, which trains all methods of a scene and "
+        "seed."
     )
     return without_empty_columns(Grid("What a method costs", columns, rows, note=note), always=3)
 
 
 def mean_weights(cells: list[CellRecord]) -> float | None:
-    """Return the mean number of weights, which differs between cells where a method adds and removes primitives."""
-    counted_cells = [cell.parameters["total"] for cell in cells if "total" in cell.parameters]
-    return fmean(counted_cells) if counted_cells else None
+    """Return the mean number of weights; cells differ if a method adds and removes primitives."""
+    totals = [cell.parameters["total"] for cell in cells if "total" in cell.parameters]
+    return fmean(totals) if totals else None
 
 
 def _cost(over: Callable[[list[float]], float], cells: list[CellRecord], name: str) -> float | None:
@@ -209,25 +205,23 @@ def _cost(over: Callable[[list[float]], float], cells: list[CellRecord], name: s
 
 
 def _multiple(row: CostRatio, against: str) -> Entry:
-    """Return 1 for the baseline itself, and nothing for a method without a pair of as many steps."""
     if row.method == against:
         return Entry("1", value=1.0)
     if row.ratio is None:
         return EMPTY
-    low, high = row.interval or (None, None)
-    ends = "" if low is None else f"[{number(low)}, {number(high)}]"
-    return Entry(f"× {number(row.ratio)}", ends, "", row.ratio, {"low": low, "high": high}, Selection("", row.method))
+    small = f"[{', '.join(map(number, row.interval))}]" if row.interval else ""
+    return Entry(f"× {number(row.ratio)}", small, "", row.ratio, ends_of(row.interval), Selection("", row.method))
 
 
 def _bytes(amount: float | None) -> Entry:
     if amount is None:
         return EMPTY
-    size, unit = next((each for each in BYTES if amount >= each[0]), BYTES[-1])
+    size, unit = next((known for known in BYTES if amount >= known[0]), BYTES[-1])
     return Entry(f"{number(amount / size, 1)}{NARROW}{unit}", value=amount)
 
 
 def waiting(records: Records) -> str:
-    """Return the share of the cells that waited for a processor, in a sentence; empty if none did."""
+    """State how many cells waited for a processor; empty if none did."""
     slow = [cell for cell in records.cells if cell.waited]
     if not slow:
         return ""
@@ -254,7 +248,7 @@ def failures_grid(records: Records) -> Grid:
 
 
 def warnings_grid(records: Records) -> Grid:
-    """Tabulate warnings, those of the same words on the same scene and method in one row."""
+    """Tabulate warnings; equal warnings of the same scene and method share a row."""
     columns = [Column(name, numeric=False) for name in ("scene", "method", "seeds", "warning")]
     seeds_of: dict[tuple[str, str, str], list[int]] = {}
     for cell in records.cells:
@@ -273,7 +267,7 @@ def warnings_grid(records: Records) -> Grid:
 
 
 def warning_kinds(records: Records) -> list[tuple[str, int]]:
-    """Return the kinds of warnings (the words before the colon) and how many cells carry each."""
+    """Return the kinds of warnings (the words before the colon) and how many cells have each."""
     kinds = Counter(kind for cell in records.cells for kind in {text.split(":")[0] for text in cell.all_warnings})
     return kinds.most_common()
 
@@ -282,8 +276,8 @@ VERDICT_TONES = {"costs more": "failed", "inconclusive": "muted"}
 
 
 def left_out_grid(records: Records) -> Grid:
-    """Tabulate the omissions that scenes allow, by what is left out; if that was verified, what they saved and
-    changed on each. Scenes for which the same is left out for the same reason stand together.
+    """Tabulate the omissions that scenes allow and, if they were verified, the time that they save and the change of
+    error. Scenes with the same omission for the same reason share a row.
     """
     alike: dict[LeftOut, list[str]] = {}
     for scene in records.run.scenes:
@@ -293,24 +287,20 @@ def left_out_grid(records: Records) -> Grid:
     every = len(records.run.scenes)
     columns = [Column(name, numeric=False) for name in ("left out", "scene", "because")]
     columns += [Column("time saved"), Column("change in error"), Column("may cost"), Column("verdict", numeric=False)]
-    rows = [
-        [
-            Entry(omission.what, omission.concerns),
-            Entry(names[0], runs=Selection(names[0]))
-            if len(names) == 1
-            else Entry(f"all {every} scenes" if len(names) == every else ", ".join(names)),
-            Entry(omission.reason),
-            EMPTY
-            if omission.seconds_saved is None
-            else Entry(duration(omission.seconds_saved), omission.clock, "", omission.seconds_saved),
-            _change(omission),
-            Entry(f"{significant(omission.bound)} {omission.unit}", value=omission.bound) if omission.bound else EMPTY,
-            Entry(omission.verdict, omission.study, VERDICT_TONES.get(omission.verdict, ""))
-            if omission.verdict
-            else EMPTY,
-        ]
-        for omission, names in sorted(alike.items(), key=lambda row: order.index(row[0].what))
-    ]
+    rows = []
+    for omission, names in sorted(alike.items(), key=lambda row: order.index(row[0].what)):
+        scenes = Entry(f"all {every} scenes" if len(names) == every else ", ".join(names))
+        if len(names) == 1:
+            scenes = Entry(names[0], runs=Selection(names[0]))
+        saved = bound = verdict = EMPTY
+        if omission.seconds_saved is not None:
+            saved = Entry(duration(omission.seconds_saved), omission.clock, "", omission.seconds_saved)
+        if omission.bound:
+            bound = Entry(f"{significant(omission.bound)} {omission.unit}", value=omission.bound)
+        if omission.verdict:
+            verdict = Entry(omission.verdict, omission.study, VERDICT_TONES.get(omission.verdict, ""))
+        what, because = Entry(omission.what, omission.concerns), Entry(omission.reason)
+        rows.append([what, scenes, because, saved, _change(omission), bound, verdict])
     return without_empty_columns(Grid("Left out", columns, rows), always=3)
 
 
@@ -318,11 +308,7 @@ def _change(omission: LeftOut) -> Entry:
     if omission.difference is None:
         return EMPTY
     if omission.unit == "colour":
-        between = (
-            ""
-            if omission.interval is None
-            else f"[{significant(omission.interval[0])}, {significant(omission.interval[1])}]"
-        )
+        between = f"[{', '.join(map(significant, omission.interval))}]" if omission.interval else ""
         return Entry(f"{significant(omission.difference)} of a colour", between, value=omission.difference)
     change = f"{signed(omission.difference, 3)}{omission.unit and ' ' + omission.unit}"
     return Entry(change, interval(omission.interval, 3), value=omission.difference)

@@ -1,18 +1,18 @@
-"""Several outputs side by side → outputs.html: each against the first, cell by cell, judged as methods are."""
+"""Several outputs side by side → outputs.html: each against the first, cell by cell, judged like methods."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from harness.records.cells import Budget, CellRecord
+from harness.records.cells import Budget, CellRecord, Comparison
 from harness.records.metric_table import METRICS, PRIMARY, Metric
 from harness.verdicts.comparisons import Judgement, differences, family_of, judged, scored_along
 from reports.claims.claim_list import claims
 from reports.claims.psnr_table import lines, losses, spent_entry, tone_of
 from reports.data.load import Records
 from reports.data.table import cells_frame, curves_frame, spread_of
-from reports.data.wording import BUDGETS, counted, interval, listed, number, signed, tone_of_sign
+from reports.data.wording import BUDGETS, NOTHING, counted, interval, listed, number, signed, tone_of_sign
 from reports.drawing.figure import plots, with_common_limits
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Panel, Trace
@@ -27,23 +27,23 @@ ALIKE: tuple[Budget, ...] = ("steps", "seconds")
 """The budgets at which outputs are compared."""
 FIRST, OTHER = "first", "other"
 SAME_CLOCK = ("processor", "cores", "threads", "waiting", "device")
-"""The facts that two runs must share before their seconds are compared. Records without `waiting` are of clocks that do
-not count batches.
+"""The facts that two runs must share before their seconds are compared. The clocks of records without `waiting` did not
+count batches.
 """
 DASHES = (("solid:", ()), ("dashed:", (5.0, 2.0)), ("dotted:", (1.5, 1.5)), ("dash-dotted:", (6.0, 2.0, 1.5, 2.0)))
-"""The dashes, one per output, over and over."""
+"""The dashes of the outputs; further outputs start again from the first."""
 FEW = 3
 """The number of scenes that a headline names; more are counted."""
 ABOUT_SCORES = (
-    "Means over finished seeds ± sample standard deviation. A difference is paired by scene and seed, and judged as "
-    "one method against another is: its 95 % interval, below it the wider one of all that are looked at together, from "
-    "which the verdict is taken."
+    "Means over finished seeds ± sample standard deviation. A difference is paired by scene and seed, and judged like "
+    "a difference between methods: its 95 % interval, below it the wider interval of all that are looked at together, "
+    "from which the verdict is taken."
 )
 
 
 @dataclass(frozen=True)
 class Output:
-    """A run under the name that distinguishes it from the others, and a letter for the heads of columns."""
+    """A run with a name that distinguishes it from the others, and a letter for the heads of columns."""
 
     letter: str
     name: str
@@ -52,20 +52,18 @@ class Output:
 
 @dataclass(frozen=True)
 class Against:
-    """An output beside the first one."""
-
     other: Output
     identical: int
-    """The number of cells with every score and every weight count the same to the last bit."""
+    """The number of cells with the same results, bit for bit."""
     shared: int
     """The number of cells that both have."""
-    alone: list[str]
-    """The cells that only one of them has, in words."""
+    unshared: list[str]
+    """The names of the cells that only one of them has."""
     unlike: dict[str, str]
-    """Map scene → why its scores are of another question: another ground truth."""
+    """Scene → how its ground truth differs, so that its scores are not comparable."""
     same_clock: bool
     rows: dict[tuple[str, str, str, str], Judgement]
-    """Map scene (or `all`: those with the same ground truth in both), method, metric and budget → the difference
+    """Scene (or `all`: those with the same ground truth in both), method, metric and budget → the difference
     `other` − `first`.
     """
 
@@ -74,35 +72,35 @@ class Against:
 
 
 def named(runs: list[Records]) -> list[Output]:
-    """Name each by the shortest end of its path that none of the others has."""
+    """Name each run by the shortest end of its path that no other path has."""
     paths = [records.out.resolve() for records in runs]
 
     def name(path: Path) -> str:
         ends = [path.parts[-many:] for many in range(1, len(path.parts))]
-        alone = (end for end in ends if sum(other.parts[-len(end) :] == end for other in paths) == 1)
-        return "/".join(next(alone, path.parts))
+        unique = (end for end in ends if sum(other.parts[-len(end) :] == end for other in paths) == 1)
+        return "/".join(next(unique, path.parts))
 
     return [Output(chr(ord("A") + place), name(paths[place]), records) for place, records in enumerate(runs)]
 
 
 def against(first: Output, other: Output) -> Against:
-    """Return what `other` changes of `first`: only scenes, methods and seeds that both have can be compared."""
+    """Compare `other` with `first`, over the scenes, methods and seeds that both have."""
     ours, theirs = ({(c.scene, c.method, c.seed): c for c in output.records.cells} for output in (first, other))
     pairs = [(ours[key], theirs[key]) for key in ours if key in theirs]
     unlike = {pair[0].scene: why for pair in reversed(pairs) if (why := other_truth(*pair))}
     origins = [output.records.run.provenance for output in (first, other)]
     same_clock = all(origins[0].get(fact) == origins[1].get(fact) for fact in SAME_CLOCK)
-    alone = [
-        f"{scene} · {method} · seed {seed} in {(first if (scene, method, seed) in ours else other).name} alone"
+    unshared = [
+        f"{scene} · {method} · seed {seed} only in {(first if (scene, method, seed) in ours else other).name}"
         for scene, method, seed in ours.keys() ^ theirs.keys()
     ]
     identical = sum(results(cell) == results(another) for cell, another in pairs)
     rows = _rows([pair for pair in pairs if pair[0].scene not in unlike], same_clock)
-    return Against(other, identical, len(pairs), sorted(alone), unlike, same_clock, rows)
+    return Against(other, identical, len(pairs), sorted(unshared), unlike, same_clock, rows)
 
 
 def results(cell: CellRecord) -> tuple[object, ...]:
-    """Return a cell's numbers: status, steps, scores, curve but for its clock, scores by view."""
+    """Return a cell's numbers: status, steps, scores, curve without its clock, scores by view."""
     curve = [(point.step, point.network_evaluations, point.psnr, point.rmse_linear) for point in cell.curve]
     return cell.status, cell.steps, cell.scores, curve, cell.views
 
@@ -132,11 +130,11 @@ def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[
                 table = differences(keyed, scenes, seeds, OTHER, FIRST, metric, budget)
                 if about.optional and not any(np.isfinite(values).any() for values in table.values()):
                     continue
-                # a seed that a scene has in neither run is not a pair that was lost
-                there = {scene: values[has[scene]] for scene, values in table.items()}
+                # a seed that a scene has in neither run is not a lost pair
+                started = {scene: values[has[scene]] for scene, values in table.items()}
                 for scene in scenes:
                     family = family_of(metric, scene, len(scenes))
-                    rows[scene, method, metric, budget] = judged(there, metric, family, scene)
+                    rows[scene, method, metric, budget] = judged(started, metric, family, scene)
                 if len(scenes) > 1 and common.any():
                     shared = {scene: values[common] for scene, values in table.items()}
                     family = family_of(metric, EVERYWHERE, len(scenes))
@@ -152,22 +150,23 @@ def _sentence(first: Output, versus: Against) -> str:
     name, both = versus.other.name, [first, versus.other]
     if versus.shared == 0:
         return f"{name} and {first.name} have no cell in common"
-    if versus.identical == versus.shared and not versus.alone:
+    if versus.identical == versus.shared and not versus.unshared:
         return f"{name} has the same results as {first.name}, to the last bit"
     every, compared = scenes_of(both), {scene for scene, *_ in versus.rows}
     scenes = [scene for scene in every if scene in compared]
     words = [f"{name} against {first.name}"]
     if not len(scenes) == len(every) > 1:
-        some = f"{listed(scenes)} alone" if len(scenes) <= FEW else f"{len(scenes)} of {len(every)} scenes"
-        words.append(f"on {some}")
-    if versus.alone:
-        words.append(f"in the {versus.shared} of {counted(versus.shared + len(versus.alone), 'cell')} that both have")
+        some = f"only on {listed(scenes)}" if len(scenes) <= FEW else f"on {len(scenes)} of {len(every)} scenes"
+        words.append(some)
+    if versus.unshared:
+        every_cell = counted(versus.shared + len(versus.unshared), "cell")
+        words.append(f"in the {versus.shared} of {every_cell} that both have")
     verdicts = []
     for method in methods_of(both):
         row = next(filter(None, (versus.row(scene, method) for scene in (EVERYWHERE, *scenes))), None)
         same = row and row.difference == 0 and row.chosen.interval == (0.0, 0.0)
-        told = f"{signed(row.difference)} dB ({row.chosen.verdict.phrase})" if row else "not compared"
-        verdicts.append(f"{method} {'the same' if same else told}")
+        change = f"{signed(row.difference)} dB ({row.chosen.verdict.phrase})" if row else "not compared"
+        verdicts.append(f"{method} {'the same' if same else change}")
     return f"{', '.join(words)}: {listed(verdicts)}"
 
 
@@ -182,38 +181,32 @@ def scenes_of(outputs: list[Output]) -> list[str]:
 def sentences(first: Output, others: list[Against]) -> list[str]:
     notes = []
     for versus in others:
-        name, cells = versus.other.name, counted(versus.shared, "cell")
+        name, unshared = versus.other.name, versus.unshared
         if versus.shared:
-            notes.append(
-                f"{versus.identical} of {cells} that {first.name} and {name} share have the same results bit for bit."
-            )
-        if versus.alone:
-            more = f" and {len(versus.alone) - 3} more" if len(versus.alone) > 3 else ""
-            notes.append(f"Not compared: {', '.join(versus.alone[:3])}{more}.")
+            same = f"{versus.identical} of {counted(versus.shared, 'cell')}"
+            notes.append(f"{same} that {first.name} and {name} share have the same results bit for bit.")
+        if unshared:
+            more = f" and {len(unshared) - 3} more" if len(unshared) > 3 else ""
+            notes.append(f"Not compared: {', '.join(unshared[:3])}{more}.")
         if versus.unlike:
             why = listed([f"{scene} ({reason})" for scene, reason in versus.unlike.items()])
-            notes.append(f"The ground truth of {name} is another one in {why}: shown, and not judged.")
+            notes.append(f"{name} has a different ground truth in {why}: shown, and not judged.")
         if not versus.same_clock:
             notes.append(f"{name} ran on another kind of machine or was timed otherwise: seconds are not compared.")
     return notes
 
 
 def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Grid:
-    """Tabulate mean test PSNR of a method by scene in each output, and each difference to the first."""
     frames = [cells_frame(output.records) for output in outputs]
-    shown = [
-        (versus, budget, BUDGETS[budget])
-        for versus in others
-        for budget in ALIKE
-        if versus.same_clock or budget == "steps"
-    ]
+    shown = [(versus, budget) for versus in others for budget in (ALIKE if versus.same_clock else ALIKE[:1])]
     columns = [Column("scene", numeric=False), *(Column(output.letter, small=output.name) for output in outputs)]
     columns += [
-        Column(f"{versus.other.letter} − {outputs[0].letter}", small=f"at {words}") for versus, _, words in shown
+        Column(f"{versus.other.letter} − {outputs[0].letter}", small=f"at {BUDGETS[budget]}")
+        for versus, budget in shown
     ]
 
     def changes(scene: str) -> list[Entry]:
-        return [difference_entry(versus.row(scene, method, budget=budget), PSNR) for versus, budget, _ in shown]
+        return [difference_entry(versus.row(scene, method, budget=budget), PSNR) for versus, budget in shown]
 
     rows = []
     for scene in scenes_of(outputs):
@@ -228,18 +221,18 @@ def scores_grid(outputs: list[Output], others: list[Against], method: str) -> Gr
 
 
 def difference_entry(row: Judgement | None, metric: Metric) -> Entry:
-    """Return the difference, its interval, the one that the verdict is taken from if it is wider, and the verdict."""
+    """Return the difference, its interval and verdict, and the verdict's own interval where that is wider."""
     digits = metric.digits_of_difference
     if row is None:
         return EMPTY
-    chosen, aside = row.chosen, f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
+    chosen, lost = row.chosen, f"{counted(row.unpaired, 'pair')} not judged" if row.unpaired else ""
     if row.difference is None:
-        return Entry("–", lines(chosen.verdict.phrase, aside), "open")
+        return Entry(NOTHING, lines(chosen.verdict.phrase, lost), "open")
     wide = chosen.simultaneous if chosen.simultaneous != chosen.interval else None
     together = f"together: {interval(wide, digits)}" if wide else ""
     tone = tone_of_sign(chosen.verdict.sign, metric.higher_is_better)
     verdict = f"{interval(chosen.interval, digits)} {chosen.verdict.phrase}".strip()
-    return Entry(signed(row.difference, digits), lines(verdict, together, aside), tone, row.difference)
+    return Entry(signed(row.difference, digits), lines(verdict, together, lost), tone, row.difference)
 
 
 def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
@@ -255,15 +248,12 @@ def metrics_grid(outputs: list[Output], others: list[Against]) -> Grid:
     return Grid("Every score over all scenes, at equal steps", columns, rows)
 
 
-def _by_output(
-    caption: str, label: str, outputs: list[Output], rows: list[list[Entry]], numeric: bool = False, note: str = ""
-) -> Grid:
+def _by_output(caption: str, label: str, outputs: list[Output], rows: list[list[Entry]], numeric: bool = False) -> Grid:
     columns = [Column(label, numeric=False), *(Column(output.letter, numeric=numeric) for output in outputs)]
-    return Grid(caption, columns, rows, note=note)
+    return Grid(caption, columns, rows)
 
 
 def seconds_grid(outputs: list[Output]) -> Grid:
-    """Tabulate mean training seconds of the finished cells, by the wall and of the processor, without a verdict."""
     rows = []
     for method in methods_of(outputs):
         row = [Entry(method)]
@@ -272,12 +262,12 @@ def seconds_grid(outputs: list[Output]) -> Grid:
             spent = spent_entry(done)
             row.append(replace(spent, small=lines(spent.small, counted(len(done), "cell"))) if done else EMPTY)
         rows.append(row)
-    note = "Means over the finished cells of each output."
-    return _by_output("Training time a cell", "method", outputs, rows, True, note)
+    grid = _by_output("Training time per cell", "method", outputs, rows, numeric=True)
+    return replace(grid, note="Means over the finished cells of each output.")
 
 
 def verdicts_grid(outputs: list[Output]) -> Grid:
-    """Tabulate the answer of each output to its own question: the compared methods, over all scenes."""
+    """Tabulate each output's own comparisons of methods over all of its scenes."""
     answers = [
         {
             (comparison.method, comparison.against, comparison.budget): comparison
@@ -286,50 +276,45 @@ def verdicts_grid(outputs: list[Output]) -> Grid:
         }
         for output in outputs
     ]
+
+    def answer(comparison: Comparison | None) -> Entry:
+        if comparison is None:
+            return EMPTY
+        words = lines(interval(comparison.interval), comparison.verdict.phrase)
+        tone = tone_of_sign(comparison.verdict.sign)
+        return Entry(signed(comparison.difference), words, tone, comparison.difference)
+
     rows = [
-        [
-            Entry(f"{method} − {rival}", f"at {BUDGETS[budget]}"),
-            *(
-                Entry(
-                    signed(comparison.difference),
-                    lines(interval(comparison.interval), comparison.verdict.phrase),
-                    tone_of_sign(comparison.verdict.sign),
-                    comparison.difference,
-                )
-                if comparison
-                else EMPTY
-                for comparison in (of_output.get((method, rival, budget)) for of_output in answers)
-            ),
-        ]
-        for method, rival, budget in dict.fromkeys(key for of_output in answers for key in of_output)
+        [Entry(f"{key[0]} − {key[1]}", f"at {BUDGETS[key[2]]}"), *(answer(own.get(key)) for own in answers)]
+        for key in dict.fromkeys(key for own in answers for key in own)
     ]
     caption = "What each output says: difference in test PSNR over its scenes (dB)"
-    return _by_output(caption, "comparison", outputs, rows, True)
+    return _by_output(caption, "comparison", outputs, rows, numeric=True)
 
 
 def claims_grid(outputs: list[Output]) -> Grid:
-    """Tabulate the printed claims that all outputs list and on which they disagree."""
+    """Tabulate the claims that all outputs list and on which their verdicts differ."""
     ledgers = [{claim.id: claim for claim in claims(output.records)} for output in outputs]
     rows = []
     for name, claim in ledgers[0].items():
         verdicts = [ledger[name].verdict for ledger in ledgers if name in ledger]
         if len(verdicts) == len(outputs) and len(set(verdicts)) > 1:
             rows.append([Entry(claim.statement, name), *map(Entry, verdicts)])
-    return _by_output("Claims of which the outputs do not say the same", "claim", outputs, rows)
+    return _by_output("Claims on which the outputs disagree", "claim", outputs, rows)
 
 
 def facts_grid(outputs: list[Output], part: str, caption: str) -> Grid:
-    """Tabulate the settings (`settings`) or the facts of origin (`provenance`) that differ between outputs."""
+    """Tabulate the values of a part of the runs' records, `settings` or `provenance`, that differ between outputs."""
     facts = [dict(flat(getattr(output.records.run, part))) for output in outputs]
-    rows = {
-        name: [own.get(name, "–") for own in facts] for name in dict.fromkeys(name for own in facts for name in own)
-    }
-    differing = [[Entry(name), *map(Entry, values)] for name, values in rows.items() if len(set(values)) > 1]
-    return _by_output(caption, "setting", outputs, differing)
+    rows = []
+    for name in dict.fromkeys(name for own in facts for name in own):
+        values = [own.get(name, NOTHING) for own in facts]
+        if len(set(values)) > 1:
+            rows.append([Entry(name), *map(Entry, values)])
+    return _by_output(caption, "setting", outputs, rows)
 
 
 def curves(outputs: list[Output]) -> list[Panel]:
-    """Draw mean test PSNR over steps, scene by scene: one colour per method, one dash per output."""
     frames = [curves_frame(output.records) for output in outputs]
     points = [points_of(frame.assign(x=frame["step"], y=frame["psnr"])) for frame in frames]
     panels = []
@@ -351,7 +336,6 @@ def curves(outputs: list[Output]) -> list[Panel]:
 
 
 def outputs_page(runs: list[Records]) -> tuple[str, str]:
-    """Return the headline, and the complete page as text; the first output is the reference for the others."""
     outputs = named(runs)
     others = [against(outputs[0], other) for other in outputs[1:]]
     methods = methods_of(outputs)

@@ -1,9 +1,9 @@
-"""Rendered views beside their ground truth, for print and for readers without a script; they are chosen by a fixed
-rule.
+"""Rendered views next to their ground truth: still pictures for print and for readers without a script, and the
+picture data of the comparer.
 
-Shown is the first kept view of each scene, of the first seed in which most methods have a picture of their last
-checkpoint. They are base64 PNGs, made smaller if a large run would otherwise make the page heavy. Everything else
-that was saved is in the page's picture data (`reports.run.pictures`).
+The stills show the first kept view of each scene, of the first seed in which most methods have a picture of their last
+checkpoint. They are base64 PNGs, reduced if a large run would make the page heavy. All other saved renders are in the
+picture data.
 """
 
 import re
@@ -35,11 +35,10 @@ BUDGET_BYTES = 1_500_000
 
 
 class Shown(NamedTuple):
-    """One method's picture of a view as a data URI, None if there is none."""
-
     method: str
     caption: str
     render: str | None
+    """A data URI."""
     failed: bool = False
 
 
@@ -53,7 +52,6 @@ class View(NamedTuple):
 
 
 def views(records: Records) -> list[View]:
-    """Return one view of every scene that has pictures, in the order of scenes."""
     chosen = [(scene, seed) for scene in records.scenes if (seed := seed_shown(records, scene)) is not None]
     side = side_for(len(chosen) * (1 + len(records.methods)), BUDGET_BYTES)
     shown = []
@@ -70,25 +68,24 @@ def views(records: Records) -> list[View]:
 
 
 def seed_shown(records: Records, scene: str) -> int | None:
-    """Return the first seed in which the most finished methods have pictures; among equals, the first in which the most
-    methods have any; None if there are none.
+    """Return the seed in which most finished methods have pictures; of equals that with pictures of most methods, then
+    the first. None if there are no pictures.
     """
-    having: dict[int, tuple[int, int]] = {}
+    counts: dict[int, tuple[int, int]] = {}
     for cell in records.cells:
         if cell.scene == scene and cell.pictures is not None:
-            finished, any_ = having.get(cell.seed, (0, 0))
-            having[cell.seed] = (finished + (cell.status == "done"), any_ + 1)
-    return max(having, key=lambda seed: (*having[seed], -seed), default=None)
+            finished, started = counts.get(cell.seed, (0, 0))
+            counts[cell.seed] = (finished + (cell.status == "done"), started + 1)
+    return max(counts, key=lambda seed: (*counts[seed], -seed), default=None)
 
 
 def first_view(pictures: Kept) -> str | None:
-    """Return the first view of the truth, else the first that any cell has."""
     names = [*pictures.truth, *(render.view for renders in pictures.renders.values() for render in renders)]
     return next(iter(names), None)
 
 
 def last_render(pictures: Kept, cell: CellRecord, view: str) -> Render | None:
-    """Return the last render of a cell that finished; that of a diverged one is not the end of a training."""
+    """Return the last render of a finished cell; the last render of a diverged cell is not the end of a training."""
     if cell.status != "done":
         return None
     renders = last_of(pictures.renders.get((cell.method, cell.seed), []))
@@ -118,7 +115,7 @@ def _shown(pictures: Kept, cell: CellRecord, view: str, truth: Truth | None, sid
 
 INLINE_BYTES = 6_000_000
 FILE_BYTES = 32_000_000
-"""The bytes of base64, in the page and in a file beside it."""
+"""The maximum bytes of base64 in the page, and in a file next to it."""
 FOLDER = "report_pictures"
 IMPORTANCE = (
     "the last checkpoint of the seed that is shown",
@@ -128,9 +125,9 @@ IMPORTANCE = (
     "other seeds, other views",
 )
 LEAST = 1
-"""The pictures of every scene that must fit into a page; otherwise its pictures lie beside it."""
+"""The importance up to which the pictures of every scene must fit into the page; if not, files hold them."""
 BRIGHT = 1.0 + 1 / 256
-"""The light above which a value is more than display colour and the rounding of float16 hold."""
+"""The linear light above which a value is brighter than white, beyond the rounding of float16."""
 
 
 @dataclass
@@ -138,14 +135,14 @@ class SceneData:
     entry: dict[str, Any]
     renders: list[tuple[int, dict[str, object], dict[str, str]]] = field(default_factory=list)
     """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; the row is empty if
-    it was not asked for.
+    it is not packed.
     """
     texts: dict[str, str] = field(default_factory=dict)
-    """The pictures of the truth."""
+    """The pictures of the truth: id → base64."""
     left_out: Counter[int] = field(default_factory=Counter)
     """The number of renders that did not fit, by importance."""
     unshown: bool = False
-    """Whether there are renders without the truth that they belong to."""
+    """Whether there are renders but no truth."""
 
     def sizes(self) -> np.ndarray:
         """Return the bytes by importance; the truth counts as most important."""
@@ -155,7 +152,7 @@ class SceneData:
         return sizes
 
     def choose(self, up_to: int) -> dict[str, str]:
-        """Write the rows up to an importance into the entry; returns their pictures and those of the truth."""
+        """Write the rows up to an importance into the entry; return their pictures and those of the truth."""
         texts = dict(self.texts)
         for importance, row, of_row in self.renders:
             if importance <= up_to:
@@ -168,9 +165,9 @@ class SceneData:
 class PictureData(NamedTuple):
     data: dict[str, object]
     inline: dict[str, str]
-    """Map element's id → base64."""
+    """The id of an element → base64."""
     files: dict[str, str]
-    """Map path beside the page → content; empty if the page holds its pictures."""
+    """The path relative to the page → content; empty if the page holds its pictures."""
 
 
 def picture_data(records: Records, budget: int = INLINE_BYTES, file_budget: int = FILE_BYTES) -> PictureData | None:
@@ -180,7 +177,7 @@ def picture_data(records: Records, budget: int = INLINE_BYTES, file_budget: int 
 
 
 def _inline(records: Records, budget: int) -> PictureData | None:
-    """Put everything into the page; returns None if `LEAST` does not fit."""
+    """Put the pictures into the page; return None if those up to `LEAST` do not fit."""
     scenes: list[SceneData] = []
     spent, up_to = np.zeros(len(IMPORTANCE), dtype=np.int64), len(IMPORTANCE) - 1
     for scene in records.scenes:
@@ -189,20 +186,18 @@ def _inline(records: Records, budget: int) -> PictureData | None:
         up_to = _fitting(spent, budget)
         if up_to < LEAST:
             return None
-    inline: dict[str, str] = {}
-    for scene_shown in scenes:
-        inline |= scene_shown.choose(up_to)
+    inline = {name: text for shown in scenes for name, text in shown.choose(up_to).items()}
     return PictureData(_data(records, scenes, ""), inline, {})
 
 
 def _beside(records: Records, budget: int) -> PictureData:
-    """Make one file per scene; the packed pictures of one scene are in memory at a time."""
+    """Make a file per scene; only the packed pictures of one scene are in memory at a time."""
     scenes: list[SceneData] = []
     files: dict[str, str] = {}
     for place, scene in enumerate(records.scenes):
         shown = scene_data(records, scene, len(IMPORTANCE) - 1)
         texts = shown.choose(max(_fitting(shown.sizes(), budget), 0))
-        # a scene's name may hold any character, a file's may not
+        # the name of a scene may hold any character
         file = f"{FOLDER}/{place}_{re.sub('[^A-Za-z0-9_-]', '_', scene)[:80]}.js"
         for holder in (*(view["truth"] for view in shown.entry["views"]), *shown.entry["renders"]):
             for ref in holder.values():
@@ -216,7 +211,7 @@ def _beside(records: Records, budget: int) -> PictureData:
     beside = (
         f"The pictures of this report lie in {FOLDER}/ next to it, "
         f"{counted(len(files), 'file')} of {sum(map(len, files.values())) / 1e6:.0f} MB: "
-        "whoever passes the report on must pass that folder on with it."
+        "pass that folder on together with the report."
     )
     return PictureData(_data(records, scenes, beside), {}, files)
 
@@ -233,7 +228,7 @@ def _data(records: Records, scenes: list[SceneData], beside: str) -> dict[str, o
         for importance, many in sorted(left_out.items())
     ]
     sentences += [
-        f"{shown.entry['name']}: its pictures are not shown, the ground truth of them is missing or damaged."
+        f"{shown.entry['name']}: its pictures are not shown, as their ground truth is missing or damaged."
         for shown in scenes
         if shown.unshown
     ]
@@ -247,7 +242,7 @@ def _data(records: Records, scenes: list[SceneData], beside: str) -> dict[str, o
 
 
 def scene_data(records: Records, scene: str, up_to: int) -> SceneData:
-    """Return the scene, its renders packed up to an importance; `entry["renders"]` is still empty."""
+    """Return the scene with its renders packed up to an importance; `choose` fills `entry["renders"]`."""
     pictures, about, first = kept(records, scene), records.scene(scene), seed_shown(records, scene)
     names = list(pictures.truth)
     far = _far(pictures, about)
@@ -268,7 +263,7 @@ def scene_data(records: Records, scene: str, up_to: int) -> SceneData:
             if truth is None or render.opacity.shape != truth.opacity.shape:
                 continue
             last, place = render.step == renders[-1].step, names.index(render.view)
-            # the seed that is shown before the others, its end before what led there, first views before further ones
+            # in the order of IMPORTANCE
             importance = 0 if cell.seed == first and last else (1 if cell.seed == first else 3) + (place > 0)
             texts: dict[str, str] = {}
             packed = _row(cell, render, last, place, far, texts) if importance <= up_to else {}
@@ -309,8 +304,8 @@ def _view(truth: Truth, about: SceneRecord | None, far: float, texts: dict[str, 
 def _row(
     cell: CellRecord, render: Render, last: bool, place: int, far: float, texts: dict[str, str]
 ) -> dict[str, object]:
-    of_view = next((score for score in cell.views if score.view == render.view), None)
-    scored, ceiling = of_view if last else None, of_view.psnr_ceiling if of_view else None
+    scores = next((score for score in cell.views if score.view == render.view), None)
+    scored, ceiling = scores if last else None, scores.psnr_ceiling if scores else None
     return {
         "method": cell.method,
         "seed": cell.seed,
@@ -319,7 +314,7 @@ def _row(
         "last": last,
         "view": place,
         **{name: getattr(scored, name, None) for name in ("psnr", "flip", "delta_e", "rel_mse", "smape", "hdr_flip")},
-        # the RMS of what renders of the truth itself differ by
+        # the RMS difference between renders of the truth
         "noise": None if ceiling is None else 10.0 ** (-ceiling / 20.0),
         "colour": _put(packing.display(render.colour), texts),
         "opacity": _put(packing.display(render.opacity), texts),
@@ -328,7 +323,7 @@ def _row(
 
 
 def write_files(files: dict[str, str], folder: Path) -> None:
-    """Write the files beside a page in `folder`, each atomically. Raises `OSError`."""
+    """Write the picture files of a page in `folder`, each atomically. Raises `OSError`."""
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -336,10 +331,10 @@ def write_files(files: dict[str, str], folder: Path) -> None:
 
 
 def remove_others(files: dict[str, str], folder: Path) -> None:
-    """Remove files of an earlier page in `folder` that the present one does not name. Raises `OSError`."""
-    beside = folder / FOLDER
-    for path in beside.glob("*.js"):
+    """Remove picture files of an earlier page in `folder` that `files` does not name. Raises `OSError`."""
+    pictures = folder / FOLDER
+    for path in pictures.glob("*.js"):
         if f"{FOLDER}/{path.name}" not in files:
             path.unlink()
-    if beside.is_dir() and not any(beside.iterdir()):
-        beside.rmdir()
+    if pictures.is_dir() and not any(pictures.iterdir()):
+        pictures.rmdir()

@@ -12,7 +12,7 @@ from harness.records.verdict import phrase_with
 from reports.claims.claim_list import claims
 from reports.claims.estimands import rates_grid, senses_grid
 from reports.claims.first_screen import first_screen
-from reports.claims.headline import headline, tabulated
+from reports.claims.headline import budgets_of, headline
 from reports.claims.ledger import Claim, in_short, not_tested
 from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters, folds
@@ -51,7 +51,7 @@ TABLES = {
     "Weights": ("parameters", metrics_table.parameters_grid),
     "Left out": ("left_out", metrics_table.left_out_grid),
 }
-"""Title → id and table of a section that is a single one."""
+"""Title → id and table of a section that holds only this table."""
 CONVERGENCE = (
     "Thin: one seed. Thick: mean of the finished seeds. A cross: where a run diverged. Dashed: the floor (copying the "
     "nearest training view) and, where it is near, the ceiling (noise of the ground truth). "
@@ -65,8 +65,8 @@ WORK = (
     "PSNR ceiling to linear light; for the other errors it is not known."
 )
 AMPLIFIER = (
-    "Points spread over the scene’s box: means over the seeds that finished, if any did, at the last step that they "
-    "share. Both axes are logarithmic where the bins are; empty bins lie on the lower one."
+    "Densities at points spread over the scene’s box: means over the finished seeds (over all seeds if none finished) "
+    "at the last step that they share. Both axes are logarithmic where the bins are; empty bins lie on the lower axis."
 )
 CLAIMS = Markup(
     "{}: {}. Intervals are 95 %, on these scenes, and widened where several claims are looked at together. At its own "
@@ -74,20 +74,20 @@ CLAIMS = Markup(
     "percentage points of a saving) of what is printed, and <i>not reproduced</i> where it lies outside. At another "
     "scale a gain is <i>seen</i> where its interval lies above 0 and reaches to within that distance of what is "
     "printed, and <i>not seen at this scale</i> where it does not reach there. What needs no training – weights, sums, "
-    "means – is reproduced or not. A bound is met exactly. All else is <i>inconclusive</i>."
+    "means – is reproduced or not. A bound has no margin. All else is <i>inconclusive</i>."
 )
 
 
 def page(records: Records, beside: Beside = ALONE) -> str:
-    """Return the complete page as text; the measurements `beside` the run have sections of their own."""
+    """Return the complete page as text, with a section for each record of `beside`."""
     return _page(records, beside, picture_data(records), {})
 
 
 def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
     layout = Layout(colours_of([*records.methods, *records.run.guests]))
     filters = {"signed": wording.signed, "interval": wording.interval, "tone_of_sign": wording.tone_of_sign}
-    filters["phrase_with"] = phrase_with
-    layout.environment.filters.update(filters | {"as_data": as_data, "behind": behind_difference})
+    filters |= {"phrase_with": phrase_with, "as_data": as_data, "behind": behind_difference}
+    layout.environment.filters.update(filters)
     run, ledger = records.run, claims(records, beside)
     studies = [record for record in (beside.evidence, beside.stability, beside.serving) if record is not None]
     shelves = {record.shelf: shown.get(record.shelf) or shelf_shown(record, records.out) for record in studies}
@@ -105,7 +105,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         records=records,
         run=run,
         headline=answer,
-        equal_time=tabulated(records)[1][1],
+        equal_time=wording.BUDGETS[budgets_of(records)[1]],
         ruler_like=any(duel.steps and duel.steps.scenes_like_these for duel in answer.duels),
         first=first_screen(records, ledger, beside),
         facts=facts(records),
@@ -130,8 +130,6 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
 
 
 class _Content(NamedTuple):
-    """What the sections of the page are made of."""
-
     records: Records
     layout: Layout
     ledger: list[Claim]
@@ -145,12 +143,12 @@ class _Content(NamedTuple):
 
     def figures(self, name: str) -> Markup:
         """Lay out the figures of a section: panels of all scenes together first, those of single scenes folded."""
-        parts, records = self.layout.parts, self.records
+        parts, several = self.layout.parts, len(self.records.scenes) > 1
         shown, together, by_scene = Markup(""), [], Markup("")
         for figure in FIGURES:
-            if figure.section != name or not (drawn := plots(figure.panels(records), figure.name)):
+            if figure.section != name or not (drawn := plots(figure.panels(self.records), figure.name)):
                 continue
-            if figure.all_first and len(records.scenes) > 1:
+            if figure.all_first and several:
                 together.append(drawn[0])
                 by_scene += parts.folded(f"{figure.title}, scene by scene", parts.figures(drawn[1:]))
                 continue
@@ -170,7 +168,6 @@ def folded(name: str, title: str, *content: Markup) -> Section:
 
 
 def _sections(content: _Content) -> Iterator[Section]:
-    """Yield the sections in the order of the page; an empty one is left out."""
     records, parts = content.records, content.layout.parts
     scores = [scores_grid(records), senses_grid(records), *differences_grids(records)]
     yield section("psnr", "PSNR", *map(parts.table, scores), content.figures("psnr"))
@@ -258,7 +255,7 @@ def _claims(content: _Content) -> Iterator[Section]:
 
 
 def provenance(records: Records) -> shell.Groups:
-    """Return groups of name and value: how to get the same again."""
+    """Return groups of name and value that tell how to repeat the run."""
     run = records.run
     phases = [(f"{name} (wall)", wording.duration(seconds)) for name, seconds in run.phases.items()]
     sets = []
@@ -267,8 +264,8 @@ def provenance(records: Records) -> shell.Groups:
         rendered = [f"{name} {value}" for name, value in flat(scene.rendered)]
         corners = " to ".join(f"({', '.join(f'{x:.3g}' for x in corner)})" for corner in scene.bounds)
         hull = "" if scene.hull_share is None else f", of which the silhouettes leave {scene.hull_share:.0%}"
-        facts = [scene.view_set, split, f"box {corners}{hull}", scene.seen, *rendered]
-        sets.append((scene.name, "; ".join(filter(None, facts))))
+        known = [scene.view_set, split, f"box {corners}{hull}", scene.seen, *rendered]
+        sets.append((scene.name, "; ".join(filter(None, known))))
     groups = [
         ("Run", [("command", run.command), *phases, ("digest of the records", records_digest(records))]),
         ("Settings", flat(run.settings)),
@@ -281,9 +278,9 @@ def provenance(records: Records) -> shell.Groups:
 def write_page(
     records: Records, path: Path, beside: Beside = ALONE, shown: dict[str, ShelfShown] | None = None
 ) -> None:
-    """Write beside the place, then rename: a reader never sees half a page, nor one without its pictures.
+    """Write the pictures, then the page, each atomically: a reader never sees an incomplete page.
 
-    `shown` holds the sections of studies that were made already, by shelf.
+    `shown` holds, by shelf, the sections of studies that were already laid out.
     """
     pixels = picture_data(records)
     files = pixels.files if pixels else {}

@@ -1,4 +1,4 @@
-"""Every run of the report as one piece of data, with which the page shows the runs behind a figure."""
+"""Every run of the report as data, from which the page shows the runs behind a figure."""
 
 from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS
@@ -8,18 +8,18 @@ from reports.drawing.palette import colours_of
 from reports.drawing.traces import rounded
 from reports.page.shell import flat
 from reports.run.density import is_histogram
-from reports.run.saving.replay import beside_it, replay
+from reports.run.saving.replay import conditions, replay
 
 RUN_SCRIPTS = ("density.js",)
 CURVES = ("step", "seconds", "core_seconds", *METRICS, "alpha", "beta")
 OF_A_VIEW = ("psnr", "ssim", "flip")
 TRACED = 30
-"""The points of a small line over training."""
+"""The maximum number of points of a small line over training."""
 DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside", "after_outside")
 
 
 def runs_data(records: Records) -> dict[str, object]:
-    """Return scores and curves in columns, one list per name, so that no name is repeated a thousand times."""
+    """Return scores and curves in columns, a list per name, so that names are not repeated for every value."""
     differing = settings_that_differ(records.cells)
     compared = {(cell.scene, cell.seed) for cell in of_whole_groups(records.cells, records.run.main_methods)}
     return {
@@ -47,9 +47,7 @@ def runs_data(records: Records) -> dict[str, object]:
 
 
 def _targets(records: Records) -> dict[str, object]:
-    """Return how soon each run reached the target: scene → method → seed → axis of time → time and what is known of
-    it.
-    """
+    """Return how soon each run reached the target: scene → method → seed → axis of time → time and its meaning."""
     record = records.targets
     if record is None or record.target is None:
         return {}
@@ -63,7 +61,7 @@ def _targets(records: Records) -> dict[str, object]:
 def _cell(records: Records, cell: CellRecord, differing: set[str]) -> dict[str, object]:
     curve = sorted(cell.curve, key=lambda point: point.step)
     columns = {name: [_number(getattr(point, name)) for point in curve] for name in CURVES}
-    # the largest of the layers: one that is dead cuts off all before it
+    # the largest share of all layers, as a dead layer cuts off every layer before it
     columns["dead_units"] = [_number(max(point.dead_units.values())) if point.dead_units else None for point in curve]
     return {
         **{name: getattr(cell, name) for name in ("scene", "method", "seed", "status", "steps")},
@@ -77,7 +75,7 @@ def _cell(records: Records, cell: CellRecord, differing: set[str]) -> dict[str, 
         "trace": _trace(cell),
         "costs": {name: _number(amount) for name, amount in cell.costs.items()},
         "replay": replay(records, cell),
-        "beside": beside_it(cell),
+        "beside": conditions(cell),
         "file": f"records/cells/{cell.scene}.{cell.method}.{cell.seed}.json",
         "curve": {name: values for name, values in columns.items() if any(value is not None for value in values)},
     }
@@ -89,7 +87,7 @@ def _views(cell: CellRecord) -> dict[str, list[float | int | None]]:
 
 
 def _trace(cell: CellRecord) -> dict[str, list[float | None]]:
-    """Return at most `TRACED` points of each series, those of the first and the last step among them."""
+    """Return at most `TRACED` points of each series, including the first and the last."""
     many = len(cell.trace.get("step", []))
     places = sorted({round(at * (many - 1) / (TRACED - 1)) for at in range(TRACED)}) if many > TRACED else range(many)
     return {
@@ -110,7 +108,7 @@ def settings_that_differ(cells: list[CellRecord]) -> dict[str, set[str]]:
 
 
 def density_data(records: Records) -> list[dict[str, object]]:
-    """Return histograms of density of each run at its checkpoints, `after` where it is not the same as `before`."""
+    """Return the histograms of density of each run at its checkpoints, `after` only if it differs from `before`."""
     histograms = []
     for cell in records.cells:
         points = sorted(filter(is_histogram, cell.curve), key=lambda point: point.step)

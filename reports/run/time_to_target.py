@@ -1,12 +1,12 @@
-"""When runs reached a PSNR: curves, and how much sooner. A run that never did is censored and stays in sight."""
+"""When runs reached a PSNR: curves, and how much sooner. A run that never did is censored, and shown as such."""
 
 from bisect import bisect_left, bisect_right
 
 from harness.records.targets import Axis, Reach, ReachCurve, TargetComparison, TargetsRecord
-from reports.claims.psnr_table import lines
+from reports.claims.psnr_table import ends_of, lines
 from reports.data.load import Records
 from reports.data.selection import Selection, behind_saving
-from reports.data.wording import NARROW, count, counted, interval, number, signed, significant, tone_of_sign
+from reports.data.wording import NARROW, NOTHING, count, counted, interval, number, signed, significant, tone_of_sign
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Kind, Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
@@ -16,7 +16,7 @@ AXES: dict[Axis, tuple[str, str, str]] = {
     "seconds": ("training seconds", "less training time", "s"),
     "core_seconds": ("core seconds", "fewer core seconds", "core s"),
 }
-"""Map axis → its label, the head of a saving along it, and its unit."""
+"""Axis → its label, the head of the column of savings, and its unit."""
 AT_RISK = 5
 """The number of watched runs below which the curve over all scenes ends."""
 BEFORE = 1.6
@@ -77,7 +77,7 @@ def _reach_panel(records: Records, record: TargetsRecord, scene: str, axis: Axis
 
 
 RISK_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""The parts of the longest time watched at which numbers at risk are given."""
+"""The shares of the longest time watched at which numbers at risk are given."""
 
 
 def at_risk_grid(record: TargetsRecord) -> Grid | None:
@@ -96,8 +96,8 @@ def at_risk_grid(record: TargetsRecord) -> Grid | None:
             rows.append([*row, *(Entry(count(risk), value=risk) for risk in (watched_at(curve, at) for at in times))])
     columns = [Column("method", numeric=False), *(Column(f"{share:.0%}") for share in RISK_SHARES)]
     note = (
-        "Runs that were still watched and had not reached the target, at parts of the longest time (which stands under "
-        f"the first method). The curve over all scenes ends where fewer than {AT_RISK} are left."
+        "Runs that were still watched and had not reached the target, at shares of the longest time; the times are "
+        f"below the first method. The curve over all scenes ends where fewer than {AT_RISK} are left."
     )
     return Grid("Numbers at risk", columns, rows, note=note)
 
@@ -112,13 +112,13 @@ def is_lost(reach: Reach) -> bool:
 
 
 def share_at(curve: ReachCurve, time: float) -> float:
-    """Return the share of the step function, which holds from each time on."""
+    """Return the value of the step function, which jumps at the times of `curve`."""
     place = bisect_right(curve.time, time)
     return curve.share[place - 1] if place else 0.0
 
 
 def notes(record: TargetsRecord) -> list[str]:
-    """State how many runs of each method never got there, or were there before anybody looked."""
+    """State how many runs of each method never reached the target, or reached it by the first checkpoint."""
     sentences = []
     for method in dict.fromkeys(reach.method for reach in record.reaches):
         own = [reach for reach in record.reaches if (reach.method, reach.axis) == (method, "steps")]
@@ -134,14 +134,14 @@ def notes(record: TargetsRecord) -> list[str]:
 
 
 def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
-    """Tabulate one row per pair of methods (and scene), the axes of time beside each other."""
+    """Tabulate savings: a row per pair of methods (and scene), a column per axis of time."""
     pairs = dict.fromkeys(
         (saving.scene, saving.method, saving.against) for saving in record.comparisons if saving.scene in scenes
     )
     if not pairs:
         return None
     everywhere, rows = scenes == ["all"], []
-    # an older run has not counted core seconds
+    # older runs did not count core seconds
     axes = [axis for axis in AXES if axis != "core_seconds" or any(row.axis == axis for row in record.comparisons)]
     for scene, method, against in sorted(pairs, key=lambda pair: scenes.index(pair[0])):
         savings = [record.comparison(scene, method, against, axis) for axis in axes]
@@ -152,14 +152,14 @@ def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
     note = (
         "Percentage saved of the time to the target, or to the horizon where that comes first (geometric mean over "
         "pairs; negative: slower), with the 95 % interval that the verdict is taken from. Where runs were cut short by "
-        "the horizon it is no estimate of the time to the target itself, but a bound of it where one is given."
+        "the horizon it does not estimate the saving to the target itself; a bound on that is given if there is one."
     )
     title = "How much sooner, over all scenes" if everywhere else "How much sooner, scene by scene"
     return Grid(title, columns, rows, note=note if everywhere else "")
 
 
 def saving_entry(saving: TargetComparison | None) -> Entry:
-    """Return `+18.0 %`, below it interval, verdict, and how many runs say less than a time."""
+    """Format `+18.0 %`, below it interval, verdict, and how many runs give no time."""
     if saving is None:
         return EMPTY
     censored = [
@@ -175,15 +175,14 @@ def saving_entry(saving: TargetComparison | None) -> Entry:
         ]
         censored.append(f"horizon {number(saving.horizon, 0)} {AXES[saving.axis][2]}")
     least = saving.smallest_detectable
-    could = "" if least is None else f"detectable {number(least, 0)}{NARROW}%"
-    aside = f"{counted(saving.unpaired, 'pair')} not judged" if saving.unpaired else ""
+    detectable = "" if least is None else f"detectable {number(least, 0)}{NARROW}%"
+    lost = f"{counted(saving.unpaired, 'pair')} not judged" if saving.unpaired else ""
     pair = None if saving.saving is None else saving.simultaneous or saving.interval
-    low, high = pair or (None, None)
     return Entry(
-        "–" if saving.saving is None else f"{signed(saving.saving, 1)}{NARROW}%",
-        lines(interval(pair, 1), saving.verdict.phrase, could, *censored, aside),
+        NOTHING if saving.saving is None else f"{signed(saving.saving, 1)}{NARROW}%",
+        lines(interval(pair, 1), saving.verdict.phrase, detectable, *censored, lost),
         tone_of_sign(saving.verdict.sign),
         saving.saving,
-        {} if saving.saving is None else {"low": low, "high": high, "detectable": least},
+        {} if saving.saving is None else {**ends_of(pair), "detectable": least},
         behind_saving(saving),
     )

@@ -1,6 +1,6 @@
-"""A turn around each scene: small pictures of its test views, the methods beside the truth, in the order of azimuth.
+"""A turn around each scene: small JPEGs of its test views in the order of azimuth, the methods below the truth.
 
-They are JPEGs, to be looked at; what was saved of the views that the comparer shows is exact.
+They are approximate; the pictures of the comparer are exact.
 """
 
 from typing import NamedTuple
@@ -14,18 +14,17 @@ from reports.drawing.images import data_uri, smaller
 from scenes.files.errors import DamagedRecord
 
 BUDGET_BYTES = 2_000_000
-BYTES_A_PIXEL = 0.28
+BYTES_PER_PIXEL = 0.28
 """The approximate bytes per pixel of a JPEG in base64."""
 SIDES = (100, 50, 34, 25)
 QUALITY = 75
 
 
 class Strip(NamedTuple):
-    """The views of the truth or of a method side by side, as a data URI."""
-
     method: str | None
-    """None: the truth."""
+    """None for the truth."""
     image: str
+    """A data URI."""
 
 
 class Round(NamedTuple):
@@ -37,22 +36,20 @@ class Round(NamedTuple):
 
 
 def rounds(records: Records) -> list[Round]:
-    """Return the scenes of which the truth and a method have a turn."""
-    found = {scene: _turns(records, scene) for scene in records.scenes}
-    pixels = sum(turn.frames[..., 0].size for turns in found.values() for turn in turns.values())
-    side = next((side for side in SIDES if pixels * (side / SIDES[0]) ** 2 * BYTES_A_PIXEL <= BUDGET_BYTES), SIDES[-1])
-    shown = []
-    for scene, turns in found.items():
-        about, strips = records.scene(scene), [Strip(name, _strip(turn, side)) for name, turn in turns.items()]
-        if len(strips) > 1:
+    by_scene = {scene: _turns(records, scene) for scene in records.scenes}
+    pixels = sum(turn.frames[..., 0].size for turns in by_scene.values() for turn in turns.values())
+    fitting = (side for side in SIDES if pixels * (side / SIDES[0]) ** 2 * BYTES_PER_PIXEL <= BUDGET_BYTES)
+    side, shown = next(fitting, SIDES[-1]), []
+    for scene, turns in by_scene.items():
+        if len(turns) > 1:
+            about, strips = records.scene(scene), [Strip(name, _strip(turn, side)) for name, turn in turns.items()]
             missing = [name for name in records.methods if name not in turns]
-            title, views = about.title if about else scene, len(turns[None].views)
-            shown.append(Round(scene, title, views, strips, missing))
+            shown.append(Round(scene, about.title if about else scene, len(turns[None].views), strips, missing))
     return shown
 
 
 def _turns(records: Records, scene: str) -> dict[str | None, Turn]:
-    """Map None, the truth, and each method → its turn, as far as they are of the same views."""
+    """Map None (the truth) and each method → its turn; methods with other views than the truth are left out."""
     truth = _read(records, truth_pictures(scene), None)
     if truth is None:
         return {}
@@ -67,7 +64,7 @@ def _turns(records: Records, scene: str) -> dict[str | None, Turn]:
 
 
 def _read(records: Records, relative: str | None, method: str | None) -> Turn | None:
-    """Return the turn of a file; None where there is none, or the file is damaged, which the page says elsewhere."""
+    """Return the turn of a file; None if there is none, or if it is damaged, which another part of the page says."""
     path = None if relative is None else inside(records.folder, relative)
     if path is None:
         return None

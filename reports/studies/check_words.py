@@ -1,4 +1,4 @@
-"""A check in words: its tone, its figure, its limits, its outcome; and checks as the rows of a table."""
+"""A check as text: its tone, its figure, its limits, its outcome; and checks as the rows of a table."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,18 +16,18 @@ class Look(NamedTuple):
     mark: str
     word: str
     short: str
-    """What a narrow cell says if there is no figure."""
+    """The text of a narrow cell without a figure."""
     meaning: str
 
 
 LOOKS: dict[Tone, Look] = {
-    "fails": Look("✕", "fails", "fails", "fails, and is ours: it must pass"),
-    "missed": Look("✕", "missed", "missed", "a target that is missed"),
+    "fails": Look("✕", "fails", "fails", "fails, and must pass: it tests our own form"),
+    "missed": Look("✕", "missed", "missed", "misses its target"),
     "property": Look(
         "◆",
         "fails: a property of that form",
         "fails",
-        "fails, and is the paper’s printed form or the field’s usual one",
+        "fails, and tests the paper’s printed form or the field’s usual form",
     ),
     "passes": Look("✓", "passes", "pass", "passes"),
     "measured": Look("•", "measured", "measured", "measured; it has no limit"),
@@ -35,11 +35,11 @@ LOOKS: dict[Tone, Look] = {
     "absent": Look("○", "not available", "not here", "not available here"),
     "spared": Look("·", "not applicable", "n/a", "not applicable"),
 }
-"""Tone → its look. Of several outcomes in one cell of the matrix the first of these is shown."""
+"""Tone → its look. A cell of the matrix with several outcomes shows the first tone of this order."""
 OWNERS = {"ours": "ours", "paper": "the paper’s form as printed", "usual": "the field’s usual form"}
 COLUMNS = ("study", "subject", "figure", "measured", "wanted", "outcome")
 SCALES = {"ms": 1e-3, "min": 60.0, "h": 3600.0, "kB": 1e3, "MB": 1e6, "GB": 1e9}
-"""Unit → its seconds or bytes, as a column may hold figures of several units."""
+"""Unit → seconds or bytes, for sorting a column whose figures have different units."""
 SMALL_FACTOR = 2.0
 """The largest factor that is shown as a percentage."""
 
@@ -60,7 +60,7 @@ def tone_of(check: Check) -> Tone:
 
 
 def figure_of(check: Check, digits: int = 3) -> str:
-    """Return the figure with its unit; with as many digits as it takes to tell a failing one from its limits."""
+    """Return the figure with its unit; a failing figure has enough digits to differ from its limits."""
     if check.value is None:
         return ""
     limits = [limit for limit in (check.low, check.high) if limit is not None and check.status == "fail"]
@@ -72,8 +72,8 @@ def figure_of(check: Check, digits: int = 3) -> str:
     return f"{of_any_size(check.value, next(enough, 16))}{after(check.unit)}"
 
 
-def wanted(check: Check) -> str:
-    """Return the limits as `≤ 0.05` or `0.8 … 1`; empty without any."""
+def limits_of(check: Check) -> str:
+    """Return the limits as `≤ 0.05` or `0.8 … 1`; empty if there are none."""
     low, high = (None if limit is None else bare(limit) for limit in (check.low, check.high))
     if low and high:
         return f"{low} … {high}{after(check.unit)}"
@@ -81,7 +81,7 @@ def wanted(check: Check) -> str:
 
 
 def spread_of(check: Check) -> str:
-    """Return what the repetitions say: `7.11–7.63×`, `measured once`; nothing of a figure that is no measurement."""
+    """Return the range of the repetitions, `7.11–7.63×`, or `measured once`; empty for what is not a measurement."""
     if check.value is None or check.owner != "machine":
         return ""
     if check.spread is None or (check.repeats < 2 and check.spread[0] == check.spread[1]):
@@ -105,8 +105,8 @@ def outcome(check: Check) -> str:
 
 
 def distance(value: float, limit: float, unit: str) -> str:
-    """Return how far a figure lies from its target: `6.9 points`, `12 %`, `a factor of 2.1`; nothing if it is met
-    exactly, or on the other side of 0.
+    """Return how far a figure lies from its target: `6.9 points`, `12 %`, `a factor of 2.1`; empty if it equals the
+    target, or lies on the other side of 0.
     """
     small, large = sorted((value, limit))
     if small == large or (unit != "%" and (small <= 0 or not math.isfinite(large / small))):
@@ -123,7 +123,7 @@ def _two_digits(value: float) -> str:
 
 
 def repetitions(check: Check) -> str:
-    """Return whether single repetitions say otherwise than the median, which alone says too little."""
+    """State whether single repetitions meet the target although the median does not, or the reverse."""
     if check.limit is None or check.value is None or check.spread is None:
         return ""
     met, *meets = [
@@ -134,25 +134,24 @@ def repetitions(check: Check) -> str:
     return "reached in the best repetition" if any(meets) else ""
 
 
-def described(check: Check) -> str:
+def describe(check: Check) -> str:
     """Return a line such as `midpoint: largest relative error: 0.02, wanted ≤ 10⁻⁶ (over 1000 rays)`."""
-    figures = ", wanted ".join(filter(None, (figure_of(check) or "no figure", wanted(check))))
+    figures = ", wanted ".join(filter(None, (figure_of(check) or "no figure", limits_of(check))))
     words = ": ".join(filter(None, (check.subject, check.what, "" if check.value is None and check.holds else figures)))
     return f"{words} ({check.why})" if check.why else words
 
 
-def shown(check: Check) -> str:
-    """Return the text of a narrow cell: the figure, else a word."""
-    lost = "not finite" if check.status == "fail" and check.why.startswith("the figure is ") else ""
-    return figure_of(check, 2) or lost or LOOKS[tone_of(check)].short
+def short_figure(check: Check) -> str:
+    """Return the text of a narrow cell: the figure, or a word if there is none."""
+    not_finite = "not finite" if check.status == "fail" and check.why.startswith("the figure is ") else ""
+    return figure_of(check, 2) or not_finite or LOOKS[tone_of(check)].short
 
 
 def checks_grid(
     title: str, rows: Sequence[tuple[StudyRecord, Check]], name_of: Callable[[StudyRecord], str] | None = None
 ) -> Grid:
-    """Return checks as rows, what is broken first; with `name_of` each row names and links its study.
-
-    Columns in which nothing would stand are left out; the reasons stand with the study itself.
+    """Return checks as rows, broken checks first; with `name_of` each row names and links its study, which gives the
+    reasons. Empty columns are left out.
     """
     subjects = any(check.subject for _, check in rows)
     judged = subjects or any(check.limit is not None for _, check in rows)
@@ -163,7 +162,7 @@ def checks_grid(
             Entry(check.subject, OWNERS.get(check.owner, "")) if subjects else EMPTY,
             Entry(check.what or check.why, check.why if check.what and not name_of else ""),
             _measured(check),
-            Entry(wanted(check), tone="muted") if check.limit is not None else EMPTY,
+            Entry(limits_of(check), tone="muted") if check.limit is not None else EMPTY,
             Entry(outcome(check), repetitions(check), tone_of(check)) if judged else EMPTY,
         ]
         for study, check in sorted(rows, key=lambda row: not row[1].is_broken)

@@ -1,8 +1,7 @@
-"""Effects → forests: one row per effect with its difference and both intervals, on an axis that forests of a metric
-share; and the table with all facts about every effect.
+"""Effects → forest plots: a row per effect with its difference and both intervals, on an axis that all forests of a
+metric share; and the table with all facts about every effect.
 """
 
-from collections.abc import Iterable
 from textwrap import fill
 
 from harness.records.metric_table import metric_of
@@ -14,20 +13,20 @@ from reports.drawing.traces import Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
 WIDEST = 1.6
-"""The factor by which an axis, on either side of 0, may reach beyond the largest difference there."""
+"""The factor by which an axis may reach beyond the largest difference on either side of 0."""
 LEAST = 0.25
-"""The least share of the largest difference on any side that the largest one on either side is taken to be."""
+"""Each side of the axis reaches at least this share of the largest difference on the other side."""
 MARGIN = 0.06
 LONGEST_NAME = 38
-"""The letters after which the name of a row is broken."""
+"""The letters of a line in the name of a row."""
 WIDTH = 7.6
 
 
 def forests(effects: list[Effect], of_interest: dict[str, float]) -> dict[tuple[str, str, str], Panel]:
     """Map metric, budget and scene → forest; forests of one metric share their axis.
 
-    Single scenes have a forest where no effect is over all scenes together, and else rows of the table alone.
-    `of_interest`: metric → the smallest effect that matters to anybody, from the record's settings.
+    Single scenes have a forest only if no effect is over all scenes; otherwise only the table shows them.
+    `of_interest`: metric → the smallest effect of interest, from the record's settings.
     """
     over_all = {(effect.metric, effect.budget) for effect in effects if effect.scene == "all"}
     drawn = [effect for effect in effects if effect.scene == "all" or (effect.metric, effect.budget) not in over_all]
@@ -41,14 +40,13 @@ def forests(effects: list[Effect], of_interest: dict[str, float]) -> dict[tuple[
     return {key: _forest(rows, limits[key[0]], of_interest.get(key[0])) for key, rows in grouped.items()}
 
 
-def limits_of(effects: Iterable[Effect], of_interest: float) -> tuple[float, float]:
+def limits_of(effects: list[Effect], of_interest: float) -> tuple[float, float]:
     """Return limits around every difference, the intervals as far as `WIDEST` allows, and the band of interest.
 
-    Three scenes and forty comparisons at once make intervals of which an axis would show nothing else.
+    Three scenes and forty simultaneous comparisons give intervals so wide that an axis would show nothing else.
     """
-    there = list(effects)
-    values = [effect.difference for effect in there if effect.difference is not None]
-    ends = [end for effect in there for pair in (effect.interval, effect.simultaneous) for end in pair or ()]
+    values = [effect.difference for effect in effects if effect.difference is not None]
+    ends = [end for effect in effects for pair in (effect.interval, effect.simultaneous) for end in pair or ()]
     largest = LEAST * max(map(abs, values), default=0.0)
     least = 1.5 * of_interest or largest or max(map(abs, ends), default=0.0) or 1.0
     above = max([*values, largest, least])
@@ -61,9 +59,7 @@ def limits_of(effects: Iterable[Effect], of_interest: float) -> tuple[float, flo
 
 def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: float | None) -> Panel:
     metric = metric_of(effects[0].metric)
-    rows = sorted(
-        effects, key=lambda effect: bool(effect.against)
-    )  # parts and interactions, then method against method
+    rows = sorted(effects, key=lambda effect: bool(effect.against))  # parts and interactions before pairs of methods
     title = f"{metric.label} at {BUDGETS[effects[0].budget]}, {scene_words(effects[0].scene)}"
     colour, ends = KNOWN["nerf"].light, (-0.5, len(rows) - 0.5)
     traces = [Trace("no difference", INK.light, "floor", (0.0, 0.0), ends)]
@@ -72,8 +68,8 @@ def _forest(effects: list[Effect], limits: tuple[float, float], of_interest: flo
         corners = (-of_interest, of_interest, of_interest, -of_interest)
         traces.insert(0, Trace(band, MUTED.light, "area", corners, (ends[0], ends[0], ends[1], ends[1])))
     for words, width, pairs in (
-        ("interval of all together", 1.0, [effect.simultaneous for effect in rows]),
-        ("interval alone", 3.0, [effect.interval for effect in rows]),
+        ("simultaneous interval", 1.0, [effect.simultaneous for effect in rows]),
+        ("own interval", 3.0, [effect.interval for effect in rows]),
     ):
         known = [(pair[0], float(place), pair[1]) for place, pair in enumerate(pairs) if pair is not None]
         if known:
@@ -126,8 +122,8 @@ def forest_key(effects: list[Effect]) -> str:
     )
     together = f"{family} hold together in 95 % of repetitions" if high > 1 else "each comparison stands for itself"
     return (
-        "Dot and thick bar: difference and its own 95 % interval, which are the figures behind it. Thin bar: the "
-        f"interval that the verdict is taken from, so wide that {together}. Filled dot, ▲ and ▼: above or below 0; "
+        "Dot and thick bar: difference and its own 95 % interval, as printed on the right. Thin bar: the interval "
+        f"that gives the verdict, so wide that {together}. Filled dot, ▲ and ▼: above or below 0; "
         "hollow dot and ?: sign open; =: smaller than matters. Grey band: differences too small to matter."
     )
 
@@ -169,9 +165,9 @@ def effects_grid(effects: list[Effect]) -> Grid:
             ]
         )
     note = (
-        "The verdict is taken from the simultaneous interval: of as many intervals as “of” says, all hold the truth "
-        "together in 95 % of repetitions. “detectable”: the true difference of which such a sample, with this spread, "
-        "finds the sign in 80 % of repetitions."
+        "The verdict comes from the simultaneous interval: in 95 % of repetitions, all intervals of a family hold the "
+        "truth; “of” is the size of that family. “detectable”: the true difference whose sign a sample with this "
+        "spread finds in 80 % of repetitions."
     )
     return Grid(f"Every effect: {counted(len(effects), 'comparison')}", columns, rows, note=note)
 

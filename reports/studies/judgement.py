@@ -1,4 +1,4 @@
-"""A judgement of a user's table → judgement.html, in the same design as the report and as self-contained."""
+"""The judgement of a user's table → judgement.html, self-contained and designed like the report."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,9 +28,7 @@ MOST_CHANGES = 30
 ROW_INCHES = 0.19
 LEAST_FOR_FAR = 6
 FAR = 6.0
-"""The robust standard deviations from the middle at which a method's mean is off the axis, its figure beside its
-name.
-"""
+"""The robust standard deviations from the median beyond which a mean is off the axis, and printed with the name."""
 
 
 class Square(NamedTuple):
@@ -40,29 +38,29 @@ class Square(NamedTuple):
 
 
 def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_BEST) -> Grid:
-    """Return methods from best to worst with their groups and their difference from the next one, or from the
+    """Return methods from best to worst with their groups and their difference from the next method, or from the
     baseline.
     """
     everything = record.baseline is None
-    shown = {pair.method: pair for pair in (ranking.neighbours if everything else ranking.pairs)}
+    by_method = {pair.method: pair for pair in (ranking.neighbours if everything else ranking.pairs)}
     rival = "the next" if everything else str(record.baseline)
     columns = [
         Column("method", numeric=False),
         Column(f"mean {record.metric}{f' ({record.unit})' if record.unit else ''}"),
         Column("scenes"),
         Column("groups", numeric=False),
-        Column(f"less {rival}", small="on scenes like these"),
+        Column(f"minus {rival}", small="on scenes like these"),
         Column("sign, size", numeric=False),
         Column("q", small="false discovery rate"),
         Column("detectable gap"),
-        Column(f"less {rival}", small="on these scenes"),
+        Column(f"minus {rival}", small="on these scenes"),
         Column("training"),
         Column("core seconds"),
         Column("steps"),
     ]
     rows, q = [], _q_values(ranking)
     for place in ranking.places:
-        pair = shown.get(place.method)
+        pair = by_method.get(place.method)
         estimate = pair.scenes_like_these if pair else None
         least = estimate.smallest_detectable if estimate else None
         rows.append(
@@ -85,10 +83,10 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         )
     note = (
         f"Intervals are at 95 % for all {ranking.family} comparisons together. The detectable gap is the "
-        "smallest true difference whose sign such a table finds in 80 % of cases. q is the false discovery rate at "
-        "which a pair would just count among all that differ (Benjamini and Hochberg, over all pairs)."
+        "smallest true difference whose sign such a table finds in 80 % of cases. q is the lowest false discovery rate "
+        "at which a pair counts as different (Benjamini and Hochberg, over all pairs)."
     )
-    groups = " Groups are the longest runs of neighbours of which no two are distinguished."
+    groups = " Groups are the longest sequences of neighbours in which no two are distinguished."
     return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=3)
 
 
@@ -100,7 +98,7 @@ def _q_values(ranking: Ranking) -> dict[Pair | None, float]:
 
 
 def difference(record: JudgementRecord, pair: Pair | None, estimate: Estimate | None, worded: bool = False) -> Entry:
-    """Return the difference with its simultaneous interval, and the verdict if it has no column of its own."""
+    """Return the difference with its simultaneous interval, and if `worded` with the verdict."""
     if pair is None or estimate is None:
         return EMPTY
     words = within(record, estimate) + (f"\n{estimate.verdict.phrase}" if worded else "")
@@ -125,8 +123,8 @@ def matrix(record: JudgementRecord) -> list[tuple[str, list[Square]]]:
     for pair in record.given.pairs:
         estimate = pair.scenes_like_these
         ends = f" {within(record, estimate)}" if estimate else ""
-        numbers = f"{number(record, pair.difference, '+')}{ends}, {pair.verdict.phrase}"
-        numbers = numbers if estimate else "no interval"
+        known = f"{number(record, pair.difference, '+')}{ends}, {pair.verdict.phrase}"
+        numbers = known if estimate else "no interval"
         title = f"{pair.method} − {pair.against}: {numbers}" if len(names) <= MOST_TITLES else ""
         turned = pair.verdict.turned
         squares[pair.method, pair.against] = Square(tone(record, pair.verdict), mark_of(pair.verdict), title)
@@ -147,10 +145,11 @@ def suspects_grid(record: JudgementRecord) -> Grid:
         for suspect in record.suspects
     ]
     note = (
-        "Expected is what a fit of method plus scene by medians gives. A result is suspect at 8 robust standard "
-        "deviations of its method, its scene or the table, whichever is largest, and 10 smallest effects of interest."
+        "Expected is the value of a fit of method plus scene by medians. A result is suspect if it is off by 8 robust "
+        "standard deviations of its method, its scene or the table, whichever is largest, and by 10 times the smallest "
+        "effect of interest."
     )
-    return Grid("Results far from what their method and scene let one expect", columns, rows, note=note)
+    return Grid("Results far from the expectation for their method and scene", columns, rows, note=note)
 
 
 def changes_grid(record: JudgementRecord) -> Grid:
@@ -165,7 +164,7 @@ def changes_grid(record: JudgementRecord) -> Grid:
 
 
 def panel(record: JudgementRecord) -> Panel:
-    """Return means with a bar for each group below them; against a baseline, differences with their intervals."""
+    """Return means with a bar for each group below; with a baseline, differences with their intervals."""
     return _groups(record) if record.baseline is None else _against(record)
 
 
@@ -175,14 +174,14 @@ def _groups(record: JudgementRecord) -> Panel:
     limits = _limits(means)
     groups = sorted({group for place in places for group in place.groups})
     members = {group: [place for place in places if group in place.groups] for group in groups}
-    bars = {group: some for group, some in members.items() if len(some) > 1}
+    bars = {group: several for group, several in members.items() if len(several) > 1}
     rows = [
         place.method
         if limits is None or limits[0] <= place.mean <= limits[1]
         else f"{place.method} ({number(record, place.mean)})"
         for place in places
     ]
-    ends = [sorted((some[0].mean, some[-1].mean)) for some in bars.values()]
+    ends = [sorted((several[0].mean, several[-1].mean)) for several in bars.values()]
     lows, highs = tuple(low for low, _ in ends), tuple(high for _, high in ends)
     at = tuple(map(float, range(len(places) + len(bars))))
     traces = (
@@ -190,14 +189,14 @@ def _groups(record: JudgementRecord) -> Panel:
         Trace("not distinguished", INK.light, "range", lows, at[len(places) :], highs),
     )
     title = f"Mean {record.metric} and the groups that are not distinguished"
-    words = [f"group {group}: {', '.join(member.method for member in some)}" for group, some in bars.items()]
+    words = [f"group {group}: {', '.join(place.method for place in several)}" for group, several in bars.items()]
     rows += [f"group {group}" for group in bars]
-    made = _panel(record, title, f"mean {record.metric}", traces, words or ["There is no group of several"], rows)
+    made = _panel(record, title, f"mean {record.metric}", traces, words or ["No group has several methods"], rows)
     return replace(made, x_limits=limits)
 
 
 def _limits(means: list[float]) -> tuple[float, float] | None:
-    """Return the limits of an axis that leaves out methods far from the others, which would otherwise fill it alone."""
+    """Return limits without methods far from the others, which would determine the axis; None if there are none."""
     if len(means) < LEAST_FOR_FAR:
         return None
     middle = median(means)
@@ -213,10 +212,10 @@ def _against(record: JudgementRecord) -> Panel:
     lows, highs = tuple(low for low, _ in ends), tuple(high for _, high in ends)
     traces = (
         Trace("no difference", MUTED.light, "floor", (0.0, 0.0), (-0.5, len(pairs) - 0.5)),
-        Trace("95 % interval of all together", KNOWN["nerf"].light, "range", lows, at, highs),
+        Trace("simultaneous 95 % interval", KNOWN["nerf"].light, "range", lows, at, highs),
         Trace("difference", KNOWN["nerf"].light, "dots", tuple(pair.difference or 0.0 for pair in pairs), at),
     )
-    title = f"{record.metric} less that of {record.baseline}"
+    title = f"{record.metric} minus that of {record.baseline}"
     words = [f"{pair.method} {number(record, pair.difference, '+')} {pair.verdict.phrase}" for pair in pairs]
     return _panel(record, title, title, traces, words, [pair.method for pair in pairs])
 

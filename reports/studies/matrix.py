@@ -1,7 +1,7 @@
 """Checks → the matrix study × subject, in full and in miniature.
 
-There is one table for each group of studies with the subjects that recur in it. A subject of a single study would be a
-column of one cell: it stands below the row of its study instead.
+Each group of studies has a table with a column for each subject of several studies. The subject of a single study would
+be a column of one cell: it is shown below the row of its study instead.
 """
 
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from harness.records.study import Check, Studies, StudyRecord
 from reports.drawing.palette import KNOWN, MUTED, OTHERS, Pen
 from reports.drawing.traces import Panel, Trace
-from reports.studies.check_words import LOOKS, OWNERS, Tone, anchor, described, outcome, shown, tone_of
+from reports.studies.check_words import LOOKS, OWNERS, Tone, anchor, describe, outcome, short_figure, tone_of
 from reports.studies.shelves import WORDS
 
 WIDEST = 9
@@ -27,11 +27,11 @@ PENS: dict[Tone, Pen] = {
     "spared": Pen(MUTED, "D", True, ()),
 }
 LEAST_COLUMNS = 12
-"""The least width of the marks of one owner: its name stands above them."""
+"""The minimum width of the marks of one owner, whose name is above them."""
 
 
 class Cell(NamedTuple):
-    """The outcome of one study on one subject, the gravest of what was measured."""
+    """The worst outcome of one study on one subject."""
 
     subject: str
     tone: Tone
@@ -63,7 +63,7 @@ class Group(NamedTuple):
 
 
 def groups(record: Studies) -> list[Group]:
-    """Group by the first letter of the id, in the order of the record; nothing if the shelf has no groups."""
+    """Group studies by the first letter of their id, in the order of the record; empty if the shelf has no groups."""
     titles = WORDS[record.shelf].groups
     letters = dict.fromkeys(study.info.id[:1] for study in record.studies if titles)
     return [
@@ -85,7 +85,7 @@ def _group(title: str, studies: list[StudyRecord]) -> Group:
 
 
 def _columns(studies: list[StudyRecord]) -> list[str]:
-    """Return the subjects of at least two studies, the most frequent if there are too many; what is ours first."""
+    """Return the subjects of at least two studies, the most frequent if there are too many; our own forms first."""
     owner = {check.subject: list(OWNERS).index(check.owner) for study in studies for check in study.checks}
     many = {
         subject: sum(any(check.subject == subject for check in study.checks) for study in studies) for subject in owner
@@ -106,7 +106,7 @@ def _row(study: StudyRecord, columns: list[str]) -> Row:
         study.info.facts.get("bar", ""),
         any(check.is_broken for check in study.checks),
         [cells.get(subject) for subject in columns],
-        [outcome_cell for subject, outcome_cell in cells.items() if subject not in columns],
+        [cell for subject, cell in cells.items() if subject not in columns],
     )
 
 
@@ -114,15 +114,11 @@ def cells_of(checks: list[Check]) -> dict[str, Cell]:
     by_subject: dict[str, list[Check]] = {}
     for check in checks:
         by_subject.setdefault(check.subject, []).append(check)
-    return {subject: cell(some) for subject, some in by_subject.items()}
+    return {subject: worst_of(of_subject) for subject, of_subject in by_subject.items()}
 
 
-def cell(checks: list[Check]) -> Cell:
-    """Return one cell for any number of outcomes: the gravest, of equally grave ones that nearest to or furthest beyond
-    its limit.
-
-    `checks` is not empty.
-    """
+def worst_of(checks: list[Check]) -> Cell:
+    """Return one cell for one or more outcomes: the worst tone, and in it the figure with the largest `strain`."""
     order = list(LOOKS)
     worst = min(checks, key=lambda check: (order.index(tone_of(check)), -strain(check)))
     tone = tone_of(worst)
@@ -130,14 +126,12 @@ def cell(checks: list[Check]) -> Cell:
     small = (
         "" if len(checks) == 1 else f"worst of {len(checks)}" if alike == len(checks) else f"{alike} of {len(checks)}"
     )
-    title = "\n".join(f"{outcome(check)}: {described(check)}" for check in checks)
-    return Cell(worst.subject, tone, LOOKS[tone].mark, shown(worst), small, title)
+    title = "\n".join(f"{outcome(check)}: {describe(check)}" for check in checks)
+    return Cell(worst.subject, tone, LOOKS[tone].mark, short_figure(worst), small, title)
 
 
 def strain(check: Check) -> float:
-    """Return how near it is to its limit or how far beyond it: 1 at the limit, more if it fails; to find the worst of
-    several.
-    """
+    """Return the figure relative to its limit: 1 at the limit, more if the check fails."""
     if check.value is None or check.limit is None:
         return float("inf") if check.status == "fail" else 0.0
     large, small = (check.value, check.limit) if check.low is None else (check.limit, check.value)
@@ -145,8 +139,8 @@ def strain(check: Check) -> float:
 
 
 def miniature(record: Studies) -> list[Panel]:
-    """Draw the matrix without figures: a row per study, and a mark per subject below the owner of its form; nothing for
-    a shelf without a matrix.
+    """Draw the matrix without figures: a row per study, a mark per subject, columns by the owner of the form; empty
+    for a shelf without a matrix.
     """
     studies = [study for study in record.studies if study.checks and WORDS[record.shelf].groups]
     places: dict[Tone, list[tuple[float, float]]] = {}
@@ -158,8 +152,8 @@ def miniature(record: Studies) -> list[Panel]:
         if widest:
             columns.append((start, words.removeprefix("the ")))
             for line, cells in enumerate(rows):
-                for place, outcome_cell in enumerate(cells.values()):
-                    places.setdefault(outcome_cell.tone, []).append((start + place, float(line)))
+                for place, cell in enumerate(cells.values()):
+                    places.setdefault(cell.tone, []).append((start + place, float(line)))
             start += max(widest + 1, LEAST_COLUMNS)
     if not studies:
         return []

@@ -1,9 +1,9 @@
-"""The figures of the studies that the README shows: their records, each with panels of its page that show most."""
+"""The published records of studies, each with pictures of the most important panels of its page."""
 
 from collections.abc import Callable
 from pathlib import Path
 
-import msgspec
+from msgspec.structs import replace
 
 from harness.records.study import SHELVES, Picture, Series, Studies, write_studies
 from reports.drawing.series_charts import panels_of
@@ -13,13 +13,13 @@ from reports.studies.matrix import miniature
 from reports.studies.study_page import of_interest
 
 LARGEST = 1_000_000
-"""The largest size in bytes of a published record; a longer one is left without its lines."""
+"""The maximum size in bytes of a published record; a larger record loses its lines."""
 CHAPTERS_DRAWN = (1, 2, 3, 9)
 """Rounding, truncation, gradients, ladders: the first chart of each is drawn."""
 
 
 def write_published(record: Studies, folder: Path) -> list[Path]:
-    """Write the record without its pictures, and a PNG for each of what there is to draw; returns the written paths."""
+    """Write the record without its pictures, and PNGs of the panels that it has; returns the written paths."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / SHELVES[record.shelf]
     record = without(record, Picture)
@@ -31,13 +31,11 @@ def write_published(record: Studies, folder: Path) -> list[Path]:
 
 
 def without(record: Studies, kind: type) -> Studies:
-    kept = [
-        msgspec.structs.replace(
-            study, findings=[finding for finding in study.findings if not isinstance(finding, kind)]
-        )
+    studies = [
+        replace(study, findings=[finding for finding in study.findings if not isinstance(finding, kind)])
         for study in record.studies
     ]
-    return msgspec.structs.replace(record, studies=kept)
+    return replace(record, studies=studies)
 
 
 def charts_of(series: list[Series]) -> list[Drawing]:
@@ -57,7 +55,7 @@ def first_charts(record: Studies) -> list[Drawing]:
 
 
 def effects_of_parts(record: Studies) -> list[Drawing]:
-    """Return what each part does to PSNR over all scenes, at equal steps and at equal time."""
+    """Return the effects of the parts on PSNR over all scenes, at equal steps and at equal time."""
     study = record.study("factorial")
     effects = [effect for effect in study.effects if not effect.against] if study else []
     panels = forests(effects, of_interest(record))
@@ -78,4 +76,4 @@ PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] =
     "history": [("history.png", lambda record: charts_of(record.studies[0].series)[:3] if record.studies else [], 3)],
     "serving": [("serving.png", lambda record: charts_of_study(record, "anytime")[:3], 3)],
 }
-"""Shelf → the files, the panels of its page that are saved in each, and how many of them side by side."""
+"""Shelf → its files, the panels of its page that each file shows, and the number of panels side by side."""

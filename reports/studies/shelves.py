@@ -1,4 +1,4 @@
-"""What a page needs to know of each shelf of studies: its words, how its checks are grouped, and its chapters."""
+"""The texts of each shelf of studies, the groups of its checks, and its chapters."""
 
 from dataclasses import dataclass, field
 
@@ -7,28 +7,28 @@ from harness.records.study import CHAPTERS, SHELVES, Owner
 
 @dataclass(frozen=True)
 class ShelfWords:
-    """One shelf on its page and in the report. Nouns are pairs of singular and plural."""
+    """The texts of one shelf. Nouns and verbs are pairs of singular and plural."""
 
     title: str
     link: str
     noun: tuple[str, str]
     check: tuple[str, str]
-    """A check that the headline counts."""
-    passes: tuple[str, str]
-    nothing: str
-    """The headline if there is no such check."""
+    """The name of a check that the headline counts."""
+    passes: tuple[str, str] = ("holds", "hold")
+    nothing: str = ""
+    """The headline if there is no such check, instead of the title."""
     owner: Owner = "ours"
-    """Whose checks the headline counts."""
+    """The owner of the checks that the headline counts."""
     outcomes: str = "Properties found"
-    """The title of the targets of the machine, and of what fails of forms that are not ours."""
+    """The title of the section with the machine's targets and the failures of the paper's and the usual forms."""
     groups: dict[str, str] = field(default_factory=dict)
-    """The first letter of a study's id → the title of its part of the matrix; empty for no matrix."""
+    """The first letter of a study's id → the title of its part of the matrix; empty if there is no matrix."""
     chapters: dict[int, str] = field(default_factory=dict)
-    """`item` of lines, tables and pictures → the title under which those of all studies stand together; empty if they
-    stand in their studies.
+    """`item` of lines, tables and pictures → the title of the section that collects them from all studies; empty if
+    each study shows its own.
     """
     folded: bool = False
-    """Whether studies are unfolded on request."""
+    """Whether studies are folded at first."""
 
 
 WORDS = {
@@ -37,7 +37,6 @@ WORDS = {
         link="only the evidence",
         noun=("study", "studies"),
         check=("check of the evidence", "checks of the evidence"),
-        passes=("holds", "hold"),
         nothing="Evidence without a check",
     ),
     "stability": ShelfWords(
@@ -88,16 +87,12 @@ WORDS = {
         link="the frontier of families",
         noun=("question", "questions"),
         check=("check of the frontier", "checks of the frontier"),
-        passes=("holds", "hold"),
-        nothing="The frontier: error against core seconds",
     ),
     "history": ShelfWords(
         title="History of gates and speed",
         link="history of gates and speed",
         noun=("machine", "machines"),
         check=("figure", "figures"),
-        passes=("holds", "hold"),
-        nothing="History of gates and speed",
     ),
 }
 

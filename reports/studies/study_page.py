@@ -1,7 +1,7 @@
-"""A record of studies → a section of the report and a page of its own, both self-contained; every shelf alike.
+"""A record of studies → a section of the report and a separate page, both self-contained, for every shelf.
 
 Each kind of finding is shown in one way: answers as sentences, checks as rows and as a matrix, effects as forests,
-lines as charts, tables and pictures as they are. `shelves` says the little in which shelves differ.
+lines as charts, tables and pictures as they are. `shelves` holds what differs between shelves.
 """
 
 from collections.abc import Iterator
@@ -19,22 +19,22 @@ from reports.drawing.series_charts import Chart, charts
 from reports.page import shell
 from reports.page.grid import Grid, table_grid
 from reports.page.shell import Layout, Section, section
-from reports.studies.check_words import LOOKS, OWNERS, anchor, checks_grid, described, tone_of
+from reports.studies.check_words import LOOKS, OWNERS, anchor, checks_grid, describe, tone_of
 from reports.studies.forest import effects_grid, forest_key, forests
 from reports.studies.matrix import PENS, groups, miniature
 from reports.studies.shelves import WORDS, ShelfWords, page_of
 from scenes.files.atomic import write_atomically
 
 AT_ONCE = 4
-"""The number of answers in sight besides the first."""
+"""The number of answers after the first that are not folded."""
 BUDGET_BYTES = 3_000_000
-"""The bytes of all pictures together, in base64."""
+"""The maximum size of all pictures together, in base64."""
 SIDES = (640, 480, 320, 240, 160, 96)
 SMALL = 200
-"""The pixels up to which a picture is shown enlarged with its pixels sharp."""
+"""The maximum side in pixels of a picture that is shown enlarged with sharp pixels."""
 
 
-class Shown(NamedTuple):
+class ShownPicture(NamedTuple):
     title: str
     caption: str
     source: str | None
@@ -43,46 +43,35 @@ class Shown(NamedTuple):
 
 
 class ShelfShown(NamedTuple):
-    """A shelf as it stands in the report, and on a page of its own."""
+    """A shelf as the report and its own page show it."""
 
-    shelf: str
+    record: Studies
     words: ShelfWords
     headline: str
     sentences: list[str]
     broken: list[tuple[str, str]]
-    """The anchor of the study, and what of ours fails."""
-    finished: bool
-    quick: bool
-    studies: list[StudyRecord]
+    """The anchor of the study, and the failed check of our own code."""
     sections: list[Section]
 
 
 def shelf_shown(record: Studies, out: Path) -> ShelfShown:
-    """Return the section; `out` is the folder that its pictures are relative to."""
-    return ShelfShown(
-        record.shelf,
-        WORDS[record.shelf],
-        headline(record),
-        sentences(record),
-        [(anchor(study), broken_line(study, check)) for study, check in record.broken],
-        record.finished,
-        record.is_quick,
-        record.studies,
-        [part for part in _sections(record, out) if part.parts],
-    )
+    """Return the shelf laid out; the paths of its pictures are relative to `out`."""
+    broken = [(anchor(study), broken_line(study, check)) for study, check in record.broken]
+    sections = [part for part in _sections(record, out) if part.parts]
+    return ShelfShown(record, WORDS[record.shelf], headline(record), sentences(record), broken, sections)
 
 
 def _sections(record: Studies, out: Path) -> Iterator[Section]:
-    """Yield the matrix, what was aimed at and what other forms fail, the chapters, and every study."""
+    """Yield the matrix, the targets and the failures of other forms, the chapters, and every study."""
     words, layout = WORDS[record.shelf], Layout()
     parts, own = layout.parts, layout.study_parts
     side = side_for(out, [picture for study in record.studies for picture in study.pictures])
 
-    def findings(name: str, some: list[Finding]) -> list[Markup]:
-        shown = [picture_shown(finding, out, side) for finding in some if isinstance(finding, Picture)]
-        tables = [table_grid(finding, of_any_size) for finding in some if isinstance(finding, Table)]
-        drawn = charts([finding for finding in some if isinstance(finding, Series)], name)
-        return [parts.charts(drawn), own.pictures(shown), *(parts.table(grid, own="own") for grid in tables)]
+    def lay_out(name: str, findings: list[Finding]) -> list[Markup]:
+        pictures = [show_picture(finding, out, side) for finding in findings if isinstance(finding, Picture)]
+        tables = [table_grid(finding, of_any_size) for finding in findings if isinstance(finding, Table)]
+        drawn = charts([finding for finding in findings if isinstance(finding, Series)], name)
+        return [parts.charts(drawn), own.pictures(pictures), *(parts.table(grid, own="own") for grid in tables)]
 
     def details(study: StudyRecord) -> list[Markup]:
         checks = checks_grid(f"Checks of {name_of(study, words)}", [(study, check) for check in study.checks])
@@ -91,7 +80,7 @@ def _sections(record: Studies, out: Path) -> Iterator[Section]:
             parts.terms("about", about(study)),
             parts.table(checks, False, own="own checks"),
             _forests(study, of_interest(record), own),
-            *findings(anchor(study), [] if words.chapters else study.findings),
+            *lay_out(anchor(study), [] if words.chapters else study.findings),
         ]
 
     if cases := groups(record):
@@ -109,9 +98,9 @@ def _sections(record: Studies, out: Path) -> Iterator[Section]:
         if isinstance(finding, Series | Picture | Table)
     ]
     numbers = {finding.item for finding in every} if words.chapters else set()
-    for item in sorted(numbers, key=lambda item: (item not in words.chapters, item)):  # unknown ones come last
+    for item in sorted(numbers, key=lambda item: (item not in words.chapters, item)):  # unknown chapters come last
         title, name = words.chapters.get(item, f"Chapter {item}"), f"chapter-{item}"
-        yield section(name, title, *findings(name, [finding for finding in every if finding.item == item]))
+        yield section(name, title, *lay_out(name, [finding for finding in every if finding.item == item]))
     if words.folded:
         folded = [_folded(study, own, name_of(study, words), details(study)) for study in record.studies]
         yield section(f"{record.shelf}-studies", f"Every {words.noun[0]} in full", *folded)
@@ -121,7 +110,7 @@ def _sections(record: Studies, out: Path) -> Iterator[Section]:
 
 
 def _folded(study: StudyRecord, own: Any, title: str, details: list[Markup]) -> Markup:
-    """Lay out a study that is unfolded on request, or already if something fails in it."""
+    """Lay out a study that is folded, unless one of its checks fails."""
     tones = [tone_of(check) for check in study.checks]
     tally = [(tone, look.mark, tones.count(tone)) for tone, look in LOOKS.items() if tone in tones]
     laid_out: Markup = own.folded_study(anchor(study), title, "fails" in tones, tally, details)
@@ -129,15 +118,15 @@ def _folded(study: StudyRecord, own: Any, title: str, details: list[Markup]) -> 
 
 
 def about(study: StudyRecord) -> list[tuple[str, str]]:
-    """Return how a study was made: pairs of a term and words."""
+    """Return how a study was made, as pairs of a term and a text."""
     pairs = [("how", study.info.method), ("scale", study.scale)]
     pairs += [("passes if" if fact == "bar" else fact, text) for fact, text in study.info.facts.items()]
     pairs += [("took", duration(study.seconds))] if study.seconds else []
-    return [(term, words) for term, words in pairs if words]
+    return [(term, text) for term, text in pairs if text]
 
 
 def _forests(study: StudyRecord, of_interest: dict[str, float], own: Any) -> Markup:
-    """Lay out the forests of the first metric over all scenes; the others are unfolded on request."""
+    """Lay out the forests of the first metric over all scenes; the others are folded."""
     if not study.effects:
         return Markup("")
     panels = forests(study.effects, of_interest)
@@ -152,7 +141,7 @@ def _forests(study: StudyRecord, of_interest: dict[str, float], own: Any) -> Mar
 
 
 def headline(record: Studies) -> str:
-    """Return whether the checks that count pass: how many, how many are inconclusive, and how many have no figure."""
+    """State how many of the checks that count pass, how many are inconclusive, and how many have no figure."""
     words = WORDS[record.shelf]
     own = [check for _, check in record.checks() if check.owner == words.owner]
     judged = [check for check in own if is_judged(check)]
@@ -160,29 +149,29 @@ def headline(record: Studies) -> str:
     tried = len(judged) + undecided
     passed = sum(check.holds for check in judged)
     if not judged:
-        return words.nothing
+        return words.nothing or words.title
     noun, verb = (pair[tried > 1] for pair in (words.check, words.passes))
     if passed == tried:
         return f"All {passed} {noun} {verb}" if passed > 1 else f"The one {noun} {verb}"
-    lost = sum(check.value is None for check in judged if not check.holds)
+    missing = sum(check.value is None for check in judged if not check.holds)
     rest = f", {undecided} inconclusive" if undecided else ""
-    rest += f", {lost} without a figure" if lost else ""
+    rest += f", {missing} without a figure" if missing else ""
     return f"{passed} of {tried} {noun} {words.passes[passed != 1]}{rest}"
 
 
 def is_judged(check: Check) -> bool:
-    """Return whether it was put to the test; a figure of the machine without a target was not."""
+    """Return whether the check was tested; a figure of the machine without a target was not."""
     return check.status in ("pass", "fail") and (check.owner != "machine" or check.limit is not None)
 
 
 def broken_line(study: StudyRecord, check: Check) -> str:
-    return f"{study.info.id} {described(check)}"
+    return f"{study.info.id} {describe(check)}"
 
 
 def sentences(record: Studies) -> list[str]:
-    """Return how much was tried and where, what is open, what was seen of forms that are not ours, what was not tried.
+    """State what was tried and where, what is open, what the paper's and the usual forms fail, and what was not tried.
 
-    What of ours fails is in the headline.
+    The headline counts the failures of our own code.
     """
     checks = [check for _, check in record.checks()]
     effects = sum(len(study.effects) for study in record.studies)
@@ -207,7 +196,7 @@ def sentences(record: Studies) -> list[str]:
             forms.append(f"{whose} fail {sum(not check.holds for check in judged)} of {len(judged)} checks")
     if forms:
         text = listed(forms)
-        words.append(f"{text[0].upper()}{text[1:]}; these are properties of theirs, not failures.")
+        words.append(f"{text[0].upper()}{text[1:]}; these are properties of those forms, not failures.")
     untried = [
         f"{many} {look.meaning}"
         for tone, look in LOOKS.items()
@@ -217,7 +206,7 @@ def sentences(record: Studies) -> list[str]:
 
 
 def _machine(origin: dict[str, Any]) -> str:
-    """Return ` on X with 2 cores and 2 threads, without units for bfloat16 matrix products`, as far as it is known."""
+    """Return ` on X with 2 cores and 2 threads, without units for bfloat16 matrix multiplications`, as far as known."""
     processor, device, has_units = (origin.get(name) for name in ("processor", "device", "bfloat16_products"))
     parts = [
         counted(origin[name], noun)
@@ -228,24 +217,19 @@ def _machine(origin: dict[str, Any]) -> str:
     words += f" with {listed(parts)}" if words and parts else ""
     words += f", on its {device}" if isinstance(device, str) and device not in ("", "cpu") else ""
     if isinstance(has_units, bool):
-        words += f", {'with' if has_units else 'without'} units for bfloat16 matrix products"
+        words += f", {'with' if has_units else 'without'} units for bfloat16 matrix multiplications"
     return words
 
 
 def _tables(record: Studies) -> list[Grid]:
-    """Return the targets of the machine, and what fails of forms that are not ours."""
-    words, tables = WORDS[record.shelf], []
-    targets = [
-        (study, check) for study, check in record.checks() if check.owner == "machine" and check.limit is not None
-    ]
-    if targets:
-        tables.append(checks_grid("What was aimed at", targets, lambda study: name_of(study, words)))
+    """Return the targets of the machine, and the failures of the paper's and the usual forms."""
+    rows = list(record.checks())
+    targets = [row for row in rows if row[1].owner == "machine" and row[1].limit is not None]
+    titled = [("Targets", targets)] if targets else []
     for owner in ("paper", "usual"):
-        rows = [(study, check) for study, check in record.checks() if check.owner == owner and check.status == "fail"]
-        if rows:
-            title = f"What fails of {OWNERS[owner]}: {counted(len(rows), 'property', 'properties')}"
-            tables.append(checks_grid(title, rows, lambda study: name_of(study, words)))
-    return tables
+        if failed := [row for row in rows if row[1].owner == owner and row[1].status == "fail"]:
+            titled.append((f"What {OWNERS[owner]} fails: {counted(len(failed), 'property', 'properties')}", failed))
+    return [checks_grid(title, some, lambda study: name_of(study, WORDS[record.shelf])) for title, some in titled]
 
 
 def name_of(study: StudyRecord, words: ShelfWords) -> str:
@@ -253,18 +237,20 @@ def name_of(study: StudyRecord, words: ShelfWords) -> str:
 
 
 def of_interest(record: Studies) -> dict[str, float]:
-    """Return metric → the smallest effect of interest, as far as the record knows it."""
+    """Map metric → the smallest effect of interest, as far as the record states it."""
     known: object = record.settings.get("smallest_of_interest")
     return {str(name): float(value) for name, value in known.items()} if isinstance(known, dict) else {}
 
 
-def picture_shown(picture: Picture, out: Path, side: int) -> Shown:
+def show_picture(picture: Picture, out: Path, side: int) -> ShownPicture:
     pixels = read(out, picture.path)
     if pixels is None:
-        return Shown(picture.title, picture.caption, None, wide=False, sharp=False)
+        return ShownPicture(picture.title, picture.caption, None, wide=False, sharp=False)
     height, width = pixels.shape[:2]
     source = data_uri(smaller(pixels, side))
-    return Shown(picture.title, picture.caption, source, wide=width > 1.8 * height, sharp=max(height, width) <= SMALL)
+    return ShownPicture(
+        picture.title, picture.caption, source, wide=width > 1.8 * height, sharp=max(height, width) <= SMALL
+    )
 
 
 def side_for(out: Path, pictures: list[Picture]) -> int:
@@ -277,25 +263,23 @@ def side_for(out: Path, pictures: list[Picture]) -> int:
     return SIDES[-1]
 
 
-def study_page(record: Studies, out: Path, beside_report: bool = False, shown: ShelfShown | None = None) -> str:
-    """Return the complete page as text; `beside_report` says that report.html lies in the same folder, `shown` is the
-    section if it was made already.
-    """
-    shown = shown or shelf_shown(record, out)
+def study_page(shown: ShelfShown, has_report: bool = False) -> str:
+    """Return the complete page; `has_report` says that report.html is in the same folder."""
+    record = shown.record
     spent = [(name_of(study, shown.words), duration(study.seconds)) for study in record.studies]
-    total = [("all together", duration(sum(study.seconds for study in record.studies)))] if spent else []
+    total = [("total", duration(sum(study.seconds for study in record.studies)))] if spent else []
     return Layout().page(
         "study_page.html",
         shown.headline,
         shown.sections,
         shell.groups_of(record.provenance, record.settings, [*total, *spent]),
         shelf=shown,
-        report=shell.RUN_PAGE if beside_report else "",
+        report=shell.RUN_PAGE if has_report else "",
     )
 
 
-def write_study_page(record: Studies, out: Path, beside_report: bool = False, shown: ShelfShown | None = None) -> Path:
-    """Write the page into `out`, where the pictures of the record are; returns its path."""
-    path = out / page_of(record.shelf)
-    write_atomically(path, study_page(record, out, beside_report, shown), fsync=False)
+def write_study_page(shown: ShelfShown, out: Path, has_report: bool = False) -> Path:
+    """Write the page into `out`; returns its path."""
+    path = out / page_of(shown.record.shelf)
+    write_atomically(path, study_page(shown, has_report), fsync=False)
     return path

@@ -1,1 +1,1 @@
-"""The catalogue of scenes, ours and those of a file; imports `modelling` and the rooms below it."""
+"""The scenes of the catalogue and of users' files; imports `modelling` and the rooms below it."""

@@ -17,11 +17,10 @@ _STRESS = {
     "furnace": "plain",
 }  # fmt: skip
 STRESS: dict[str, str] = {name: f"scenes.catalog.stress.{file}" for name, file in _STRESS.items()}
-"""The stiff and extreme scenes."""
 RUNGS: dict[str, str] = {rung: "scenes.catalog.ladders.rungs" for ladder in LADDERS.values() for rung in ladder.scenes}
-"""The scenes that get harder step by step (`scenes.catalog.ladders.ladders`)."""
+"""The scenes of increasing difficulty (`scenes.catalog.ladders.ladders`)."""
 CATALOG: dict[str, str] = {**CLASSICS, **STRESS, **RUNGS}
-"""Map scene name → the module that holds it as `SCENE` or in its `SCENES`; imported only when asked for."""
+"""Map scene name → the module that holds it as `SCENE` or in `SCENES`; imported on demand."""
 
 
 def scene_named(name: str) -> Scene:

@@ -1,10 +1,10 @@
-"""A Mitsuba XML file as a scene: facts that can be read without Mitsuba, and how Mitsuba loads it.
+"""A Mitsuba XML file as a scene: the facts that can be read without Mitsuba, and how Mitsuba loads it.
 
-Its shapes, materials and lights are taken as they are. Its sensors, film and integrator are not: cameras are those of
-all our scenes, about the box of the visible geometry (`scenes.modelling.scene`).
+Its shapes, materials and lights are used unchanged. Its sensors, film and integrator are ignored: the cameras are those
+of all scenes, about the box of the visible geometry (`scenes.modelling.scene`).
 
-Trust: Mitsuba reads whatever file the XML names, anywhere on the disk, and runs in a process of its own with the user's
-rights. An XML file of somebody else is to be read before it is rendered.
+Trust: Mitsuba reads every file that the XML names, anywhere on the disk, in a separate process with the user's rights.
+Read an XML file from another person before you render it.
 """
 
 import os
@@ -28,12 +28,12 @@ LARGEST_FILE = 50 * 1024 * 1024
 DEEPEST = 15
 """The deepest level of `include`, as in Mitsuba."""
 MOST_FILES = 1000
-"""The most included files; one that is included twice counts twice: 15 levels of two each would be 32 768."""
+"""The maximum number of included files; a file included twice counts twice: 15 levels of two are 32 768."""
 LONGEST_NAME = 4096
 LONGEST_VALUE = 1 << 16
-"""The most characters of a value once its defaults are put in, each of which may hold others."""
+"""The maximum length of a value after its defaults are inserted, each of which may hold others."""
 MOST_PARTS = 100_000
-"""The most described parts; one that is referred to twice counts twice."""
+"""The maximum number of described parts; a part referred to twice counts twice."""
 DEEPEST_PART = 8
 """The deepest level of parts within parts that are described."""
 _PLUGINS = frozenset({"shape", "bsdf", "emitter", "medium", "texture", "volume", "phase"})
@@ -63,7 +63,7 @@ def xml_scene(file: Path, name: str) -> Scene:
 
 
 def notes(scene: Scene) -> list[str]:
-    """Return what a user should know of how the file was read, one sentence each."""
+    """Return sentences that tell the user how the file is read."""
     if scene.file is None:
         return []
     if scene.load is None:
@@ -71,14 +71,14 @@ def notes(scene: Scene) -> list[str]:
     up = "xyz"[int(np.abs(scene.build()["file"]["up"]).argmax())]
     return [
         f"{scene.file}: Mitsuba reads every file that it names, with your rights. Its sensors and integrator are not "
-        f"used: cameras stand about the box of what is seen, {up} up."
+        f"used: cameras stand about the box of the visible shapes, {up} up."
     ]
 
 
 def loaded(mi: ModuleType, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndarray]:
     """Return Mitsuba's scene, its placement in the view set, and its box [2, 3] in units of the file.
 
-    Raises `InputError` with the first line of Mitsuba's message, and where nothing can be seen or the scale is invalid.
+    Raises `InputError` with Mitsuba's message, or if nothing is visible or the scale is invalid.
     """
     try:
         scene = mi.load_file(str(file))
@@ -88,20 +88,20 @@ def loaded(mi: ModuleType, file: Path, up: np.ndarray) -> tuple[Any, Placement, 
     if not boxes:
         raise InputError(f"{file}: no shape that is seen: those that glow are hidden from the cameras; add another")
     corners = np.array([[box.min, box.max] for box in boxes], dtype=np.float64).reshape(-1, 2, 3)
-    whole = np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
-    if not np.isfinite(whole).all() or not (whole[1] > whole[0]).any():
-        raise InputError(f"{file}: its shapes lie between {whole[0].tolist()} and {whole[1].tolist()}; bound them")
+    extent = np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+    if not np.isfinite(extent).all() or not (extent[1] > extent[0]).any():
+        raise InputError(f"{file}: its shapes lie between {extent[0].tolist()} and {extent[1].tolist()}; bound them")
     if not scene.emitters():
         raise InputError(f"{file}: no light, so everything is black; add an <emitter>")
     try:
-        check_scale(whole)
+        check_scale(extent)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
-    return scene, upright(whole, up), whole
+    return scene, upright(extent, up), extent
 
 
 def cautious(known: Needs) -> Needs:
-    """Return the needs of a file of which only the kinds of its parts are known: what numbers decide is needed."""
+    """Return the needs of a file of which only the kinds of parts are known: needs that numbers decide are set."""
     unknown = {"hdr_metrics"}
     if known["participating_media"].needed:
         unknown |= {"empty_space", "fine_pass", "linear_quadrature", "behind_opaque"}
@@ -113,7 +113,7 @@ class _Reader:
     """A file and the files that it includes, each read once."""
 
     def __init__(self, file: Path) -> None:
-        """Read the file. Raises `InputError` if it is no such file, or includes one that is none."""
+        """Read the file. Raises `InputError` if it, or a file that it includes, cannot be read."""
         self.files: dict[str, str] = {}
         """Map path relative to the outermost file's folder → SHA-256."""
         self.elements: list[ET.Element] = []
@@ -121,7 +121,6 @@ class _Reader:
         self._folders = [file.resolve().parent, Path.cwd()]
         """The folders where names are looked for, as in Mitsuba."""
         self._top: list[ET.Element] = []
-        """The root element of each file that was read."""
         self._defaults: dict[str, str] = {}
         self._described = 0
         self._counts: dict[Path, int] = {}
@@ -170,13 +169,13 @@ class _Reader:
                 raise InputError(f"{self._file}: includes more than {MOST_FILES} files; include fewer")
 
     def _named(self, value: str, folder: Path) -> list[Path]:
-        """Return all files that a value may mean: one too many costs a rendering, one too few shows an old picture."""
+        """Return all files that a value may mean: an extra one costs a rendering, a missing one an old picture."""
         value = self._plain(value)
         if not value or len(value) > LONGEST_NAME:
             return []
         files = []
         for parent in (folder, *self._folders):
-            with suppress(OSError, ValueError, RuntimeError):  # no path, or a circle of links
+            with suppress(OSError, ValueError, RuntimeError):  # not a path, or a circle of links
                 path = (parent / value).resolve()
                 if path.is_file() and path not in files:
                     files.append(path)
@@ -217,7 +216,7 @@ class _Reader:
         return 8
 
     def described(self) -> dict[str, Any]:
-        """Return kinds of parts and their numbers, nested as they are, for `scenes.modelling.needs`."""
+        """Return the types and numbers of all parts, nested as in the file, for `scenes.modelling.needs`."""
         known = {part.get("id"): part for part in self.elements if part.get("id") and part.tag != "ref"}
         parts = [inner for root in self._top for inner in root if inner.tag in _PLUGINS]
         return {f"part {number}": self._entry(part, known, ()) for number, part in enumerate(parts)}
@@ -229,7 +228,7 @@ class _Reader:
         entry: dict[str, object] = {"type": self._plain(element.get("type", "unknown"))}
         self._described += 1
         if self._described > MOST_PARTS:
-            raise InputError(f"{self._file}: more than {MOST_PARTS} parts, those named by <ref> once more; share fewer")
+            raise InputError(f"{self._file}: more than {MOST_PARTS} parts, each counted once per <ref>; share fewer")
         for number, inner in enumerate(element):
             key = inner.get("name") or f"{inner.tag} {number}"
             key = f"{key} {number}" if key == "type" else key
@@ -247,7 +246,7 @@ class _Reader:
 def _parsed(file: Path) -> ET.Element:
     try:
         if file.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{file}: more than {LARGEST_FILE} bytes; keep meshes in files of their own")
+            raise InputError(f"{file}: more than {LARGEST_FILE} bytes; keep meshes in separate files")
         data = file.read_bytes()
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror})") from error
@@ -260,7 +259,7 @@ def _parsed(file: Path) -> ET.Element:
 
 
 def _floats(text: str) -> np.ndarray:
-    """Return the numbers separated by commas or blanks, or an empty list if one of them is no number."""
+    """Return the numbers separated by commas or blanks, or an empty array if one is not a number."""
     try:
         return np.array([float(part) for part in text.replace(",", " ").split()])
     except ValueError:

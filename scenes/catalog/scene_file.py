@@ -1,4 +1,4 @@
-"""A scene of the user's own: a Mitsuba XML file, or a Python file that holds `SCENE = Scene(name, title, build)`.
+"""A user's scene: a Mitsuba XML file, or a Python file that holds `SCENE = Scene(name, title, build)`.
 
 Trust: a Python file is code, and runs with the user's rights, in the process that renders.
 """
@@ -25,17 +25,17 @@ from scenes.catalog.scene_file import _python_scene
 _python_scene(Path(arguments[0])).build()
 """
 LONGEST_TITLE = 500
-"""The most characters of a title; a manifest with more is not read (`scenes.view_sets.manifest`)."""
+"""The maximum length of a title, as `scenes.view_sets.manifest` reads it."""
 
 
 def name_of_file(file: Path) -> str:
-    """Make a name for records from the file's: letters, digits, `-` and `_` alone, and no name of the catalogue."""
+    """Derive a name for records from the file's: only letters, digits, `-` and `_`, and not in the catalogue."""
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", file.stem).strip("-") or "scene"
     return f"{name}-file" if name in CATALOG else name
 
 
 def check_scene_file(file: Path) -> None:
-    """Raise `InputError` for a file of no known kind."""
+    """Raise `InputError` for a missing file or an unknown suffix."""
     if file.suffix.lower() not in SUFFIXES:
         raise InputError(f"--scene-file {file}: name a Mitsuba scene (.xml) or a Python file (.py)")
     if not file.is_file():
@@ -50,16 +50,16 @@ def scene_from_file(file: Path) -> Scene:
 
         return xml_scene(file, name_of_file(file))
     if ended := how_it_ends(BUILD, str(file)):
-        raise InputError(f"{file}: {ended}; mend the scene")
+        raise InputError(f"{file}: {ended}; fix the scene")
     with mistakes_in(file):
         scene = _python_scene(file)
         description = scene.build()
         if not isinstance(description, dict):
             raise InputError(f"{file}: build() gives {type(description).__name__}; it must give a dictionary")
         if digest_of(description) != digest_of(scene.build()):
-            raise InputError(f"{file}: build() gives something else each time; give its random numbers a seed")
+            raise InputError(f"{file}: build() gives a different result each time; give its random numbers a seed")
         if not isinstance(scene.title, str) or len(scene.title) > LONGEST_TITLE or not scene.title.isprintable():
-            raise InputError(f"{file}: title is no printable text of at most {LONGEST_TITLE} characters; change it")
+            raise InputError(f"{file}: title must be printable text of at most {LONGEST_TITLE} characters; change it")
     return replace(scene, name=name_of_file(file), file=file)
 
 
@@ -69,7 +69,7 @@ def _python_scene(file: Path) -> Scene:
         raise InputError(f"{file}: cannot be imported; name a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
     folder = str(file.resolve().parent)
-    sys.path.insert(0, folder)  # as for a script: files beside it can be imported
+    sys.path.insert(0, folder)  # as for a script: neighbouring files can be imported
     try:
         spec.loader.exec_module(module)
     finally:
@@ -90,7 +90,7 @@ def mistakes_in(file: Path | None, but: type[Exception] | tuple[()] = ()) -> Ite
     except InputError as error:
         if file is None or str(file) in str(error):
             raise
-        raise InputError(f"{file}: {error}") from error  # the message is about a part alone
+        raise InputError(f"{file}: {error}") from error  # the message names only a part of the scene
     except (Exception, SystemExit) as error:
         if file is None:
             raise
@@ -98,4 +98,4 @@ def mistakes_in(file: Path | None, but: type[Exception] | tuple[()] = ()) -> Ite
         lines = [step.lineno for step in steps if Path(step.filename).resolve() == file.resolve()]
         line = f" in line {lines[-1]}" if lines else ""
         message = " ".join(str(error).split())[:300]
-        raise InputError(f"{file}: {type(error).__name__}{line}: {message}; mend the scene") from error
+        raise InputError(f"{file}: {type(error).__name__}{line}: {message}; fix the scene") from error

@@ -1,1 +1,1 @@
-"""Errors, stopping, digests, locks, and files and folders that are complete or absent; imports nothing of ours."""
+"""Errors, stopping, digests, locks, and files and folders that are complete or absent; imports no other room."""

@@ -1,7 +1,6 @@
-"""Files and folders that are complete or absent, also under `kill -9`: written beside their place, then renamed.
+"""Files and folders that are complete or absent, even after `kill -9`: written under another name, then renamed.
 
-A writer that was killed leaves `.<name>.<process>.part`, followed by the suffix of the file if a library decides by
-that.
+A killed writer leaves `.<name>.<process>.part`, followed by a suffix where a library derives the format from it.
 """
 
 import errno
@@ -14,7 +13,7 @@ from pathlib import Path
 
 def write_atomically(path: Path, content: bytes | str, fsync: bool = True) -> None:
     """Write a file; without `fsync` a crash of the system may leave it empty. Raises `OSError`, naming the file."""
-    with replacing(path) as beside, beside.open("xb") as file:
+    with replacing(path) as temporary, temporary.open("xb") as file:
         file.write(content.encode("utf-8") if isinstance(content, str) else content)
         if fsync:
             file.flush()
@@ -23,34 +22,34 @@ def write_atomically(path: Path, content: bytes | str, fsync: bool = True) -> No
 
 @contextmanager
 def replacing(path: Path, suffix: str = "") -> Iterator[Path]:
-    """Yield a free name, which ends in `suffix`, for what then takes the place of a file or of an empty folder.
+    """Yield a temporary path that ends in `suffix`; what is written there then replaces a file or an empty folder.
 
-    What stands there is removed if anything fails. Raises `OSError`, naming `path` unless it is about a file elsewhere;
-    a device is never replaced.
+    The temporary is removed if anything fails. Raises `OSError`, naming `path` unless the error concerns a file
+    elsewhere. A device is never replaced.
     """
-    # a link of ours to a device is replaced as any other; one of the system, as /dev/stdout, is not
+    # a user's link to a device is replaced like any other link; a system's, such as /dev/stdout, is not
     of_the_system = not path.is_symlink() or path.parent == Path("/dev")
     if of_the_system and (path.is_char_device() or path.is_block_device()):
         raise OSError(errno.EPERM, "is a device, which no file replaces", str(path))
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part{suffix}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part{suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _remove(beside)
-        yield beside
-        beside.replace(path)
+        _remove(temporary)
+        yield temporary
+        temporary.replace(path)
     except OSError as error:
         named = error.filename  # None where a write failed: the system does not say of which file
-        elsewhere = isinstance(named, str) and not (Path(named).is_relative_to(beside) or path.is_relative_to(named))
+        elsewhere = isinstance(named, str) and not (Path(named).is_relative_to(temporary) or path.is_relative_to(named))
         if elsewhere or error.errno is None:
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
-        with suppress(OSError):  # what went wrong before is what is said
-            _remove(beside)
+        with suppress(OSError):  # the first error is the one to report
+            _remove(temporary)
 
 
 def remove_leftovers(folder: Path, of: str = "*") -> int:
-    """Remove what killed writers left of files `of` this name, a pattern, if nobody writes; returns their number."""
+    """Remove what killed writers left of files whose name matches the pattern `of`; returns the number removed."""
     parts = [part for pattern in (f".{of}.part", f".{of}.part.*") for part in folder.glob(pattern) if part.is_file()]
     for part in parts:
         part.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""A hash of plain data: equal for equal data, and different for whatever differs."""
+"""Hashes of files and of plain data: equal for equal data, different for different data."""
 
 import hashlib
 import json
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def digest_of(value: object) -> str:
-    """Return the SHA-256 of nested plain data and arrays; equal for equal data, the order of keys included."""
+    """Return the SHA-256 of nested plain data and arrays; the order of keys counts."""
     state = hashlib.sha256()
     for piece in _pieces(value):
         state.update(piece)
@@ -17,18 +17,17 @@ def digest_of(value: object) -> str:
 
 
 def file_digest(file: Path) -> str:
-    """Return the SHA-256 of a file's bytes, hexadecimal."""
     with file.open("rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
 def json_digest(value: object, more: bytes = b"") -> str:
-    """Return the SHA-256 of JSON data, whatever the order of its keys, and of the bytes after it."""
+    """Return the SHA-256 of JSON data, independent of the order of its keys, and of the bytes `more` after it."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode() + more).hexdigest()
 
 
 def _pieces(value: object) -> Iterator[bytes]:
-    """Yield self-delimiting bytes: each piece states its type and its length, so that no two values look alike."""
+    """Yield self-delimiting bytes: each piece states its type and length, so different values give different bytes."""
     if isinstance(value, dict):
         yield f"dict {len(value)}\n".encode()
         for key, inner in value.items():

@@ -1,4 +1,4 @@
-"""Errors around a command: a missing package, or a reader that stops, ends it with a line or none, not a traceback."""
+"""Errors around a command: a missing package ends it with one line, a reader that stops ends it silently."""
 
 import os
 import select
@@ -6,15 +6,15 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-OURS = ("scenes", "baselines", "harness", "reports")
+PACKAGES = ("scenes", "baselines", "harness", "reports")
 
 
 @contextmanager
 def packages_needed() -> Iterator[None]:
-    """Wrap a command: if it meets a package that is not installed, it ends with a line about it and exit code 2.
+    """Wrap a command: if a package is not installed, the command ends with a line about it and exit code 2.
 
-    An import error within a scene file or a package of the user's own is reported by its reader, and never arrives
-    here. If standard output is closed, as by `| head`, the command ends without a word.
+    Import errors within a user's scene file or package are reported where it is read, and do not arrive here. If
+    standard output is closed, as by `| head`, the command ends silently.
     """
     try:
         try:
@@ -30,7 +30,7 @@ def packages_needed() -> Iterator[None]:
         sys.exit(1)
     except ModuleNotFoundError as error:
         name = (error.name or "").partition(".")[0]
-        if name in OURS:
+        if name in PACKAGES:
             raise
         sys.stderr.write(
             f"error: {sys.executable} has no package {name}; activate the environment that nox made "

@@ -1,7 +1,8 @@
 """A lock on a file, which the system releases when its holder dies; containers that share the disk see it.
 
-The file is opened here and its descriptor locked by `filelock`: no link is followed, a mere query creates no file, and
-it takes 0.015 ms, against 0.12 for a `filelock.FileLock`. Every descriptor has a lock of its own, threads included.
+The file is opened here and its descriptor locked by `filelock`: no link is followed, a query creates no file, and it
+takes 0.015 ms, compared with 0.12 ms for a `filelock.FileLock`. Locks belong to descriptors, so threads exclude each
+other as well.
 """
 
 import errno
@@ -12,16 +13,16 @@ from contextlib import suppress
 from pathlib import Path
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
-"""The errors of systems and file systems without locks."""
+"""The error numbers of systems and file systems without locks."""
 FLAGS = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-"""The flags of opening: a pipe is not waited for."""
+"""Flags for opening: no link is followed, a pipe does not block."""
 POLL_SECONDS = 0.001
 NOTE_BYTES = 500
-"""The number of bytes that are read of what the holder says about itself."""
+"""The number of bytes that are read of the holder's note."""
 
 
 class LockTaken(BlockingIOError):
-    """Another holder does not release the lock."""
+    """Another process or thread holds the lock."""
 
     def __init__(self, path: Path, note: bytes) -> None:
         super().__init__(errno.EAGAIN, "locked by another process", str(path))
@@ -30,7 +31,7 @@ class LockTaken(BlockingIOError):
 
 
 class Lock:
-    """A lock that is held until `release`, or until this process dies; never if there are no locks."""
+    """A lock that is held until `release` or the end of this process; not held if there are no locks."""
 
     def __init__(self, path: Path, handle: int | None) -> None:
         self.path = path
@@ -49,7 +50,7 @@ class Lock:
         return self._handle
 
     def release(self, remove: bool = False) -> None:
-        """Release the lock; removes the file first on request, while nobody else can have made it theirs."""
+        """Release the lock; `remove` removes the file first, while no other process can hold its lock."""
         if self._handle is None:
             return
         if remove:
@@ -60,22 +61,22 @@ class Lock:
 
 
 def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
-    """Lock a file, created if it is missing. Raises `LockTaken` if another still has it after `seconds`, and `OSError`
-    if it cannot be opened: `ELOOP` for a link of either kind or a device, which is not ours to write.
+    """Lock a file, created if it is missing. Raises `LockTaken` if another holder keeps it for `seconds`, and `OSError`
+    if it cannot be opened: `ELOOP` for a symbolic or hard link or a device, which must not be written to.
     """
     until = time.monotonic() + seconds
     while True:
         handle = os.open(path, FLAGS | os.O_CREAT, mode)
         held = False
         try:
-            ours = os.fstat(handle)
-            if not stat.S_ISREG(ours.st_mode) or ours.st_nlink > 1:
+            opened = os.fstat(handle)
+            if not stat.S_ISREG(opened.st_mode) or opened.st_nlink > 1:
                 raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
             free = _try(handle)
             if free is None:
                 return Lock(path, None)
             # its holder may have removed the file before it was locked here
-            held = free and _identity(path) == (ours.st_dev, ours.st_ino)
+            held = free and _identity(path) == (opened.st_dev, opened.st_ino)
             if held:
                 return Lock(path, handle)
             if not free and time.monotonic() >= until:
@@ -88,7 +89,7 @@ def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
 
 
 def is_held(path: Path, create: bool = False) -> bool | None:
-    """Tell whether anybody has the lock; None if that cannot be known, as where there is no file and none is made."""
+    """Return whether the lock is held; None if that cannot be known, such as without a file and `create`."""
     try:
         handle = os.open(path, FLAGS | (os.O_CREAT if create else 0), 0o644)
     except OSError:
@@ -103,7 +104,7 @@ def is_held(path: Path, create: bool = False) -> bool | None:
 
 
 def _try(handle: int) -> bool | None:
-    """Lock an open file; False if another has it, None if there are no locks."""
+    """Lock an open file; False if another holder has the lock, None if there are no locks."""
     import filelock  # takes 0.05 s that a command without locks need not wait for
 
     try:
@@ -115,7 +116,7 @@ def _try(handle: int) -> bool | None:
 
 
 def _close(handle: int) -> None:
-    """Unlock first: a process that was forked meanwhile has the descriptor, too, and would keep the lock."""
+    """Unlock first: a process forked meanwhile has the descriptor too, and would keep the lock."""
     import filelock
 
     with suppress(OSError):
@@ -125,7 +126,7 @@ def _close(handle: int) -> None:
 
 def _identity(path: Path) -> tuple[int, int] | None:
     try:
-        there = os.stat(path)  # noqa: PTH116 - in half the time of a path's own method
+        status = os.stat(path)  # noqa: PTH116 - in half the time of a path's own method
     except FileNotFoundError:
         return None
-    return there.st_dev, there.st_ino
+    return status.st_dev, status.st_ino

@@ -1,7 +1,7 @@
-"""Temporary folders in which view sets are rendered: locked by their process, so that those of killed ones are known.
+"""Temporary folders in which view sets are rendered, locked by their process: without a lock, the process has died.
 
-CACHE/.<view set>.<…>.partial        in work, or left by a process that was killed
-CACHE/.<view set>.<…>.partial.lock   beside it, there before the folder and for as long
+CACHE/.<view set>.<…>.partial        in work, or left by a killed process
+CACHE/.<view set>.<…>.partial.lock   its lock, created before the folder and removed after it
 """
 
 import glob
@@ -21,7 +21,7 @@ LOCK = ".lock"
 
 @contextmanager
 def working_folder(cache: Path, name: str) -> Iterator[Path]:
-    """Yield a fresh temporary folder for one view set, marked as in use until the context is left."""
+    """Yield a new temporary folder for one view set, locked until the context is left."""
     partial = cache / f".{name}.{secrets.token_hex(4)}{PARTIAL}"
     lock = acquire(_lock_of(partial))
     if not lock.is_held:
@@ -36,21 +36,20 @@ def working_folder(cache: Path, name: str) -> Iterator[Path]:
 
 
 def remove(partial: Path) -> None:
-    """Remove a folder with its lock."""
     shutil.rmtree(partial, ignore_errors=True)
     _lock_of(partial).unlink(missing_ok=True)
 
 
 def remove_stale(cache: Path, but: str | None = None) -> None:
-    """Remove temporary folders that killed processes left: those whose lock nobody has, or two days old if locks say
-    nothing; those of the view set `but` stay while they are young, as the next process takes over what they hold.
+    """Remove temporary folders of killed processes: those whose lock is free, or older than two days if the system has
+    no locks. Younger ones of the view set `but` stay, as the next process takes over their views.
     """
     for partial in {*cache.glob(f".*{PARTIAL}"), *(lock.with_suffix("") for lock in cache.glob(f".*{PARTIAL}{LOCK}"))}:
         held = is_held(_lock_of(partial))
         try:
             old = time.time() - partial.stat().st_mtime > STALE_SECONDS
         except OSError:
-            # its folder has got its name, or was never made
+            # only the lock is left: the folder was renamed into place, or never made
             if held is False:
                 remove(partial)
             continue

@@ -1,4 +1,4 @@
-"""Standard output that stops no command: nobody reads it, it is closed, or its encoding lacks a letter."""
+"""Standard output that never stops a command, though its reader has gone, it is closed, or its encoding is narrow."""
 
 import io
 import os
@@ -6,8 +6,8 @@ import sys
 from typing import Any
 
 
-class _Heard(io.FileIO):
-    """The file of a standard stream; once nobody reads it or its disk is full, what is written is dropped."""
+class _Dropping(io.FileIO):
+    """The file of a standard stream; once its reader has gone or its disk is full, further output is dropped."""
 
     def write(self, data: Any) -> int:
         try:
@@ -23,9 +23,9 @@ STREAMS = {1: "standard output", 2: "standard error"}
 
 
 def go_on_unheard() -> None:
-    """Keep this process going whatever becomes of its standard output and error: `| head` ends no run.
+    """Keep this process running if its standard output or error fails: `| head` ends no run.
 
-    It comes before anything that opens a file, which could get the number of a closed stream.
+    Call it before anything that opens a file, which could get the number of a closed stream.
     """
     while (free := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
@@ -33,12 +33,12 @@ def go_on_unheard() -> None:
     for number, name in enumerate(("stdout", "stderr"), start=1):
         stream = getattr(sys, name)
         if stream is not None and not isinstance(stream, io.TextIOWrapper):
-            continue  # somebody captures it
+            continue  # captured, as by pytest
         setattr(
             sys,
             name,
             io.TextIOWrapper(
-                io.BufferedWriter(_Heard(number, "w", closefd=False)),
+                io.BufferedWriter(_Dropping(number, "w", closefd=False)),
                 encoding=stream.encoding if stream is not None else "utf-8",
                 errors="backslashreplace",
                 line_buffering=number == 2 or (stream is not None and stream.line_buffering),

@@ -1,4 +1,4 @@
-"""Ctrl-C, and SIGTERM as clusters send it: the first stops in good order, within two seconds; the second at once."""
+"""Ctrl-C, and SIGTERM as clusters send it: the first stops cleanly within two seconds, the second at once."""
 
 import multiprocessing
 import os
@@ -10,48 +10,46 @@ from pathlib import Path
 from types import FrameType
 
 IN_ORDER_SECONDS = 1.7
-"""The time by which finished work is written: every file is written completely or stays as it was."""
+"""The time within which finished work is written; every file is written completely or stays as it was."""
 STOPPED = 130
-"""The exit code."""
 LATE = "what is finished is kept; give the command again, with --resume and --out where it has them"
-"""The default message."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def stop_on_signals() -> None:
-    """Stop on signals from now on; a signal that is ignored, as in the background of a shell, stays so.
+    """Stop on signals from now on; a signal that is ignored, as in the background of a shell, stays ignored.
 
-    The main thread hears of a signal only between two steps of Python, which may be minutes apart where a library is
-    at work. The system writes the signal's number into a pipe at once: another thread sees to the two seconds.
+    The main thread handles a signal only between two steps of Python, which may be minutes apart while a library
+    computes. The system writes the signal's number into a pipe at once: another thread keeps the two seconds.
     """
-    ours, theirs = os.pipe()
-    os.set_blocking(theirs, False)
-    signal.set_wakeup_fd(theirs, warn_on_full_buffer=False)
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     for number in SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _stop)
-    threading.Thread(target=_end_late, args=(ours,), daemon=True).start()
+    threading.Thread(target=_end_late, args=(reading,), daemon=True).start()
 
 
 def _stop(_number: int, _frame: FrameType | None) -> None:
-    for number in SIGNALS:  # once: the second is the other thread's
+    for number in SIGNALS:  # once: the second signal is handled by the other thread
         if signal.getsignal(number) is _stop:
             signal.signal(number, _nothing)
     raise KeyboardInterrupt
 
 
 def _nothing(_number: int, _frame: FrameType | None) -> None:
-    """Do nothing: the number of the signal then still goes into the pipe."""
+    """Do nothing; the number of the signal still goes into the pipe."""
 
 
-def _end_late(asked: int) -> None:
+def _end_late(pipe: int) -> None:
     """End this process `IN_ORDER_SECONDS` after the first signal, or at the second."""
-    while signal.getsignal(os.read(asked, 1)[0]) not in (_stop, _nothing):
-        pass  # somebody else's, such as a server's
-    select.select([asked], [], [], IN_ORDER_SECONDS)
+    while signal.getsignal(os.read(pipe, 1)[0]) not in (_stop, _nothing):
+        pass  # a signal with another handler, such as a server's
+    select.select([pipe], [], [], IN_ORDER_SECONDS)
     with suppress(OSError):
         os.write(2, f"interrupted: {LATE}\n".encode())
-    # the renderer as well, if the system says who the children are; elsewhere it ends when nobody listens
+    # the renderer as well, if the system lists children; elsewhere it ends when its output is closed
     for worker in multiprocessing.active_children():
         worker.kill()
     for listing in Path("/proc/self/task").glob("*/children"):

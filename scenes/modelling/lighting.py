@@ -39,7 +39,7 @@ def softbox(
 
 
 def studio(height: int = 64, width: int = 128, brightness: float = 0.7) -> Description:
-    """Make a grey-blue sky over a warm floor, a broad key light, a cool fill, a rim: calm, and worth reflecting."""
+    """Make a grey-blue sky over a warm floor, with a broad key light, a cool fill light and a rim light."""
     toward = directions(height, width)
     up = toward[..., 2:]
     sky = np.array([0.26, 0.295, 0.34]) + np.array([0.20, 0.23, 0.28]) * np.clip(up, 0, 1)
@@ -58,7 +58,7 @@ def studio(height: int = 64, width: int = 128, brightness: float = 0.7) -> Descr
 def hazed(light: Description, share: float) -> Description:
     """Return the same light through thin cloud: that share of the light from above is spread evenly over the sky.
 
-    Shadows are softer, and there is less noise where light must find its way through water.
+    Shadows are softer, and light through water has less noise.
     """
     image = light["data"].astype(np.float64)
     up = directions(*image.shape[:2])[..., 2]

@@ -1,14 +1,13 @@
-"""The parts of a method, its renderer and its scores that a scene requires, derived from its description alone.
+"""The parts of a method, its renderer and its scores that a scene requires, derived only from its description.
 
-A need names what would be left out without it, and the bound within which leaving it out must stay. Whether it does is
-measured (`harness.studies.choices.omissions`), not assumed.
+Each part has a bound on what leaving it out may cost; `harness.studies.choices.omissions` measures whether it holds.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from scenes.view_sets.view_set import ViewSet
 
 LAMBERTIAN = frozenset({"diffuse", "null", "twosided", "mask", "bumpmap", "normalmap", "blendbsdf"})
-"""The BSDFs that look the same from every side; the wrappers among them if all that they wrap does."""
+"""The BSDFs that look the same from every side; wrappers only if their contents do."""
 MEDIA = frozenset({"homogeneous", "heterogeneous"})
 SHAPES = frozenset(
     {
@@ -72,19 +71,19 @@ step. A part that no score depends on, or that is exact, has bound 0.
 """
 
 OF_TRAINING = ("every_bin", "outside_hull", "behind_matter", "background_rays")
-"""The parts that images and settings of training tell of, not a description (`harness.plan.needed.needs_here`)."""
+"""The parts whose need follows from training images and settings (`harness.plan.needed.needs_here`)."""
 
 BINS = 64
-"""The bins of a ray through the box, by which the τ of a bin is judged: the coarse pass of the original NeRF."""
+"""The bins of a ray through the box, for the τ per bin: the coarse pass of the original NeRF."""
 OPAQUE_TAU = -math.log(1e-4)
 LARGEST_RATIO = 1e2
 """The ratio of brightest to median above which an error in display colour says little about the bright part."""
 SCALES = (1e-2, 1e2)
 """The sizes and distances from the origin at which Mitsuba's own ray epsilon is negligible."""
-
-
-NOBODY_HAS = frozenset({"linear_quadrature"})
-"""The parts that no method of a run has yet: a need is reported, but not doing them leaves nothing out."""
+UNSUPPORTED = frozenset({"linear_quadrature"})
+"""The parts that no method has: the need is reported, but nothing is left out."""
+KEPT = {"high_bands": "the bands are what is compared; see nerf_matched"}
+"""The reasons why parts are kept although they are not needed."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ class Need:
 
 
 Needs = dict[str, Need]
-"""The needs by name, in the order of `PARTS`; those that nothing is known about are missing."""
+"""The needs by name, in the order of `PARTS`; unknown needs are missing."""
 
 
 def needs(
@@ -114,9 +113,9 @@ def needs(
 ) -> Needs:
     """Return the needs of a description as it is rendered, in the box `bounds` [2, 3].
 
-    `pixel` is the length, in scene units, that a pixel has in the middle of the box, and `described` the box before it
-    was normalised, if it was. A type that this module does not know counts as one that looks different from every
-    side. Without `bounds` or `pixel`, the needs that follow from them are missing.
+    `pixel` is the length of a pixel in the middle of the box, in scene units, and `described` the box before
+    normalisation. An unknown type of BSDF counts as dependent on direction. Without `bounds` or `pixel`, the needs that
+    follow from them are missing.
     """
     types = {entry["type"] for entry in entries(description) if "type" in entry}
     media, shiny = sorted(types & MEDIA), sorted(types - LAMBERTIAN - _NO_BSDF)
@@ -128,7 +127,7 @@ def needs(
     surfaces = _surfaces(description)
     containers = [entry for entry in entries(description) if entry.get("type") in SHAPES and "interior" in entry]
     no_depth = "a medium has no depth" if containers else "nothing has a depth"
-    known: dict[str, tuple[Any, ...]] = {
+    known: dict[str, tuple[bool, str]] = {
         "view_direction": (bool(shiny or media), direction),
         "background_model": (False, "no sky is seen, so alpha is known"),
         "participating_media": (bool(media), f"media: {' '.join(media)}" if media else "no participating medium"),
@@ -150,8 +149,8 @@ def needs(
             cycles = float((bounds[1] - bounds[0]).max()) / pixel / 2
             bands = f"{useful_bands(cycles, 2.0)} of 2^k or {useful_bands(cycles, 1.618034)} of φ^k"
             reason = f"pixels show {cycles:.0f} cycles across the box: bands {bands} reach that far"
-            known["high_bands"] = (False, reason, "the bands are what is compared; nerf_matched stands beside")
-    return {name: Need(name, *known[name]) for name in PARTS if name in known}
+            known["high_bands"] = (False, reason)
+    return {name: Need(name, *known[name], KEPT.get(name, "")) for name in PARTS if name in known}
 
 
 def left_out(known: Needs) -> list[dict[str, object]]:
@@ -159,14 +158,14 @@ def left_out(known: Needs) -> list[dict[str, object]]:
 
     The result is plain data, as a manifest keeps it.
     """
-    omitted = [need for need in known.values() if not need.needed and not need.kept and need.name not in NOBODY_HAS]
+    omitted = [need for need in known.values() if not need.needed and not need.kept and need.name not in UNSUPPORTED]
     # in the order of the keys that manifests have
     return [{"name": need.name, "what": need.part.what, "reason": need.reason, **asdict(need.part)} for need in omitted]
 
 
 def part_name(what: str, name: str = "") -> str:
-    """Return the part that a row of `left_out` names; rows of older manifests and records have only `what`. Returns an
-    empty string for a part that this version does not know.
+    """Return the name of the part in a row of `left_out`, or an empty string for an unknown part. Rows of older
+    manifests and records have only `what`.
     """
     return name or next((known for known, part in PARTS.items() if part.what == what), "")
 
@@ -177,7 +176,7 @@ def as_rows(known: Needs) -> list[dict[str, object]]:
 
 
 def needs_of(views: "ViewSet") -> Needs:
-    """Return the needs of a view set; empty for one from elsewhere or of an older version."""
+    """Return the needs of a view set; empty if it was not rendered here, or by an older version."""
     rows = views.rendered.get("needs")
     return {row["name"]: Need(**row) for row in rows} if isinstance(rows, list) else {}
 
@@ -203,7 +202,7 @@ def with_needs(views: "ViewSet", need: tuple[str, ...], no_need: tuple[str, ...]
 
 
 def useful_bands(cycles: float, base: float) -> int:
-    """Return how many bands of an encoding b^k, k < L, show `cycles` across the box; more of them only add noise."""
+    """Return the number of bands of an encoding b^k, k < L, that show `cycles` across the box; more only add noise."""
     return max(1, math.ceil(math.log(max(cycles, 1.0), base)))
 
 
@@ -245,14 +244,14 @@ def _hdr_metrics(description: Description) -> tuple[bool, str]:
 
 
 def _largest_albedo(shape: Description) -> float:
-    """Return the largest albedo of anything in a surface; 1 if nothing has one."""
+    """Return the largest albedo in a surface; 1 if none is given."""
     names = ("reflectance", "diffuse_reflectance", "base_color")
     values = [_numbers(entry[name]).max(initial=0.0) for entry in entries(shape) for name in names if name in entry]
     return float(max(values, default=1.0))
 
 
 def _surfaces(description: Description) -> list[Description]:
-    """Return the shapes that are seen themselves, excluding those that merely hold a medium."""
+    """Return the shapes that are visible themselves, excluding those that only hold a medium."""
     return [
         entry
         for entry in entries(description)
@@ -265,12 +264,11 @@ def _holds(shape: Description, kind: str) -> bool:
 
 
 def glows(shape: Description) -> bool:
-    """Return whether a shape is a lamp."""
     return _holds(shape, "area")
 
 
 def _largest_extinction(description: Description) -> float:
-    """Return σ_t per scene unit where it is largest, 0 without media."""
+    """Return the largest σ_t per scene unit, 0 without media."""
     largest = 0.0
     for entry in entries(description):
         if entry.get("type") in MEDIA:

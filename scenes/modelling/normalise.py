@@ -1,4 +1,4 @@
-"""The unit of length: brings a description of any size, anywhere, to unit scale about the origin.
+"""The unit of length: brings a description of any size and place to unit scale about the origin.
 
 Mitsuba moves the origin of a secondary ray off its surface by 8.9e-5 (1 + |p|), an absolute length. Measured on a
 scene with close neighbours: 1 % too bright at scale 1e-3 or 1e3 away from the origin, 9 % at 1e-4 or 1e4. So a
@@ -14,11 +14,11 @@ from scenes.modelling.placement import VISIBLE_RADIUS
 from scenes.modelling.scene import Description, Scene
 
 FRAMED = (0.1, 10.0)
-"""The range of half the longest side that cameras 4 units away can be meant to see; anything else is normalised."""
+"""The range of half the longest side that suits cameras 4 units away; anything else is normalised."""
 SOUND = (1e-2, 1e2)
 """The range of half the longest side that Mitsuba renders without a visible bias (0.14 % at 1e-2)."""
 FARTHEST = 1e2
-"""The largest distance from the origin, in the same sense."""
+"""The largest distance from the origin without a visible bias."""
 
 _UNIT_BOXES = {
     "cube": ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
@@ -26,21 +26,20 @@ _UNIT_BOXES = {
     "disk": ((-1.0, -1.0, 0.0), (1.0, 1.0, 0.0)),
 }
 SHAPES = frozenset({"mesh", "sphere", "cylinder", *_UNIT_BOXES})
-"""The shapes whose size is known here."""
+"""The shapes whose size can be computed here."""
 INFINITE = frozenset({"constant", "envmap", "directional"})
-"""The lights that no uniform scaling and no translation changes."""
+"""The lights that are invariant under uniform scaling and translation."""
 
 
 @dataclass(frozen=True)
 class Similarity:
-    """The map x → scale · x + shift: keeps angles, and so everything that light does."""
+    """The map x → scale · x + shift, which keeps angles, and so the transport of light."""
 
     scale: float
     shift: tuple[float, float, float]
 
     @property
     def matrix(self) -> np.ndarray:
-        """The matrix [4, 4]."""
         result = np.diag([self.scale, self.scale, self.scale, 1.0])
         result[:3, 3] = self.shift
         return result
@@ -51,7 +50,6 @@ class Similarity:
         return Similarity(1.0 / self.scale, (x, y, z))
 
     def points(self, x: np.ndarray) -> np.ndarray:
-        """Map points [..., 3] to the other unit."""
         points: np.ndarray = x * self.scale + np.asarray(self.shift)
         return points
 
@@ -85,7 +83,7 @@ class Similarity:
 
 
 def box_of(description: Description) -> np.ndarray | None:
-    """Return the corners [2, 3], float64, of the smallest box around the description's shapes; None if it has none.
+    """Return the corners [2, 3], float64, of the smallest box around the description's shapes; None without shapes.
 
     Raises `InputError` for a shape whose size is not known here, or is not finite.
     """
@@ -110,16 +108,13 @@ def to_unit(box: np.ndarray) -> Similarity:
 
 
 def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
-    """Return the description to render: at unit scale about the origin if it was far from that.
-
-    The similarity is None if nothing was changed.
-    """
+    """Return the description at unit scale about the origin, and the applied similarity; None if none was needed."""
     description = scene.build()
     entries = {name: entry for name, entry in description.items() if isinstance(entry, dict)}
     box = box_of({name: entry for name, entry in entries.items() if entry.get("type") in SHAPES})
     if box is None or _within(box, FRAMED, FRAMED[1]):
         return description, None
-    # only now must every entry be of a kind that can be moved
+    # only now every entry must be of a kind that can be moved
     box = box_of(description)
     assert box is not None
     change = to_unit(box)
@@ -127,9 +122,9 @@ def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
 
 
 def fitted(scene: Scene) -> tuple[Description, Similarity | None]:
-    """Normalise a scene that nobody has looked at, so that it lies completely in the picture of every camera.
+    """Normalise a user's scene so that it lies completely in the picture of every camera.
 
-    It stays as it is where the size of a shape is not known here; Mitsuba knows it, and `store` refuses what is wrong.
+    It is not changed if the size of a shape is unknown here; `scenes.rendering.writer` then checks Mitsuba's box.
     """
     description, change = normalised(scene)
     try:
@@ -173,7 +168,6 @@ def _known(name: str, entry: Description) -> None:
 
 
 def _box(name: str, entry: Description) -> tuple[np.ndarray, np.ndarray]:
-    """Return lower and upper corner, float64 [3]."""
     kind = entry["type"]
     if kind == "mesh":
         points = np.asarray(entry["vertices"], dtype=np.float64)

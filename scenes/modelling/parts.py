@@ -51,9 +51,9 @@ def each(parts: Parts, change: Callable[[Solid], Solid]) -> Parts:
 
 
 def meshes(parts: Parts, materials: dict[str, Description]) -> Description:
-    """Return one entry of a scene description for each material; solids without normals are `creased`."""
-    whole = {
-        material: merged(solid if solid.normals is not None else creased(solid) for solid in solids)
-        for material, solids in parts.items()
-    }
-    return {material: mesh(solid, materials[material]) for material, solid in whole.items()}
+    """Return one entry of a scene description per material; solids without normals are `creased`."""
+    description: Description = {}
+    for material, solids in parts.items():
+        solid = merged(solid if solid.normals is not None else creased(solid) for solid in solids)
+        description[material] = mesh(solid, materials[material])
+    return description

@@ -1,4 +1,4 @@
-"""How a user's own scene is turned upright, centred and brought to size: by moving the cameras, not its contents."""
+"""How a user's scene is turned upright, centred and scaled: by moving the cameras, not its contents."""
 
 from dataclasses import dataclass
 
@@ -17,18 +17,16 @@ class Placement:
     """The rotation [3, 3]: zero or more quarter turns about an axis."""
     scale: float
     shift: NDArray[np.float64]
-    """The shift [3]."""
 
     def points(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Map [..., 3] of the file to the view set."""
         return self.scale * (x @ self.rotation.T) + self.shift
 
     def box(self, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Map corners [2, 3] of the file's box to those of the same box in the view set."""
+        """Map the corners [2, 3] of a box in the file to those in the view set."""
         return np.sort(self.points(corners), axis=0)
 
     def camera(self, pose: np.ndarray) -> np.ndarray:
-        """Map a camera [4, 4] of the view set to the same view in the file; still rigid."""
+        """Map a camera [4, 4] of the view set to the camera of the same view in the file, also rigid."""
         placed = np.eye(4)
         placed[:3, :3] = self.rotation.T @ pose[:3, :3]
         placed[:3, 3] = self.rotation.T @ (pose[:3, 3] - self.shift) / self.scale

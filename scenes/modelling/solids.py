@@ -46,7 +46,6 @@ class Solid:
 
 
 def mesh(solid: Solid, bsdf: Description) -> Description:
-    """Return the scene-description entry of a solid with a material."""
     entry: Description = {
         "type": "mesh",
         "vertices": solid.vertices.astype(np.float32),
@@ -71,7 +70,7 @@ def rounded_box(x: float, y: float, z: float, radius: float, segments: int = 4) 
     core = np.array([x, y, z]) / 2 - radius
     reach = radius * np.tan(np.linspace(0.0, np.pi / 4, segments + 1))
     offset, inward = np.concatenate([-reach[::-1], reach]), np.arange(2 * segments + 2) <= segments
-    # a grid on each side of the box, dense in the corners alone, drawn in to the radius about the core
+    # a grid on each side of the box, dense only in the corners, pulled in to the radius about the core
     points: list[np.ndarray] = []
     faces: list[np.ndarray] = []
     for axis in range(3):
@@ -87,7 +86,7 @@ def rounded_box(x: float, y: float, z: float, radius: float, segments: int = 4) 
     nearest = np.clip(surface, -core, core)
     normals = (surface - nearest) / np.linalg.norm(surface - nearest, axis=1, keepdims=True)
     vertices = nearest + radius * normals
-    # neighbouring sides share the points of their common edge, and agree on the normal there
+    # neighbouring sides share the points and the normals of their common edge
     _, chosen, place = np.unique(np.round(vertices, 9), axis=0, return_index=True, return_inverse=True)
     triangles = place.reshape(-1)[np.concatenate(faces)]
     # without a core along some axis, its corners meet and leave triangles that are lines
@@ -194,7 +193,7 @@ def loft(rings: np.ndarray) -> Solid:
 
 
 def smooth(solid: Solid) -> Solid:
-    """Return the solid with area-weighted vertex normals; vertices at one place (a seam of `uv`) share theirs."""
+    """Return the solid with area-weighted vertex normals; vertices at one place (a seam of `uv`) share a normal."""
     corner = solid.vertices[solid.faces]
     area_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     _, place = np.unique(np.round(solid.vertices, 7), axis=0, return_inverse=True)

@@ -9,20 +9,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenes.modelling.scene import Description
+from scenes.view_sets.pixels import decode_srgb
 
 Colour = Sequence[float] | Description
 
 
 def reflectance(colour: Colour) -> Description:
-    """Return a colour as Mitsuba wants it; a texture stays what it is."""
+    """Return a colour in Mitsuba's form; a texture is returned unchanged."""
     return colour if isinstance(colour, dict) else {"type": "rgb", "value": [float(part) for part in colour]}
 
 
 def srgb(code: str) -> tuple[float, float, float]:
     """Return the linear RGB of a display colour such as `#f0c010`."""
     display = np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255
-    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
-    red, green, blue = (float(part) for part in linear)
+    red, green, blue = (float(part) for part in decode_srgb(display))
     return red, green, blue
 
 
@@ -66,7 +66,7 @@ METALS: dict[str, Description] = {
     "copper": {"material": "Cu"},
     "gold": {"material": "Au"},
     "silver": {"material": "Ag"},
-    # Mitsuba ships no table for these: CuZn as measured near 630, 545 and 460 nm, and what is redder
+    # Mitsuba has no table for these: CuZn as measured near 630, 545 and 460 nm, and a redder alloy
     "brass": {"eta": reflectance((0.444, 0.527, 1.094)), "k": reflectance((3.695, 2.765, 1.829))},
     "bronze": {"eta": reflectance((0.35, 0.60, 1.10)), "k": reflectance((3.6, 2.3, 1.75))},
 }
@@ -92,7 +92,7 @@ def pane(index: float = 1.5) -> Description:
 
 
 def veil(opacity: float, bsdf: Description) -> Description:
-    """Return that share of the material; the rest is transparent: gauze, frosted film, a drum skin."""
+    """Make a share `opacity` of the material opaque, the rest transparent: gauze, frosted film, a drum skin."""
     return {"type": "mask", "opacity": float(opacity), "bsdf": bsdf}
 
 

@@ -1,7 +1,7 @@
-"""The exact colour that a ray of a scene with a closed form sees, and the pixel that follows from it.
+"""The exact colour that a ray sees in a scene with a closed form, and the pixels that follow from it.
 
-A scene's `truth` maps rays `(o, d)`, float64 [rays, 3] each, `d` unit, to `Seen`. There is no sampling and no
-renderer: rendered images and trained methods are compared with it.
+A scene's `truth` maps rays `(o, d)`, float64 [rays, 3] each, `d` unit, to `Seen`, without sampling or a renderer.
+Rendered images and trained methods are compared with it.
 """
 
 import math
@@ -15,18 +15,16 @@ from scenes.view_sets.viewpoints import FOV_X_RADIANS
 
 @dataclass(frozen=True)
 class Seen:
-    """The view along rays."""
-
     colour: np.ndarray
     """The linear radiance, float64 [rays, 3], premultiplied by `opacity`."""
     opacity: np.ndarray
     """The opacity, float64 [rays], 0 … 1."""
     depth: np.ndarray
-    """The distance to the first surface, clear or not, as rendered depth has it; float64 [rays]; 0 if there is none."""
+    """The distance to the first surface, transparent or not, as in rendered depth; float64 [rays]; 0 without a hit."""
 
     @staticmethod
     def at(distance: np.ndarray, colour: np.ndarray) -> "Seen":
-        """Return opaque surfaces of that colour [rays, 3] at that distance [rays]; nothing where it is inf."""
+        """Return opaque surfaces of `colour` [rays, 3] at `distance` [rays]; nothing where it is inf."""
         hit = np.isfinite(distance)
         return Seen(np.where(hit[:, None], colour, 0.0), hit.astype(float), np.where(hit, distance, 0.0))
 
@@ -45,7 +43,7 @@ def pixel_rays(
     """Return origins and unit directions [height · strata, width · strata, 3] through an even grid in every pixel.
 
     With one stratum these are the rays through the pixel centres. With `jitter` each ray goes through a random point
-    of its stratum: means are then free of bias, where a grid is off by its alignment with straight edges.
+    of its stratum: means are then unbiased, whereas those of a grid depend on its alignment with straight edges.
     """
     focal = 0.5 * width / math.tan(0.5 * fov_x_radians)
     row, column = np.indices((height * strata, width * strata)) + 0.5

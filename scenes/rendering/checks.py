@@ -1,4 +1,4 @@
-"""Cost and look of scenes: integrators compared, one view rendered again and again, a contact sheet."""
+"""Cost and look of scenes: a comparison of integrators, repeated renders of one view, a contact sheet."""
 
 import time
 from collections.abc import Iterator
@@ -13,11 +13,11 @@ from scenes.rendering.render import LoadedScene, render_views, seed_from
 from scenes.rendering.store import LARGEST_SPP, check_resolution
 from scenes.rendering.variant import choose_variant
 from scenes.view_sets.pixels import display_from_linear, over_white
-from scenes.view_sets.viewpoints import TILT, all_poses, evenly_spread, poses_on_sphere
+from scenes.view_sets.viewpoints import TILT, all_poses, camera_to_world, poses_on_sphere
 
 INTEGRATORS = ("path", "volpath")
 BLOCK = 8
-"""The pixels along each side of a compared block: noise of a single pixel is far above any difference that matters."""
+"""The pixels along each side of a compared block: the noise of a single pixel exceeds any relevant difference."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Comparison:
     samples: int
     """The number of camera paths of all views together, per integrator."""
     squared: list[float]
-    """The squared difference of each view's mean display colours in blocks, less noise: unbiased, below 0 by chance."""
+    """The squared difference of each view's mean display colours in blocks, less noise: unbiased, so it can be < 0."""
 
 
 def compared(scene_name: str, resolution: int, views: int, spp: int, variant: str | None = None) -> Comparison:
@@ -40,9 +40,8 @@ def compared(scene_name: str, resolution: int, views: int, spp: int, variant: st
     if views < 1:
         raise InputError(f"--views {views}: choose 1 or more")
     if spp < 2:
-        raise InputError(f"--spp {spp}: two halves are needed to take the noise out; choose 2 or more")
-    everything = all_poses("test", scene.view_from)
-    poses = everything[evenly_spread(views, everything, "test views")]
+        raise InputError(f"--spp {spp}: two halves are needed to subtract the noise; choose 2 or more")
+    poses = camera_to_world("test", scene.view_from, views)
     chosen = choose_variant(variant)
     loaded = {name: LoadedScene.of(scene, chosen, resolution, integrator=name) for name in INTEGRATORS}
     for renderer in loaded.values():
@@ -57,21 +56,18 @@ def compared(scene_name: str, resolution: int, views: int, spp: int, variant: st
             seconds[name] += time.perf_counter() - began
             halves[name] = [in_blocks(over_white(display_from_linear(image))) for image in images]
         (a, b), (c, d) = halves["path"], halves["volpath"]
-        # two independent differences: their product has the square of what both show for its mean, and no noise
+        # two independent estimates of one difference: the mean of their product is its square, without noise
         squared.append(float(np.mean((a - c) * (b - d))))
     return Comparison(scene_name, seconds, views * resolution**2 * (spp // 2 * 2), squared)
 
 
 def in_blocks(image: np.ndarray) -> np.ndarray:
-    """Return means [rows, columns, 3] of an image [h, w, 3] over blocks of `BLOCK` pixels, without a rest."""
+    """Return the means [rows, columns, 3] of an image [h, w, 3] over complete blocks of `BLOCK` pixels."""
     side = min(BLOCK, *image.shape[:2])
     rows, columns = (size // side for size in image.shape[:2])
-    whole = image[: rows * side, : columns * side].astype(np.float64)
-    means: np.ndarray = whole.reshape(rows, side, columns, side, 3).mean(axis=(1, 3))
+    covered = image[: rows * side, : columns * side].astype(np.float64)
+    means: np.ndarray = covered.reshape(rows, side, columns, side, 3).mean(axis=(1, 3))
     return means
-
-
-LARGEST = {"resolution": 512, "spp": 65536, "count": 10_000}
 
 
 def repeated(
@@ -84,9 +80,9 @@ def repeated(
     poses = all_poses("test", scene.view_from)
     if not 0 <= view < len(poses):
         raise InputError(f"--view {view}: choose 0 to {len(poses) - 1}")
-    for name, value in {"resolution": resolution, "spp": spp, "count": count}.items():
-        if not 1 <= value <= LARGEST[name]:
-            raise InputError(f"--{name} {value}: must lie between 1 and {LARGEST[name]}")
+    for name, value, largest in (("resolution", resolution, 512), ("spp", spp, LARGEST_SPP), ("count", count, 10_000)):
+        if not 1 <= value <= largest:
+            raise InputError(f"--{name} {value}: must lie between 1 and {largest}")
     loaded = LoadedScene.of(scene, choose_variant(variant), resolution)
     for number in range(count):
         yield loaded.colour(poses[view], spp, seed_from(scene_name, stream, number))

@@ -1,7 +1,7 @@
-"""The emission–absorption integral by Mitsuba's own plugins, as a reference that shares no code with our renderer.
+"""The emission–absorption integral by Mitsuba's own plugins: a reference that shares no code with `baselines`.
 
 Media of Mitsuba 3.9 cannot glow. But a medium of extinction s = σ/2 and albedo c, seen along a ray *and* lit along the
-same ray by parallel light of irradiance E = 8π, with isotropic single scattering alone, has the radiance
+same ray by parallel light of irradiance E = 8π, with isotropic single scattering only, has the radiance
 
     ∫ exp(−2∫s) · s · c · (1 / 4π) · E dt = ∫ exp(−∫σ) σ c dt,
 

@@ -1,6 +1,6 @@
-"""The noise of a render: a stored view compared with the same view of other random numbers, and error against samples.
+"""The noise of a render: stored views compared with new renders of them, and error against samples per pixel.
 
-Colours are compared as scores compare them, over white; `MEASURES` names the two ways.
+Colours are compared over white, as in scores; `MEASURES` names the two measures.
 """
 
 import math
@@ -23,21 +23,21 @@ from scenes.view_sets.pixels import decode_srgb, display_from_linear, over_white
 from scenes.view_sets.viewpoints import all_poses
 
 MEASURES = ("display", "linear")
-"""The measures: display colour over white, as PSNR has it, and that in linear light, as `rmse_linear` has it."""
+"""Display colour over white, as in PSNR, and the same in linear light, as in `rmse_linear`."""
 
 
 @dataclass(frozen=True)
-class Again:
-    """One stored view and renders of it with other random numbers, by the same procedure: two halves each."""
+class Rerender:
+    """A stored view and renders of it with other random numbers, by the same procedure: two halves each."""
 
     scene: str
     view: str
     stored: float
-    """The manifest's value: mean square error of the display image over white that noise causes."""
+    """The manifest's value: the mean square error of the display image over white that noise causes."""
     again: float
     """The measured noise of one of these images: half the mean square difference of two."""
     halves: float
-    """The manifest's formula applied to the renders that were made now."""
+    """The manifest's formula applied to the new renders."""
     spp: int
     variant: str
 
@@ -51,20 +51,20 @@ class Errors:
     seconds: list[float]
     """The seconds of each render after the first one, in which kernels may be compiled."""
     mse: dict[str, list[float]]
-    """Map measure (`MEASURES`) → mean square error of each render, less the reference's own variance."""
+    """Map measure (`MEASURES`) → mean square error of each render, less the variance of the reference."""
     reference_spp: int
     reference_mse: dict[str, float]
     """Map measure → variance of the reference, from its two halves."""
     variant: str
 
 
-def again(folder: Path, repeats: int, variant: Variant) -> Iterator[Again]:
-    """Render every test view of a view set of ours `repeats` times. Raises `InputError` for what is none or damaged."""
+def rerender(folder: Path, repeats: int, variant: Variant) -> Iterator[Rerender]:
+    """Render every test view of a stored view set `repeats` times. Raises `InputError` for a foreign or damaged set."""
     if repeats < 1:
         raise InputError(f"--repeats {repeats}: choose 1 or more")
     manifest = read_manifest(folder)
     if not manifest:
-        raise InputError(f"{folder}: not a view set of ours; name a folder that `python -m scenes render` has made")
+        raise InputError(f"{folder}: not a rendered view set; name a folder that `python -m scenes render` has made")
     if not manifest["counts"]["test"]:
         raise InputError(f"{folder}: has no test views; render some with --test")
     scene, spp = scene_named(manifest["scene"]), int(manifest["spp"]["test"])
@@ -74,15 +74,15 @@ def again(folder: Path, repeats: int, variant: Variant) -> Iterator[Again]:
         name = file.relative_to(folder.resolve()).with_suffix("").as_posix()
         channels = read_channels(checked(folder, file.with_suffix(".exr"), manifest))
         linear = np.stack([channels[channel] for channel in "RGBA"], axis=-1)
-        noise, halves = noise_again(loaded, linear, pose, spp, repeats, name)
+        noise, halves = rerender_noise(loaded, linear, pose, spp, repeats, name)
         stored = float(manifest["views"][name]["noise_mse"])
-        yield Again(scene.name, name, stored, noise, halves, spp, variant.name)
+        yield Rerender(scene.name, name, stored, noise, halves, spp, variant.name)
 
 
-def noise_again(
+def rerender_noise(
     loaded: LoadedScene, stored: np.ndarray, pose: np.ndarray, spp: int, repeats: int, name: str
 ) -> tuple[float, float]:
-    """Return `Again.again` and `Again.halves` of a view: `stored` [h, w, 4] is linear and premultiplied."""
+    """Return `Rerender.again` and `Rerender.halves` of a view: `stored` [h, w, 4] is linear and premultiplied."""
     images, halves = [as_scored(stored)], []
     for number in range(repeats):
         a, b = (loaded.colour(pose, math.ceil(spp / 2), seed_from("again", name, number, half)) for half in "ab")
@@ -113,8 +113,8 @@ def errors_of(
     """Measure a loaded scene. One render more than `repeats` is made, and not timed."""
     half = math.ceil(reference_spp / 2)
     a, b = (_finite(loaded.colour(pose, half, seed_from("reference", which))) for which in "ab")
-    whole = {measure: measured((a + b) / 2, measure) for measure in MEASURES}
-    own = {measure: mean_square(measured(a, measure) - measured(b, measure)) / 4 for measure in MEASURES}
+    reference = {measure: in_measure((a + b) / 2, measure) for measure in MEASURES}
+    own = {measure: mean_square(in_measure(a, measure) - in_measure(b, measure)) / 4 for measure in MEASURES}
     for count in spp:
         seconds: list[float] = []
         mse: dict[str, list[float]] = {measure: [] for measure in MEASURES}
@@ -123,11 +123,11 @@ def errors_of(
             image = _finite(loaded.colour(pose, count, seed_from("work", count, repetition)))
             seconds.append(time.perf_counter() - began)
             for measure in MEASURES:
-                mse[measure].append(mean_square(measured(image, measure) - whole[measure]) - own[measure])
+                mse[measure].append(mean_square(in_measure(image, measure) - reference[measure]) - own[measure])
         yield Errors(name, count, seconds[1:], mse, 2 * half, own, variant)
 
 
-def measured(linear: np.ndarray, measure: str) -> np.ndarray:
+def in_measure(linear: np.ndarray, measure: str) -> np.ndarray:
     """Map linear premultiplied [h, w, 4] to colour over white [h, w, 3], float64."""
     display = as_scored(linear)
     return display if measure == "display" else decode_srgb(display)
@@ -144,5 +144,5 @@ def mean_square(difference: np.ndarray) -> float:
 
 def _finite(image: np.ndarray) -> np.ndarray:
     if not np.isfinite(image).all():
-        raise RenderError(f"{int((~np.isfinite(image)).sum())} values of a render are not finite; mend the scene")
+        raise RenderError(f"{int((~np.isfinite(image)).sum())} values of a render are not finite; fix the scene")
     return image

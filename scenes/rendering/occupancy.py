@@ -1,9 +1,8 @@
 """The true occupancy: which points of a grid over a scene's box lie inside its solids.
 
-It comes from the scene's own description, which no trained method may see. A part of a mesh, joined by its
-vertices, is a solid where every edge has a triangle on either side; one with a rim, such as a leaf or a cloth, is thin:
-it has no inside, and points by it count as outside. So do disks, rectangles and open tubes, and lamps that no camera
-sees. A body of fog is inside as one of stone is.
+It comes from the scene's description, which no trained method may see. A part of a mesh, joined by its vertices, is
+solid if every edge has a triangle on either side. A part with a rim, such as a leaf or a cloth, is thin: it has no
+inside. The same holds for disks, rectangles, open tubes, and lamps that no camera sees. Fog counts as solid.
 """
 
 import base64
@@ -33,7 +32,7 @@ THIN = frozenset({"rectangle", "disk", "cylinder"})
 OFF_THE_GRID = (1.3e-7, 2.9e-7)
 """The share of the box by which columns are moved in x and y, so that none runs along an edge."""
 FINEST = 1e-6
-"""The share of the mesh's size below which vertices are the same: a seam of a texture is no rim."""
+"""The share of the mesh's size below which vertices are the same: a seam of a texture is not a rim."""
 
 
 def axes_of(bounds: np.ndarray, cells: int = CELLS) -> list[np.ndarray]:
@@ -72,7 +71,7 @@ def _inside_unit(entry: dict[str, Any], axes: Sequence[np.ndarray]) -> np.ndarra
 
 
 def inside_mesh(vertices: np.ndarray, faces: np.ndarray, axes: Sequence[np.ndarray]) -> np.ndarray:
-    """Return which points of the grid, bool [x, y, z], the mesh's solid parts enclose, whichever way they face."""
+    """Return which points of the grid, bool [x, y, z], the mesh's solid parts enclose, in either orientation."""
     corners = solid_triangles(np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64))
     x, y, z = axes
     turns = np.zeros((len(x), len(y), len(z) + 1), dtype=np.int64)
@@ -123,7 +122,7 @@ def solid_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     start, end = joined.ravel(), np.roll(joined, -1, axis=1).ravel()
     graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(count, count))
     _, part = connected_components(graph, directed=False)
-    # an edge that is walked as often one way as the other is no rim
+    # an edge that is walked equally often in both directions is not a rim
     lower, upper = np.minimum(start, end), np.maximum(start, end)
     _, edge = np.unique(lower * count + upper, return_inverse=True)
     balance = np.bincount(edge, weights=np.where(start < end, 1.0, -1.0))
@@ -135,8 +134,8 @@ def solid_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _joined(vertices: np.ndarray) -> np.ndarray:
     """Return the number [vertices] of each vertex's place: equal places have equal numbers."""
     size = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
-    whole = np.round((vertices - vertices.min(axis=0)) / max(size * FINEST, 1e-30)).astype(np.int64)
-    key = (whole[:, 0] << 42) + (whole[:, 1] << 21) + whole[:, 2]
+    place = np.round((vertices - vertices.min(axis=0)) / max(size * FINEST, 1e-30)).astype(np.int64)
+    key = (place[:, 0] << 42) + (place[:, 1] << 21) + place[:, 2]
     return np.asarray(np.unique(key, return_inverse=True)[1])
 
 
@@ -153,22 +152,22 @@ def with_occupancy(folder: Path, order: Order) -> Path:
     scene = order.scene
     occupied = None if scene.load else inside(order.description, np.array(manifest["bounds"]), scene.emitters_seen)
     if occupied is not None:
-        with suppress(OSError):  # a cache that others keep: what is inside then stays unknown, and the report says so
+        with suppress(OSError):  # a read-only cache: the occupancy stays unknown, and the report says so
             write_occupancy(folder, manifest, occupied)
     return folder
 
 
 def write_occupancy(folder: Path, manifest: dict[str, object], occupied: np.ndarray) -> None:
-    """Write bool [32, 32, 32], bound to the view set of the manifest. Raises `OSError`."""
+    """Write bool [32, 32, 32] with the digest of the manifest's view set. Raises `OSError`."""
     content, bits = _bound_to(manifest), np.packbits(occupied).tobytes()
     inside = {"inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
     write_atomically(folder / NAME, json.dumps(content | inside), fsync=False)
 
 
 def read_occupancy(views: ViewSet) -> np.ndarray | None:
-    """Read bool [32, 32, 32] over x, y, z of the view set's box; None if it is not known, or for another box.
+    """Read bool [32, 32, 32] over x, y, z of the view set's box; None if it is unknown, or `views` has another box.
 
-    Raises `DamagedViewSet` for a file that is damaged or of another view set.
+    Raises `DamagedViewSet` for a file that is damaged or belongs to another view set.
     """
     if "bounds" not in views.rendered or not np.array_equal(views.bounds, views.rendered["bounds"]):
         return None
@@ -188,7 +187,7 @@ def _read(folder: Path, manifest: dict[str, object]) -> np.ndarray | None:
         claimed = content.pop("checksum")
         bits = base64.b64decode(content.pop("inside"), validate=True)
         if content != _bound_to(manifest) or claimed != json_digest(content, bits) or len(bits) != CELLS**3 // 8:
-            raise ValueError("it is damaged, or not of this view set")
+            raise ValueError("it is damaged, or belongs to another view set")
     except (InputError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise DamagedViewSet(f"{file}: {error}; delete it, the next run makes it again") from error
     cells = np.unpackbits(np.frombuffer(bits, dtype=np.uint8)).astype(bool)

@@ -1,4 +1,4 @@
-"""The order of a rendering, and the hash that names it in the cache."""
+"""The specification of a rendered view set, and the digest that names it in the cache."""
 
 import importlib.metadata
 from collections.abc import Mapping
@@ -11,16 +11,17 @@ from scenes.modelling.needs import needs
 from scenes.modelling.normalise import Similarity
 from scenes.modelling.placement import Placement
 from scenes.modelling.scene import Description, Scene
+from scenes.rendering.render import OWN_SCENES_VERSION, RENDERER_VERSION
 from scenes.view_sets.manifest import SCHEMA
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, SPLITS, all_poses, evenly_spread
 
 
 @dataclass(frozen=True)
 class NoiseTarget:
-    """The noise that a split may have, in place of a number of samples (`scenes.rendering.samples`)."""
+    """The noise that a split may have, instead of a number of samples (`scenes.rendering.samples`)."""
 
     ceiling_db: float
-    """The PSNR of an image with that noise against one without."""
+    """The PSNR of an image with that noise against the same image without noise."""
     most: int
     """The maximum number of samples per pixel, even if more noise is left."""
     least: int = 4
@@ -32,12 +33,11 @@ class Order:
     description: Description
     """The description as it is rendered: normalised where necessary."""
     similarity: Similarity | None
-    """The similarity that normalised it."""
     resolution: int
     counts: dict[str, int]
     spp: Mapping[str, int | NoiseTarget]
     integrator: str | None = None
-    """The integrator, `path` or `volpath`; None for the one that the scene needs."""
+    """The integrator, `path` or `volpath`; None: what the scene needs."""
 
     def poses(self, split: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the indices [n] of the viewpoints in the full split, and their cameras [n, 4, 4]."""
@@ -47,16 +47,13 @@ class Order:
 
     @property
     def focal(self) -> float:
-        """Return the focal length in pixels."""
         return float(0.5 * self.resolution / np.tan(0.5 * FOV_X_RADIANS))
 
     def digest(self, variant: str) -> str:
-        """Return the hexadecimal hash of everything that the images depend on.
+        """Return the hexadecimal digest of everything that the images depend on.
 
-        With a `NoiseTarget` that is what is asked for; the hash of the images has the numbers of samples in its place.
+        A `NoiseTarget` counts as such; the digest of the images holds the chosen numbers of samples instead.
         """
-        from scenes.rendering.render import OWN_SCENES_VERSION, RENDERER_VERSION  # does not import Mitsuba by itself
-
         scene = self.scene
         facts = {
             "format": SCHEMA,
@@ -81,13 +78,13 @@ class Order:
 
 
 REMAINDER = 1e-9
-"""The share of an array's largest number below which a number is what a difference has left."""
+"""The share of an array's largest number below which a number counts as a rounding error of 0."""
 
 
 def as_rendered(value: object) -> object:
-    """Return plain data with its numbers as Mitsuba gets them, in float32, and remainders in arrays as zero.
+    """Return plain data with its numbers as Mitsuba gets them, in float32, and rounding errors of 0 in arrays as 0.
 
-    The last bits of a product of matrices depend on the processor, and a view set that another one rendered will do.
+    The last bits of a matrix product depend on the processor; view sets rendered on another processor stay valid.
     """
     if isinstance(value, dict):
         return {key: as_rendered(inner) for key, inner in value.items()}

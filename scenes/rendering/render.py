@@ -1,13 +1,12 @@
-"""Descriptions → Mitsuba → images. The only module that renders training images with Mitsuba;
-`scenes.rendering.medium_reference` renders to check our renderer.
+"""Descriptions → Mitsuba → images. All training images are rendered here.
 
-Mitsuba's camera (x left, y up, looking along +z) and its materials' input are converted here and nowhere else.
+Mitsuba's camera (x left, y up, looking along +z) and the input of its materials are converted only here.
 """
 
 import hashlib
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -18,15 +17,15 @@ from scenes.files.errors import InputError
 from scenes.modelling.needs import Needs, needs
 from scenes.modelling.normalise import check_scale, normalised
 from scenes.modelling.placement import Placement
-from scenes.modelling.scene import Corners, Description, Scene
+from scenes.modelling.scene import Description, Scene
 from scenes.rendering.variant import Variant
 from scenes.view_sets.pixels import display_from_linear, over_white
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, check_poses
 
 RENDERER_VERSION = 3
-"""The version, increased with every change that changes images, so that cached view sets are rendered again."""
+"""Increased with every change of the images, so that cached view sets are rendered again."""
 OWN_SCENES_VERSION = 2
-"""The version of a user's own scenes, increased with changes to their images alone."""
+"""Increased with every change that concerns only the images of users' scenes."""
 NEAR_CLIP = 1e-3
 NORMAL_SPP = {False: 2, True: 16}
 """The samples per pixel for normals, scalar and vectorised: Mitsuba has no cheap way to them in the scalar variant."""
@@ -36,7 +35,7 @@ _OPENGL_FROM_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
 class RenderError(RuntimeError):
-    """A scene of ours that cannot be rendered: a defect of the scene, not of the user's input."""
+    """A scene of the catalogue cannot be rendered: a defect of the scene, not of the user's input."""
 
 
 @dataclass(frozen=True)
@@ -52,22 +51,20 @@ class RenderedView:
     normal: np.ndarray
     """The outward shading normal in the world, float32 [h, w, 3], the unit mean over hits; 0 for none."""
     noise_mse: float
-    """The expected mean square error of the display image over white that noise alone causes."""
+    """The expected mean square error of the display image over white due to noise."""
 
 
 class LoadedScene:
     """A description as Mitsuba objects, ready to be seen from many sides."""
 
     def __init__(
-        self, description: Description, variant: Variant, max_depth: int, width: int, height: int,
-        integrator: str | None = None, emitters_seen: bool = False, box: Corners | None = None,
-        load: Callable[[ModuleType], tuple[Any, Placement, np.ndarray]] | None = None,
+        self, scene: Scene, description: Description, variant: Variant, width: int, height: int,
+        integrator: str | None = None,
     ) -> None:  # fmt: skip
-        """Load a description; `load` makes the scene instead of `description` (`scenes.modelling.scene.Scene`).
+        """Load the scene as `description` says, which may be normalised, or by its own `load`.
 
-        `integrator` is `path` or `volpath`, by default what the scene needs; `box` is the possible extent of a
-        description without shapes. Raises `InputError` for a scene so small or so far away that its images would
-        be biased.
+        `integrator` is `path` or `volpath`, by default what the scene needs. Raises `InputError` for a scene so small
+        or so far away that its images would be biased.
         """
         mi = use(variant)
         self.needs: Needs = needs(description)
@@ -76,41 +73,39 @@ class LoadedScene:
         self._variant = variant
         self._vectorised = not variant.name.startswith("scalar")
         self.placement: Placement | None = None
-        if load is None:
+        if scene.load is None:
             entries = {name: to_mitsuba(value) for name, value in description.items()}
             self._scene = mi.load_dict({"type": "scene", **entries})
         else:
-            self._scene, self.placement, self.box_in_file = load(mi)
-        self._solid = self._scene if emitters_seen else _without_lamps(mi, self._scene)
+            self._scene, self.placement, self.box_in_file = scene.load(mi)
+        self._solid = self._scene if scene.emitters_seen else _without_lamps(mi, self._scene)
         """The scene that a camera sees, for depth and normals."""
-        # Three integrators, three renders: one `aov` integrator would trace every path twice, and in the scalar
-        # variant it takes fifty times as long for a ray as `depth` does.
-        colour = {"type": self.integrator_name, "max_depth": max_depth, "hide_emitters": not emitters_seen}
+        # three renders: one `aov` integrator would trace every path twice, and per ray the scalar variant of it takes
+        # 50 times as long as `depth`
+        depth, seen = scene.max_depth, scene.emitters_seen
+        colour = {"type": self.integrator_name, "max_depth": depth, "hide_emitters": not seen}
         if self.integrator_name == "volpath":
             # by default it ends one path in twenty at every scattering, even in fog that absorbs nothing
-            colour["rr_depth"] = max_depth
-        if emitters_seen and self._scene.environment() is not None:
+            colour["rr_depth"] = depth
+        if seen and self._scene.environment() is not None:
             raise RenderError("emitters are to be seen, and there is a sky: every pixel would be covered by it")
         self._colour = mi.load_dict(colour)
         self._distance = mi.load_dict({"type": "depth"})
         self._normal = mi.load_dict({"type": "aov", "aovs": "normal:sh_normal"})
         self._sensors: dict[int, Any] = {}
-        self._declared = box
+        self._declared = scene.box
         check_scale(self.box())
 
     @staticmethod
     def of(
         scene: Scene, variant: Variant, width: int, height: int | None = None, integrator: str | None = None
     ) -> "LoadedScene":
-        """Load a scene of the catalogue as it is rendered: normalised where it must be."""
+        """Load a scene of the catalogue as it is rendered: normalised where necessary."""
         description, _ = normalised(scene)
-        return LoadedScene(
-            description, variant, scene.max_depth, width, height or width, integrator=integrator,
-            emitters_seen=scene.emitters_seen, box=scene.box,
-        )  # fmt: skip
+        return LoadedScene(scene, description, variant, width, height or width, integrator)
 
     def box(self) -> np.ndarray:
-        """Return the corners [2, 3], float64, of the box around all shapes, or of the declared one if there is none."""
+        """Return the corners [2, 3], float64, of the box around all shapes, or the declared box."""
         if self.placement is not None:
             return self.placement.box(self.box_in_file)
         box = self._scene.bbox()
@@ -118,7 +113,7 @@ class LoadedScene:
         if self._declared is not None and not box.valid():
             corners = np.array(self._declared, dtype=np.float64)
         if not np.isfinite(corners).all() or (corners[1] < corners[0]).any():
-            raise RenderError(f"the scene's box is {corners.tolist()}: it holds no shape, or one that is not finite")
+            raise RenderError(f"the scene's box is {corners.tolist()}: it has no shape, or a shape that is not finite")
         return corners
 
     def bounds(self) -> np.ndarray:
@@ -150,7 +145,7 @@ class LoadedScene:
         return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
 
     def _render(self, scene: Any, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
-        """Return the mean of as many passes as the samples need: float64 [h, w, channels]."""
+        """Return the mean over all passes, float64 [h, w, channels]."""
         mi = use(self._variant)
         passes, spp_pass = self._passes(spp)
         sensor = self._sensor(spp_pass)
@@ -168,7 +163,7 @@ class LoadedScene:
         return total / passes
 
     def actual_spp(self, spp: int) -> int:
-        """Return the samples per pixel of both halves together where `spp` are asked for: `spp` or a few more."""
+        """Return the samples per pixel that both halves together take for `spp`: `spp` or a few more."""
         passes, spp_pass = self._passes(math.ceil(spp / 2))
         return 2 * passes * spp_pass
 
@@ -198,8 +193,8 @@ class LoadedScene:
 def _estimate(mi: ModuleType, scene: Any, integrator: Any, sensor: Any, spp: int, seed: int) -> np.ndarray:
     """Return the image of one pass: [h, w, channels].
 
-    In a vectorised variant `mi.render` adds samples to the film as threads come to them, so that two renders differ in
-    their last bits. Here the samples of a pixel are the same, and are added in one order.
+    In a vectorised variant `mi.render` adds samples to the film in the order of its threads, so two renders differ in
+    their last bits. Here the samples of a pixel are the same, and are added in a fixed order.
     """
     if mi.variant().startswith("scalar"):
         return np.array(mi.render(scene, sensor=sensor, integrator=integrator, seed=seed, spp=spp))
@@ -215,13 +210,13 @@ def _estimate(mi: ModuleType, scene: Any, integrator: Any, sensor: Any, spp: int
     ray, _ = sensor.sample_ray_differential(sensor.shutter_open(), 0.0, place, mi.Point2f(0.5))
     light, seen, others = integrator.sample(scene, sampler, ray)
     channels = others or [*light, dr.select(seen, mi.Float(1), mi.Float(0))]
-    dr.eval(channels)  # together: each alone would trace all paths again
+    dr.eval(channels)  # together: separate evaluations would trace all paths again
     sums = [dr.block_sum(channel, spp, mode="evaluated") for channel in channels]
     return np.stack([np.array(channel).reshape(height, width) for channel in sums], axis=-1) / spp
 
 
 def _without_lamps(mi: ModuleType, scene: Any) -> Any:
-    """Return the same shapes without those that glow, which the colour integrator hides; the scene itself if none does.
+    """Return the scene without shapes that glow, which the colour integrator hides; the scene itself if none glows.
 
     Raises `InputError` if shapes are instances: Mitsuba cannot put their groups into another scene.
     """
@@ -229,7 +224,7 @@ def _without_lamps(mi: ModuleType, scene: Any) -> Any:
     if len(solid) == len(scene.shapes()):
         return scene
     if any(shape.class_name() == "Instance" for shape in solid):
-        raise InputError("instances beside a shape that glows: depth would show the lamp; light it by a sky instead")
+        raise InputError("instances and a glowing shape: depth would show the lamp; light them by a sky instead")
     return mi.load_dict({"type": "scene", **{f"shape {number}": shape for number, shape in enumerate(solid)}})
 
 
@@ -255,7 +250,7 @@ def render_views(
     rigid or for fewer than 2 samples, and `RenderError` for an image that is not finite.
     """
     if spp < 2:
-        raise InputError(f"{spp} samples a pixel: two halves are needed to know the noise; choose 2 or more")
+        raise InputError(f"{spp} samples per pixel: two halves are needed to know the noise; choose 2 or more")
     check_poses(camera_to_world, list(names))
     for pose, seed, name in zip(camera_to_world, seeds, names, strict=True):
         spp_half = math.ceil(spp / 2)
@@ -263,7 +258,7 @@ def render_views(
         depth, normal = scene.geometry(pose, spp_half, seed_from(seed, "geometry"))
         finite = np.isfinite(a).all(-1) & np.isfinite(b).all(-1) & np.isfinite(depth) & np.isfinite(normal).all(-1)
         if not finite.all():
-            raise RenderError(f"{name}: {int((~finite).sum())} of {finite.size} pixels are not finite; mend the scene")
+            raise RenderError(f"{name}: {int((~finite).sum())} of {finite.size} pixels are not finite; fix the scene")
         yield RenderedView(
             rgba=((a + b) / 2).astype(np.float32),
             variance=((a - b) ** 2 / 4).astype(np.float32),
@@ -325,9 +320,9 @@ def _mesh(entry: Description) -> Any:
     mesh = mi.Mesh("mesh", len(entry["vertices"]), len(entry["faces"]), properties, "normals" in entry, "uv" in entry)
     parameters = mi.traverse(mesh)
     names = {"vertices": "vertex_positions", "faces": "faces", "uv": "vertex_texcoords", "normals": "vertex_normals"}
-    for ours, theirs in names.items():
-        if ours in entry:
-            dtype = np.uint32 if ours == "faces" else np.float32
-            parameters[theirs] = np.ascontiguousarray(entry[ours], dtype=dtype).ravel()
+    for name, parameter in names.items():
+        if name in entry:
+            dtype = np.uint32 if name == "faces" else np.float32
+            parameters[parameter] = np.ascontiguousarray(entry[name], dtype=dtype).ravel()
     parameters.update()
     return mesh

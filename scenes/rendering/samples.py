@@ -1,9 +1,9 @@
-"""The samples per pixel of ground truth, chosen from its own noise as a few views show it, rendered with few samples.
+"""The samples per pixel of ground truth, chosen from the noise of a few views that are rendered with few samples.
 
 The noise of n samples is a / n, from light and materials, plus b / n^1.5, from edges and textures, where the sampler's
-strata help; two numbers of samples give a and b. The views are rendered with seeds of their own, so that a choice is
-the same wherever the same variant renders the same bits. Another variant has other random numbers and may choose the
-next number up or down; the manifest says which.
+strata help; two numbers of samples give a and b. These views have separate seeds, so the choice is reproducible with
+the same variant. Another variant has other random numbers and may choose the next number up or down; the manifest
+records it.
 """
 
 import math
@@ -22,15 +22,15 @@ PILOT_VIEWS = 6
 def chosen_samples(
     scene: LoadedScene, spp: Mapping[str, int | NoiseTarget], poses: Mapping[str, np.ndarray]
 ) -> tuple[dict[str, int], dict[str, dict[str, object]]]:
-    """Return the samples per pixel of each split, and for the manifest what those that were chosen rest on.
+    """Return the samples per pixel of each split, and facts about each choice for the manifest.
 
     `poses` holds the cameras [n, 4, 4] of each split. Splits with equal targets share their views and the choice.
     Raises `RenderError` for an image that is not finite.
     """
-    numbers = {split: asked for split, asked in spp.items() if isinstance(asked, int)}
+    numbers = {split: value for split, value in spp.items() if isinstance(value, int)}
     facts: dict[str, dict[str, object]] = {}
-    for target in dict.fromkeys(asked for asked in spp.values() if isinstance(asked, NoiseTarget)):
-        splits = [split for split, asked in spp.items() if asked == target]
+    for target in dict.fromkeys(value for value in spp.values() if isinstance(value, NoiseTarget)):
+        splits = [split for split, value in spp.items() if value == target]
         cameras = np.concatenate([poses[split] for split in splits])
         number, about = min(target.least, target.most), asdict(target)
         if len(cameras) and number < target.most:
@@ -45,7 +45,7 @@ def chosen_samples(
 def samples_for(target: NoiseTarget, few: float, more: float) -> int:
     """Return the samples per pixel, from the mean square noise with the smaller and the larger of `PILOT_SPP`.
 
-    They are twice k² or k (k + 1), which fill the sampler's grid of strata in both halves of an image, or a limit.
+    The result is 2 k² or 2 k (k + 1), which fill the sampler's grid of strata in both halves of an image, or a limit.
     """
     a, b = noise_curve(few, more)
     allowed = 10.0 ** (-target.ceiling_db / 10.0)
@@ -57,7 +57,7 @@ def samples_for(target: NoiseTarget, few: float, more: float) -> int:
 def noise_curve(few: float, more: float) -> tuple[float, float]:
     """Return a and b, not negative, of a / n + b / n^1.5: `more` at the larger of `PILOT_SPP`, `few` at the smaller.
 
-    Where noise falls faster or more slowly than such a curve can, as with rare bright samples, `more` alone counts.
+    Where noise falls faster or more slowly than such a curve can, as with rare bright samples, only `more` counts.
     """
     n, m = PILOT_SPP
     b = (few * n - more * m) / (n**-0.5 - m**-0.5)
@@ -79,5 +79,5 @@ def pilot_noise(scene: LoadedScene, cameras: np.ndarray) -> tuple[float, float]:
 def _noise(scene: LoadedScene, camera: np.ndarray, spp: int, place: int) -> float:
     noise = display_noise(*(scene.colour(camera, spp // 2, seed_from("pilot", spp, place, half)) for half in "ab"))
     if not math.isfinite(noise):
-        raise RenderError(f"view {place}, rendered to learn its noise, has pixels that are not finite; mend the scene")
+        raise RenderError(f"view {place}, rendered to learn its noise, has pixels that are not finite; fix the scene")
     return noise

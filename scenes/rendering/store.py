@@ -1,4 +1,4 @@
-"""The cache of rendered view sets: each is named by a hash of everything that it depends on.
+"""The cache of rendered view sets: each is named by a digest of everything that it depends on.
 
 A view set is rendered into a temporary sibling and renamed into place, so that a folder of its name is complete.
 """
@@ -8,7 +8,6 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 from scenes.catalog.entries import scene_named
@@ -27,7 +26,7 @@ from scenes.view_sets.viewpoints import SPLITS
 LARGEST_RESOLUTION = 4096
 LARGEST_SPP = 1 << 16
 CEILINGS = (10.0, 100.0)
-"""The PSNR in dB that the noise of a view may be asked to allow."""
+"""The valid range in dB of `NoiseTarget.ceiling_db`."""
 
 
 def ensure_view_set(
@@ -42,42 +41,41 @@ def ensure_view_set(
     integrator: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Path:
-    """Return the folder of the rendered view set, from the cache if it is there and complete, else rendered now.
+    """Return the folder of the rendered view set, from the cache if it is complete there, else rendered now.
 
-    A scene of the catalogue goes by its name, a user's own (`scenes.catalog.scene_file`) is passed itself.
-    `counts` and `spp` (samples per pixel, 2 or more, or the noise that they may leave) are given for train, val and
-    test. With `variant` None a set that
-    any variant rendered will do; if none is there, the fastest that works renders it. Several processes may ask for
-    the same set at once. `say` receives what is wrong with a cached one. Raises `InputError` for a bad request or
-    a folder that cannot be written.
+    A scene of the catalogue is given by name, a user's scene (`scenes.catalog.scene_file`) as a `Scene`. `counts` and
+    `spp` (samples per pixel, 2 or more, or the noise that they may leave) have keys train, val and test. With `variant`
+    None a cached set of any variant is used, else the fastest variant that works renders it. Several processes may
+    request the same set at once. `say` receives the fault of a cached set. Raises `InputError` for a bad request or a
+    folder that cannot be written.
     """
     own = None if isinstance(scene_name, str) else scene_name.file
     with mistakes_in(own):
-        order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
+        order = checked_order(scene_name, resolution, counts, spp, integrator)
     wanted = known_variant(variant)
     cache = Path(cache_folder)
     for name in VARIANTS if wanted is None else (wanted,):
-        with mistakes_in(own):  # a description that is no plain data has no digest
+        with mistakes_in(own):  # a description that is not plain data has no digest
             stored = _folder(cache, order, name)
         if is_complete(stored):
             return with_occupancy(stored, order)
     chosen = choose_variant(variant)
     target = _folder(cache, order, chosen.name)
     if say and target.exists():
-        say(f"{first_fault(target)}: rendered again, but for the views that are as they were written")
+        say(f"{first_fault(target)}: rendered again, except intact views")
     with _disk(cache):
         cache.mkdir(parents=True, exist_ok=True)
         remove_stale(cache, but=target.name)
         with working_folder(cache, target.name) as partial:
             try:
                 donors = [folder for folder in (target, *abandoned(cache, target.name)) if folder.is_dir()]
-                with mistakes_in(own, but=OSError):  # which is the cache's
+                with mistakes_in(own, but=OSError):  # these concern the cache
                     write_view_set(partial, order, chosen, progress, donors)
-                # before it is in place: who is killed while writing leaves nothing in a complete set
+                # before it is in place: a process killed while writing leaves nothing in a complete set
                 with_occupancy(partial, order)
                 _move_into_place(partial, target)
             except (BrokenPipeError, KeyboardInterrupt):
-                raise  # the caller is gone: the rendered views are kept for the next one
+                raise  # the caller is gone: the rendered views are kept for the next call
             except BaseException:
                 remove(partial)
                 raise
@@ -87,7 +85,6 @@ def ensure_view_set(
 
 
 def check_resolution(resolution: int) -> None:
-    """Raise `InputError` for an impossible width in pixels."""
     if not 1 <= resolution <= LARGEST_RESOLUTION:
         raise InputError(f"--resolution {resolution}: choose 1 to {LARGEST_RESOLUTION} pixels")
 
@@ -96,35 +93,38 @@ def is_stored(
     scene_name: str, resolution: int, counts: dict[str, int], spp: Mapping[str, int | NoiseTarget], cache_folder: Path,
     integrator: str | None = None,
 ) -> bool:  # fmt: skip
-    """Return whether a folder of the view set's name exists; arguments and errors are those of `ensure_view_set`, which
-    checks that it is complete.
+    """Return whether a folder of the view set's name exists, complete or not; arguments and errors are those of
+    `ensure_view_set`.
     """
-    order = replace(checked_order(scene_name, resolution, counts, spp), integrator=integrator)
+    order = checked_order(scene_name, resolution, counts, spp, integrator)
     return any(_folder(cache_folder, order, name).is_dir() for name in VARIANTS)
 
 
 def checked_order(
-    scene_name: str | Scene, resolution: int, counts: dict[str, int], spp: Mapping[str, int | NoiseTarget]
-) -> Order:
+    scene_name: str | Scene, resolution: int, counts: dict[str, int], spp: Mapping[str, int | NoiseTarget],
+    integrator: str | None = None,
+) -> Order:  # fmt: skip
     """Return the order; raises `InputError` that names the value and the remedy."""
     scene = scene_named(scene_name) if isinstance(scene_name, str) else scene_name
     check_resolution(resolution)
-    most = {split: asked.most if isinstance(asked, NoiseTarget) else asked for split, asked in spp.items()}
+    most = {split: value.most if isinstance(value, NoiseTarget) else value for split, value in spp.items()}
     for option, given, smallest, largest in (("--", counts, 0, None), ("--spp-", most, 2, LARGEST_SPP)):
         if set(given) != set(SPLITS):
             raise InputError(f"{option}train {option}val {option}test: {given}: give one number each")
         for split, value in given.items():
             if value < smallest or (largest is not None and value > largest):
-                raise InputError(f"{option}{split} {value}: choose {smallest} to {largest or 'what there is'}")
-    for split, asked in spp.items():
-        if isinstance(asked, NoiseTarget) and not CEILINGS[0] <= asked.ceiling_db <= CEILINGS[1]:
-            raise InputError(f"--ceiling-{split} {asked.ceiling_db:g}: choose {CEILINGS[0]:g} to {CEILINGS[1]:g} dB")
+                limit = f"to {largest}" if largest else "or more"
+                raise InputError(f"{option}{split} {value}: choose {smallest} {limit}")
+    for split, target in spp.items():
+        if isinstance(target, NoiseTarget) and not CEILINGS[0] <= target.ceiling_db <= CEILINGS[1]:
+            raise InputError(f"--ceiling-{split} {target.ceiling_db:g}: choose {CEILINGS[0]:g} to {CEILINGS[1]:g} dB")
     order = Order(
         scene,
         *(fitted(scene) if scene.file is not None and scene.load is None else normalised(scene)),
         resolution,
         {split: counts[split] for split in SPLITS},
         {split: spp[split] for split in SPLITS},
+        integrator,
     )
     if not sum(counts.values()):
         raise InputError(f"no view of {scene.name} was asked for; choose at least one")
@@ -134,7 +134,7 @@ def checked_order(
 
 
 def is_complete(folder: Path) -> bool:
-    """Return whether every file of the view set is there and intact."""
+    """Return whether every file of the view set exists and is intact."""
     return folder.is_dir() and first_fault(folder) is None
 
 

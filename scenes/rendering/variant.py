@@ -1,7 +1,7 @@
-"""The Mitsuba variant that this machine can run, found out without importing Mitsuba here.
+"""The Mitsuba variant that this machine can run, determined without importing Mitsuba here.
 
-Dr.Jit's LLVM backend needs the shared library of LLVM 16 or newer; with LLVM 15 the first render aborts the whole
-process. So candidates are tried in a process of their own, which may die, newest library first.
+Dr.Jit's LLVM backend needs the shared library of LLVM 16 or newer; with LLVM 15 the first render aborts the process.
+So candidates are tried in separate processes, newest library first.
 """
 
 import ctypes.util
@@ -20,7 +20,7 @@ VARIANTS = ("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb")
 OLDEST_LLVM = 16
 FORCE = "HARNESS_MITSUBA_VARIANT"
 PROBED = "HARNESS_MITSUBA_PROBED"
-"""The variable set for child processes to what a parent has probed already, `variant|library`."""
+"""The variable that tells child processes what a parent has probed already, `variant|library`."""
 PROBE_SECONDS = 120.0
 
 LIBRARY_FOLDERS = (
@@ -34,10 +34,10 @@ import ctypes, os, sys
 variant, library = sys.argv[1], sys.argv[2]
 if library:
     version = (ctypes.c_uint * 3)()
-    found = ctypes.CDLL(library)
-    if not hasattr(found, "LLVMGetVersion"):
+    llvm = ctypes.CDLL(library)
+    if not hasattr(llvm, "LLVMGetVersion"):
         sys.exit("older than LLVM 16")
-    found.LLVMGetVersion(*(ctypes.byref(version, 4 * i) for i in range(3)))
+    llvm.LLVMGetVersion(*(ctypes.byref(version, 4 * i) for i in range(3)))
     if version[0] < 16:
         sys.exit(f"LLVM {version[0]} is older than LLVM 16")
 import mitsuba as mi
@@ -91,9 +91,9 @@ def known_variant(name: str | None) -> str | None:
 
 
 def choose_variant(name: str | None = None) -> Variant:
-    """Return the fastest variant that works here, or the named one.
+    """Return the fastest variant that works here, or the named one; the answer is cached.
 
-    Raises `InputError` if the named one is unknown or does not work. The answer is kept for the process.
+    Raises `InputError` if the named variant is unknown or does not work.
     """
     return _choose(known_variant(name))
 
@@ -105,7 +105,7 @@ def _choose(wanted: str | None) -> Variant:
         if name == "scalar_rgb":
             why = f"scalar_rgb: {'; '.join(refused)}" if refused else "scalar_rgb: asked for"
             return Variant(name, None, why)
-        if name == "cuda_ad_rgb":  # needs no library of its own
+        if name == "cuda_ad_rgb":  # needs no separate library
             libraries = [""] if ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda") else []
             missing = "no CUDA driver"
         else:
@@ -155,7 +155,7 @@ def llvm_version(library: Path) -> int | None:
 
 @functools.cache
 def probe(variant: str, library: str) -> str | None:
-    """Render 8 × 8 pixels in a process of its own; returns None if that worked, else why not, in a few words."""
+    """Render 8 × 8 pixels in a separate process; returns None if that worked, else a short reason."""
     if os.environ.get(PROBED) == f"{variant}|{library}":
         return None
     environment = {**os.environ, **({"DRJIT_LIBLLVM_PATH": library} if library else {})}

@@ -1,4 +1,4 @@
-"""One view set, rendered into an empty folder: images, poses, and the manifest last."""
+"""Renders a view set into an empty folder: images, poses, and the manifest last."""
 
 import platform
 import time
@@ -26,30 +26,30 @@ from scenes.view_sets.source import Region
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, SPLITS
 
 Facts = dict[str, object]
-"""The facts of a view: `noise_mse`, and whether anything is `seen` and `lit` in it."""
+"""Values for the manifest; those of a view are `noise_mse`, and whether anything is `seen` and `lit` in it."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """The progress of a view set: the finished views and what is left."""
+    """The progress of a view set."""
 
     done: int
-    """The number of finished views, including those found in the cache."""
+    """The number of finished views, including those from the cache."""
     total: int
     kept: int
-    """The number of views found in the cache: they take no time."""
+    """The number of views from the cache: they take no time."""
     share: float
-    """The share of the samples to take that is done: a test view has several times those of a training view."""
+    """The share of all samples that is done: a test view has several times those of a training view."""
     view: str
     """The view that is rendered next, `<split>/r_<number>`; empty once all are done."""
 
 
 Progress = Callable[[Standing], None]
-"""A callback, called once all is loaded, and after each rendered view."""
+"""A callback after loading and after each rendered view."""
 
 
 def standings(names_of: dict[str, list[str]], spp: dict[str, int], kept: Collection[str]) -> Iterator[Standing]:
-    """Yield the state before anything is rendered, and after each rendered view; those that `kept` names are not."""
+    """Yield the state before anything is rendered, and after each rendered view; those in `kept` are not rendered."""
     total = sum(map(len, names_of.values()))
     missing = [(name, spp[split]) for split, names in names_of.items() for name in names if name not in kept]
     taken, all_samples = 0, sum(samples for _, samples in missing)
@@ -58,48 +58,19 @@ def standings(names_of: dict[str, list[str]], spp: dict[str, int], kept: Collect
         taken += samples
 
 
-@dataclass(frozen=True, kw_only=True)
-class Manifest:
-    """The facts of a view set, in the order of the keys that manifests have."""
-
-    scene: str
-    title: str
-    digest: str
-    near: float
-    far: float
-    bounds: list[list[float]]
-    view_from: str
-    resolution: int
-    counts: dict[str, int]
-    empty_splits: list[str]
-    spp: dict[str, int]
-    noise_target: dict[str, Facts]
-    max_depth: int
-    emitters_seen: bool
-    normalised: Facts | None
-    variant: str
-    variant_why: str
-    integrator: str
-    versions: dict[str, str]
-    seconds: float
-    needs: list[Facts]
-    left_out: list[Facts]
-    views: dict[str, Facts]
-
-
 def write_view_set(
     folder: Path, order: Order, variant: Variant, progress: Progress | None = None, donors: Sequence[Path] = ()
 ) -> None:
-    """Render into an empty folder, but for views that are valid in one of `donors`; the manifest is written last.
+    """Render into an empty folder, and copy views that are intact in one of `donors`; the manifest is written last.
 
-    Raises `InputError` for a user's own scene that is too near to the cameras, or of which nothing is seen or lit.
+    Raises `InputError` for a user's scene that is too near to the cameras, or of which nothing is seen or lit.
     """
     scene, started = order.scene, time.perf_counter()
     loaded = _loaded(order, variant)
     placed = {split: order.poses(split) for split in SPLITS}
     poses_of: dict[str, np.ndarray] = {split: poses for split, (_, poses) in placed.items()}
     spp, chosen = chosen_samples(loaded, order.spp, poses_of)
-    # of the numbers that were chosen: where another machine chooses others, its images are others
+    # of the chosen numbers of samples: with other numbers the images are others
     digest = replace(order, spp=spp).digest(variant.name)
     names_of: dict[str, list[str]] = {
         split: [f"{split}/r_{number}" for number in range(order.counts[split])] for split in SPLITS
@@ -121,41 +92,38 @@ def write_view_set(
     bounds = loaded.bounds()
     needed = _needs_of(loaded, order, bounds, np.concatenate(list(poses_of.values())))
     files = _write_poses(folder, order, names_of, poses_of, bounds)
-    manifest = Manifest(
-        scene=scene.name,
-        title=scene.title,
-        digest=digest,
-        near=scene.near,
-        far=scene.far,
-        bounds=bounds.tolist(),
-        view_from=scene.view_from,
-        resolution=order.resolution,
-        counts=order.counts,
-        empty_splits=[split for split in SPLITS if not order.counts[split]],
-        spp={split: loaded.actual_spp(spp[split]) for split in SPLITS},
-        noise_target=chosen,
-        max_depth=scene.max_depth,
-        emitters_seen=scene.emitters_seen,
-        normalised=similarity_facts(loaded.placement or order.similarity),
-        variant=variant.name,
-        variant_why=variant.why,
-        integrator=loaded.integrator_name,
-        versions={**versions(), "python": platform.python_version()},
-        seconds=time.perf_counter() - started + sum(facts.get("seconds", 0.0) for facts in kept.values()),
-        needs=as_rows(needed),
-        left_out=left_out(needed),
-        views={name: {"noise_mse": facts_of[name]["noise_mse"], "viewpoint": place} for name, place in viewpoints},
-    )
-    write_manifest(folder, vars(manifest), files)
+    manifest: Facts = {
+        "scene": scene.name,
+        "title": scene.title,
+        "digest": digest,
+        "near": scene.near,
+        "far": scene.far,
+        "bounds": bounds.tolist(),
+        "view_from": scene.view_from,
+        "resolution": order.resolution,
+        "counts": order.counts,
+        "empty_splits": [split for split in SPLITS if not order.counts[split]],
+        "spp": {split: loaded.actual_spp(spp[split]) for split in SPLITS},
+        "noise_target": chosen,
+        "max_depth": scene.max_depth,
+        "emitters_seen": scene.emitters_seen,
+        "normalised": similarity_facts(loaded.placement or order.similarity),
+        "variant": variant.name,
+        "variant_why": variant.why,
+        "integrator": loaded.integrator_name,
+        "versions": {**versions(), "python": platform.python_version()},
+        "seconds": time.perf_counter() - started + sum(facts.get("seconds", 0.0) for facts in kept.values()),
+        "needs": as_rows(needed),
+        "left_out": left_out(needed),
+        "views": {name: {"noise_mse": facts_of[name]["noise_mse"], "viewpoint": place} for name, place in viewpoints},
+    }
+    write_manifest(folder, manifest, files)
 
 
 def _loaded(order: Order, variant: Variant) -> LoadedScene:
-    """Load the scene. Raises `InputError` for a user's own that reaches nearer to the cameras than `near`."""
+    """Load the scene. Raises `InputError` for a user's scene that reaches nearer to the cameras than `near`."""
     scene, size = order.scene, order.resolution
-    loaded = LoadedScene(
-        order.description, variant, scene.max_depth, size, size, integrator=order.integrator,
-        emitters_seen=scene.emitters_seen, box=scene.box, load=scene.load,
-    )  # fmt: skip
+    loaded = LoadedScene(scene, order.description, variant, size, size, order.integrator)
     if scene.file is not None and np.linalg.norm(np.abs(loaded.box()).max(axis=0)) > RADIUS - scene.near:
         low, high = loaded.box().tolist()
         raise InputError(
@@ -178,7 +146,7 @@ def _missing(
 
 
 def _write_view(path: Path, view: RenderedView) -> None:
-    """Write a view as `path`.png, display colour, and `path`.exr, all that was rendered in linear light."""
+    """Write a view as `path`.png, display colour, and `path`.exr, all channels in linear light."""
     path.parent.mkdir(exist_ok=True)
     write_png(path.with_suffix(".png"), display_from_linear(view.rgba))
     channels = {channel: view.rgba[..., i] for i, channel in enumerate("RGBA")}
@@ -194,19 +162,17 @@ def _facts(view: RenderedView) -> Facts:
 
 
 def _require_visible(scene: Scene, facts: list[Facts]) -> None:
-    """Raise `InputError` for a user's own scene that no view shows; views of older versions count as showing it."""
+    """Raise `InputError` for a user's scene that no view shows; views of older versions count as showing it."""
     seen, lit = (any(of_view.get(key, True) for of_view in facts) for key in ("seen", "lit"))
     if scene.file is not None and not (seen and lit):
         what = "no light reaches what is seen, every view is black" if seen else "nothing is seen in any view"
-        raise InputError(f"{scene.file}: {what}; mend the scene")
+        raise InputError(f"{scene.file}: {what}; fix the scene")
 
 
 def _write_poses(
     folder: Path, order: Order, names_of: dict[str, list[str]], poses_of: dict[str, np.ndarray], bounds: np.ndarray
 ) -> list[Path]:
-    """Write `transforms_<split>.json` and nerfstudio's `transforms.json`; return them and the views' files, in the
-    order of the manifest.
-    """
+    """Write `transforms_<split>.json` and nerfstudio's `transforms.json`; return all files in the manifest's order."""
     scene, size = order.scene, order.resolution
     files: list[Path] = []
     listed: dict[str, tuple[list[str], np.ndarray]] = {}

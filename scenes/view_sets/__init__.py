@@ -1,1 +1,1 @@
-"""Posed images on disk, ours and those of other programs; imports `files`."""
+"""Posed images on disk, rendered here or by other programs; imports `files`."""

@@ -1,8 +1,8 @@
-"""Images of one size in a temporary file: memory is used only for what is read from it.
+"""Images of one size in a temporary file: memory is used only for the images that are read from it.
 
-The file has no name, so it is gone with the process that holds it, however that ends. It is read and written, not
-mapped into memory: where a mapped disk is full or fails, the process is killed instead of getting an error, and mapped
-pages count as the process's own. The system keeps in spare memory what is read often, and drops it when others need it.
+The file has no name, so it vanishes with its process, however that ends. It is read and written, not mapped into
+memory: if the disk of a mapping is full or fails, the process is killed instead of getting an error, and mapped pages
+count as the process's memory. The system caches frequent reads in spare memory.
 """
 
 import errno
@@ -24,7 +24,7 @@ class ImageStack:
     """A stack float32 [images, height, width, …], appended one image at a time, read by image or by pixel."""
 
     def __init__(self, image_shape: tuple[int, ...], folder: Path | None = None) -> None:
-        """Make an empty stack; its file lies in `folder`, best on a disk, or in the system's temporary folder."""
+        """Make an empty stack; its file is in `folder`, best on a disk, or in the system's temporary folder."""
         self.image_shape = image_shape
         self._folder = folder
         self._file: IO[bytes] | None = None
@@ -47,7 +47,7 @@ class ImageStack:
         return self._count
 
     def __getitem__(self, index: SupportsIndex) -> np.ndarray:
-        """Return one image, a copy of its own."""
+        """Return a copy of one image."""
         number = range(self._count)[index]
         size = 4 * math.prod(self.image_shape)
         return self._read(size, [number * size]).reshape(self.image_shape)
@@ -70,14 +70,14 @@ class ImageStack:
                 self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115
                 weakref.finalize(self, self._file.close)
             while data:
-                # a disk that fills up takes part of it first, and says so at the next call
+                # a disk that fills up takes a part first, and fails at the next call
                 data = data[self._file.write(data) :]
         except OSError as error:
             raise _refused(self._folder, error.strerror or str(error)) from error
         self._count += 1
 
     def _read(self, size: int, offsets: list[int]) -> np.ndarray:
-        """Return the values of pieces of that size; raises `OSError` if the disk fails or returns less."""
+        """Return the values of pieces of `size` bytes; raises `OSError` if the disk fails or returns less."""
         assert self._file is not None
         parts = [os.pread(self._file.fileno(), size, offset) for offset in offsets]
         if short := [len(part) for part in parts if len(part) < size]:
@@ -86,7 +86,7 @@ class ImageStack:
 
 
 def require_room(image_shapes: Sequence[tuple[int, ...]], images: int, folder: Path | None) -> None:
-    """Raise `InputError` if the disk has no room for stacks of so many: it need not be filled up to find out."""
+    """Raise `InputError` if the disk has no room for a stack of `images` images of each shape."""
     needed = images * sum(4 * math.prod(shape) for shape in image_shapes)
     try:
         free = shutil.disk_usage(folder or tempfile.gettempdir()).free

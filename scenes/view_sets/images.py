@@ -11,36 +11,31 @@ import numpy as np
 from scenes.files.errors import InputError
 
 LARGEST_VALUES = 208 * 1024 * 1024
-"""The most values, pixels times channels, of an image: 4096 × 4096 in 13 channels, the largest of our own, 832 MiB."""
+"""The maximum of pixels times channels of an image: 4096 × 4096 in 13 channels, the largest render, 832 MiB."""
 MOST_CHANNELS = 64
 
 
 def read_image(file: Path) -> np.ndarray:
     """Read the first image of a file as float32 [h, w, channels]: integers divided by their largest, alpha as stored.
 
-    Raises `InputError`, naming the file, if it is missing, empty, truncated, no image or absurdly large.
+    Raises `InputError`, naming the file, if it is missing, empty, truncated, not an image or too large.
     """
     return _read(file)[0]
 
 
 def read_channels(file: Path) -> dict[str, np.ndarray]:
     """Read the channels of a (multi-channel EXR) file by name, float32 [h, w] each; errors as in `read_image`."""
-    pixels, names = _read(file)
+    pixels, names, _ = _read(file)
     return {name: pixels[..., index] for index, name in enumerate(names)}
 
 
 def display_image(file: Path) -> np.ndarray:
-    """Read an image of display colour, 8 or 16 bits a channel; errors as in `read_image`, and for floating-point
-    pixels, which are linear light as a rule, and for an image that a viewer would turn.
+    """Read an image of display colour, 8 or 16 bits per channel; errors as in `read_image`, and for floating-point
+    pixels, which usually are linear light, and for an image that a viewer would turn.
     """
     import OpenImageIO as oiio
 
-    pixels = read_image(file)
-    source = oiio.ImageInput.open(str(file))
-    if source is None:
-        raise InputError(f"{file}: not an image that can be read ({_reason(oiio.geterror())})")
-    spec = source.spec()
-    source.close()
+    pixels, _, spec = _read(file)
     if spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE):
         raise InputError(f"{file}: has floating-point pixels, up to {pixels.max():.4g}; save display colour as PNG")
     if (turned := spec.get_int_attribute("Orientation", 1)) != 1:
@@ -49,22 +44,23 @@ def display_image(file: Path) -> np.ndarray:
 
 
 def display_rgba(file: Path, channels: int) -> np.ndarray:
-    """Read straight RGBA as `display_image` does; RGB is fully opaque. Also refused is an image with alpha where the
-    first of its set, which has so many `channels`, has none, or the other way round.
+    """Read straight RGBA as `display_image` does; RGB is fully opaque. Raises `InputError` also if only one of this
+    image and the first of its set, which has `channels` channels, has alpha.
     """
     pixels = display_image(file)
-    found = pixels.shape[2]
-    if {found, channels} == {3, 4}:
-        alpha = "no alpha, but the first view has it" if found == 3 else "alpha, but the first view has none"
+    own = pixels.shape[2]
+    if {own, channels} == {3, 4}:
+        alpha = "no alpha, but the first view has it" if own == 3 else "alpha, but the first view has none"
         raise InputError(f"{file}: has {alpha}; save all views of a set with alpha, or all without")
-    if found not in (3, 4):
-        raise InputError(f"{file}: {found} channels; views must be RGB or RGBA: save them so")
-    covered = np.ones((*pixels.shape[:2], 4 - found), dtype=pixels.dtype)
+    if own not in (3, 4):
+        raise InputError(f"{file}: {own} channels; views must be RGB or RGBA: save them so")
+    covered = np.ones((*pixels.shape[:2], 4 - own), dtype=pixels.dtype)
     return np.concatenate([pixels, covered], axis=-1)
 
 
-def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
-    import OpenImageIO as oiio  # where it is used: reading a manifest must not pay for it
+def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...], Any]:
+    """Return pixels, names of channels, and the `ImageSpec` of a file."""
+    import OpenImageIO as oiio  # not at the top: slow, and reading a manifest does not need it
 
     if not file.is_file():
         raise InputError(f"{file}: this image is missing")
@@ -92,7 +88,7 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         if pixels is None or failure:
             raise InputError(f"{file}: this image is truncated or damaged ({_reason(failure)}); get it again")
         shape = (spec.height, spec.width, spec.nchannels)
-        return np.asarray(pixels, dtype=np.float32).reshape(shape), tuple(spec.channelnames)
+        return np.asarray(pixels, dtype=np.float32).reshape(shape), tuple(spec.channelnames), spec
     except UnicodeDecodeError as error:  # OpenImageIO includes a damaged name in its messages
         raise InputError(f"{file}: this image is damaged (a name in it is not text); get it again") from error
     finally:
@@ -101,7 +97,7 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...]]:
 
 
 def _check_png(file: Path) -> None:
-    """Raise `InputError` unless the chunks of the PNG are complete: libpng itself would also print to the terminal."""
+    """Raise `InputError` unless the chunks of the PNG are complete; libpng would also print to the terminal."""
     data = file.read_bytes()
     if data[:8] != b"\x89PNG\r\n\x1a\n":
         raise InputError(f"{file}: not an image that can be read (no PNG signature)")
@@ -118,7 +114,7 @@ def _check_png(file: Path) -> None:
 
 
 def write_png(file: Path, display: np.ndarray) -> None:
-    """Write straight display colour [h, w, 3 or 4] in 0 … 1 as an 8-bit PNG, read back to be sure.
+    """Write straight display colour [h, w, 3 or 4] in 0 … 1 as an 8-bit PNG, and read it back as a check.
 
     Raises `OSError` if it cannot be written.
     """
@@ -132,7 +128,7 @@ def write_png(file: Path, display: np.ndarray) -> None:
 
 
 def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
-    """Write named float32 channels [h, w] as an EXR file, float as they are, read back to be sure.
+    """Write named float32 channels [h, w] as a float EXR file, and read it back as a check.
 
     Raises `OSError` if it cannot be written.
     """
@@ -142,7 +138,7 @@ def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], oiio.FLOAT)
     spec.channelnames = tuple(channels)
     spec.attribute("compression", "zip")
-    spec.attribute("DateTime", "1970:01:01 00:00:00")  # else that of writing: equal pixels make equal files
+    spec.attribute("DateTime", "1970:01:01 00:00:00")  # instead of the time of writing: equal pixels make equal files
     _write(file, spec, pixels)
 
 
@@ -162,15 +158,15 @@ def _write(file: Path, spec: Any, pixels: np.ndarray) -> None:
     try:
         back = _read(file)[0]
     except InputError as error:
-        raise OSError(_cause(file), f"what was written cannot be read back: {error}", str(file)) from error
+        raise OSError(_cause(file), f"the written file cannot be read back: {error}", str(file)) from error
     if pixels.dtype == np.uint8:
         back = np.round(back * np.float32(255.0))
     if not np.array_equal(back, pixels, equal_nan=True):
-        raise OSError(_cause(file), "what was written is not what is read back", str(file))
+        raise OSError(_cause(file), "the written file differs when it is read back", str(file))
 
 
 def _cause(file: Path) -> int:
-    """Return the system's error number, which OpenImageIO does not pass on, found by writing a byte."""
+    """Return the system's error number, which OpenImageIO does not pass on, by writing to the file."""
     try:
         with file.open("ab") as handle:
             handle.write(b"\0" * 65536)

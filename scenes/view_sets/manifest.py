@@ -1,4 +1,4 @@
-"""`view_set.json`: the origin of a view set of ours and the digests of its files. Written last."""
+"""`view_set.json`, the manifest of a rendered view set: its origin and the digests of its files. Written last."""
 
 import json
 import shutil
@@ -17,7 +17,7 @@ NAME = "view_set.json"
 
 
 class DamagedViewSet(InputError):
-    """A view set of ours with files other than those written: it must be rendered again."""
+    """A rendered view set whose files have changed: it must be rendered again."""
 
 
 def write_manifest(folder: Path, facts: dict[str, object], files: list[Path]) -> None:
@@ -29,20 +29,20 @@ def write_manifest(folder: Path, facts: dict[str, object], files: list[Path]) ->
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Return the manifest, or an empty dictionary if there is none: then the folder is not ours.
+    """Return the manifest, or an empty dictionary if the folder has none, as those of other programs.
 
-    Raises `InputError` for another version and `DamagedViewSet` if it was changed.
+    Raises `InputError` for another version and `DamagedViewSet` if the manifest was changed.
     """
     file = folder / NAME
     if not file.exists():
         return {}
     content = read_json(file)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError(f"{file}: not a manifest of {FORMAT!r}; remove it to read the folder as anyone's view set")
+        raise InputError(f"{file}: not a manifest of {FORMAT!r}; remove it to read the folder as a foreign view set")
     if content.get("schema") != SCHEMA:
         raise InputError(
             f"{file}: schema {shown(content.get('schema'))}, this version reads {SCHEMA}; render the view set again "
-            "with this version, or remove the manifest to read its PNG files alone"
+            "with this version, or remove the manifest to read only its PNG files"
         )
     if content.pop("checksum", None) != json_digest(content):
         raise DamagedViewSet(f"{file}: its checksum is wrong, so it was changed or damaged; render the view set again")
@@ -54,15 +54,15 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def checked(folder: Path, file: Path, manifest: dict[str, Any]) -> Path:
-    """Return the file if it is the one that the manifest lists; raises `DamagedViewSet` if not."""
+    """Return the file if it is intact and listed in the manifest; raises `DamagedViewSet` if not."""
     try:
         relative = file.resolve().relative_to(folder.resolve()).as_posix()
-    except (ValueError, OSError, RuntimeError) as error:  # a link out of it, a name too long, a loop of links
+    except (ValueError, OSError, RuntimeError) as error:  # a link out of the folder, a name too long, a loop of links
         raise DamagedViewSet(f"{file}: leads out of the folder or nowhere; render the view set again") from error
     if relative not in manifest["files"]:
-        raise DamagedViewSet(f"{file}: not listed in {NAME}, so it is not of this view set; render it again")
-    if file.exists() and not file.is_file():  # a pipe would keep us waiting for ever
-        raise DamagedViewSet(f"{file}: is no file; render the view set again")
+        raise DamagedViewSet(f"{file}: not listed in {NAME}, so it does not belong to this view set; render it again")
+    if file.exists() and not file.is_file():  # reading a pipe would never end
+        raise DamagedViewSet(f"{file}: is not a regular file; render the view set again")
     try:
         same = file_digest(file) == manifest["files"][relative]
     except OSError as error:
@@ -73,7 +73,7 @@ def checked(folder: Path, file: Path, manifest: dict[str, Any]) -> Path:
 
 
 def check_all(folder: Path) -> dict[str, Any]:
-    """Return the manifest, once every file that it lists is there and intact; raises `InputError` if not."""
+    """Return the manifest if every file that it lists is intact; raises `InputError` if not."""
     manifest = read_manifest(folder)
     if not manifest:
         raise DamagedViewSet(f"{folder / NAME}: missing, so this view set is not complete; render it again")
@@ -84,13 +84,11 @@ def check_all(folder: Path) -> dict[str, Any]:
 
 Text = Annotated[str, Meta(max_length=500)]
 Name = Annotated[str, Meta(max_length=500, pattern=r"^(?!\.{0,2}$)[^/\\]*$")]
-"""Fit for a part of a file's name."""
+"""A string that can be part of a file name."""
 Corner = tuple[Number, Number, Number]
 
 
 class _View(Struct, frozen=True):
-    """What is told of a view."""
-
     noise_mse: Number
     seconds: Number = 0.0
     seen: bool = True
@@ -98,8 +96,6 @@ class _View(Struct, frozen=True):
 
 
 class _Line(_View, frozen=True, kw_only=True):
-    """A view in the journal."""
-
     order: str
     name: str
     files: dict[str, str]
@@ -124,8 +120,9 @@ class _LeftOut(Struct, frozen=True):
 
 
 class _Manifest(Struct, frozen=True):
-    """What is read of a manifest whose checksum is right, which whoever writes a folder can make right; the rest says
-    how the views came about. Older versions wrote none of what has a default."""
+    """The values that are read: anybody can write a manifest with a correct checksum, so their types are checked. The
+    other keys only document the rendering. Older versions did not write the keys with defaults.
+    """
 
     files: dict[Text, Text]
     scene: Name
@@ -140,7 +137,7 @@ class _Manifest(Struct, frozen=True):
 
 
 def _require_printable(value: object) -> None:
-    """Raises `ValueError` for a text that a terminal would obey."""
+    """Raise `ValueError` for a text with control characters."""
     if isinstance(value, str) and not value.isprintable():
         raise ValueError(f"{shown(value)} is not printable")
     if isinstance(value, dict):
@@ -154,23 +151,24 @@ SUFFIXES = (".png", ".exr")
 
 
 def note(folder: Path, order: str, name: str, facts: dict[str, object]) -> None:
-    """Note that a view, `<split>/r_<number>`, is complete; `order` is the digest of its set.
+    """Record in the journal that a view, `<split>/r_<number>`, is complete; `order` is the digest of its set.
 
-    Raises `OSError` if that cannot be written.
+    Raises `OSError` if the journal cannot be written.
     """
     line = {"order": order, "name": name, **facts, "files": _digests(folder, name)}
     with (folder / JOURNAL).open("a", encoding="utf-8") as file:
-        # in one write, after a line end: half a line of a killed writer does not spoil it
+        # in one write, after a line end: a partial line of a killed writer does not spoil it
         file.write(f"\n{json.dumps({**line, 'digest': json_digest(line)}, allow_nan=False)}\n")
 
 
 def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> dict[str, dict[str, Any]]:
-    """Return view → its facts, of the views that are valid in one of `donors`; their files are then in `folder`, and
-    noted. Raises `OSError` if they cannot be copied.
+    """Copy the views that are intact in one of `donors` to `folder` and its journal; return view → its facts.
+
+    Raises `OSError` if they cannot be copied.
     """
     taken: dict[str, dict[str, Any]] = {}
     for donor in donors:
-        for name, line in {**_of_manifest(donor, order), **_of_lines(donor, order)}.items():
+        for name, line in {**_from_manifest(donor, order), **_from_journal(donor, order)}.items():
             if name in taken or name not in names or line["files"] != _digests(donor, name):
                 continue
             for suffix in SUFFIXES:
@@ -182,7 +180,7 @@ def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> 
     return taken
 
 
-def _of_lines(folder: Path, order: str) -> dict[str, dict[str, Any]]:
+def _from_journal(folder: Path, order: str) -> dict[str, dict[str, Any]]:
     try:
         text = (folder / JOURNAL).read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -199,8 +197,8 @@ def _of_lines(folder: Path, order: str) -> dict[str, dict[str, Any]]:
     return lines
 
 
-def _of_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
-    """Return the facts of the views of a set that was complete once."""
+def _from_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
+    """Return the facts of the views of a set that was complete."""
     try:
         manifest = read_manifest(folder)
         if manifest.get("digest") != order:

@@ -1,6 +1,6 @@
 """Arithmetic on stored pixels: the sRGB transfer, alpha, and resizing by area averaging.
 
-Arrays are `[..., channels]`; *linear*, *display*, *straight* and *premultiplied* are meant as in CONVENTIONS.md.
+Arrays are `[..., channels]`; *linear*, *display*, *straight* and *premultiplied* are defined in CONVENTIONS.md.
 """
 
 import numpy as np
@@ -60,8 +60,8 @@ def area_weights(size: int, new_size: int, scale: float) -> NDArray[np.float64]:
 def area_average(image: Pixels, width: int) -> NDArray[np.float64]:
     """Resize [h, w, channels] to [floor(h · width / w), width, channels], each pixel the mean of its area; float64.
 
-    Pixels stay square and the optical axis stays in the centre: a fraction of a new row that is left over is
-    cut off evenly above and below.
+    Pixels stay square and the optical axis stays in the centre: a remaining fraction of a new row is cut off evenly
+    above and below.
     """
     height, old_width = image.shape[:2]
     scale = old_width / width
@@ -73,9 +73,9 @@ def area_average(image: Pixels, width: int) -> NDArray[np.float64]:
 
 
 def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:
-    """Resize straight RGBA with colours weighted by their alpha, so that hidden colour never bleeds; float32.
+    """Resize straight RGBA with colours weighted by their alpha, so colour without coverage has no effect; float32.
 
-    Encoded data is averaged as encoded, as the field does: the result over white is the mean over white.
+    Encoded values are averaged, as usual in the field: the result over white is the mean over white.
     """
     premultiplied = np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
     return straight_from_premultiplied(area_average(premultiplied, width)).clip(0.0, 1.0).astype(np.float32)

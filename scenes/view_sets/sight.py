@@ -1,6 +1,4 @@
-"""What the training cameras see of the box: cameras in other axes, or inverted, see nothing of it, and no method must
-be blamed for that.
-"""
+"""What the training cameras see of the box. Poses in other axes, or inverted, see nothing of it."""
 
 from dataclasses import dataclass
 
@@ -10,11 +8,11 @@ from scenes.view_sets.source import LEAST_ALPHA
 from scenes.view_sets.view_set import ViewSet
 
 ACROSS = 100
-"""The pixels of a row that are tried, at most."""
+"""The maximum number of tested pixels per row."""
 LEAST_COVERED = 0.9
-"""The share of covered pixels that should see the box: it is meant to hold whatever is seen."""
+"""The share of covered pixels that should see the box, which should hold all visible geometry."""
 LEAST_LENGTH = 1e-4
-"""The length in a box, in its longest side, from which a ray counts as meeting it."""
+"""The length inside a box, relative to its longest side, from which a ray counts as meeting it."""
 OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -25,9 +23,7 @@ class Sight:
     rays: float
     """The share of all pixels whose ray meets the box between near and far."""
     covered: float | None
-    """The share of the covered pixels that see the box; None if every pixel is covered, as in images without alpha,
-    or none is.
-    """
+    """The share of the covered pixels that see the box; None if all pixels are covered, as without alpha, or none."""
 
     @property
     def share(self) -> float:
@@ -41,15 +37,15 @@ class Sight:
 
 
 def sight(views: ViewSet) -> Sight:
-    """Return what the training views, of which there is at least one, see of the box of `views`."""
+    """Return what the training views, at least one, see of the box of `views`."""
     return _sight(views, views.train.camera_to_world, _seen(views), views.near, views.far)
 
 
 def likely_cause(views: ViewSet) -> str | None:
-    """Return why the cameras do not see the box, and what to do; None if no other reading of them sees it."""
-    poses, seen, anywhere = views.train.camera_to_world, _seen(views), (0.0, np.inf)
+    """Return why the cameras do not see the box, and the remedy; None if no other reading of the poses sees it."""
+    poses, seen = views.train.camera_to_world, _seen(views)
     inverse = np.linalg.inv(poses)
-    tried = {
+    readings = {
         "near and far leave it out: choose others (--near, --far)": poses,
         "the poses seem to have OpenCV's axes, y down and z forward: negate their second and third column": poses
         @ OPENCV,
@@ -57,14 +53,14 @@ def likely_cause(views: ViewSet) -> str | None:
         "the poses seem to be world-to-camera, in OpenCV's axes: invert them, then negate the second and third "
         "column": inverse @ OPENCV,
     }
-    for cause, there in tried.items():
-        if _sight(views, there, seen, *anywhere).share >= LEAST_COVERED:
+    for cause, reading in readings.items():
+        if _sight(views, reading, seen, 0.0, np.inf).share >= LEAST_COVERED:
             return cause
     return None
 
 
 def _seen(views: ViewSet) -> np.ndarray:
-    """Return where the tried pixels are covered, bool [views, pixels]."""
+    """Return whether the tested pixels are covered, bool [views, pixels]."""
     step = _step(views)
     return np.stack([(image[::step, ::step, 3] >= LEAST_ALPHA).ravel() for image in views.train.rgba])
 
@@ -82,13 +78,13 @@ def _sight(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float, far
     met = np.stack([_met(pose, rays, views.bounds, near, far) for pose in poses])
     if seen.all() or not seen.any():
         return Sight(float(met.mean()), None)
-    # what covers a pixel need not be where its ray is
+    # geometry that covers a part of a pixel may lie off its central ray
     covered = np.stack([_met(pose, rays, _wider(views, pose), near, far) for pose in poses])[seen]
     return Sight(float(met.mean()), float(covered.mean()))
 
 
 def _wider(views: ViewSet, pose: np.ndarray) -> np.ndarray:
-    """Return the box with a pixel's length in its middle added on every side."""
+    """Return the box, wider on every side by the length of a pixel in its middle."""
     away = float(np.linalg.norm(pose[:3, 3] - views.bounds.mean(axis=0)))
     wider: np.ndarray = views.bounds + away / views.focal * np.array([[-1.0], [1.0]])
     return wider
@@ -97,7 +93,7 @@ def _wider(views: ViewSet, pose: np.ndarray) -> np.ndarray:
 def _met(pose: np.ndarray, rays: np.ndarray, bounds: np.ndarray, near: float, far: float) -> np.ndarray:
     """Return which rays [n, 3] of a camera's frame meet the box, bool [n]."""
     directions = rays @ pose[:3, :3].T
-    directions = np.where(np.abs(directions) < 1e-12, 1e-12, directions)  # parallel to a side: it is met far away
+    directions = np.where(np.abs(directions) < 1e-12, 1e-12, directions)  # parallel to a side: they meet far away
     ends = (bounds[:, None] - pose[:3, 3]) / directions
     into, out_of = ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1)
     longest = float((bounds[1] - bounds[0]).max())

@@ -1,7 +1,7 @@
-"""The interface of a reader of posed images, whatever the format, and the region that its cameras look at: the box of
-what every camera sees, and the hull of the silhouettes, the cells of the box in which something may be.
+"""The interface of a reader of posed images in any format, and the region that its cameras look at: a box that all
+cameras see, and the hull of the silhouettes, the cells of the box that may be occupied.
 
-`scenes.view_sets.formats.foreign` finds the reader of a path.
+`scenes.view_sets.formats.foreign` chooses the reader of a path.
 """
 
 import itertools
@@ -19,12 +19,12 @@ from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.viewpoints import SPLITS
 
 LEAST, MOST = 1e-12, 1e12
-"""The lengths that can be squared in single precision."""
+"""The range of lengths whose squares fit single precision."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """The region of everything visible; None: not given. Raises `InputError` for an invalid box or distances."""
+    """The region of all visible geometry; None: not given. Raises `InputError` for an invalid box or distances."""
 
     bounds: tuple[float, ...] | None = None
     """The lower corner, then the upper corner: six numbers."""
@@ -44,11 +44,11 @@ class Region:
 
     @property
     def box(self) -> np.ndarray | None:
-        """The box, float64 [2, 3]."""
+        """The bounds as float64 [2, 3]."""
         return None if self.bounds is None else np.array(self.bounds, dtype=np.float64).reshape(2, 3)
 
     def over(self, other: "Region") -> "Region":
-        """Return the values given here, else those of `other`."""
+        """Return this region, with missing values from `other`."""
         return Region(
             other.bounds if self.bounds is None else self.bounds,
             other.near if self.near is None else self.near,
@@ -57,7 +57,7 @@ class Region:
 
 
 def region_in(where: object, bounds: tuple[float, ...] | None, near: float | None, far: float | None) -> Region:
-    """Return the region that a file gives; raises `InputError`, which names `where`, for one that is invalid."""
+    """Return the region that a file gives; raises `InputError`, which names `where`, if it is invalid."""
     try:
         return Region(bounds, near, far)
     except InputError as error:
@@ -66,34 +66,34 @@ def region_in(where: object, bounds: tuple[float, ...] | None, near: float | Non
 
 @dataclass(frozen=True)
 class Source:
-    """A source of somebody's posed images: poses are read, pixels not yet."""
+    """A source of posed images: poses are read, pixels not yet."""
 
     name: str
     frames: Callable[[str], Frames | None]
-    """Return all views of a split, or None if it may be missing; raises `InputError` for data not to be trusted."""
+    """Return all views of a split, or None for a missing optional split; raises `InputError` for invalid data."""
     pixels: Callable[[Path], np.ndarray]
     """Return straight RGBA float32 [h, w, 4] of one of the frames' files; raises `InputError`."""
     region: Region
-    """The region as the format gives it; what is missing is found from the cameras (`scenes.view_sets.source`)."""
+    """The region as the format gives it; missing values are derived from the cameras (`completed`)."""
     notes: tuple[str, ...] = ()
-    """The assumptions made, one sentence each: a user who trains on it should know them."""
+    """The assumptions made, one sentence each, for the user."""
     bounds_assumed: bool = False
-    """Whether the region's bounds are a habit of the format's users and not a fact of the file."""
+    """Whether the region's bounds are a convention of the format's users, not given in the file."""
     unbounded: str = ""
-    """Why no bounds can be found, if that is so: somebody has to give them."""
+    """Why no bounds can be derived, if so: the user must give them."""
 
 
 ASK = "say where the scene lies with --bounds X0 Y0 Z0 X1 Y1 Z1"
 LEAST_IN_FRONT = 0.9
 """The share of the cameras that must look towards the common point."""
 LEAST_SPREAD = 1e-4
-"""The least eigenvalue of the mean projector across the views: cameras that all look one way have no common point."""
+"""The minimum eigenvalue of the mean projector across the views: cameras of one direction have no common point."""
 LEAST_NEAR = 0.02
-"""The least near, as a share of far, for a camera in the box or close to it."""
+"""The minimum of near / far, for a camera in the box or close to it."""
 
 
 def nine_to_one(count: int, file: Path, remedy: str) -> tuple[list[int], list[int]]:
-    """Return the numbers of nine of ten views, evenly spread, to train on, and of the others."""
+    """Return the indices of nine tenths of the views, evenly spread, for training, and of the others."""
     train = math.ceil(count * 0.9)
     if train == count:
         raise InputError(f"{file}: {count} views without splits are too few to hold any out for testing; {remedy}")
@@ -104,8 +104,8 @@ def nine_to_one(count: int, file: Path, remedy: str) -> tuple[list[int], list[in
 def completed(
     given: Region, source: Source, fov_x_radians: float, size: tuple[int, int], where: Path
 ) -> tuple[np.ndarray, float, float]:
-    """Return box [2, 3], near and far: as `given`, else found from all cameras of all splits, whichever of them are
-    read: every reader of a view set must find the same. `size` is height, width. Raises `InputError` as `looked_at`.
+    """Return box [2, 3], near and far: as `given`, else derived from the cameras of all splits, so that the result does
+    not depend on the splits that are read. `size` is height, width. Raises `InputError` as `looked_at`.
     """
     box, near, far = given.box, given.near, given.far
     if box is None and source.unbounded:
@@ -127,15 +127,15 @@ def completed(
 def looked_at(camera_to_world: np.ndarray, fov_x_radians: float, aspect: float, where: str) -> np.ndarray:
     """Return a box [2, 3] that every pixel's ray of every camera [n, 4, 4] meets, about the point nearest to all axes.
 
-    `aspect` is height over width. Cameras on the sphere of the NeRF synthetic set get ±1.8 (±1.5 is the field's habit,
-    which cuts the pictures' corners off). Raises `InputError`, which names `where`, for cameras that look at no common
-    point: side by side, or outwards.
+    `aspect` is height over width. Cameras on the sphere of the NeRF synthetic set get ±1.8 (the usual ±1.5 cuts off the
+    pictures' corners). Raises `InputError`, which names `where`, for cameras without a common point: side by side, or
+    looking outwards.
     """
     o, d = camera_to_world[:, :3, 3], -camera_to_world[:, :3, 2]
     across = np.eye(3) - d[:, :, None] * d[:, None, :]
     total = across.sum(axis=0)
     if np.linalg.eigvalsh(total)[0] < LEAST_SPREAD * len(o):
-        raise InputError(f"{where}: the cameras all look the same way, so what they look at is not known; {ASK}")
+        raise InputError(f"{where}: the cameras all look in one direction, so what they look at is not known; {ASK}")
     centre = np.linalg.solve(total, np.einsum("nij,nj->i", across, o))
     ahead = np.einsum("ni,ni->n", centre - o, d) > 0
     if ahead.mean() < LEAST_IN_FRONT:
@@ -155,29 +155,29 @@ def looked_at(camera_to_world: np.ndarray, fov_x_radians: float, aspect: float, 
 
 
 CELLS = 96
-"""The cells of a hull along each axis: about one per pixel of a picture 100 pixels wide."""
+"""The number of cells of a hull along each axis: about one per pixel of a picture 100 pixels wide."""
 MISSES = 0.02
-"""The share of the views that may see through a cell that is kept: one bad mask of fifty takes nothing away."""
+"""The share of the views that may see background through a kept cell: one bad mask of 50 has no effect."""
 LEAST_ALPHA = 0.5 / 255
-"""The least alpha of a covered pixel: what an 8-bit image can tell from nothing."""
+"""The minimum alpha of a covered pixel: half a step of an 8-bit image."""
 MARGIN = 1.0
-"""The pixels by which a silhouette is widened beside half of a cell: an edge that falls between samples."""
+"""The pixels by which a silhouette is widened, in addition to half of a cell: an edge can lie between samples."""
 
 
 def covered(alpha: np.ndarray, pixels: int) -> np.ndarray:
-    """Return where an image [h, w] is covered, or is within `pixels` of it along either axis, bool [h, w]."""
+    """Return where an image [h, w] is covered, or within `pixels` of that along either axis, bool [h, w]."""
     near: np.ndarray = maximum_filter(alpha >= LEAST_ALPHA, size=2 * pixels + 1, mode="constant", cval=False)
     return near
 
 
 EDGE = 0.02
-"""The distance from covered pixels, in widths of a picture, within which a pixel counts as covered: background that is
-seen from there is what an outline is learnt from.
+"""The distance from covered pixels, in widths of a picture, within which a pixel counts as covered: outlines are learnt
+from the background next to them.
 """
 
 
 def covered_pixels(rgba: ImageStack) -> np.ndarray:
-    """Return the pixels int64 [n] that are covered or near one that is, numbered through all images row by row."""
+    """Return the pixels int64 [n] that are covered or near a covered pixel, numbered through all images by rows."""
     _, height, width, _ = rgba.shape
     margin = max(1, round(EDGE * width))
     places = [np.flatnonzero(covered(image[..., 3], margin)) + k * height * width for k, image in enumerate(rgba)]
@@ -189,9 +189,9 @@ def hull(
 ) -> np.ndarray:
     """Return the visual hull bool [cells, cells, cells] in the box `bounds` [2, 3].
 
-    A cell is empty if views look through it and see the background: nothing has to be learnt to leave it out.
-    `alphas` are the images [h, w] of the poses [n, 4, 4] in OpenGL axes; `focal` is in pixels. A cell that a view does
-    not see, behind the camera or beside the picture, is not judged by that view.
+    A cell is empty if views see the background through it. `alphas` are the images [h, w] of the poses [n, 4, 4] in
+    OpenGL axes; `focal` is in pixels. A view does not judge cells that it does not see, behind the camera or outside
+    the picture.
     """
     side = (bounds[1] - bounds[0]) / cells
     reach = 0.5 * float(np.linalg.norm(side))
@@ -206,7 +206,7 @@ def hull(
             ahead = depth > 2.0 * reach
             if not ahead.any():
                 continue
-            # the nearest cell of all is the largest in the picture
+            # the nearest cell is the largest in the picture
             pixels = int(np.ceil(reach * focal / (depth[ahead].min() - reach) + MARGIN))
             if pixels not in silhouettes:
                 silhouettes[pixels] = ~np.pad(covered(alpha, pixels), 1, constant_values=True)
@@ -224,23 +224,23 @@ def hull(
 
 @dataclass
 class _Block:
-    """Neighbouring cells of a hull that may still be occupied: so few that a view's work on them stays in the cache."""
+    """Neighbouring cells of a hull that may still be occupied; a view's work on a block fits the processor's cache."""
 
     index: np.ndarray
-    """Their numbers int [n] in the hull."""
+    """The indices int [n] in the hull."""
     centres: np.ndarray
-    """Their centres float32 [3, n]."""
+    """The centres float32 [3, n]."""
     misses: np.ndarray
-    """How many views see through each, int [n]."""
+    """The number of views that see background through each, int [n]."""
 
     def drop(self, gone: np.ndarray) -> None:
         if gone.any():
-            left = ~gone
-            self.index, self.centres, self.misses = self.index[left], self.centres[:, left], self.misses[left]
+            kept = ~gone
+            self.index, self.centres, self.misses = self.index[kept], self.centres[:, kept], self.misses[kept]
 
 
 BLOCK = 24
-"""The cells of a block along each axis, at most."""
+"""The maximum number of cells of a block along each axis."""
 
 
 def _blocks(bounds: np.ndarray, cells: int) -> list[_Block]:

@@ -1,13 +1,13 @@
-"""A view set and how it is read: posed images in the Blender format, ours or anyone's, or as others have them.
+"""A view set and how it is read: posed images, rendered here or by other programs.
 
     FOLDER/transforms_{train,val,test}.json   poses (OpenGL axes), horizontal field of view
     FOLDER/train/r_0.png                      display colour, straight alpha, 8 bit
-    FOLDER/train/r_0.exr                      ours: R G B A linear premultiplied, Z depth, N.{X,Y,Z} normal,
+    FOLDER/train/r_0.exr                      rendered here: R G B A linear premultiplied, Z depth, N.{X,Y,Z} normal,
                                               V.{R,G,B,A} variance of the estimate; all float
-    FOLDER/view_set.json                      ours: the manifest (`scenes.view_sets.manifest`), written last
+    FOLDER/view_set.json                      rendered here: the manifest (`scenes.view_sets.manifest`), written last
 
-Where there is a manifest, the files must be the ones that it lists, and colour comes from the EXR files. Other formats
-have readers of their own (`scenes.view_sets.formats.foreign`).
+With a manifest, the files must be those that it lists, and colour comes from the EXR files. Other formats have other
+readers (`scenes.view_sets.formats.foreign`).
 """
 
 import hashlib
@@ -38,12 +38,12 @@ from scenes.view_sets.source import Region, Source, carved, completed, hull, reg
 from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
 
 CHANNELS = (*"RGBA", "Z", "N.X", "N.Y", "N.Z")
-"""The channels of our EXR files that are read."""
+"""The channels that are read from EXR files rendered here."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """The views of one split; n may be 0. Images are in a file and read one at a time or by pixels."""
+    """The views of one split; n may be 0. Images are read from a file, one at a time or by pixels."""
 
     names: tuple[str, ...]
     """The paths inside the folder without suffix, such as `test/r_0`."""
@@ -52,13 +52,13 @@ class Split:
     rgba: ImageStack
     """The images, float32 [n, h, w, 4]: straight alpha, display colour, 0 … 1."""
     depth: ImageStack | None = None
-    """The distance along the unit ray, float32 [n, h, w], the mean over the pixel's hits, 0 if nothing was hit."""
+    """The distance along the unit ray, float32 [n, h, w], the mean over the pixel's hits, 0 without a hit."""
     normal: ImageStack | None = None
-    """The unit normal in the world frame, float32 [n, h, w, 3]; 0 if nothing was hit."""
+    """The unit normal in the world frame, float32 [n, h, w, 3]; 0 without a hit."""
     noise_mse: np.ndarray | None = None
     """The expected mean square error of the image over white from rendering noise at this size, float64 [n]."""
     light: Callable[[str], np.ndarray | None] | None = None
-    """Name of a view → its linear light over white, not clipped, if display colour cannot hold what the scene shows."""
+    """Map name of a view → its linear light over white, not clipped, if the scene exceeds display colour."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +79,13 @@ class ViewSet:
     val: Split
     test: Split
     rendered: dict[str, Any] = field(default_factory=dict)
-    """The manifest's facts about the rendering; empty for a folder that is not ours."""
+    """The manifest; empty for a view set of another program."""
     repeated_views: tuple[str, ...] = ()
-    """The views whose camera another view has already, in whatever split, one line each."""
+    """The views with the camera of an earlier view of any split, one line each."""
     notes: tuple[str, ...] = ()
-    """The assumptions made about images that are not ours, one sentence each."""
+    """The assumptions made about images of other programs, one sentence each."""
     content: str | None = None
-    """The digest of the cameras and the stored pixels that were read; None for a folder of ours."""
+    """The digest of the cameras and the stored pixels that were read; None with a manifest."""
 
     @property
     def focal(self) -> float:
@@ -94,7 +94,7 @@ class ViewSet:
 
     @cached_property
     def hull(self) -> np.ndarray:
-        """The cells of `bounds` in which something may be, bool [96, 96, 96] (`scenes.view_sets.source`)."""
+        """The cells of `bounds` that may be occupied, bool [96, 96, 96] (`scenes.view_sets.source`)."""
         alphas = (image[..., 3] for image in self.train.rgba)
         return hull(self.bounds, alphas, self.train.camera_to_world, self.focal)
 
@@ -106,20 +106,18 @@ def read_view_set(
     train_count: int | None = None,
     val_count: int | None = None,
     test_count: int | None = None,
-    bounds: np.ndarray | None = None,
     geometry: Sequence[str] = ("test",),
     scratch: Path | None = None,
     region: Region | None = None,
 ) -> ViewSet:
     """Read a folder, or a file, at `resolution` pixels of width (default: as stored), averaging areas.
 
-    `splits` that are not named are left empty, and so is a `val` that does not exist; counts take evenly spread subsets
-    and never exceed the number of views. Depth and normals are read for the splits in `geometry`. `bounds` [2, 3] and
-    `region` overrule what the manifest or the format says. Bounds that no file states, a habit of the format or found
-    from the cameras, are cut to what the silhouettes of the training views leave (`hull`). The decoded images, 16 bytes
-    per pixel and as much again for geometry, go to files without a name in `scratch`, which should be on a disk
-    (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy, for anything missing, malformed,
-    damaged or not supported, and where `scratch` has no room.
+    Splits that are not in `splits` are left empty, and so is a missing `val`; counts take evenly spread subsets, or all
+    views. Depth and normals are read for the splits in `geometry`. `region` overrides the manifest or the format.
+    Bounds that no file states, a convention of the format or derived from the cameras, are reduced to the `hull` of the
+    training views. The decoded images, 16 bytes per pixel and as much again for geometry, go to nameless files in
+    `scratch`, which should be on a disk (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy,
+    for anything missing, malformed, damaged or unsupported, and if `scratch` has no room.
     """
     folder = Path(folder)
     manifest = read_manifest(folder) if folder.is_dir() else {}
@@ -127,35 +125,20 @@ def read_view_set(
     counts = {"train": train_count, "val": val_count, "test": test_count}
     chosen: dict[str, Frames] = {}
     for split in SPLITS:
-        if split in splits and (frames := _frames(folder, split, source, manifest)):
-            count = counts[split]
-            if count is not None and count < 0:
-                raise InputError(f"{count} views of {split}: choose 0 or more")
-            few = count is not None and count < len(frames.files)
-            chosen[split] = frames.of(evenly_spread(count or 0, frames.camera_to_world)) if few else frames
+        if split in splits and (frames := _frames(folder, split, source, manifest, counts[split])):
+            chosen[split] = frames
     if not chosen:
         raise InputError(f"{folder}: none of the splits {' '.join(splits)} is there")
-    if both := {*chosen["train"].files} & {*chosen["test"].files} if {"train", "test"} <= set(chosen) else set():
-        raise InputError(f"{folder}: {min(both)} is a training and a test view; a score on it would mean nothing")
-    angles = {split: entry.fov_x_radians for split, entry in chosen.items()}
-    fov = next(iter(angles.values()))
-    if max(angles.values()) - min(angles.values()) > 1e-6:
-        raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
+    _require_consistent(folder, chosen)
     if resolution is not None and resolution < 1:
         raise InputError(f"resolution {resolution}: choose 1 pixel or more")
     reader = _Reader(folder, resolution, manifest, source, scratch)
     read = {split: reader.split(frames, split in geometry) for split, frames in chosen.items()}
     if reader.size is None or reader.stored is None:
         raise InputError(f"{folder}: no view is left to read; ask for at least one")
-    given = Region(None if bounds is None else tuple(np.ravel(bounds).tolist())).over(region or Region())
+    fov, given = next(iter(chosen.values())).fov_x_radians, region or Region()
     box, near, far = completed(given.over(region_of(source, manifest, folder)), source, fov, reader.stored, folder)
     empty = Split((), np.zeros((0, 4, 4)), ImageStack((*reader.size, 4)))
-    if not manifest:
-        for name, frames in chosen.items():
-            reader.content.update(f"{name} {len(frames.files)}\n".encode())
-            reader.content.update(np.ascontiguousarray(frames.camera_to_world, dtype=np.float64).tobytes())
-    names = [f"{split}: {file.name}" for split, frames in chosen.items() for file in frames.files]
-    pairs = repeated(np.concatenate([frames.camera_to_world for frames in chosen.values()]))
     views = ViewSet(
         path=folder,
         name=manifest["scene"] if manifest else source.name,
@@ -170,26 +153,46 @@ def read_view_set(
         val=read.get("val", empty),
         test=read.get("test", empty),
         rendered=manifest,
-        repeated_views=tuple(f"{names[later]} has the camera of {names[first]}" for first, later in pairs),
+        repeated_views=_repeated_views(chosen),
         notes=source.notes,
-        content=None if manifest else reader.content.hexdigest(),
+        content=None if manifest else reader.digest(chosen),
     )
     assumed = given.bounds is None and not manifest and (source.bounds_assumed or source.region.bounds is None)
     return replace(views, bounds=carved(box, views.hull)) if assumed and "train" in read else views
 
 
-def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any]) -> Frames | None:
-    """Return all views of a split, if it exists."""
+def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any], count: int | None) -> Frames | None:
+    """Return `count` evenly spread views of a split, or all views; None if the split does not exist."""
     file = transforms_file(folder, split)
     if split in manifest.get("empty_splits", []) and not file.exists():
         return None
     if manifest and (split != "val" or file.exists()):
         checked(folder, file, manifest)
-    return source.frames(split)
+    frames = source.frames(split)
+    if frames is None or count is None:
+        return frames
+    if count < 0:
+        raise InputError(f"{count} views of {split}: choose 0 or more")
+    return frames.of(evenly_spread(count, frames.camera_to_world)) if count < len(frames.files) else frames
+
+
+def _require_consistent(folder: Path, chosen: dict[str, Frames]) -> None:
+    """Raise `InputError` for a view that is both trained on and tested, and for splits of different cameras."""
+    if {"train", "test"} <= set(chosen) and (both := {*chosen["train"].files} & {*chosen["test"].files}):
+        raise InputError(f"{folder}: {min(both)} is a training and a test view; a score on it would mean nothing")
+    angles = {split: frames.fov_x_radians for split, frames in chosen.items()}
+    if max(angles.values()) - min(angles.values()) > 1e-6:
+        raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
+
+
+def _repeated_views(chosen: dict[str, Frames]) -> tuple[str, ...]:
+    names = [f"{split}: {file.name}" for split, frames in chosen.items() for file in frames.files]
+    pairs = repeated(np.concatenate([frames.camera_to_world for frames in chosen.values()]))
+    return tuple(f"{names[later]} has the camera of {names[first]}" for first, later in pairs)
 
 
 def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
-    """Return the region as the manifest gives it, or else the format."""
+    """Return the region of the manifest, or else of the format."""
     if not manifest:
         return source.region
     box = np.ravel(np.array(manifest["bounds"], dtype=np.float64)).tolist()
@@ -198,7 +201,7 @@ def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
 
 @dataclass
 class _Reader:
-    """A reader of the views of one folder, one after another, which holds them to one size."""
+    """Reads the views of one folder one after another, and requires one size of all."""
 
     folder: Path
     resolution: int | None
@@ -209,7 +212,7 @@ class _Reader:
     size: tuple[int, int] | None = None
     """The height and width after resizing."""
     content: hashlib.blake2b = field(default_factory=lambda: hashlib.blake2b(digest_size=32))
-    """The digest of the stored pixels, in the order in which they are read, if they are not ours."""
+    """The digest of the stored pixels in the order of reading, without a manifest."""
 
     def split(self, frames: Frames, geometry: bool) -> Split:
         root = self.folder.resolve()
@@ -234,6 +237,13 @@ class _Reader:
         depth, normal = stacks[1:] or (None, None)
         return Split(tuple(names), frames.camera_to_world, stacks[0], depth, normal, np.array(noise) if noise else None)
 
+    def digest(self, chosen: dict[str, Frames]) -> str:
+        """Return the digest of the stored pixels that were read, and of the cameras."""
+        for name, frames in chosen.items():
+            self.content.update(f"{name} {len(frames.files)}\n".encode())
+            self.content.update(np.ascontiguousarray(frames.camera_to_world, dtype=np.float64).tobytes())
+        return self.content.hexdigest()
+
     def _foreign(self, file: Path) -> np.ndarray:
         pixels = self.source.pixels(file)
         self._fits(file, pixels.shape[:2])
@@ -241,7 +251,7 @@ class _Reader:
         return pixels if self.width == pixels.shape[1] else area_average_straight(pixels, self.width)
 
     def _own(self, file: Path, geometry: bool) -> list[np.ndarray]:
-        """Read colour, then depth and normals if `geometry` is wanted."""
+        """Read colour, and with `geometry` depth and normals."""
         exr = file.with_suffix(".exr")
         channels = read_channels(checked(self.folder, exr, self.manifest))
         if lacking := [name for name in CHANNELS if name not in channels]:
@@ -285,11 +295,11 @@ class _Reader:
 
 
 def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:
-    """Return linear light over white [height, width, 3] of the view `name` at the view set's size, not clipped; None if
-    the view set is not ours and holds display colour alone. Errors as in `read_view_set`.
+    """Return linear light over white [height, width, 3] of the view `name` at the view set's size, not clipped; None
+    for a view set of another program, which has only display colour. Errors as in `read_view_set`.
 
     Display colour is put over white, as everywhere (CONVENTIONS.md), and then decoded; light brighter than white is
-    added. So an image that is the display colour has no error but where the light exceeds what display colour holds.
+    added. So an image equal to the display colour has errors only where the light exceeds display colour.
     """
     if "files" not in views.rendered:
         return None
@@ -297,7 +307,7 @@ def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:
     rgba = np.stack([channels[channel] for channel in "RGBA"], axis=-1)
     if rgba.shape[1] != views.width:
         rgba = area_average(rgba, views.width)
-    # how much more light comes from each pixel than if its coverage were white: alpha · max(colour − 1, 0)
+    # the light of each pixel beyond a white one of its coverage: alpha · max(colour − 1, 0)
     beyond = np.maximum(rgba[..., :3] - rgba[..., 3:].clip(0.0, 1.0), 0.0)
     light: np.ndarray = decode_srgb(over_white(display_from_linear(rgba))) + beyond
     return light

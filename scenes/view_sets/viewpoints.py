@@ -19,7 +19,7 @@ FOV_X_RADIANS = 0.6911112070083618
 LEAST_FIELD_OF_VIEW = math.radians(0.1)
 RADIUS = float(np.hypot(4.0, 0.5))
 TILT = float(np.arctan2(0.5, 4.0))
-"""The elevation of the original rig at rest (7.125°), by which random elevations are turned up."""
+"""The elevation of the original rig at rest (7.125°), by which random elevations are raised."""
 VIEW_COUNTS: dict[Split, int] = {"train": 100, "val": 100, "test": 200}
 _SEEDS: dict[Split, int] = {"train": 20200819, "val": 20200820, "test": 0}
 
@@ -58,7 +58,7 @@ def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisp
 def poses_on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float = RADIUS) -> np.ndarray:
     """Return cameras [n, 4, 4] on a sphere about the origin, looking at it, z up; angles [n] in radians.
 
-    They are computed from angles, so that a camera right above the object has a direction for "up" as well.
+    They are computed from angles, so that a camera straight above the object has an "up" as well.
     """
     sin_a, cos_a, sin_e, cos_e = np.sin(azimuth), np.cos(azimuth), np.sin(elevation), np.cos(elevation)
     zero = np.zeros_like(sin_a)
@@ -75,8 +75,8 @@ def look_at(origin: np.ndarray, target: np.ndarray, up: np.ndarray = Z_AXIS) -> 
     """Return the camera [4, 4], OpenGL axes, that stands at `origin` [3], looks at `target` [3] and keeps `up` [3]
     upright.
 
-    Raises `InputError` for numbers that are not finite, an origin on the target, and an up without length or along
-    the view: for all of these Mitsuba's own look_at gives a matrix with which it renders a clean background.
+    Raises `InputError` for numbers that are not finite, an origin on the target, and an `up` of length 0 or along the
+    view: for all of these Mitsuba's look_at gives a matrix with which it renders a clean background.
     """
     o, at, upright = (np.asarray(vector, dtype=np.float64) for vector in (origin, target, up))
     for name, vector in (("origin", o), ("target", at), ("up", upright)):
@@ -97,7 +97,7 @@ def look_at(origin: np.ndarray, target: np.ndarray, up: np.ndarray = Z_AXIS) -> 
 
 
 def check_field_of_view(radians: float, where: str) -> None:
-    """Raise `InputError` unless it lies between `LEAST_FIELD_OF_VIEW` and 180°; `where` names its owner."""
+    """Raise `InputError` unless it lies between `LEAST_FIELD_OF_VIEW` and 180°; `where` names its source."""
     if not LEAST_FIELD_OF_VIEW <= radians < math.pi:
         raise InputError(
             f"{where}: the field of view is {math.degrees(radians):g}°; it must lie between "
@@ -119,19 +119,19 @@ def repeated(poses: np.ndarray) -> list[tuple[int, int]]:
 def evenly_spread(count: int, poses: np.ndarray, what: str = "views") -> np.ndarray:
     """Return indices [count], increasing, of `count` of the cameras [n, 4, 4], spread evenly over *azimuth*.
 
-    Every k-th of the test spiral would not do: every 25th of its 200 views has only four azimuths. Views are ordered
-    by azimuth about the z axis first. Half of the spiral or less gives as many azimuths as views, for any count; an
-    odd count alternates between its two turns. Raises `InputError` unless 0 ≤ count ≤ n.
+    Every k-th view of the test spiral would be wrong: every 25th of its 200 views has only four azimuths. So views are
+    ordered by azimuth about the z axis. Up to half of the spiral, all azimuths differ; an odd count alternates between
+    its two turns. Raises `InputError` unless 0 ≤ count ≤ n.
     """
     if not 0 <= count <= len(poses):
-        raise InputError(f"{count} {what} were asked for; choose 0 to {len(poses)}, which is what there is")
+        raise InputError(f"{count} {what} were asked for; choose 0 to {len(poses)}, the number that exists")
     return np.sort(by_azimuth(poses)[np.arange(count) * len(poses) // max(count, 1)])
 
 
 def by_azimuth(poses: np.ndarray) -> np.ndarray:
     """Return the indices [n] of cameras [n, 4, 4] ordered by azimuth about the z axis; ties stay in order."""
     azimuth = np.degrees(np.arctan2(poses[:, 1, 3], poses[:, 0, 3])) % 360.0
-    # rounded, so that the same azimuth one turn later is a tie whatever the last bit says
+    # rounded, so that equal azimuths one turn apart are a tie in spite of rounding errors
     return np.argsort(np.round(azimuth, 6) % 360.0, kind="stable")
 
 

@@ -1,4 +1,4 @@
-"""Radiance fields with known integrals, in the place of a network (`baselines.contract.RadianceField`)."""
+"""Radiance fields with known integrals, in place of a network (`baselines.contract.RadianceField`)."""
 
 import math
 from collections.abc import Callable
@@ -14,7 +14,7 @@ ORANGE = (0.9, 0.5, 0.1)
 
 @dataclass
 class AnalyticField:
-    """Density as a function of position, one colour everywhere; counts how many points it was asked for."""
+    """A field with density as a function of position and one colour; it counts the points that it evaluates."""
 
     sigma: Callable[[Tensor], Tensor]
     colour: tuple[float, float, float] = ORANGE
@@ -42,12 +42,12 @@ def homogeneous(density: float) -> Callable[[Tensor], Tensor]:
 
 
 def ball(density: float, radius: float) -> Callable[[Tensor], Tensor]:
-    """Constant density within `radius` of the origin."""
+    """Return a constant density within `radius` of the origin."""
     return lambda x: torch.where(x.norm(dim=-1) < radius, density, 0.0).to(x.dtype)
 
 
 def soft_shell(density: float, radius: float, width: float) -> Callable[[Tensor], Tensor]:
-    """A Gaussian of the distance from the sphere of `radius` around the origin."""
+    """Return a Gaussian of the distance from the sphere of `radius` around the origin."""
     return lambda x: density * torch.exp(-0.5 * ((x.norm(dim=-1) - radius) / width) ** 2)
 
 
@@ -56,12 +56,12 @@ def gaussian(density: float, width: float) -> Callable[[Tensor], Tensor]:
 
 
 def smooth_ball(density: float, radius: float) -> Callable[[Tensor], Tensor]:
-    """(1 − r²)³: zero outside of `radius`, and smooth there."""
+    """Return (1 − r²)³, which is zero outside of `radius` and smooth at it."""
     return lambda x: density * (1.0 - (x**2).sum(-1) / radius**2).clamp(min=0.0) ** 3
 
 
 def chord(rays: Rays, radius: float) -> Tensor:
-    """Length of each ray within a sphere around the origin that lies between near and far."""
+    """Return the length of each ray within a sphere around the origin that lies between near and far."""
     closest = (rays.origins * rays.directions).sum(-1)
     distance_squared = (rays.origins**2).sum(-1) - closest**2
     return 2.0 * (radius**2 - distance_squared).clamp(min=0.0).sqrt()
@@ -72,7 +72,7 @@ def cube(half: float = 1.0, dtype: torch.dtype = torch.float64) -> Box:
 
 
 def rays_at(target_spread: float, count: int, seed: int = 40, dtype: torch.dtype = torch.float64) -> Rays:
-    """From random points 4 away towards random points near the origin."""
+    """Return rays from random points at distance 4 towards random points near the origin."""
     generator = torch.Generator().manual_seed(seed)
     origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator, dtype=dtype), dim=-1)
     targets = target_spread * torch.randn(count, 3, generator=generator, dtype=dtype)
@@ -80,6 +80,6 @@ def rays_at(target_spread: float, count: int, seed: int = 40, dtype: torch.dtype
 
 
 def mean_depth_in_fog(density: float, length: float) -> float:
-    """Expected distance from the entry into homogeneous fog of this length, of what is hit at all."""
+    """Return the expected distance of a hit from the entry into homogeneous fog of this length."""
     tau = density * length
     return 1.0 / density - length * math.exp(-tau) / -math.expm1(-tau)

@@ -1,11 +1,10 @@
-"""Small fields of every method and rays to ask them for; the rest of it is the conformance checks' own."""
+"""Small fields of every method, and rays to render them; the rest comes from the conformance checks."""
 
 from dataclasses import replace
 
 import pytest
 import torch
 
-from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import Parts
 from baselines.contract import NetworkSize, Rays, Rendering
@@ -18,12 +17,9 @@ __all__ = ["BOX", "EIGHT", "SMALL", "WHITE", "roughened", "set_alpha", "some_poi
 
 EIGHT = replace(SMALL, depth=8)
 ALL_PARTS: dict[str, Parts] = {name: method.parts for name, method in CATALOG.items() if method.parts is not None}
-"""Of every method that is a network."""
+"""The parts of every method that is a network."""
 PARTS = {name: parts for name, parts in ALL_PARTS.items() if name not in PARTIAL}
-"""Of those in which every part of the tables occurs: combinations and other units of density add no code."""
-OF_THE_POINT = [name for name, parts in PARTS.items() if AMPLIFIERS[parts.amplifier](None).pointwise]
-OF_THE_CALL = [name for name in PARTS if name not in OF_THE_POINT]
-"""Methods whose density depends on what else is asked for in a call: the paper's amplifiers as printed."""
+"""The parts of methods that contain every entry of the tables: partial combinations add no code."""
 
 every_method = pytest.mark.parametrize("method", PARTS)
 every_depth = pytest.mark.parametrize("depth", [4, 5, 8])

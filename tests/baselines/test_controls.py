@@ -18,7 +18,7 @@ from tests.baselines.small_fields import field_of
 @pytest.mark.parametrize("bands", range(1, 17))
 @pytest.mark.parametrize("base", [PHI, 1.65, 1.5, 2.0, 3.0])
 def test_reaching_is_the_nearest_number_of_bands(base: float, bands: int) -> None:
-    """In the logarithm, by trying all."""
+    """The reference tries all numbers and compares logarithms."""
     off = {many: abs((many - 1) * math.log(base) - (bands - 1) * math.log(2.0)) for many in range(1, 40)}
     assert off[reaching(base, bands)] == pytest.approx(min(off.values()))
 
@@ -35,16 +35,11 @@ def test_without_encoding_a_network_gets_raw_coordinates() -> None:
 @pytest.mark.parametrize(("amplifier", "whole"), [("amplifier", QNERF), ("equation4", QNERF_THEOREM)])
 def test_partial_combinations_are_all_but_nothing_and_everything(amplifier: str, whole: object) -> None:
     assert isinstance(whole, type(QNERF))
-    found = partial_combinations(amplifier, whole)
-    assert len(found) == len(set(found.values())) == 6
-    assert NERF not in found.values()
-    assert whole not in found.values()
-    for name, parts in found.items():
-        fields = {
-            "phi_encoding": ["encoding"],
-            amplifier: ["amplifier", "density_scale", "start"],
-            "phi_skip": ["skip"],
-        }
+    partial = partial_combinations(amplifier, whole)
+    assert len(partial) == len(set(partial.values())) == 6
+    assert {NERF, whole}.isdisjoint(partial.values())
+    fields = {"phi_encoding": ["encoding"], amplifier: ["amplifier", "density_scale", "start"], "phi_skip": ["skip"]}
+    for name, parts in partial.items():
         on = [part for word, parts_of_it in fields.items() if word in name for part in parts_of_it]
         assert parts == replace(NERF, **{part: getattr(whole, part) for part in on}), name
-    assert found[f"nerf_phi_encoding_{amplifier}"] == combination("phi_encoding", "amplifier", of=whole)
+    assert partial[f"nerf_phi_encoding_{amplifier}"] == combination("phi_encoding", "amplifier", of=whole)

@@ -109,7 +109,7 @@ def test_blocks_side_by_side_give_the_same_and_leave_the_threads_as_they_were(mo
         torch.set_num_threads(before)
     for other in found[1:]:
         torch.testing.assert_close(other, found[0], rtol=1e-11, atol=1e-11)
-    assert all(torch.equal(one, again) for one, again in zip(found[1], found[3], strict=True)), "repeatable to the bit"
+    assert all(torch.equal(first, again) for first, again in zip(found[1], found[3], strict=True))  # bit-identical
 
 
 @pytest.mark.parametrize("points", [1, 1000, 1024, 1025, 3000])

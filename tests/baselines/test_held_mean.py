@@ -1,4 +1,4 @@
-"""A mean that belongs to the field: moved by steps of training alone, whatever the calls within them."""
+"""A mean that belongs to the field: only training steps move it, independent of the calls within them."""
 
 import pytest
 import torch
@@ -83,7 +83,7 @@ def test_training_and_rendering_see_the_same_field_in_whatever_calls(method: str
 
 
 def test_every_reading_about_a_held_mean_is_a_candidate() -> None:
-    """Nobody may add one after the search without searching again."""
+    """A reading that is added after the search needs another search."""
     held = {name for name, make in AMPLIFIERS.items() if isinstance(make(None), HeldMeanAmplifier)}
     assert held == {parts.amplifier for parts in CANDIDATES.values()}
 
@@ -100,5 +100,5 @@ def test_whoever_asks_for_density_alone_sees_the_field_that_training_rendered(me
     few = field.density(x[:40])
     torch.testing.assert_close(few, rendered[:40], rtol=1e-4, atol=1e-4)
     alone, _ = field.density_and_colour(x[:40], field.encode_directions(d), ray[:40])
-    assert not torch.allclose(few, alone, rtol=1e-3), "the mean of 40 points must be told from that of 400"
+    assert not torch.allclose(few, alone, rtol=1e-3), "the mean of 40 points must differ from that of 400"
     torch.testing.assert_close(field.density(x[:40]), few)

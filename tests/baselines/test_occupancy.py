@@ -1,4 +1,4 @@
-"""The occupancy grid: keeps what is there, drops what is not, and changes pictures by no more than it may."""
+"""The occupancy grid: it keeps geometry, drops empty cells, and changes pictures by no more than its threshold."""
 
 import math
 from dataclasses import replace
@@ -66,7 +66,7 @@ def colours(field: AnalyticField, grid: OccupancyGrid | None, **options: object)
 
 @pytest.mark.parametrize("share", [1.0, 0.25, 0.01])
 def test_matter_is_never_dropped(share: float) -> None:
-    """Cells wholly inside a ball are kept, however few cells a refresh measures."""
+    """Cells completely inside a ball are kept, however few cells a refresh measures."""
     density = -math.log1p(-THRESHOLD) / SIDE * 1.01
     grid = OccupancyGrid(CELLS, BOX, THRESHOLD)
     whole = centres().norm(dim=-1) + 0.5 * math.sqrt(3.0) * SIDE < 0.7
@@ -153,7 +153,7 @@ def test_exploration_evaluates_its_share_in_training_alone() -> None:
 
 
 def test_a_batch_in_which_no_sample_survives_is_background() -> None:
-    """Also for the gradient: there is none, and nothing crashes."""
+    """There is no gradient then, and nothing crashes."""
     grid = corner_alone()
     weight = torch.ones((), requires_grad=True)
     field = AnalyticField(lambda x: weight * homogeneous(5.0)(x))
@@ -185,7 +185,7 @@ def test_a_grid_that_finds_no_matter_is_full_again_and_says_so() -> None:
     assert grid.emptied
     assert grid.occupied_share() == 1.0
     grid.refresh(AnalyticField(ball(100.0, 0.5)), 1.0, generator())
-    assert grid.occupied_share() < 0.3, "it works again as soon as there is matter"
+    assert grid.occupied_share() < 0.3, "it works again as soon as there is geometry"
 
 
 def test_matter_that_went_away_is_forgotten() -> None:

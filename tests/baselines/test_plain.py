@@ -1,4 +1,4 @@
-"""The plain step as the oracle: what the trainer computes, fast, is what anyone would have written down."""
+"""The plain step as the oracle: the fast trainer computes the same."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,10 +32,9 @@ SETTINGS = TrainSettings(
 COLOUR_BOUND = 1e-6
 LOSS_BOUND = 1e-6
 GRADIENT_BOUND = 1e-5
-"""Of the trainer in float32 against the plain step in float64: absolute for colours, relative to the loss, relative to
-the largest entry of each gradient. Rounding of f π x at 2^5 alone makes 3e-6 in the encoding."""
-
-
+"""The bounds of the trainer in float32 against the plain step in float64: absolute for colours, relative to the loss,
+relative to the largest entry of each gradient. Rounding f π x at 2^5 already changes the encoding by 3e-6.
+"""
 Batch = tuple[Rays, Tensor]
 
 
@@ -72,7 +71,7 @@ def trainer(settings: TrainSettings = SETTINGS, view_dependent: bool = True) -> 
 
 
 def oracle(learner: Trainer, view_dependent: bool = True) -> PlainField:
-    """In float64, box included."""
+    """Return the plain field in float64, box included."""
     box = Box(BOX.lower.double(), BOX.upper.double())
     field = PlainField(SIZE, box, "another seed", view_dependent)
     field.load_state_dict(learner.field.state_dict())
@@ -115,8 +114,8 @@ def loss_gap(
     spoil: Callable[[PlainField], None] = lambda field: None,
     batches: int = 4,
 ) -> tuple[float, float]:
-    """Of the batch that agrees best. Where rounding switches a unit on or off at one sample, a gradient jumps by up to
-    4e-3, in plain float32 as well; what is wrong is wrong in every batch.
+    """Return the gaps of the batch that agrees best. Where rounding switches a unit on or off at one sample, a gradient
+    jumps by up to 4e-3, in plain float32 as well; an error is seen in every batch.
     """
     gaps = []
     for seed in range(batches):

@@ -34,8 +34,8 @@ def test_all_rules_see_the_same(rule: str) -> None:
 @pytest.mark.parametrize("random", [False, True])
 @pytest.mark.parametrize("reach", [0.71, 0.45])
 def test_what_the_grid_leaves_out_leaves_no_dark_fringe(rule: str, random: bool, reach: float) -> None:
-    """A bin with one point in an occupied cell is evaluated whole, all others have no length: a weight never meets a
-    colour that nobody asked for. At a reach of 0.45 the grid is wrong, and cuts matter off.
+    """A bin with one point in an occupied cell is evaluated completely, all others have no length: every weight has an
+    evaluated colour. At a reach of 0.45 the grid is wrong and cuts geometry off.
     """
     field, rays = AnalyticField(ball(3.0, 0.6)), rays_at(0.3, 60)
     grid = OccupancyGrid(16, cube(), 0.01)
@@ -75,7 +75,7 @@ def test_stopping_early_changes_less_than_its_bound(rule: str, bins: int, densit
 @pytest.mark.parametrize("rule", [name for name in SOUND if name != "left"])
 @pytest.mark.parametrize("random", [False, True])
 def test_importance_samples_help(rule: str, random: bool) -> None:
-    """Not the left point's, which look for more behind what it saw and leave its front as coarse as it was."""
+    """The rule of the left point is excluded: its samples fall behind the surface and leave the front coarse."""
     rays, field = rays_at(0.2, 100), AnalyticField(soft_shell(10.0, 0.6, 0.03))
     truth = render(field, rays, 4096)
     generator = torch.Generator().manual_seed(4) if random else None

@@ -141,7 +141,7 @@ def test_what_a_bin_loses_keeps_its_digits_and_its_gradient(exponent: int) -> No
 
 
 def test_a_refined_field_is_the_same_field() -> None:
-    """On its own points alike up to interpolation; a linear ramp inside keeps its values exactly."""
+    """A linear ramp keeps its values exactly inside the border."""
     from baselines.voxels_drjit import VoxelField
 
     field = VoxelField(BOX, 8, True, "llvm")
@@ -178,12 +178,8 @@ def test_density_is_read_at_points_of_the_world() -> None:
     field = rough()
     x = BOX.from_unit(torch.rand(200, 3, generator=torch.Generator().manual_seed(3)))
     raw = trilinear(field.state_dict()["density"].double().unsqueeze(-1), x.double())[:, 0]
-    torch.testing.assert_close(
-        field.density(x).double(),
-        DENSITY_SCALE * softplus(raw + SHIFT),
-        rtol=1e-5,
-        atol=1e-5,
-    )
+    expected = DENSITY_SCALE * softplus(raw + SHIFT)
+    torch.testing.assert_close(field.density(x).double(), expected, rtol=1e-5, atol=1e-5)
 
 
 def test_rays_that_miss_the_box_show_the_background() -> None:

@@ -1,4 +1,4 @@
-"""docs/add-a-study.md: its example is a study as it stands there."""
+"""docs/add-a-study.md: its example is a working study."""
 
 import importlib.util
 import re

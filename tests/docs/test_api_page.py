@@ -1,4 +1,4 @@
-"""The Python API: the examples of docs/api.md run, and each function does what its command does."""
+"""The Python API: the examples of docs/api.md run, and each function agrees with its command."""
 
 import math
 import re
@@ -100,5 +100,5 @@ def test_a_recorded_row_replaces_that_of_its_cell_and_the_table_is_judged(tmp_pa
     with pytest.raises(rv.InputError, match="psnr of lego, mine, seed 0, is nan; give None"):
         rv.record(table, scene="lego", method="mine", psnr=math.nan)
     (tmp_path / "other.json").write_text('{"a": 1}')
-    with pytest.raises(rv.InputError, match=r"other\.json: is no list of rows; name another file"):
+    with pytest.raises(rv.InputError, match=r"other\.json: is not a list of rows; name another file"):
         rv.record(tmp_path / "other.json", scene="lego", method="mine", psnr=30.0)

@@ -1,6 +1,5 @@
-"""What the documentation says can be typed: commands parse, links lead somewhere, Python runs on a run."""
+"""The documentation: its commands parse, its links exist, its Python code runs on the records of a run."""
 
-import ast
 import re
 import runpy
 import shlex
@@ -21,11 +20,11 @@ from tests.reports.fake_run import write_fake_run
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SESSIONS = set(re.findall(r"^@nox\.session\ndef (\w+)", (ROOT / "noxfile.py").read_text(encoding="utf-8"), re.M))
 THROUGH = {"benchmark": "run", "film": "render"}
-"""Session → the command whose options it takes, where the name is another one."""
+"""Session → the command whose options it takes, if their names differ."""
 
 
 def commands(page: Path) -> list[str]:
-    """Lines of blocks of code that are commands of ours, without comments and line breaks."""
+    """Return the commands of this program in blocks of code, without comments and line breaks."""
     text = page.read_text(encoding="utf-8").replace("\\\n", " ")
     lines = [line.removeprefix("    ").removeprefix("- run: ") for line in text.splitlines()]
     matches = (re.search(r"(?:^|&& |^\s*- run: )((?:python -m harness|nox -s) .*)$", line) for line in lines)
@@ -60,7 +59,7 @@ def test_every_session_and_command_is_run_from_end_to_end() -> None:
     run = {THROUGH.get(name, name) for name in sessions}
     run |= {words[3 + (words[3] == "study")] for words in typed if words[2] == "harness"}
     assert {*COMMANDS, *STUDIES} - {"study"} <= run
-    assert len(COMMANDS) <= 12, "what a newcomer can look through"
+    assert len(COMMANDS) <= 12, "a newcomer can read the list"
 
 
 ELSEWHERE = {
@@ -73,11 +72,11 @@ ELSEWHERE = {
     ("harness lint", ""): "CI",
     ("harness tests", ""): "CI",
 }
-"""Options that are documented and that `nox -s commands` does not type → what tries them."""
+"""Documented options that `nox -s commands` does not type → what tests them."""
 
 
 def options_of(command: str) -> set[tuple[str, str]]:
-    """The command with each of its options."""
+    """Return the command with each of its options."""
     words = shlex.split(re.split(r" && | [|] | → ", command)[0])
     if words[0] == "nox":
         names, _, given = " ".join(words[2:]).partition(" -- ")
@@ -97,22 +96,9 @@ def test_every_documented_option_is_typed() -> None:
     for page in [page for page in PAGES if page.name != "CHANGELOG.md"]:
         text = page.read_text(encoding="utf-8").replace("\\\n", " ")
         lines = [line.strip().removeprefix("- run: ").partition(" # ")[0] for line in text.splitlines()]
-        found = [line for line in lines if re.match(kinds, line)] + re.findall(rf"`({kinds}[^`]+)`", text)
-        for command in found:
+        for command in [*filter(re.compile(kinds).match, lines), *re.findall(rf"`({kinds}[^`]+)`", text)]:
             missing = options_of(command) - typed - set(ELSEWHERE)
             assert not {each for each in missing if each[0] != "harness NAME"}, f"{page.name}: {command}"
-
-
-def test_nox_lists_each_session_in_one_line() -> None:
-    functions = {
-        node.name: ast.get_docstring(node) or ""
-        for node in ast.parse((ROOT / "noxfile.py").read_text(encoding="utf-8")).body
-        if isinstance(node, ast.FunctionDef)
-    }
-    for name in SESSIONS:
-        assert functions[name], name
-        assert "\n" not in functions[name], name
-        assert len(f"- {name} -> {functions[name]}") <= 100, name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -132,7 +118,7 @@ def test_a_page_with_commands_of_python_says_in_which_environment(page: Path) ->
         assert named or "on every node" in text
 
 
-def test_some_command_was_looked_at() -> None:
+def test_commands_are_read_from_the_pages() -> None:
     assert sum(len(commands(page)) for page in PAGES) >= 15
     assert "python -m harness study conformance nerf qnerf" in commands(ROOT / "docs" / "add-a-method.md")
 
@@ -142,7 +128,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_fake_run(tmp_path_factory.mktemp("docs") / "run", pictures=False)
 
 
-def test_the_python_of_the_records_page_gives_a_row_a_cell(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_python_of_the_records_page_gives_a_row_per_cell(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from reports.data.load import read_records
     from reports.run.saving.publish import summary
 
@@ -152,13 +138,12 @@ def test_the_python_of_the_records_page_gives_a_row_a_cell(run: Path, monkeypatc
     assert len(blocks) == 3
     names: dict[str, pd.DataFrame] = {}
     cells = list(read_cells(run))
+    scores = {cell.scores["psnr"] for cell in cells if cell.scores.get("psnr")}
     exec(blocks[0].replace("out/latest", str(run)), names)
     assert len(names["cells"]) == len(cells)
-    assert set(names["cells"].psnr.dropna()) == {cell.scores["psnr"] for cell in cells if cell.scores.get("psnr")}
+    assert set(names["cells"].psnr.dropna()) == scores
     exec(blocks[1].replace("out/latest", str(run)), names)
-    assert set(names["cells"]["scores.psnr"].dropna()) == {
-        cell.scores["psnr"] for cell in cells if cell.scores.get("psnr")
-    }
+    assert set(names["cells"]["scores.psnr"].dropna()) == scores
     assert len(names["curves"]) == sum(len(cell.curve) for cell in cells)
     exec(blocks[2].replace("out/latest", str(run)), names)
     assert {"method", "against", "difference", "verdict"} <= set(names["comparisons"].columns)

@@ -1,4 +1,4 @@
-"""docs/judge.md says what its tables say: every block, every row and every number of its two examples."""
+"""docs/judge.md agrees with its tables: every block, every row and every number of its two examples."""
 
 import json
 import re
@@ -24,7 +24,7 @@ def judged(name: str, baseline: str | None = None) -> JudgementRecord:
 
 
 def after(mark: str) -> str:
-    """The lines behind a mark, up to an empty one."""
+    """Return the lines after a mark, up to an empty line."""
     return PAGE.split(f"<!-- {mark} -->\n")[1].split("\n\n")[0].strip()
 
 
@@ -52,7 +52,7 @@ def test_the_differences_with_seeds_are_those_of_the_table() -> None:
 
 
 def sentences() -> list[str]:
-    """What the page says of the leaderboard, made from the leaderboard."""
+    """Return the sentences of the page about the leaderboard, made from its table."""
     judgement = judged(PUBLIC)
     places = [row.method for row in judgement.given.places]
     assert places[-1] == "colmap"
@@ -92,7 +92,7 @@ def test_every_number_of_the_examples_is_read_from_the_tables() -> None:
     for sentence in sentences():
         assert sentence in left
         left = left.replace(sentence, "")
-    # what stands in blocks, tables and commands has tests of its own
+    # blocks, tables and commands have their own tests
     prose = [
         line
         for line in re.sub(r"```.*?```", "", left, flags=re.S).splitlines()
@@ -108,12 +108,9 @@ def test_the_table_with_seeds_is_that_of_the_published_run() -> None:
     table = read_table([EXAMPLES / SEEDED])
     assert len(cells) == len((EXAMPLES / SEEDED).read_text(encoding="utf-8").splitlines()) - 1
     for cell in cells:
-        at = (
-            table.methods.index(cell["method"]),
-            table.scenes.index(cell["scene"]),
-            table.seeds.index(str(cell["seed"])),
-        )
-        assert table.values[at] == pytest.approx(cell["psnr"], abs=6e-5)
+        method, scene = table.methods.index(cell["method"]), table.scenes.index(cell["scene"])
+        value = table.values[method, scene, table.seeds.index(str(cell["seed"]))]
+        assert value == pytest.approx(cell["psnr"], abs=6e-5)
 
 
 def test_the_page_names_the_metrics_that_are_known(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""python -m tests.endurance [--kills N] [--seed N]: kill runs, damage what they wrote, and see that nothing is lost."""
+"""python -m tests.endurance [--kills N] [--seed N]: kill runs, damage their files, and check that nothing is lost."""
 
 import argparse
 import shutil
@@ -14,13 +14,13 @@ from random import Random
 from tests.endurance.runs import FORKED, FULL, PHASES, POINTS, TYPED, Ended, Way, phase_of, prepare, run
 from tests.endurance.same_results import cells_resumed, differences
 
-NO_RUN_YET = "holds no run to go on with"
+NO_RUN_YET = "holds no run to resume"
 MANY_IN_TRAINING = 10
-"""Kills: after so many in training, some cell must have been resumed in the middle."""
+"""The number of kills in training after which some cell must have been resumed in the middle."""
 MOST_KILLS = 5
-"""Of one folder, before it is resumed to its end."""
+"""The maximum number of kills of a folder before it is resumed to its end."""
 FULL_AT = (0, 1, 2, 4, 5, 6, 7, 9, 12)
-"""Writes from which on the disk is full: of plan, pictures, run, weights, records; 0: while rendering."""
+"""The write at which the disk becomes full: of plan, pictures, run, weights, records; 0: while rendering."""
 KINDS = (
     "out/records/plan.json",
     "out/records/run.json",
@@ -36,9 +36,9 @@ KINDS = (
     "view_sets/hotdog-*/transforms_train.json",
     "view_sets/hotdog-*/rendered.jsonl",
 )
-"""Files that a run and its view sets consist of."""
+"""The kinds of files of a run and its view sets."""
 BOMB = b"cposix\nsystem\n(S'touch UNPICKLED'\ntR."
-"""A pickle that makes a file where it is read; nothing of ours reads one."""
+"""A pickle that creates a file when it is loaded; the harness must never load a pickle."""
 
 
 def _flip(place: float) -> Callable[[Path], None]:
@@ -53,7 +53,7 @@ def _flip(place: float) -> Callable[[Path], None]:
 def _folder(path: Path) -> None:
     path.unlink()
     path.mkdir()
-    (path / "somebody's.txt").write_text("mine")
+    (path / "user's.txt").write_text("mine")
 
 
 DAMAGES: dict[str, Callable[[Path], object]] = {
@@ -69,7 +69,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 
 
 def undisturbed(way: Way, scratch: Path) -> tuple[Path, float]:
-    """Return the folder of a run that nobody disturbs, and its seconds."""
+    """Return the folder of an undisturbed run, and its seconds."""
     here, began = scratch / f"undisturbed-{way.name}", time.monotonic()
     here.mkdir(parents=True)
     ended = run(way, here)
@@ -79,7 +79,7 @@ def undisturbed(way: Way, scratch: Path) -> tuple[Path, float]:
 
 
 def kills(way: Way, count: int, seed: int, scratch: Path, reference: Path, seconds: float) -> list[str]:
-    """Kill runs `count` times; a folder is killed up to `MOST_KILLS` times, resumed and compared with `reference`."""
+    """Kill runs `count` times, up to `MOST_KILLS` times per folder; resume each and compare it with `reference`."""
     draws, wrong, phases = Random(f"{way.name} {seed}"), [], Counter[str]()
     folders = resumed = late = 0
     while phases.total() < count and late <= 10 + 3 * count:
@@ -111,9 +111,10 @@ def kills(way: Way, count: int, seed: int, scratch: Path, reference: Path, secon
 
 
 def killed(way: Way, here: Path, serving: bool, draws: Random, seconds: float) -> Ended:
-    """Run, and kill at a write, at any time of `seconds`, or soon after a phase began; one of five without its group.
+    """Run, and kill at a write, at a random time within `seconds`, or soon after a phase began; one of five kills
+    spares the rest of the process group.
 
-    A typed run spends most of its time on imports, so that few kills at any time would meet the later phases.
+    A typed run spends most of its time on imports, so that few random kills would hit the later phases.
     """
     resume = has_begun(here)
     if draws.random() < way.at_points:
@@ -135,7 +136,7 @@ def killed(way: Way, here: Path, serving: bool, draws: Random, seconds: float) -
 
 
 def completed(way: Way, here: Path, reference: Path, serving: bool = False) -> list[str]:
-    """Resume what was killed, to its end; return what is then not as in `reference`."""
+    """Resume a killed run to its end; return the differences from `reference`."""
     ended = run(way, here, has_begun(here), serving)
     if ended.code == 2 and NO_RUN_YET in ended.printed:  # killed before anything was written
         ended = run(way, here, False, serving)
@@ -163,7 +164,7 @@ def damaged(reference: Path, here: Path, kind: str, how: str) -> list[str]:
 
 
 def on_a_full_disk(reference: Path, here: Path, write: int) -> list[str]:
-    """Run until the disk is full; the folder is then named, and the run is resumed once there is room."""
+    """Run until the disk is full, which must name the folder; then resume the run with free space."""
     here.mkdir(parents=True)
     ended = run(FORKED, here, point=(FULL, write))
     say(f"disk full at write {write or 'of a view'}: {ended.printed.strip().replace(f'{here}/', '')[-200:]}")
@@ -178,9 +179,9 @@ def main() -> int:
     options.add_argument("--kills", type=int, default=100, metavar="N", help="default: 100")
     options.add_argument("--seed", type=int, default=int(time.time()), metavar="N", help="of the times of killing")
     options.add_argument("--typed-kills", type=int, default=20, metavar="N", help="of typed runs (default: 20)")
-    options.add_argument("--no-damage", action="store_true", help="kill alone")
+    options.add_argument("--no-damage", action="store_true", help="only kill")
     options.add_argument("--brief", action="store_true", help="one damage for each kind of file")
-    options.add_argument("--scratch", type=Path, metavar="DIR", help="where what went wrong stays to be looked at")
+    options.add_argument("--scratch", type=Path, metavar="DIR", help="keep the folders of failures here")
     given = options.parse_args()
     say(f"seed {given.seed}")
     scratch = given.scratch or Path(tempfile.mkdtemp(prefix="endurance-"))

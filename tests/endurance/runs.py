@@ -1,8 +1,8 @@
-"""Runs of the command that are killed: typed in a shell, or forked from a process that has imported everything.
+"""Runs of the command that are killed: started as typed, or forked from a process that has imported everything.
 
-A forked run is the product's own code from `main` on, in real processes that die of real signals. Its workers and its
-renderer are forked too, so that a hundred starts take minutes and not hours, and the renderer is Mitsuba's scalar
-variant, which needs no compiler at each start and repeats its bits.
+A forked run executes the product's code from `main` on, in real processes that real signals kill. Its workers and its
+renderer are forked too, so that a hundred starts take minutes instead of hours. The renderer is Mitsuba's scalar
+variant, which compiles nothing at the start and is bit-identical in every run.
 """
 
 import errno
@@ -32,14 +32,14 @@ OPTIONS = ["run", "--profile", "smoke", "--methods", "nerf", "qnerf", "--seeds",
            "--workers", "1", "--device", "cpu", "--keep-every", "0"]  # fmt: skip
 POINTS = ("half a file written", "before fsync", "before a rename", "after a rename")
 FULL = "disk full"
-"""Not killed: each write is refused from the n-th on, or while rendering if n is 0."""
+"""No kill: all writes from the n-th on are refused, or those while rendering if n is 0."""
 ROOM_BYTES = 4500
 """The size of a file at which the disk is full while rendering."""
 PHASES = ("starting", "rendering", "reading view sets", "training", "after training", "serving")
 Point = tuple[str, int]
 LATE = ("torch._dynamo", "colour", "flip_evaluator", "OpenImageIO", "scipy.stats", "scipy.signal", "trimesh",
         "PIL.Image")  # fmt: skip
-"""What runs import only where they need it."""
+"""Packages that runs import late."""
 
 
 class Way(NamedTuple):
@@ -47,7 +47,7 @@ class Way(NamedTuple):
 
     name: str
     start: Callable[[list[str], IO[str], Point | None], Any]
-    """Start a run that prints to the file, and return its `Popen`, the leader of a group of its own."""
+    """Start a run that prints to the file, and return its `Popen`, the leader of a new process group."""
     scenes: tuple[str, ...]
     rendered: float
     """The share of folders that find their view sets rendered, so that more is trained."""
@@ -69,8 +69,8 @@ def run(
     way: Way, here: Path, resume: bool = False, serving: bool = False, point: Point | None = None,
     moment: Callable[[], str] = lambda: "", alone: bool = False, quiet: bool = True,
 ) -> Ended:  # fmt: skip
-    """Run into `here/out` to its end, or until it is killed: at a `point`, or as soon as `moment` gives a phase, with
-    its whole group or `alone`.
+    """Run into `here/out` to its end, or kill it at a `point`, or when `moment` returns a phase; `alone` spares the
+    rest of its process group.
     """
     arguments = [*OPTIONS, *way.more, "--scenes", *way.scenes, "--out", str(here / "out")]
     arguments += ["--view-sets", str(here / "view_sets"), *(["--resume"] if resume else [])]
@@ -90,7 +90,7 @@ def run(
 
 
 def phase_of(here: Path, way: Way) -> str:
-    """Return where a run of two methods is, by what lies there."""
+    """Return the phase of a run of two methods, judged by its files."""
     out, sets = here / "out", here / "view_sets"
     if list(out.rglob(".*.part")):
         return "writing"
@@ -117,7 +117,7 @@ def _typed(arguments: list[str], printed: IO[str], point: Point | None) -> "subp
 
 
 class Forked:
-    """What runs and their killer use of `subprocess.Popen`, for a call in a forked process."""
+    """The used part of `subprocess.Popen`, for a call in a forked process."""
 
     stdout: IO[str]
 
@@ -206,18 +206,18 @@ def _renderer(command: list[str], stdout: int, stderr: IO[str], text: bool) -> F
     from scenes.__main__ import main
 
     def render() -> int:
-        os.closerange(3, 256)  # as Popen does: no lock is inherited
+        os.closerange(3, 256)  # like Popen, so that no lock is inherited
         return main([*command[command.index("render") :], "--variant", "scalar_rgb"])
 
-    ours, theirs = os.pipe()
-    process = Forked(render, theirs, stderr.fileno())
-    os.close(theirs)
-    process.stdout = os.fdopen(ours)
+    reads, writes = os.pipe()
+    process = Forked(render, writes, stderr.fileno())
+    os.close(writes)
+    process.stdout = os.fdopen(reads)
     return process
 
 
 def _kill_at(point: str, number: int) -> None:
-    """Kill the group when any of its processes comes to this point for the n-th time."""
+    """Kill the group when its processes together reach this point for the n-th time."""
     shared = mmap.mmap(-1, 8)
     fsync = os.fsync
 

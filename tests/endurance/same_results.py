@@ -1,4 +1,4 @@
-"""When two output folders hold the same results: everything bit for bit, but clocks and where a run was made."""
+"""Compare two output folders: everything must be bit-identical except clocks and the origin of a run."""
 
 import json
 from pathlib import Path
@@ -12,19 +12,19 @@ SAME_JSON = (
     "out/records/cells/*.json", "out/records/plan.json", "out/records/run.json", "out/records/comparisons.json",
     "out/records/targets.json", "view_sets/*/view_set.json",
 )  # fmt: skip
-"""Everything else: the journal of what was rendered is in the order of rendering."""
+"""All other files except the journal of rendering, whose order varies."""
 CLOCKS = ("train_seconds", "seconds", "train_core_seconds", "core_seconds", "costs", "phases")
 CLOCKS += ("provenance", "files", "digest", "digests", "command", "checksum", "p_adjusted")
-"""Keys left out wherever they stand: clocks, how and where a run was made, digests of files with clocks in them, and
-what is adjusted for a family of which some comparisons are at equal seconds."""
+"""Ignored keys: clocks, how and where a run was made, digests of files with clocks, and adjustments for a family with
+comparisons at equal seconds."""
 BY_TIME = {"seconds", "core_seconds"}
 """Comparisons at these budgets, or on these axes, depend on a clock."""
 ABOUT_CLOCKS = ("Cores of their own for all timed cells", "Clocks in one piece")
-"""How sentences of a run begin that say how busy the machine was, and what was interrupted."""
+"""The beginnings of sentences about the load of the machine and about interruptions."""
 
 
 def differences(here: Path, reference: Path) -> list[str]:
-    """Return what differs between a run with its view sets and one that nobody disturbed, and what writers left."""
+    """Return the differences of a run and its view sets from an undisturbed run, and leftover temporary files."""
     names = (file.name for file in here.rglob(".*"))
     unlike = [f"left behind: {name}" for name in names
               if name.endswith((".part", ".partial")) or name.startswith(".scratch-")]  # fmt: skip

@@ -1,4 +1,4 @@
-"""A short one of what `nox -s endurance` does at length."""
+"""A short version of `nox -s endurance`."""
 
 import os
 import subprocess

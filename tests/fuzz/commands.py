@@ -1,4 +1,4 @@
-"""Command lines of the real parsers with values that nobody should give; nothing is trained, rendered or measured."""
+"""Command lines of the real parsers with bad values; nothing is trained, rendered or measured."""
 
 import argparse
 import contextlib
@@ -27,13 +27,13 @@ GOOD = {
     "--studies": ("calibration",), "--only": ("images", "training.lego"), "--host": ("127.0.0.1", "::1", "1.2.3.4"),
     "--variant": ("scalar_rgb", "auto"), "methods": ("nerf", "qnerf"), "names": ("lego", "hotdog"), "name": ("lego",),
 }  # fmt: skip
-"""Names that are known, by option or by what has none."""
+"""Valid names by option or positional argument."""
 WORK = {
     "harness.execution.run": ("run",),
     "harness.execution.ground_truth": ("view_set_folders",),
     "harness.studies.framework": ("run",),
     "harness.gate.gate_run": ("run", "renew"),
-    "harness.viewer.film.film_making": ("filmed",),
+    "harness.viewer.film.film_making": ("make_film",),
     "harness.execution.cost": ("estimate_apart",),
     "harness.viewer.server": ("application",),
     "harness.studies.conformance.method_checks": ("conformance",),
@@ -42,12 +42,12 @@ WORK = {
     "scenes.rendering.store": ("write_view_set",),
     "reports.run.saving.publish": ("write_published",),
 }
-"""Where options have been read and work would begin."""
+"""The functions that begin the work after the options have been read."""
 OF_THE_PARSER = re.compile(r"argument \S+: |the following arguments are required: |unrecognized arguments:")
 
 
 class Reached(Exception):
-    """The options were accepted: here the work would begin."""
+    """The options were accepted, and the work would begin."""
 
 
 def _reached(*_: Any, **__: Any) -> Any:
@@ -55,13 +55,13 @@ def _reached(*_: Any, **__: Any) -> Any:
 
 
 def _loaded(scene: Any, variant: Any, width: int, *_: Any, **__: Any) -> Any:
-    """Stand in for `LoadedScene.of`, which Mitsuba would end in its own way."""
+    """Replace `LoadedScene.of`, which may end the process inside Mitsuba."""
     assert 1 <= width <= 16384, f"a scene of {width} pixels was to be loaded"
     raise Reached
 
 
 def _write_page(subject: Any, path: Path, *_: Any) -> str:
-    """Stand in for pages: where they go is checked."""
+    """Replace the writing of pages: only their path is tested."""
     write_atomically(path, "a page")
     return "a title"
 
@@ -75,7 +75,7 @@ def parser_of(package: str) -> argparse.ArgumentParser:
 
 @cache
 def _stand_ins(package: str) -> list[tuple[Any, str, Any]]:
-    """What takes the place of the work, and of what is made at each call."""
+    """Return the replacements of the work and of the parser."""
     module, name = PARSERS[package]
     made = parser_of(package)
     replaced: list[tuple[Any, str, Any]] = [(importlib.import_module(module), name, lambda *_: made)]
@@ -83,7 +83,8 @@ def _stand_ins(package: str) -> list[tuple[Any, str, Any]]:
         if owner.startswith(package):
             replaced += [(importlib.import_module(owner), name, _reached) for name in names]
     if package == "harness":
-        replaced += [(importlib.import_module("harness.viewer.film.film_plan"), "rendered", lambda cell, camera: None)]
+        film_plan = importlib.import_module("harness.viewer.film.film_plan")
+        replaced.append((film_plan, "render_frame", lambda cell, camera: None))
         with contextlib.suppress(ImportError):
             replaced.append((importlib.import_module("ray"), "init", _reached))
     if package == "scenes":
@@ -121,8 +122,8 @@ def call(package: str, arguments: list[str], folder: Path) -> None:
 
 
 def names_what_is_wrong(message: str, arguments: list[str], package: str) -> bool:
-    """Tell whether a refusal starts as the parser's own do or with an option of the command, holds an option that was
-    given, tells the name that is unknown, or starts with a path that was given or that is meant where none is.
+    """Return whether a refusal starts like the parser's own refusals or with an option of the command, contains a given
+    option or an unknown name, or starts with a given or default path.
     """
     if OF_THE_PARSER.match(message):
         return True
@@ -135,13 +136,13 @@ def names_what_is_wrong(message: str, arguments: list[str], package: str) -> boo
     if any(f"unknown {thing}{value!r}"[:200] in message for value in values for thing in ("", "scene ")):
         return True
     defaults = [str(action.default) for action in command._actions if isinstance(action.default, Path)]
-    # the beginning of a long one, as messages are cut
+    # only the beginning of a long path, as messages are shortened
     paths = [str(Path(value)).strip()[:200] for value in [*values, *defaults, str(PUBLISHED_FRONTIER)]]
     return any(message.startswith((path, readable(path).replace("\n", "\\n"))) for path in paths)
 
 
 def _command_of(arguments: list[str], package: str) -> argparse.ArgumentParser:
-    """Return the parser of the command that is named, and of the study within it; or the whole parser."""
+    """Return the parser of the named command and study, or the complete parser."""
     parser = parser_of(package)
     while named := [inner for name, inner in _commands_of(parser).items() if name in arguments]:
         parser = named[0]
@@ -155,7 +156,7 @@ def _commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.Argument
 
 @st.composite
 def command_lines(draw: st.DrawFn, package: str) -> list[str]:
-    """A command and some of its options; most values are such as somebody might give."""
+    """Draw a command and some of its options; most values are plausible."""
     parser, words = parser_of(package), []
     while inner := _commands_of(parser):
         words.append(draw(st.sampled_from(sorted(inner))))
@@ -168,8 +169,7 @@ def command_lines(draw: st.DrawFn, package: str) -> list[str]:
         most = {None: 1, 0: 0, "?": 1}.get(action.nargs, action.nargs if isinstance(action.nargs, int) else 3)
         count = most if isinstance(action.nargs, int) or action.nargs is None else draw(st.integers(1, most))
         words += [draw(_values(action)) for _ in range(count)]
-    # no system passes on a NUL, and of halves of characters only those that stand for a byte; and what is written
-    # where somebody wants it is no fault
+    # no system passes a NUL, or a surrogate that does not stand for a byte; writing to a requested path is not a fault
     harmless = (("\0", "0"), ("\ud800", "\udcff"), ("../..", ".."), ("/etc/", "/proc/"))
     for before, after in harmless:
         words = [word.replace(before, after) for word in words]

@@ -1,4 +1,4 @@
-"""Valid files to spoil, written by the programs that write them, as small as they can be."""
+"""Small valid files to corrupt, written by the code that writes them in production."""
 
 import json
 import shutil
@@ -45,18 +45,18 @@ ROOT = Path(__file__).parents[2]
 POSES = np.array([pose(0.6 * i, 0.4) for i in range(10)])
 METHOD = """from dataclasses import replace
 from baselines.catalog import CATALOG
-METHOD = replace(CATALOG["nerf"], title="one of mine")
+METHOD = replace(CATALOG["nerf"], title="my method")
 WRONG = replace(METHOD, title=" ")
 """
 
 ball = partial(write_ball, size=SIZE, train=3, test=2)
-"""A view set of somebody else's."""
+"""A view set of another program."""
 captured = partial(capture, count=10, poses=POSES)
 """Ten views and a `transforms.json`."""
 
 
 def own(folder: Path) -> None:
-    """A view set of ours: EXR files, their journal, a manifest with every key, and the occupancy."""
+    """A rendered view set: EXR files, their journal, a manifest with every key, and the occupancy."""
     views = {f"{split}/r_{i}": {"noise_mse": 1e-6, "viewpoint": i} for split in ("train", "test") for i in range(2)}
     for name in views:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -89,19 +89,14 @@ def own(folder: Path) -> None:
 
 
 def pictures(folder: Path) -> None:
-    """Images of every kind that is read, as other programs write them, too."""
+    """Images of every kind that is read, also from other programs."""
     folder.mkdir(parents=True)
     picture = ball_view(POSES[1], SIZE)
     levels = np.round(picture * 255).astype(np.uint8)
     write_png(folder / "a.png", picture)
     write_channels(folder / "a.exr", {name: picture[..., k] for k, name in enumerate("RGBA")})
-    for name, channels in (
-        ("grey.png", 1),
-        ("grey_alpha.png", 2),
-        ("rgb.png", 3),
-        ("a.jpg", 3),
-        ("progressive.jpg", 3),
-    ):
+    channels_of = {"grey.png": 1, "grey_alpha.png": 2, "rgb.png": 3, "a.jpg": 3, "progressive.jpg": 3}
+    for name, channels in channels_of.items():
         pixels = levels[..., 0] if channels == 1 else levels[..., :channels].copy()
         Image.fromarray(pixels).save(folder / name, **({"progressive": True} if "progressive" in name else {}))
     Image.fromarray(levels[..., 0]).convert("P").save(folder / "palette.png")
@@ -117,8 +112,8 @@ def pictures(folder: Path) -> None:
 
 
 def trained(folder: Path) -> None:
-    """A finished run with its checkpoints in `run`, its view set in `ball`; its cells' records hold no digests of
-    files, or every spoilt file would be refused before it is read.
+    """A finished run with its checkpoints in `run`, its view set in `ball`. The records of its cells hold no digests of
+    files, which would refuse every corrupt file before it is read.
     """
     out = train_run(folder, ["nerf", "qnerf"], steps=2)
     for cell in read_cells(out):
@@ -135,7 +130,7 @@ def small_run(folder: Path) -> None:
 
 
 def studies(folder: Path) -> None:
-    """Records of studies, a folder for each shelf, as each has a page."""
+    """Records of studies, a folder for each shelf."""
     for shelf in ("speed", "stability", "evidence"):
         write_fake_studies(folder / shelf, shelf)
 
@@ -149,7 +144,7 @@ def gates(folder: Path) -> None:
 
 
 def started(folder: Path) -> None:
-    """A run and a film of which nothing is done yet."""
+    """A run and a film that were only started."""
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=False)
     claimed_film(folder)
 
@@ -189,14 +184,14 @@ def tables(folder: Path) -> None:
 
 
 def tiny(folder: Path) -> None:
-    """A tiny-NeRF file of ten views with all arrays that ours have."""
+    """A tiny-NeRF file of ten views with all arrays that this program writes."""
     folder.mkdir(parents=True)
     region = Region((-1.5, -1.5, -1.5, 1.5, 1.5, 1.5), 2.0, 6.0)
     write_tiny_nerf(folder / "tiny.npz", [ball_view(matrix, 6) for matrix in POSES], POSES, 8.0, 8, region)
 
 
 def scene_files(folder: Path) -> None:
-    """A Mitsuba file with a part of its own and a picture, and a Python file."""
+    """A Mitsuba file with an included part and a picture, and a Python file."""
     folder.mkdir(parents=True)
     text = (ROOT / "docs/examples/my_scene.xml").read_text(encoding="utf-8")
     more = (

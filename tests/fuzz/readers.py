@@ -1,4 +1,4 @@
-"""One table of all that reads a file: what a valid one is, how the program reads it, and what a refusal names."""
+"""A table of all readers of files: a valid file, the reader, and what a refusal names."""
 
 import contextlib
 import io
@@ -56,7 +56,7 @@ from tests.fuzz import material
 from tests.fuzz.spoiling import CODE
 
 REFUSALS = (InputError, DamagedRecord, NoRecords, BadRequest)
-"""What a reader may raise."""
+"""The exceptions that a reader may raise."""
 
 
 @dataclass(frozen=True)
@@ -64,17 +64,17 @@ class Reader:
     """One way to read files."""
 
     make: Callable[[Path], object]
-    """Writes a folder in which all is well."""
+    """Writes a folder of valid files."""
     files: str
-    """Glob of those that are spoilt."""
+    """Glob of the files to corrupt."""
     read: Callable[[Path, Path], object]
-    """Gets the folder, which it may write to, and the spoilt file."""
+    """Gets the folder, which it may write to, and the corrupt file."""
     names: tuple[str, ...] = ()
-    """A refusal holds one of these, or the name of the file."""
+    """A refusal contains one of these names, or the name of the file."""
     anything: bool = False
-    """Whether a folder, a pipe, a link or nothing may be in a file's place."""
+    """Whether a test may replace a file by a folder, a pipe, a link or nothing."""
     misses: bool = False
-    """Whether nothing is refused: what is damaged is not used."""
+    """Whether nothing is refused: corrupt files are ignored."""
     slow: bool = False
 
 
@@ -104,7 +104,7 @@ def study(folder: Path, file: Path) -> None:
 
 
 def finished(folder: Path, file: Path) -> None:
-    """What the viewer, a film and the measurement of serving look at first."""
+    """Read a run like the viewer, a film and the measurement of serving."""
     run = FinishedRun.of(folder / "run")
     scene = run.scenes(None)[0]
     for method in run.methods(None):
@@ -134,7 +134,7 @@ def reference(folder: Path, file: Path) -> None:
 
 
 def view_cache(folder: Path, file: Path) -> None:
-    """Whatever lies in the folder, a picture is the one that was stored, or a miss."""
+    """A picture is the stored one or a miss, whatever the folder contains."""
     store = ViewStore(0, folder, 1 << 20)
     for number in range(2):
         hit = store.get(64 * f"{number}", (4, 5, 5))
@@ -159,13 +159,13 @@ COUNTS, SPP = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 
 
 
 def own_scene(folder: Path, file: Path) -> None:
-    """Up to where Mitsuba is asked, as `python -m scenes render` and `scenes.rendering.store` do."""
+    """Read a scene file like `python -m scenes render` and `scenes.rendering.store`, up to the first use of Mitsuba."""
     with (
         _forgotten("scene_file_"),
         contextlib.redirect_stdout(io.StringIO()),
         contextlib.redirect_stderr(io.StringIO()),
     ):
-        with patch.object(scene_file, "how_it_ends", return_value=""):  # which takes a process for each
+        with patch.object(scene_file, "how_it_ends", return_value=""):  # it starts a process for each file
             scene = scene_from_file(file)
         notes(scene)
         with mistakes_in(scene.file):
@@ -177,7 +177,7 @@ def own_scene(folder: Path, file: Path) -> None:
 
 @contextlib.contextmanager
 def _forgotten(prefix: str) -> Iterator[None]:
-    """Modules that are imported within are imported again the next time."""
+    """Forget modules that are imported within, so that they are imported again."""
     try:
         yield
     finally:
@@ -198,7 +198,7 @@ def occupancy(folder: Path, file: Path) -> None:
 
 
 def journal(folder: Path, file: Path) -> None:
-    """Views of an unfinished set, and what `scenes.rendering.store.write_view_set` takes of them."""
+    """Read the views of an unfinished set like `scenes.rendering.store.write_view_set`."""
     (folder / "into").mkdir()
     names = ["train/r_0", "train/r_1", "test/r_0", "test/r_1"]
     kept = salvaged(folder / "into", [folder], "0" * 64, names)
@@ -209,7 +209,7 @@ def journal(folder: Path, file: Path) -> None:
 
 
 def entry_points(folder: Path, file: Path) -> None:
-    """Every method that a package offers, asked for by name as `--methods` does."""
+    """Require every method of a package by name, like `--methods`."""
     with contextlib.ExitStack() as stack:
         for table in (CATALOG, LADDERS, AMPLIFIERS, SKIPS, plugins._loaded):
             stack.enter_context(patch.dict(table))
@@ -227,14 +227,14 @@ def entry_points(folder: Path, file: Path) -> None:
                 assert plugins.title_of(name)
                 json.dumps(plugins.origins([name]))
             except InputError as error:
-                assert readable(name)[:64] in str(error)  # noqa: PT017 - the other names are tried, too
+                assert readable(name)[:64] in str(error)  # noqa: PT017 - the other names are tested too
                 refused = error
         if refused is not None:
             raise refused
 
 
 def page(folder: Path, file: Path, *options: str) -> None:
-    """`python -m reports OUT`: exit code 0 or 3, or 2 with a reason, and never code of a record's in the page."""
+    """`python -m reports OUT`: exit code 0 or 3, or 2 with a reason, and no code from a record in the page."""
     out = folder if (folder / "records").exists() else file.parent
     errors, printed = io.StringIO(), io.StringIO()
     with contextlib.ExitStack() as stack:
@@ -261,7 +261,7 @@ SVG, DRAWN = figure.svg, dict[tuple[str, str], Any]()
 
 
 def _drawn(panel: Any, name: str) -> Any:
-    """A drawing follows from its panel and name, so that one that was drawn before is not drawn again."""
+    """Draw each panel only once, as the drawing depends only on panel and name."""
     key = repr(panel), name
     if key not in DRAWN:
         DRAWN[key] = SVG(panel, name)
@@ -300,4 +300,4 @@ READERS: dict[str, Reader] = {
     "journal": Reader(material.own, "[rv]*.json*", journal, misses=True),
     "entry_points": Reader(material.package, "*/entry_points.txt", entry_points, (" ",)),
 }
-"""By name, which is that of their folder, too."""
+"""By name, which is also the name of the folder."""

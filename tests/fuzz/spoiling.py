@@ -1,6 +1,6 @@
-"""Strategies: bytes of a valid file → bytes that may be wrong, and their checksums put right again.
+"""Strategies: bytes of a valid file → bytes that may be wrong, with corrected checksums.
 
-A JSON file is changed as a value, any text by its tokens, an archive by its members, all else byte by byte.
+A JSON file is changed as a value, a text by its tokens, an archive by its members, other files by bytes.
 """
 
 import base64
@@ -51,7 +51,7 @@ BITS = (b"\0\0\0\0", b"\xff\xff\xff\xff", b"\x7f\xff\xff\xff", b"\0\0\0\x80", b"
 
 
 def _like(value: Any) -> st.SearchStrategy[Any]:
-    """Another value of its type; what may be None is a number."""
+    """Draw another value of the same type; None counts as a number."""
     if isinstance(value, bool):
         return st.just(not value)
     if isinstance(value, str):
@@ -65,7 +65,7 @@ def _like(value: Any) -> st.SearchStrategy[Any]:
 
 @st.composite
 def _edited(draw: st.DrawFn, value: Any) -> Any:
-    """A copy with one place changed, left out, or taken from beside it."""
+    """Draw a copy with one element changed, left out, or replaced by a neighbour."""
     if not isinstance(value, dict | list) or not value or draw(st.integers(0, 5)) == 5:
         return draw(_like(value) | _like(value) | VALUES)
     changed, keys = copy.copy(value), st.sampled_from([*value] if isinstance(value, dict) else range(len(value)))
@@ -89,7 +89,7 @@ def _in_json(draw: st.DrawFn, valid: bytes) -> bytes:
 
 @st.composite
 def in_text(draw: st.DrawFn, valid: bytes) -> bytes:
-    """Some tokens in a row are left out, doubled, or replaced by another one or by a word."""
+    """Leave out or double consecutive tokens, or replace them by another token or a word."""
     for _ in range(draw(st.integers(1, 3))):
         tokens = list(TOKEN.finditer(valid))
         if not tokens:
@@ -107,11 +107,11 @@ def in_text(draw: st.DrawFn, valid: bytes) -> bytes:
 
 @st.composite
 def in_bytes(draw: st.DrawFn, valid: bytes) -> bytes:
-    """Bytes left out, put in or replaced; half of the time in the header, where claims are made."""
+    """Leave out, insert or replace bytes; half of the time in the header."""
     for _ in range(draw(st.integers(1, 3))):
         at = draw(st.integers(0, min(len(valid), 400)) | st.integers(0, len(valid)))
         new = draw(st.binary(max_size=4) | st.sampled_from((*BITS, valid[at : at + 64])))
-        # most of the time as many bytes as there were, or only the length would be found wrong
+        # mostly the same number of bytes, as otherwise only the wrong length would be detected
         end = at + draw(st.sampled_from((len(new), len(new), len(new), 0, 1, 64, len(valid))))
         valid = valid[:at] + new + valid[end:]
     return valid
@@ -119,7 +119,7 @@ def in_bytes(draw: st.DrawFn, valid: bytes) -> bytes:
 
 @st.composite
 def _in_tensors(draw: st.DrawFn, valid: bytes) -> bytes:
-    """A safetensors file: the listing that is kept in its header, the header, or its values."""
+    """Change the listing in the header of a safetensors file, the header itself, or its values."""
     header, rest = opened(valid)
     for key, listing in header.get("__metadata__", {}).items():
         if draw(st.booleans()):
@@ -130,7 +130,7 @@ def _in_tensors(draw: st.DrawFn, valid: bytes) -> bytes:
 
 @st.composite
 def _in_archive(draw: st.DrawFn, valid: bytes) -> bytes:
-    """An .npz file: an array is left out, or its header or its bytes are changed; checksums are right."""
+    """Leave out an array of an .npz file, or change its header or its bytes; checksums are correct."""
     arrays = members(valid)
     name, how = draw(st.sampled_from(sorted(arrays))), draw(st.integers(0, 4))
     data = arrays.pop(name)
@@ -177,7 +177,7 @@ WAYS: dict[str, tuple[Callable[[bytes], st.SearchStrategy[bytes]], ...]] = {
 
 
 def spoilt(file: Path) -> st.SearchStrategy[bytes]:
-    """Return what a file of its kind may hold by bad luck or bad will."""
+    """Return possible corrupt contents of a file of this kind."""
     valid = file.read_bytes()
     return st.one_of(*(way(valid) for way in (*WAYS.get(file.suffix, ()), in_bytes)))
 
@@ -186,8 +186,8 @@ def spoilt(file: Path) -> st.SearchStrategy[bytes]:
 
 
 def reseal(folder: Path, file: Path) -> None:
-    """Put right what the file says of itself, and a manifest beside it says of the file, so that what stands behind
-    checksums is reached as well; what is too far from such a file stays as it is.
+    """Correct the checksums in the file, and that of the file in the manifest of its folder, so that the code behind
+    the checksums is tested too. A file without the expected structure is not changed.
     """
     data = file.read_bytes()
     with suppress(ValueError, TypeError, KeyError, AttributeError, RecursionError, SafetensorError):
@@ -209,7 +209,7 @@ def reseal(folder: Path, file: Path) -> None:
 def _json_sealed(data: bytes, digest: Callable[[Any], str] = digest_of) -> bytes:
     """Return a record, a line of a journal, a manifest or an occupancy with the right digest."""
     content = json.loads(data)
-    if content.pop("checksum", None) is not None:  # which may hold a digest of something else
+    if content.pop("checksum", None) is not None:  # such a file may hold the digest of another file
         more = [base64.b64decode(content["inside"])] if "inside" in content else []
         plain = {key: value for key, value in content.items() if key != "inside"}
         return json.dumps({**content, "checksum": json_digest(plain, *more)}).encode()

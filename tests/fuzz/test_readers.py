@@ -1,8 +1,9 @@
-"""Spoilt input to everything that reads a file or an option: it is read, or refused in words that name it; never a
-traceback, a hang, memory without bound, or a file elsewhere.
+"""Corrupt input to all readers of files and options is read, or refused with a message that names it; it never causes a
+traceback, a hang, unlimited memory, or a file elsewhere.
 
-Here each reader gets a few inputs, the same each time. `nox -s fuzz` gives it thousands, `-k NAME` chooses one. What
-shows a fault is kept in `.hypothesis` and tried first the next time; once repaired, it gets a line in `FAULTS`.
+Here each reader gets a few inputs, always the same. `nox -s fuzz` gives it thousands, `-k NAME` selects a reader. An
+input that reveals a fault is kept in `.hypothesis` and tested first the next time; a repaired fault gets a line in
+`FAULTS`.
 """
 
 import json
@@ -40,7 +41,7 @@ INSTEAD: dict[str, Callable[[Path], object]] = {
     "a link to what has no end": lambda path: path.symlink_to("/dev/zero"),
     "a large file": lambda path: (path.touch(), os.truncate(path, 60 << 20)),
 }
-"""What may be in the place of a file or a folder."""
+"""Replacements of a file or a folder."""
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +52,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def watch(scratch: Path) -> Iterator[Watch]:
     watch, before = Watch(scratch), sys.dont_write_bytecode
-    sys.dont_write_bytecode = True  # what is imported first while an input is read is no file that the input wrote
+    sys.dont_write_bytecode = True  # bytecode of late imports is not a file written by an input
     yield watch
     watch.watching, sys.dont_write_bytecode = False, before
 
@@ -61,7 +62,7 @@ def remove(path: Path) -> None:
 
 
 def valid(make: Callable[[Path], object], scratch: Path) -> Path:
-    """The folder of a maker, made once."""
+    """Return the folder of a maker, made once."""
     folder = scratch / "valid" / getattr(make, "__name__", str(id(make)))
     if not folder.exists():
         make(folder)
@@ -69,13 +70,13 @@ def valid(make: Callable[[Path], object], scratch: Path) -> Path:
 
 
 def tried(name: str, scratch: Path, watch: Watch, spoil: Callable[[Path, Path], str]) -> bool:
-    """Return whether a fresh copy is read, of which `spoil` changes a file, whose path it returns."""
+    """Return whether a copy is read after `spoil` has changed a file in it; `spoil` returns the path of that file."""
     reader, whole, copy = READERS[name], valid(READERS[name].make, scratch), scratch / name
     remove(copy)
     shutil.copytree(whole, copy)
     file = copy / spoil(whole, copy)
     is_read = watch.is_read(lambda: reader.read(copy, file), REFUSALS, (*reader.names, file.name))
-    assert is_read or not reader.misses, "refused, where damage is a miss"
+    assert is_read or not reader.misses, "refused instead of ignored"
     return is_read
 
 
@@ -91,7 +92,7 @@ NAMES = [pytest.param(name, marks=SLOW if reader.slow else []) for name, reader 
 @pytest.mark.parametrize("name", NAMES)
 @CHOSEN
 @given(data=st.data())
-def test_what_is_spoilt_is_read_or_refused_in_words(
+def test_corrupt_input_is_read_or_refused_with_a_reason(
     name: str, scratch: Path, watch: Watch, data: st.DataObject
 ) -> None:
     def spoil(whole: Path, copy: Path) -> str:
@@ -112,7 +113,7 @@ def test_what_is_spoilt_is_read_or_refused_in_words(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_valid_is_read_and_sealing_it_changes_nothing(name: str, scratch: Path, watch: Watch) -> None:
+def test_valid_input_is_read_and_resealing_changes_nothing(name: str, scratch: Path, watch: Watch) -> None:
     for file in files_of(name, valid(READERS[name].make, scratch))[: 1 if READERS[name].slow else None]:
 
         def sealed(whole: Path, copy: Path, file: str = file) -> str:
@@ -122,11 +123,11 @@ def test_what_is_valid_is_read_and_sealing_it_changes_nothing(name: str, scratch
         assert tried(name, scratch, watch, sealed), file
 
 
-# --- what showed a fault once
+# --- former faults
 
 
 def put(value: Any, *place: str | int) -> Callable[[bytes], bytes]:
-    """Another value at a place of a JSON file."""
+    """Return a change of one value in a JSON file."""
 
     def change(data: bytes) -> bytes:
         whole = here = json.loads(data)
@@ -139,13 +140,13 @@ def put(value: Any, *place: str | int) -> Callable[[bytes], bytes]:
 
 
 def inside(text: str) -> Callable[[bytes], bytes]:
-    """A Mitsuba file with more in it."""
+    """Return a Mitsuba file with additional content."""
     ball = '<shape type="sphere"><bsdf type="diffuse"/></shape><emitter type="constant"/>'
     return lambda _: f'<scene version="3.0.0">{text}{ball}</scene>'.encode()
 
 
 def scene(title: str, ball: str) -> Callable[[bytes], bytes]:
-    """A Python file with a scene."""
+    """Return a Python file with a scene."""
     program = f"from scenes.modelling.scene import Scene\nSCENE = Scene('a', {title}, lambda: {{'ball': {ball}}})\n"
     return lambda _: program.encode()
 
@@ -190,11 +191,11 @@ FAULTS: dict[str, tuple[str, str, Callable[[bytes], bytes]]] = {
     "a part of itself": ("scene_file", "mine.xml",
                          inside('<bsdf type="twosided" id="a">' + '<ref id="a"/>' * 40 + "</bsdf>")),
 }  # fmt: skip
-"""What it was → reader, file, and what became of it. Their checksums are right."""
+"""Former fault → reader, file, and its change; checksums are corrected."""
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_showed_a_fault_once_shows_none(fault: str, scratch: Path, watch: Watch) -> None:
+def test_a_former_fault_does_not_return(fault: str, scratch: Path, watch: Watch) -> None:
     name, file, change = FAULTS[fault]
 
     def spoil(whole: Path, copy: Path) -> str:

@@ -1,4 +1,4 @@
-"""What reading an input may not do: take too long, ask for memory without bound, write elsewhere, or refuse badly."""
+"""Detect readers that take too long, allocate too much memory, write elsewhere, or refuse without a reason."""
 
 import os
 import re
@@ -12,7 +12,7 @@ from types import FrameType
 from typing import Any
 
 LIMITS = {"processor": 5.0, "clock": 60.0}
-"""Seconds; by the clock many more, as the machine may have other things to do."""
+"""Seconds; the wall clock has a higher limit, as the machine may be busy."""
 MOST_BYTES = 2 << 30
 LONGEST_REFUSAL = 2000
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
@@ -20,15 +20,15 @@ CHANGING = {
     "os.mkdir": (0,), "os.remove": (0,), "os.rmdir": (0,), "os.rename": (0, 1), "os.link": (1,), "os.symlink": (1,),
     "os.truncate": (0,), "os.chmod": (0,), "shutil.rmtree": (0,), "shutil.move": (0, 1),
 }  # fmt: skip
-"""Audit event → which of its arguments are changed."""
+"""Audit event → the indices of the paths that it changes."""
 
 
 class Fault(BaseException):
-    """Something that no input may do; no reader's `except Exception` stops it."""
+    """A forbidden effect of an input; `except Exception` in a reader does not catch it."""
 
 
 class Watch:
-    """Watches this process while an input is read. One for a process, as an audit hook stays for good."""
+    """Watches this process while an input is read; one per process, as an audit hook cannot be removed."""
 
     def __init__(self, scratch: Path) -> None:
         self.scratch = scratch.resolve()
@@ -48,13 +48,13 @@ class Watch:
                 self._require_inside(event, path)
 
     def _require_inside(self, event: str, path: Any) -> None:
-        self.watching = False  # resolving looks at files, too
+        self.watching = False  # resolving a path raises audit events too
         try:
             name = Path(os.fsdecode(path))
-            # the name that is made or removed, not what a link leads to
+            # the name that is created or removed, not the target of a link
             target = name.resolve() if event == "open" else name.parent.resolve() / name.name
         except (OSError, ValueError, RuntimeError):
-            return  # no such name: the call fails by itself
+            return  # an invalid name: the call itself fails
         finally:
             self.watching = True
         if not target.is_relative_to(self.scratch) and not f"{target}/".startswith(("/dev/", "/proc/")):
@@ -63,9 +63,9 @@ class Watch:
     def is_read(
         self, call: Callable[[], object], refusals: tuple[type[Exception], ...], names: tuple[str, ...]
     ) -> bool:
-        """Return False if the input is refused, in words that hold one of the names.
+        """Return False if the input is refused with a message that contains one of the names.
 
-        Raises `AssertionError` for a bad refusal and for what no input may do; any other exception goes on.
+        Raises `AssertionError` for a bad refusal and for a fault; other exceptions propagate.
         """
         try:
             with _bounded():
@@ -84,7 +84,7 @@ class Watch:
 
 
 def fault_of(message: str, names: tuple[str, ...]) -> str | None:
-    """Return why a refusal is no good one; None if it names what is wrong, and a reason in words."""
+    """Return the fault of a refusal; None if it names the input and gives a reason."""
     known = [name for name in names if name in message]
     if not known:
         return f"names none of {names}"
@@ -92,12 +92,12 @@ def fault_of(message: str, names: tuple[str, ...]) -> str | None:
         return "gives no reason"
     if len(message) > LONGEST_REFUSAL:
         return f"has {len(message)} characters"
-    return "holds what a terminal obeys" if any(ord(letter) < 32 and letter != "\n" for letter in message) else None
+    return "contains control characters" if any(ord(letter) < 32 and letter != "\n" for letter in message) else None
 
 
 @contextmanager
 def _bounded() -> Iterator[None]:
-    """A request for 2 GB more than the process has now fails; an alarm ends what takes too long."""
+    """Let requests for 2 GB more than the present memory fail, and end calls that take too long."""
 
     def late(number: int, frame: FrameType | None) -> None:
         raise Fault(f"took longer than {LIMITS}")
@@ -107,7 +107,7 @@ def _bounded() -> Iterator[None]:
     memory = resource.getrlimit(resource.RLIMIT_AS)
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MOST_BYTES, memory[1]))
-    # the timers that run already are those of pytest-timeout
+    # pytest-timeout has running timers, which are restored
     timers = [signal.setitimer(clock, limit) for clock, limit in zip(clocks.values(), LIMITS.values(), strict=True)]
     try:
         yield

@@ -16,7 +16,7 @@ GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 
 def pose(azimuth: float, elevation: float) -> np.ndarray:
-    """Camera to world [4, 4], OpenGL axes, looking at the origin from `DISTANCE`; z is up."""
+    """Return camera to world [4, 4], OpenGL axes, looking at the origin from `DISTANCE`; z is up."""
     back = np.array([math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), 0.0])
     back[2] = math.sin(elevation)
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
@@ -26,7 +26,7 @@ def pose(azimuth: float, elevation: float) -> np.ndarray:
 
 
 def ball_view(camera_to_world: np.ndarray, size: int) -> np.ndarray:
-    """The unit ball about the origin, coloured by its normal in dark and light bands: straight RGBA [size, size, 4]."""
+    """Return straight RGBA [size, size, 4] of the unit ball, coloured by its normal in dark and light bands."""
     centres = (np.arange(size * SUBPIXELS) + 0.5) / SUBPIXELS
     column, row = np.meshgrid(centres, centres)
     focal = 0.5 * size / math.tan(0.5 * FOV_X_RADIANS)
@@ -50,7 +50,7 @@ def ball_view(camera_to_world: np.ndarray, size: int) -> np.ndarray:
 
 
 def write_ball(folder: Path, size: int = 24, train: int = 10, test: int = 3) -> Path:
-    """A view set of the ball; poses are spread over the upper half sphere."""
+    """Write a view set of the ball, with poses spread over the upper half sphere."""
     for split, count, turn in (("train", train, 0.0), ("test", test, 1.0)):
         elevations = np.linspace(0.2, 1.1, count)
         poses = np.array([pose(GOLDEN_ANGLE * i + turn, elevation) for i, elevation in enumerate(elevations)])
@@ -64,7 +64,7 @@ def write_ball(folder: Path, size: int = 24, train: int = 10, test: int = 3) -> 
 
 
 def ball_with_validation_views(folder: Path) -> Path:
-    """Its validation views are its test views."""
+    """Write a view set of the ball whose validation views are its test views."""
     write_ball(folder)
     shutil.copytree(folder / "test", folder / "val")
     poses = (folder / "transforms_test.json").read_text()

@@ -3,6 +3,7 @@
 from typing import Any
 
 from harness.records.cells import CellRecord, Checkpoint, ViewScore
+from tests.replacing import replace
 
 
 def checkpoint(step: int, seconds: float, psnr: float | None, **others: float | None) -> Checkpoint:
@@ -11,7 +12,7 @@ def checkpoint(step: int, seconds: float, psnr: float | None, **others: float | 
 
 
 def cell(scene: str, method: str, seed: int, curve: list[Checkpoint], **changes: Any) -> CellRecord:
-    """A finished cell whose score is the last one of its curve."""
+    """Return a finished cell whose score is the last point of its curve."""
     facts: dict[str, Any] = {
         "status": "done",
         "reason": None,
@@ -28,6 +29,12 @@ def cell(scene: str, method: str, seed: int, curve: list[Checkpoint], **changes:
         **changes,
     }
     return CellRecord(scene=scene, method=method, seed=seed, curve=curve, **facts)
+
+
+def with_core_seconds(cell: CellRecord, factor: float) -> CellRecord:
+    """Return the cell with core seconds of `factor` times its wall seconds."""
+    curve = [replace(point, core_seconds=factor * point.seconds) for point in cell.curve]
+    return replace(cell, curve=curve, train_core_seconds=factor * cell.train_seconds)
 
 
 def diverged(scene: str, method: str, seed: int) -> CellRecord:

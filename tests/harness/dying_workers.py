@@ -10,7 +10,7 @@ from harness.execution.group_loop import End
 
 
 def after_its_last_word(connection: Connection, *_: Any) -> None:
-    """At seed 0, after the end of its task, before it is given another."""
+    """Die at seed 0, after the end of a task, before the next one."""
     while (task := connection.recv()) is not None:
         connection.send(0.5)
         connection.send(End())
@@ -19,7 +19,7 @@ def after_its_last_word(connection: Connection, *_: Any) -> None:
 
 
 def at_qnerf_in_the_middle_of_a_message(connection: Connection, *_: Any) -> None:
-    """Wherever qnerf is among the methods, 1000 bytes into a message of 50000."""
+    """Die at tasks with qnerf, 1000 bytes into a message of 50000."""
     while (task := connection.recv()) is not None:
         if "qnerf" in task.methods:
             os.write(connection.fileno(), struct.pack("!i", 50_000) + bytes(1000))

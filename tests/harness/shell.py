@@ -22,7 +22,7 @@ def command(*arguments: str | Path) -> list[str]:
 
 
 def on_one_core() -> None:
-    """One thread: equal bits wherever the tests run, and threads that wait for each other do not burn a busy core."""
+    """Bind the process to one core: the same bits on every machine, and no threads that wait on a busy core."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
@@ -32,7 +32,7 @@ def shell(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path, command: str = "run") -> str:
-    """The one line that a bad call ends with; anything that is raised is a traceback and fails the test."""
+    """Return the single line with which a bad call ends; an exception fails the test."""
     assert main([command, *map(str, arguments)]) == 2
     _, said = capsys.readouterr()
     assert said.startswith("error: ")

@@ -19,7 +19,7 @@ OWN = {
     method: replace(CATALOG[method].settings, density_scale=25.0, start=None if pair.start is None else 0.3)
     for method, pair in {**chosen("reduced"), "qnerf_repaired": DensityConstants(25.0, 0.3)}.items()
 } | {"nerf_matched": replace(CATALOG["nerf_matched"].settings, density_scale=25.0, start=0.3)}
-"""Unit and start that no search moves."""
+"""Settings with fixed unit and start of density, which no search changes."""
 TRAIN = TrainSettings(
     network=NetworkSize(
         depth=6, width=16, colour_layers=2, colour_width=16, position_bands=4, direction_bands=2
@@ -46,7 +46,7 @@ def box() -> Box:
 
 
 def rays_and_colours(count: int = 64, seed: int = 0) -> tuple[Rays, torch.Tensor]:
-    """Rays from all sides that all cross the box, and a colour for each."""
+    """Return rays from all sides that cross the box, and a colour for each."""
     generator = torch.Generator().manual_seed(seed)
     origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
     aims = 0.3 * torch.rand(count, 3, generator=generator)
@@ -59,7 +59,7 @@ def trainer(method: str = "nerf", settings: TrainSettings = TRAIN, budget: Budge
 
 
 def train(learner: L, steps: int) -> L:
-    """The learner after as many steps, each on a batch of its own."""
+    """Train the learner for `steps` steps, each on another batch."""
     for step in range(steps):
         learner.train_on(*rays_and_colours(seed=step))
     return learner

@@ -25,8 +25,7 @@ SIZE = 16
 
 
 def in_this_process(tasks: list[GroupTask], _: int) -> Iterator[Event]:
-    """For `harness.execution.run.run_locally`: workers take seconds to start, and see nothing that a test has
-    patched."""
+    """Replace `harness.execution.run.run_locally`, whose workers take seconds to start and see no patches."""
     for task in tasks:
         cells: list[CellRecord] = []
         run_group(task, lambda share: None, cells.append)
@@ -43,8 +42,8 @@ def train_run(
     others: Sequence[Path] = (),
     size: int = SIZE,
 ) -> Path:
-    """The output folder `run`; its view set `ball` is beside it, `others` are trained on as well. `on_trained` gets
-    each learner at its end.
+    """Train a run; returns its output folder `run`, next to which its view set `ball` lies. `others` are further view
+    sets. `on_trained` gets each learner at its end.
     """
 
     def saved(

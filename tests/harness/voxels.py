@@ -1,4 +1,4 @@
-"""Whether Dr.Jit can train here, found out without risk to the process that asks."""
+"""The method `voxels_drjit` in training, where Dr.Jit is available."""
 
 from dataclasses import replace
 from typing import Any
@@ -16,7 +16,7 @@ SETTINGS = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24,
 
 
 def drjit_or_skip() -> None:
-    """Skips, with the reason, where `voxels_drjit` is not available."""
+    """Skip the test, with the reason, if `voxels_drjit` is not available."""
     try:
         drjit_backend(torch.device("cpu"))
     except NotAvailable as missing:
@@ -24,6 +24,6 @@ def drjit_or_skip() -> None:
 
 
 def voxels(seed: int = 0, budget: Budget = BUDGET) -> Any:
-    """The method in training; the test is skipped where it is not available."""
+    """Return the method in training; skips the test if it is not available."""
     drjit_or_skip()
     return learner_for(Job("voxels_drjit", box(), SETTINGS, budget, seed, CPU))

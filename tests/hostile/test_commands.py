@@ -1,5 +1,5 @@
-"""Commands given what they cannot use: exit code 2, one line that names the file, the value and the remedy, and what
-was there stays. What tables, records and other options may be is tried with what reads them.
+"""Commands with unusable input: exit code 2, one line that names the file, the value and the remedy, and no change on
+disk. The tests of each reader try further tables, records and options.
 """
 
 import json
@@ -34,13 +34,13 @@ def refusal(capsys: pytest.CaptureFixture[str], program: str, *words: str | Path
 
 
 TABLES: dict[str, tuple[str | bytes, str]] = {
-    "decimal commas": (TABLE.replace(",", ";").replace(".", ","), "line 2: psnr is '20,0', no finite number"),
-    "UTF-16": (TABLE.encode("utf-16"), "is no CSV file in UTF-8"),
+    "decimal commas": (TABLE.replace(",", ";").replace(".", ","), "line 2: psnr is '20,0', not a finite number"),
+    "UTF-16": (TABLE.encode("utf-16"), "is not a CSV file in UTF-8"),
     "a page": ("<html></html>", "has no column scene and no column method (columns: <html></html>)"),
-    "a score below any": (TABLE.replace("20.0", "-5", 1), "psnr is -5, and lies between 0 and 400"),
-    "a similarity of 20": (TABLE.replace("psnr", "ssim"), "ssim is 20, and lies between -1 and 1"),
-    "a quote that never ends": (TABLE + '"x,a,9,20\n', "line 20: has 1 fields, the head has 4"),
-    "a field without an end": (TABLE + "x" * 200_000 + ",a,0,1\n", "is no CSV file in UTF-8 (field larger"),
+    "a score below any": (TABLE.replace("20.0", "-5", 1), "psnr is -5, but lies between 0 and 400"),
+    "a similarity of 20": (TABLE.replace("psnr", "ssim"), "ssim is 20, but lies between -1 and 1"),
+    "a quote that never ends": (TABLE + '"x,a,9,20\n', "line 20: has 1 fields, the header has 4"),
+    "a field without an end": (TABLE + "x" * 200_000 + ",a,0,1\n", "is not a CSV file in UTF-8 (field larger"),
 }
 
 
@@ -91,24 +91,22 @@ def by_hand(out: Path) -> None:
 
 CELL, OTHER = "records/cells/chair.nerf.0.json", "records/cells/chair.nerf.1.json"
 RUNS: dict[str, tuple[Callable[[Path], Any], str, bool]] = {
-    "no record of the run": (replaced("records/run.json", lambda path: None), "run.json: missing", False),
-    "an empty one": (replaced("records/run.json", Path.touch), "run.json: Input data was truncated", False),
-    "no cells": (replaced("records/cells", Path.mkdir), "no finished cell yet", False),
+    "an empty run record": (replaced("records/run.json", Path.touch), "run.json: Input data was truncated", False),
     "records that are a file": (replaced("records", Path.touch), "give the output folder of a run", False),
     "records that are themselves": (replaced("records", lambda path: path.symlink_to(path)), "give the output", False),
-    "a cell that is a folder": (replaced(CELL, Path.mkdir), "is no file", True),
-    "a cell that is a pipe": (replaced(CELL, os.mkfifo), "is no file", True),
+    "a cell that is a folder": (replaced(CELL, Path.mkdir), "is not a file", True),
+    "a cell that is a pipe": (replaced(CELL, os.mkfifo), "is not a file", True),
     "a cell in another's place": (lambda out: shutil.copy(out / CELL, out / OTHER),
                                   "chair.nerf.1.json: is the record of chair.nerf.0.json", True),
     "a cell of nothing": (lambda out: (out / "records/cells/zebra.nerf.0.json").write_text("{}"), "schema None", True),
     "a verdict by hand": (by_hand, "its digest does not match its content", True),
 }  # fmt: skip
-"""How to damage a run, what is said, and whether `--partial` shows the rest."""
+"""How to damage a run, the message, and whether `--partial` shows the rest."""
 
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with two runs, a view set, a table and an empty folder."""
+    """Return a folder with two runs, a view set, a table and an empty folder."""
     folder = tmp_path_factory.mktemp("place")
     write_fake_run(folder / "run", scenes=("chair",), seeds=2, pictures=False)
     shutil.copytree(folder / "run", folder / "run-2")
@@ -139,12 +137,12 @@ OPTIONS: dict[str, tuple[str, str]] = {
     "no history": ("harness history {}/none.jsonl --out {}/h", "no such file; `python -m harness gate`"),
     "a history of nonsense": ("harness history {}/t.csv --out {}/h", "name a file that gate or speed appended to"),
     "no run for a board": ("harness tensorboard {}/none", "holds no cell of a run"),
-    "no pictures": ("harness score {}/none --view-set {}/set --method x", "is no folder; give the one with"),
+    "no pictures": ("harness score {}/none --view-set {}/set --method x", "is not a folder; give the one with"),
     "an empty folder": ("harness score {}/empty --view-set {}/set --method x", "has no picture; name one folder"),
     "pictures of nothing": ("harness score {}/set/test --view-set {}/none --method x", "none: no such folder; a view"),
     "a seed below 0": (f"{SCORE} --seed -1", "--seed -1: must lie between"),
     "no time": (f"{SCORE} --seconds nan", "--seconds nan: must lie"),
-    "a table that is a folder": (f"{SCORE} --to {{}}/empty", "is no file"),
+    "a table that is a folder": (f"{SCORE} --to {{}}/empty", "is not a file"),
     "no such study": ("harness evidence --studies nope --out {}/e", "--studies: unknown 'nope'; known: calibration"),
     "no such case": ("harness stability --cases Z9 --out {}/s", "unknown 'Z9'; known: Q1 Q2"),
     "a study in a file": ("harness evidence --studies ceilings --quick --out {}/t.csv", "--out {}/t.csv"),
@@ -159,14 +157,13 @@ OPTIONS: dict[str, tuple[str, str]] = {
     "no such gate": ("harness gate --only nope --out {}/g", "no gate's name begins with 'nope'"),
     "a rank of nothing": ("harness gate --rank {}/none --out {}/g", "no summary of a finished run"),
     "a file": ("reports {}/t.csv", "no such folder; give the output folder of a run"),
-    "one run twice": ("reports {}/run {}/run", "named twice; name each output once"),
-    "figures of two": ("reports {}/run {}/run-2 --export {}/x.zip", "--export: goes with one output alone"),
+    "figures of two": ("reports {}/run {}/run-2 --export {}/x.zip", "--export: works with only one output"),
     "a page of one": ("reports {}/run --page {}/x.html", "--page: needs several outputs"),
     "no such scene": ("scenes render teapot", "teapot"),
     "views of no pixels": ("scenes render lego --resolution 0", "--resolution 0: choose 1 to 4096 pixels"),
     "no scene file": ("scenes render --scene-file {}/no.py", "--scene-file {}/no.py: no such file"),
     "an export of nothing": ("scenes export {}/none --format npz --out {}/x.npz", "none: no such folder; a view set"),
-    "an export onto itself": ("scenes export {}/set --format blender --out {}/set", "is there already; name a new"),
+    "an export onto itself": ("scenes export {}/set --format blender --out {}/set", "exists already; name a new"),
 }
 
 

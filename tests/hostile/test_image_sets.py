@@ -1,7 +1,7 @@
-"""Image sets as people really have them: read, or refused in a sentence that names the file, the value and the remedy.
+"""Realistic image sets are read, or refused in a sentence that names the file, the value and the remedy.
 
-What a listing may hold is in `tests/scenes/view_sets`, what is wrong with a set of the Blender format in
-`tests/harness/bad_view_sets.py`; here are the other encodings, kinds of files, images and lenses.
+`tests/scenes/view_sets` tests the content of listings, `tests/harness/bad_view_sets.py` invalid sets of the Blender
+format; here are the other encodings, kinds of files, images and lenses.
 """
 
 import json
@@ -68,13 +68,13 @@ def moved(pose: list[list[float]]) -> list[list[float]]:
 
 
 def nerfstudio(change: Callable[[dict[str, Any]], Any] = lambda data: None, **frame: Any) -> Spoil:
-    """The folder with one listing, as nerfstudio writes it; `frame` is said of the first one."""
+    """Write one listing in the format of nerfstudio; `frame` changes its first frame."""
 
     def spoil(folder: Path) -> None:
         both = [json.loads((folder / name).read_text(encoding="utf-8")) for name in (LISTING, TEST_LISTING)]
         focal = 0.5 * SIZE / np.tan(0.5 * both[0]["camera_angle_x"])
         lens = {"k1": 0, "k2": 0, "cx": SIZE / 2, "cy": SIZE / 2, "fl_x": focal, "fl_y": focal, "w": SIZE, "h": SIZE}
-        frames = [one | {"file_path": f"{one['file_path']}.png"} for data in both for one in data["frames"]]
+        frames = [view | {"file_path": f"{view['file_path']}.png"} for data in both for view in data["frames"]]
         data = {"camera_model": "OPENCV", **lens, "frames": [frames[0] | frame, *frames[1:]]}
         for name in (LISTING, TEST_LISTING):
             (folder / name).unlink()
@@ -119,7 +119,7 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "a hair's breadth": (edit(lambda data: data.update(camera_angle_x=1e-9), LISTING), "the field of view is 5.7"),
     "two lenses": (edit(lambda data: data.update(camera_angle_x=0.3)), "camera_angle_x differs between the splits"),
     "light years away": (
-        edit(lambda data: [one.update(transform_matrix=moved(one["transform_matrix"])) for one in data["frames"]]),
+        edit(lambda data: [view.update(transform_matrix=moved(view["transform_matrix"])) for view in data["frames"]]),
         "Expected `float` < 1e+30",
     ),
     "a training photo as a test": (lambda folder: shutil.copy(folder / LISTING, folder / TEST_LISTING),
@@ -127,7 +127,7 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "a focal length as text": (lens(fl_x="30"), "got `str` - at `$.fl_x`"),
     "two focal lengths": (lens(camera_angle_x=2.0), "camera_angle_x is 2, and fl_x and w say 0.691"),
     "a frame's own focal length": (nerfstudio(fl_x=90.0), "fl_x is 90.0, and 33.3"),
-    "a frame's own size": (nerfstudio(w=12, h=12), "w is 12.0, and 24.0 for the whole file"),
+    "a frame's own size": (nerfstudio(w=12, h=12), "w is 12.0, and 24.0 for all frames"),
     "a centre outside": (lens(cx=500), "off-centre lenses are not supported"),
     "the size of other images": (lens(w=2 * SIZE), "off-centre lenses are not supported"),
     "a name from right to left": (nerfstudio(file_path="train/\u202e0_r.png"), "no image"),

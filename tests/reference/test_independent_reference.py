@@ -1,4 +1,4 @@
-"""Our renderer against Mitsuba's path tracer, against Dr.Jit on Mitsuba's volumes, and against closed forms."""
+"""Our renderer compared with Mitsuba's path tracer, with Dr.Jit on Mitsuba's volumes, and with closed forms."""
 
 from pathlib import Path
 
@@ -51,8 +51,7 @@ def test_the_renderer_agrees_with_path_tracing(tau: float) -> None:
     estimate = tracked(*random_grids(tau), ORIGIN, DIRECTION, 40_000, SCALAR)
     assert estimate.standard_error.max() < 4e-3
     assert np.abs(z_scores(ours(tau), estimate)).max() < 4.0
-    # half as much matter again would have been noticed, and so would a colour that is off by 5 % of a solid, by 20 %
-    # of a veil, of which little is seen
+    # the test would notice 50 % more density, and a colour that is off by 5 % for a solid, or by 20 % for a thin medium
     assert np.abs(z_scores(ours(tau, denser=1.5), estimate)).max() > 8.0
     assert np.abs(z_scores(ours(tau, lighter=1.05 if tau > 1 else 1.2), estimate)).max() > 8.0
 
@@ -75,26 +74,26 @@ def test_a_homogeneous_medium_has_its_closed_form() -> None:
 @pytest.mark.parametrize("tau", reference_cases.TAU_OF_A_VOXEL)
 def test_values_and_gradients_agree_with_drjit_on_gridvolume(tau: float, llvm: Variant) -> None:
     sigma, colour = random_grids(tau)
-    some = bundle()
-    delta = torch.diff(some.edges, dim=-1).numpy()
-    theirs = differentiated(sigma, colour, some.points.numpy(), delta, some.weights.numpy(), llvm)
-    value, d_sigma, d_colour = errors(theirs, by_autograd(sigma, colour, some))
+    rays = bundle()
+    delta = torch.diff(rays.edges, dim=-1).numpy()
+    theirs = differentiated(sigma, colour, rays.points.numpy(), delta, rays.weights.numpy(), llvm)
+    value, d_sigma, d_colour = errors(theirs, by_autograd(sigma, colour, rays))
     assert value <= VALUE_BAR
     assert d_sigma <= SIGMA_BAR
     assert d_colour <= COLOUR_BAR
-    # and a density that is off by one part in ten thousand would have been noticed
-    assert errors(theirs, by_autograd(1.0001 * sigma, colour, some))[1] > SIGMA_BAR
+    # the test would notice a density that is off by one part in ten thousand
+    assert errors(theirs, by_autograd(1.0001 * sigma, colour, rays))[1] > SIGMA_BAR
 
 
 def test_empty_voxels_have_their_gradient(llvm: Variant) -> None:
     """Where Mitsuba's own `prbvolpath` gives exactly 0, as it never samples there."""
     sigma, colour = random_grids(0.3)
     sigma[:, :, 8:] = 0.0
-    some = bundle()
-    delta = torch.diff(some.edges, dim=-1).numpy()
-    theirs = differentiated(sigma, colour, some.points.numpy(), delta, some.weights.numpy(), llvm)
+    rays = bundle()
+    delta = torch.diff(rays.edges, dim=-1).numpy()
+    theirs = differentiated(sigma, colour, rays.points.numpy(), delta, rays.weights.numpy(), llvm)
     assert np.abs(theirs.d_sigma[:, :, 9:]).max() > 1e-3
-    assert errors(theirs, by_autograd(sigma, colour, some))[1] <= SIGMA_BAR
+    assert errors(theirs, by_autograd(sigma, colour, rays))[1] <= SIGMA_BAR
 
 
 def test_closed_form_of_layers_against_ordinary_integration() -> None:
@@ -121,7 +120,7 @@ def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch:
     assert {check.why for check in missing} == {"Mitsuba variant llvm_ad_rgb does not work here"}
     assert {check.subject for check in missing} == {"midpoint, llvm_ad_rgb", "midpoint, gridvolume"}
     closed = {check.subject: check for check in outcomes if "closed form" in check.subject}
-    assert set(closed) == {f"{rule}, closed form" for rule in reference_cases.QUADRATURES}, "none is left out"
+    assert set(closed) == {f"{rule}, closed form" for rule in reference_cases.QUADRATURES}, "all quadratures are tested"
     assert closed["midpoint, closed form"].status == "pass"
     assert closed["left, closed form"].limit == reference_cases.FIRST_ORDER_BAR
     assert "first order" in closed["left, closed form"].why

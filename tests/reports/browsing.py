@@ -1,4 +1,4 @@
-"""A page in a real browser: what it complains of, how well its text can be read, and what is saved from it."""
+"""A page in a real browser: its console messages and requests, the contrast of its text, and its saved files."""
 
 import csv
 import io
@@ -10,25 +10,25 @@ CONTRAST = """selector => {
     const light = rgb => rgb.slice(0, 3).map(v => v / 255)
         .map(v => v <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4)
         .reduce((sum, v, i) => sum + v * [.2126, .7152, .0722][i], 0);
-    const ground = one => {
-        for (let node = one; node; node = node.parentElement) {
+    const ground = element => {
+        for (let node = element; node; node = node.parentElement) {
             const colour = parts(getComputedStyle(node).backgroundColor);
             if (colour.length < 4 || colour[3] === 1) return light(colour);
         }
         return 1;
     };
-    const texts = [...document.querySelectorAll(selector)].filter(one => one.textContent.trim());
-    const found = texts.map(one => {
-        const style = getComputedStyle(one);
-        const ink = light(parts(one.closest('svg') ? style.fill : style.color)), below = ground(one);
-        return [(Math.max(ink, below) + .05) / (Math.min(ink, below) + .05), one.textContent.trim().slice(0, 40)];
+    const texts = [...document.querySelectorAll(selector)].filter(element => element.textContent.trim());
+    const contrasts = texts.map(element => {
+        const style = getComputedStyle(element);
+        const ink = light(parts(element.closest('svg') ? style.fill : style.color)), below = ground(element);
+        return [(Math.max(ink, below) + .05) / (Math.min(ink, below) + .05), element.textContent.trim().slice(0, 40)];
     });
-    return found.sort((a, b) => a[0] - b[0])[0];
+    return contrasts.sort((a, b) => a[0] - b[0])[0];
 }"""
 
 
 def opened(browser: Any, address: str, **context: Any) -> tuple[Any, list[str]]:
-    """The page and whatever it complained of or asked for."""
+    """Return the page, and the list of its console messages, errors and requests."""
     view = browser.new_context(**context).new_page()
     noise: list[str] = []
     view.on("console", lambda message: noise.append(f"console: {message.text}"))
@@ -42,12 +42,12 @@ def opened(browser: Any, address: str, **context: Any) -> tuple[Any, list[str]]:
 
 
 def address_of(view: Any) -> str:
-    """The page's address now; `view.url` is what the driver last heard of it."""
+    """Return the current address of the page; `view.url` may be older."""
     return view.evaluate("location.href")
 
 
 def until(view: Any, true: str, seconds: float = 5.0) -> None:
-    """Waits for an expression; Playwright's own way evaluates text in the page, which its policy forbids."""
+    """Wait for an expression. Playwright's own way evaluates text in the page, which its policy forbids."""
     for _ in range(round(seconds / 0.025)):
         if view.evaluate(true):
             return
@@ -56,17 +56,17 @@ def until(view: Any, true: str, seconds: float = 5.0) -> None:
 
 
 def unfold(view: Any) -> None:
-    view.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+    view.evaluate("for (const details of document.querySelectorAll('details')) details.open = true")
 
 
 def weakest_contrast(view: Any, selector: str) -> tuple[float, str]:
-    """The smallest contrast (WCAG) of a text and the ground below it, and that text."""
+    """Return the smallest contrast (WCAG) of a text and its background, and that text."""
     ratio, text = view.evaluate(CONTRAST, selector)
     return ratio, text
 
 
 def saved(view: Any, owner: Any, kind: str) -> str:
-    """What the menu of `owner` gives as `kind`."""
+    """Return the file that the menu of `owner` saves as `kind`."""
     owner.locator(".save").first.click()
     with view.expect_download() as download:
         view.get_by_role("menuitem", name=kind, exact=True).click()

@@ -1,4 +1,4 @@
-"""Pages that hold the picture comparer, or its arithmetic, alone: waiting for their panels, and what they show."""
+"""Test pages with only the picture comparer, or only its arithmetic; waiting for their panels, and reading them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,29 +16,29 @@ from tests.reports.browsing import opened, until
 FILES = ("state.js", "element.js", "numbers.js", "download.js", "filter.js", *pictures.SCRIPTS)
 ALONE = ("element.js", "numbers.js", "chunks.js", "kept.js", "pixels.js", "colour_space.js", "delta_e.js", "flip.js",
          "error_maps.js")  # fmt: skip
-"""What the arithmetic needs."""
+"""The scripts of the arithmetic."""
 SIDE = 48
 SHOWN = """([name, column, row, width, height]) => {
     const canvas = document.querySelector(`[data-panel="${name}"] canvas`);
     const scale = Math.min(canvas.width / width, canvas.height / height);
     const x = canvas.width / 2 + (column + .5 - width / 2) * scale;
     const y = canvas.height / 2 + (row + .5 - height / 2) * scale;
-    const one = new OffscreenCanvas(1, 1).getContext('2d', { willReadFrequently: true });
-    one.drawImage(canvas, -Math.floor(x), -Math.floor(y));
-    return [...one.getImageData(0, 0, 1, 1).data].slice(0, 3);
+    const pixel = new OffscreenCanvas(1, 1).getContext('2d', { willReadFrequently: true });
+    pixel.drawImage(canvas, -Math.floor(x), -Math.floor(y));
+    return [...pixel.getImageData(0, 0, 1, 1).data].slice(0, 3);
 }"""
 
 
 def write_comparer_page(path: Path, data: dict[str, Any], texts: Mapping[str, str], beside: bool = False) -> Path:
-    """The comparer with the page's own style and policy; `beside`: which may load script files."""
+    """Write the comparer with the style and policy of a page; `beside`: the policy allows script files."""
     body = '<section id="pictures"><h2>Pictures</h2><div id="comparer" hidden></div></section>'
     whole = f'<style>{shell.style()}</style><div class="body"><nav></nav><main>{body}</main></div>'
     return _write(path, script(*FILES), whole, "pictures-data", data, texts, beside)
 
 
 def write_arithmetic_page(path: Path, body: str, texts: Mapping[str, str], given: Any) -> Path:
-    """A page that runs the named scripts of ours and then `body`, which sets the document's title when it is done and
-    leaves JSON in `#found`; `given` is its data.
+    """Write a page that runs the scripts of `ALONE` and then `body` on the data `given`; `body` calls `tell` with its
+    result, which puts JSON into `#found` and sets the document's title.
     """
     code = "(() => {\n" + "\n".join(page_script.FILES[name].read_text(encoding="utf-8") for name in ALONE)
     code += "\nconst given = element.data('given', null);\n"
@@ -62,7 +62,7 @@ def _write(
 
 
 def ready(browser: Any, address: str, choice: str = "at=pictures", **context: Any) -> tuple[Any, list[str]]:
-    """The page with all of its panels drawn."""
+    """Open the page and wait until all of its panels are drawn."""
     context.setdefault("viewport", {"width": 1300, "height": 900})
     view, noise = opened(browser, f"{address}#{choice}", **context)
     settle(view)
@@ -77,7 +77,7 @@ def settle(view: Any) -> None:
 
 
 def shown(view: Any, panel: str, column: int, row: int, width: int = SIDE, height: int = SIDE) -> list[int]:
-    """The colour on the canvas where a picture's pixel lies, while the whole picture is shown."""
+    """Return the colour on the canvas at a pixel of the picture, which must be shown completely."""
     return list(view.evaluate(SHOWN, [panel, column, row, width, height]))
 
 
@@ -86,11 +86,10 @@ def bytes_of(picture: np.ndarray, column: int, row: int) -> list[int]:
 
 
 def cells(view: Any, image: str) -> list[str]:
-    """A picture's row in the table of a pixel's numbers, with single spaces."""
+    """Return the row of a picture in the table of a pixel's numbers, with single spaces."""
     texts = view.locator(f'.probe tr[data-image="{image}"] td').all_text_contents()
     return [" ".join(text.split()) for text in texts]
 
 
 def asked(view: Any, key: str) -> str | None:
-    """A key of the address."""
     return view.evaluate("key => new URLSearchParams(location.hash.slice(1)).get(key)", key)

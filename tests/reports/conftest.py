@@ -1,4 +1,4 @@
-"""Hand-written runs on disk, read and unread, and their pages: none of them is to be changed, but for `out`."""
+"""Fake runs on disk, their records and their pages. Tests may change only `out`."""
 
 import shutil
 from pathlib import Path
@@ -18,7 +18,7 @@ def plain_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def out(plain_run: Path, tmp_path: Path) -> Path:
-    """A copy of it, to be changed."""
+    """Return a copy of it, which the test may change."""
     return shutil.copytree(plain_run, tmp_path / "run")
 
 
@@ -29,7 +29,7 @@ def records(plain_run: Path) -> Records:
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Records:
-    """The same, but with every cell finished."""
+    """Return the same run with every cell finished."""
     return fake_records(tmp_path_factory.mktemp("whole") / "run")
 
 

@@ -1,4 +1,4 @@
-"""Made-up figures of twenty runs on two machines, of which one figure changes on one."""
+"""Fake figures of twenty runs on each of two machines; one figure changes on one machine."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ SLOWER_FROM = 12
 
 
 def past_runs() -> list[PastRun]:
-    """Every second run is of another machine; the commits count the runs."""
+    """Return runs that alternate between two machines; the commits count the runs."""
     noise = np.random.default_rng(0).normal(1.0, 0.02, (40, 2))
     return [
         PastRun(

@@ -1,4 +1,4 @@
-"""A hand-written run, through the records' own writers: what the reports are tested and developed on.
+"""A fake run, written by the writers of the records, for testing and developing the reports.
 
 python -m tests.reports.fake_run OUT    writes eight scenes × three methods × three seeds with pictures
 """
@@ -62,7 +62,7 @@ PAPER = replace(
 
 
 def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
-    """A finished cell with a plausible curve."""
+    """Return a finished cell with a plausible curve."""
     final = round(23.0 + 0.7 * place + GAIN[method] + 0.15 * math.sin(7 * seed + 3 * place + len(method)), 3)
     amplified = method == "qnerf"
     curve = []
@@ -122,7 +122,7 @@ def fake_cell(scene: str, place: int, method: str, seed: int) -> CellRecord:
 
 
 def diverged(cell: CellRecord) -> CellRecord:
-    """The same cell, but with a NaN in its density after step 400."""
+    """Return the cell with a NaN in its density after step 400."""
     return replace(
         cell,
         status="diverged",
@@ -135,21 +135,21 @@ def diverged(cell: CellRecord) -> CellRecord:
 
 
 def _density(step: int) -> dict[str, list[float]]:
-    """A tenth of the points is inside, where density is higher; the whole is the mean of both."""
+    """Return histograms in which a tenth of the points is inside, where density is higher."""
     edges, points = [0.0, *(round(10 ** (-2 + 0.1 * k), 6) for k in range(41))], (3_277.0, 29_491.0)
     before = np.exp(-0.5 * ((np.arange(41) - [[30], [16]]) / (6 + step / 400)) ** 2)
     before /= before.sum(axis=1, keepdims=True)
     after = np.where(np.arange(41) < 21, before, 0.0)
     after[:, 20] += before[:, 21:].sum(axis=1)
-    found = {"edges": edges, "points": list(points)}
+    histograms = {"edges": edges, "points": list(points)}
     for side, shares in (("before", before), ("after", after)):
-        found |= {f"{side}_inside": shares[0].tolist(), f"{side}_outside": shares[1].tolist()}
-        found[side] = np.average(shares, axis=0, weights=points).tolist()
-    return found
+        histograms |= {f"{side}_inside": shares[0].tolist(), f"{side}_outside": shares[1].tolist()}
+        histograms[side] = np.average(shares, axis=0, weights=points).tolist()
+    return histograms
 
 
 def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Comparison]:
-    """Differences of means with made-up intervals: the reports must show these, and compute none of their own."""
+    """Return differences of means with fake intervals: the reports must show these, and compute no others."""
     by_key = {(cell.method, cell.scene, cell.seed): cell.scores.get("psnr") for cell in cells}
     duels = (("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("nerf_matched", "nerf"))
     rows = []
@@ -163,21 +163,21 @@ def fake_comparisons(scenes: list[str], cells: list[CellRecord]) -> list[Compari
         half = 0.12 if scene == "all" else 0.3
         low, high = round(mean - half, 3), round(mean + half, 3)
         verdict = verdict_of((low, high), 0.25)
-        there = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
+        estimate = Estimate((low, high), (low, high), 1, verdict, 0.4, 4 * mean)
         near = (round(mean - 0.05, 3), round(mean + 0.05, 3))
         several = scene == "all" and len(scenes) > 1
         rows.append(
             Comparison(
                 scene, *duel, "psnr", budget, mean, (low, high), verdict, 0.4, len(both), len(pairs) - len(both),
-                (low, high), 1, Estimate(near, near, 1, verdict_of(near, 0.25), 0.1, 4 * mean) if several else there,
-                there if several else None,
+                (low, high), 1, Estimate(near, near, 1, verdict_of(near, 0.25), 0.1, 4 * mean) if several else estimate,
+                estimate if several else None,
             )
         )  # fmt: skip
     return rows
 
 
 def write_pictures(out: Path, cell: CellRecord, place: int, size: int, hdr: bool) -> CellRecord:
-    """The cell with pictures of a striped ball before white, drawn worse early and by some methods; its truth too."""
+    """Write the truth and the pictures of a cell, a striped ball before white; return the cell with its pictures."""
     renders, truths = [], []
     steps = [point.step for point in cell.curve]
     for step in steps if cell.seed == 0 else steps[-1:] if cell.status == "done" else []:
@@ -198,7 +198,7 @@ def write_pictures(out: Path, cell: CellRecord, place: int, size: int, hdr: bool
         return cell
     path = cell_pictures(cell.scene.replace("/", "_"), cell.method, cell.seed)
     seen = truths[: len(VIEWS)]
-    write_renders(records_folder(out) / path, renders, turn_of([one.colour for one in renders[-len(VIEWS) :]]))
+    write_renders(records_folder(out) / path, renders, turn_of([render.colour for render in renders[-len(VIEWS) :]]))
     write_truth(records_folder(out) / truth_pictures(cell.scene), seen, turn_of([truth.display for truth in seen]))
     return replace(cell, pictures=path)
 
@@ -260,8 +260,9 @@ def write_fake_run(
     change: Callable[[RunRecord], RunRecord] = lambda run: run,
     change_cell: Callable[[CellRecord], CellRecord] = lambda cell: cell,
 ) -> Path:
-    """Writes the run under `out` and returns `out`; the second scene's last qnerf cell diverged. The truth of the
-    scenes in `hdr` is brighter than white."""
+    """Write the run under `out` and return `out`; the last qnerf cell of the last scene diverged. The truth of the
+    scenes in `hdr` is brighter than white.
+    """
     cells = [
         fake_cell(scene, place, method, seed)
         for place, scene in enumerate(scenes)

@@ -1,4 +1,4 @@
-"""The one builder of made-up records of studies: for each shelf a small record with every kind of finding.
+"""Fake records of studies: for each shelf a small record with every kind of finding.
 
 python -m tests.reports.fake_studies OUT    writes the record and the pictures of every shelf
 """
@@ -47,7 +47,7 @@ MACHINE = {"processor": "AMD EPYC 9R14", "threads": 2, "device": "cpu", "bfloat1
 
 
 def fake_studies(shelf: str, failing: bool = False, charts: bool = True, **changes: Any) -> Studies:
-    """With `failing` a check of ours fails, as in no good run; charts take most of the time of a page."""
+    """Return the record of a shelf; with `failing` one of our own checks fails. Charts take most of a page's time."""
     made: dict[str, Callable[[], list[StudyRecord]]] = {
         "evidence": lambda: _evidence(failing),
         "stability": lambda: _stability(failing),
@@ -61,7 +61,7 @@ def fake_studies(shelf: str, failing: bool = False, charts: bool = True, **chang
 
 
 def write_fake_studies(out: Path, record: Studies | str, pictures: bool = True) -> Path:
-    """Write the record, or that of a shelf, and the pictures that it names but those called gone; return `out`."""
+    """Write the record, or that of a shelf, and its pictures except those named gone; return `out`."""
     record = fake_studies(record) if isinstance(record, str) else record
     out.mkdir(parents=True, exist_ok=True)
     write_studies(out / SHELVES[record.shelf], record)
@@ -79,7 +79,7 @@ def study(name: str, title: str, *findings: Finding, question: str = "", method:
 
 
 def effect(name: str, against: str, difference: float | None, half: float = 0.1, /, **changes: Any) -> Effect:
-    """A difference over all scenes: ± `half` alone, and three times that together."""
+    """Return a difference over all scenes: its interval is ± `half`, and the simultaneous interval three times that."""
     near, wide = (
         None if difference is None else (round(difference - k * half, 4), round(difference + k * half, 4))
         for k in (1, 3)
@@ -93,8 +93,9 @@ def lines(
     panel: str, item: int, axes: tuple[str, str], x: list[float], y_of: Callable[..., float],
     names: dict[str, tuple[float, ...]], log: str = "xy", band: float = 0.0,
 ) -> list[Series]:  # fmt: skip
-    """A line for each name: `y_of` of x and what stands behind the name; `log` are the logarithmic axes, `band` is the
-    relative half width of a band."""
+    """Return a line per name: `y_of` of x and the numbers of that name; `log` are the logarithmic axes, `band` is the
+    relative half width of a band.
+    """
     made = [
         Series(panel, item, name, *axes, x, [y_of(at, *more) for at in x], log_x="x" in log, log_y="y" in log)
         for name, more in names.items()
@@ -145,7 +146,7 @@ def _evidence(failing: bool) -> list[StudyRecord]:
 
 
 def judged(what: str, values: dict[str, float], high: float | None = None, **more: Any) -> list[Check]:
-    """The figure of each subject against one limit; the owner of its form stands before a colon, if it is not ours."""
+    """Return a check per subject against one limit; a name `owner:subject` gives an owner other than `ours`."""
     rows = [(owner or "ours", name, value) for key, value in values.items() for owner, _, name in [key.rpartition(":")]]
     return [check(what, value, high=high, subject=name, owner=owner, **more) for owner, name, value in rows]
 
@@ -204,7 +205,7 @@ def _speed() -> list[StudyRecord]:
     profile: list[list[str | float | None]] = [["products", 210.4, 71.2, "bfloat16"], ["optimiser", 9, None, "Adam"]]
     plain, library = "Dense step, plain float32", "no shared library of LLVM 16 or newer"
     scores = dict(zip((10.0, 30.0, 100.0, 300.0), (15.0, 18.1, 20.2, 22.0), strict=True))
-    found: dict[int, list[Finding]] = {
+    findings: dict[int, list[Finding]] = {
         1: [
             figure("training.plain.rate", plain, 30_120.0, "samples/s", (29_870.0, 30_410.0), 5),
             figure("training.dense.ratio", "Same step against plain", 7.418, "×", (7.11, 7.63), 5, 10.0, why="medians"),
@@ -231,11 +232,11 @@ def _speed() -> list[StudyRecord]:
             Series("Nothing", 9, "empty", "x", "y", [], []),
         ],
     }  # fmt: skip
-    return [StudyRecord(QUESTIONS[str(item)].info, findings=some, seconds=61.2) for item, some in found.items()]
+    return [StudyRecord(QUESTIONS[str(item)].info, findings=some, seconds=61.2) for item, some in findings.items()]
 
 
 def hit(place: str, ratio: float, method: str = "nerf", spread: float = 1.1) -> Check:
-    """Return a hit that is spread by a factor both ways."""
+    """Return a hit with a range of `spread` in both directions."""
     target = 50.0 if place.startswith("disk") else 1000.0
     low, high = ratio / spread, ratio * spread
     status = "pass" if low >= target else "fail" if high < target else "inconclusive"
@@ -263,7 +264,7 @@ def phi(changed: int) -> Check:
 
 
 def serving_studies(**changes: list[Finding] | None) -> dict[str, StudyRecord]:
-    """Study → its record; with other findings of some, or without those that are None."""
+    """Map study → record; `changes` replace the findings of a study, or leave it out if None."""
     ratios = {"memory.0": 3000.0, "memory.1": 1050.0, "disk.warm": 70.0, "disk.cold": 30.0}
     axes, at = ("seconds since the view was asked for", "RMSE, display"), [0.0, 0.2, 0.4]
     findings: dict[str, list[Finding] | None] = {
@@ -299,7 +300,7 @@ def serving_studies(**changes: list[Finding] | None) -> dict[str, StudyRecord]:
 
 
 def fake_serving(settings: dict[str, Any] | None = None, **changes: list[Finding] | None) -> Studies:
-    """Return the record with other findings of some studies, or without them; with other settings beside its own."""
+    """Return the record with changed findings and additional settings."""
     studies = list(serving_studies(**changes).values())
     return fake_studies("serving", settings={**SETTINGS["serving"], **(settings or {})}, studies=studies)
 
@@ -316,7 +317,7 @@ def _frontier() -> list[StudyRecord]:
 
 
 def hostile(record: Studies, word: str) -> Studies:
-    """`record` with `word` wherever it holds text of its own."""
+    """Return `record` with `word` in place of all its texts."""
 
     def spoiled(finding: Any) -> Any:
         match finding:
@@ -337,9 +338,9 @@ def hostile(record: Studies, word: str) -> Studies:
 
     facts = dict.fromkeys(("input", "danger", "reference", "bar"), word)
     studies = []
-    for one in record.studies:
-        info = StudyInfo(f"{word} {one.info.id}", word, word, word, facts=facts)
-        studies.append(StudyRecord(info, word, [spoiled(finding) for finding in one.findings], 1.0))
+    for each in record.studies:
+        info = StudyInfo(f"{word} {each.info.id}", word, word, word, facts=facts)
+        studies.append(StudyRecord(info, word, [spoiled(finding) for finding in each.findings], 1.0))
     provenance = {word: word, "processor": word, "device": word}
     return replace(record, studies=studies, provenance=provenance, settings={word: [word]})
 

@@ -1,4 +1,4 @@
-"""The comparer's arithmetic in a real browser, against the programs that the harness scores with and against numpy."""
+"""The comparer's arithmetic in a real browser, compared with the harness's scoring programs and with NumPy."""
 
 import json
 
@@ -25,7 +25,7 @@ const planesOf = async (ref) => {
 };
 Promise.all(given.pictures.map(planesOf)).then(async (loaded) => tell(await found(...loaded)));
 """
-"""Loads the given pictures, and tells what `found` makes of their planes."""
+"""Load the given pictures, and tell the result of `found` for their planes."""
 SHARMA = """50 2.6772 -79.7751 50 0 -82.7485 2.0425
 50 -1.3802 -84.2814 50 0 -82.7485 1.0000
 50 0 0 50 -1 2 2.3669
@@ -40,12 +40,12 @@ SHARMA = """50 2.6772 -79.7751 50 0 -82.7485 2.0425
 50 2.5 0 50 3.2592 0.3350 1.0000
 60.2574 -34.0099 36.2677 60.4626 -34.1751 39.4387 1.2644
 2.0776 0.0795 -1.1350 0.9033 -0.0636 -0.5514 0.9082"""
-"""L a b L a b ΔE₀₀: of table 1 of Sharma, Wu and Dalal 2005 a pair on each side of every branch."""
+"""L a b L a b ΔE₀₀: pairs of table 1 of Sharma, Wu and Dalal 2005, on both sides of every branch."""
 
 
 @pytest.fixture
 def asked(browser, tmp_path):
-    """Runs a piece of script beside ours and returns what it tells."""
+    """Run a script after those of the page and return what it tells."""
 
     def ask(body, given, texts=()):
         path = write_arithmetic_page(tmp_path / "arithmetic.html", body, dict(texts), given)
@@ -59,7 +59,7 @@ def asked(browser, tmp_path):
 
 @pytest.fixture
 def made_of(asked):
-    """Runs `found`, a function of the planes of some pictures [h, w] or [h, w, 3], which the page holds packed."""
+    """Run `found`, a function of the planes of packed pictures [h, w] or [h, w, 3]."""
 
     def ask(found, *pictures, **given):
         height, width, *_ = given.pop("size")
@@ -75,7 +75,7 @@ def eight_bit(picture):
 
 @pytest.fixture(scope="module")
 def pair():
-    """Truth and rendering as stored in 8 bit: stripes, and noisy ones with a corner of noise alone and a black spot."""
+    """Return truth and rendering in 8 bit: stripes, and noisy stripes with a corner of pure noise and a black spot."""
     y, x = np.mgrid[:40, :56]
     truth = np.stack([0.5 + 0.5 * np.sin(0.4 * x + 0.2 * y), 0.2 + 0.01 * y, 1 - 0.015 * x], -1)
     noise = np.random.default_rng(5)
@@ -118,7 +118,7 @@ def test_ciede2000_is_that_of_colour_science(made_of):
     first, second = eight_bit(np.random.default_rng(0).uniform(size=(2, 20, 30, 3)))
     second[:5] = first[:5]
     second[5:9] = eight_bit(first[5:9].mean(-1, keepdims=True).repeat(3, -1))
-    labs = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(one), "sRGB")) for one in (first, second)]
+    labs = [colour.XYZ_to_Lab(colour.RGB_to_XYZ(decode_srgb(picture), "sRGB")) for picture in (first, second)]
     expected = colour.delta_E(*labs, method="CIE 2000")
     body = "async (one, other) => [...await chunks.run(deltaE.map(one, other, width, height))]"
     found = np.reshape(made_of(body, display(first), display(second), size=first.shape), (20, 30))
@@ -128,19 +128,19 @@ def test_ciede2000_is_that_of_colour_science(made_of):
 
 def test_flip_is_that_of_its_authors(made_of, pair):
     truth, test = pair
-    reference, other = (one.astype(np.float32) for one in pair)
+    reference, other = (picture.astype(np.float32) for picture in pair)
     expected, mean, _ = flip_evaluator.evaluate(reference, other, "LDR", inputsRGB=True, applyMagma=False)
     body = "async (truth, test) => [...await chunks.run(flip.map(truth, test, width, height))]"
     found = np.reshape(made_of(body, display(truth), display(test), size=truth.shape), (40, 56))
     assert np.max(expected) > 0.5
-    # The authors' program computes in single precision, and a root of a small difference magnifies its rounding.
+    # The authors' program uses single precision, and the root of a small difference magnifies its rounding.
     assert found == pytest.approx(np.asarray(expected)[..., 0], abs=1e-3)
     assert found.mean() == pytest.approx(mean, abs=2e-5)
     assert found.mean() == pytest.approx(metrics.flip(test, truth), abs=2e-5)
 
 
 def test_maps_of_light_are_those_of_the_harness(made_of, pair):
-    truth, test = (decode_srgb(one).astype(np.float32) for one in pair)
+    truth, test = (decode_srgb(picture).astype(np.float32) for picture in pair)
     truth[2:12, 20:40] *= 40.0
     truth = np.float32(np.float16(truth))
     reference, other = light(truth), display(pair[1])

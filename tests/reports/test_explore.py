@@ -1,4 +1,4 @@
-"""Tables, figures and the runs behind them, in a real browser."""
+"""Tables, figures and the runs behind them in a real browser."""
 
 import pytest
 
@@ -12,7 +12,7 @@ from tests.reports.test_explore_data import HOSTILE
 pytestmark = pytest.mark.slow
 
 FORMULA, MACRO = "=cmd()", "\\input{secret} | 5_% < 6"
-"""What a spreadsheet, LaTeX or Markdown would take for its own."""
+"""Texts with special characters of spreadsheets, LaTeX and Markdown."""
 
 
 def with_warnings(cell):
@@ -36,7 +36,7 @@ def view(browser, address):
     page, noise = opened(browser, address, viewport={"width": 1400, "height": 900}, reduced_motion="reduce")
     page.set_default_timeout(8000)
     yield page
-    assert [one for one in noise if not one.startswith("blob:")] == []
+    assert [line for line in noise if not line.startswith("blob:")] == []
     page.context.close()
 
 
@@ -64,7 +64,7 @@ def test_a_table_is_saved_as_csv_with_the_numbers_of_the_records(view, records):
         assert float(rows[0][f"{method} sd"]) > 0
 
 
-def test_a_menu_is_used_by_keys_alone_and_closes_without_what_lies_below_it(view):
+def test_a_menu_works_with_keys_and_escape_closes_only_the_menu(view):
     view.locator("#psnr tbody .behind").first.click()
     button = view.locator("#psnr .save").first
     button.focus()
@@ -140,21 +140,21 @@ def test_a_cell_shows_its_runs_and_escape_returns(view, records):
     cell.click()
     view.keyboard.press("Escape")
     assert panel.is_hidden()
-    assert cell.evaluate("one => one === document.activeElement")
+    assert cell.evaluate("node => node === document.activeElement")
 
 
-@pytest.mark.parametrize("width", [965, 1100, 1280, 1340, 1400])
-def test_the_panel_lies_beside_what_it_belongs_to(browser, address, width):
+@pytest.mark.parametrize("width", [965, 1340, 1400])  # about the breakpoints of the style
+def test_the_panel_covers_nothing_and_the_clicked_cell_stays_visible(browser, address, width):
     view, _ = opened(browser, address, viewport={"width": width, "height": 800}, reduced_motion="reduce")
     cell = view.locator("#psnr tbody .behind").nth(2)
     cell.click()
     panel = view.locator("#runs").bounding_box()
     assert view.evaluate("document.documentElement.scrollWidth") <= width
     right = """Math.max(...[...document.querySelectorAll('main section > *')]
-        .map(one => one.getBoundingClientRect().right))"""
+        .map(node => node.getBoundingClientRect().right))"""
     assert view.evaluate(right) <= panel["x"] + 1
     row = cell.locator("xpath=ancestor::tr").bounding_box()
-    assert -row["height"] < row["y"] < 800, "what was pointed at is in sight"
+    assert -row["height"] < row["y"] < 800, "the clicked row is visible"
     view.context.close()
 
 
@@ -162,14 +162,14 @@ def test_a_point_leads_to_everything_behind_it(browser, records, address):
     point = "scene=chair&method=qnerf&seed=1&step=400&runs.open=1"
     view, _ = opened(browser, f"{address}#{point}", viewport={"width": 1400, "height": 900})
     panel = view.locator("#runs")
-    drawn = panel.locator("svg[role=img]").evaluate_all("all => all.map((one) => one.getAttribute('aria-label'))")
+    drawn = panel.locator("svg[role=img]").evaluate_all("all => all.map((node) => node.getAttribute('aria-label'))")
     assert [words.split(":")[0] for words in drawn[:3]] == ["loss", "gradient norm", "learning rate"]
     assert drawn[1] == "gradient norm: 0.3 → 0.05"
     panel.get_by_text("gradient by layer", exact=True).click()
     assert panel.get_by_text("density_net.1", exact=True).is_visible()
-    (cell,) = [one for one in records.cells_of("chair", "qnerf") if one.seed == 1]
+    (cell,) = [cell for cell in records.cells_of("chair", "qnerf") if cell.seed == 1]
     worst = panel.locator("table", has_text="The worst test views").locator("tbody th").all_inner_texts()
-    assert worst == [one.view for one in sorted(cell.views, key=lambda one: one.psnr)][:3]
+    assert worst == [score.view for score in sorted(cell.views, key=lambda score: score.psnr)][:3]
     assert "--scenes chair --methods qnerf --seeds 1 --first-seed 1 --device cpu --threads 1" in panel.inner_text()
     panel.get_by_role("button", name="density at step 400").click()
     assert "density.step=400" in address_of(view)
@@ -193,7 +193,7 @@ def test_the_number_of_a_claim_shows_the_runs_that_it_was_judged_by(view, record
 def test_the_pairs_of_a_difference_are_those_that_were_compared(view, records, budget):
     pair = "qnerf", "nerf"
     view.evaluate(
-        "one => location.hash = new URLSearchParams(one)",
+        "choice => location.hash = new URLSearchParams(choice)",
         {"scene": "chair", "method": pair[0], "runs.against": pair[1], "runs.metric": "psnr", "runs.budget": budget,
          "runs.open": "1"},
     )  # fmt: skip
@@ -221,11 +221,11 @@ def test_a_figure_is_saved_with_the_numbers_of_the_records(view, records):
 
 
 def test_points_lie_where_they_are_drawn(view):
-    """The dots that Matplotlib drew and the places that the script computes from the numbers."""
+    """The script computes the same places as Matplotlib's dots."""
     drawn, computed = view.evaluate(
         """() => {
             const figure = document.querySelector('#psnr .plots figure');
-            const uses = [...figure.querySelectorAll('use')].map(one => [one.x.baseVal.value, one.y.baseVal.value]);
+            const uses = [...figure.querySelectorAll('use')].map(use => [use.x.baseVal.value, use.y.baseVal.value]);
             const svg = figure.querySelector('svg');
             svg.dispatchEvent(new PointerEvent('pointermove', {clientX: 0, clientY: 0}));
             const dots = figure.points.filter(point => point.trace.kind === 'dots').map(point => point.at);
@@ -254,7 +254,7 @@ def test_density_moves_with_the_checkpoint_and_the_address_keeps_it(view, record
     assert player.locator("output").inner_text() == "step 50"
 
 
-def test_the_page_is_whole_without_script(browser, address):
+def test_the_page_is_complete_without_script(browser, address):
     page = browser.new_context(java_script_enabled=False).new_page()
     page.goto(address)
     assert page.locator("#psnr table").first.is_visible()

@@ -1,4 +1,4 @@
-"""What the page's script works on: values to sort by, runs behind a cell, and the numbers of a drawing."""
+"""The data of the page's script: values for sorting, runs behind a cell, and the numbers of a drawing."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from reports.data.selection import Selection
 from reports.drawing.figure import svg
 from reports.drawing.traces import Panel, Trace, rounded
 from reports.page.grid import Entry
-from reports.page.shell import of_entry, of_row
+from reports.page.shell import entry_data, row_data
 from reports.run.metrics_table import comparisons_grid, metrics_grid
 from reports.run.runs_data import density_data, runs_data
 from reports.run.saving.export import tables
@@ -41,27 +41,27 @@ def test_figures_of_several_units_are_sorted_in_seconds_and_bytes(unit, value):
 
 def test_a_cell_carries_its_value_its_further_numbers_and_its_runs():
     entry = Entry("27.31 ± 0.12", value=27.3123456789, parts={"sd": 0.12, "low": None}, runs=Selection("lego", seed=0))
-    assert of_entry(entry) == Markup(
+    assert entry_data(entry) == Markup(
         ' data-value="27.31235" data-parts="{&#34;sd&#34;:0.12}"'
         ' data-runs="{&#34;scene&#34;:&#34;lego&#34;,&#34;seed&#34;:0}"'
     )
-    assert of_entry(Entry("", value="lego")) == ' data-said="lego"'
-    assert of_entry(Entry("lego")) == ""
-    assert of_entry(Entry("–", value=math.nan, parts={"sd": math.inf})) == "", "not finite is no value"
+    assert entry_data(Entry("", value="lego")) == ' data-said="lego"'
+    assert entry_data(Entry("lego")) == ""
+    assert entry_data(Entry("–", value=math.nan, parts={"sd": math.inf})) == "", "not finite is no value"
 
 
 def test_hostile_names_stay_within_their_attribute():
     entry = Entry(HOSTILE, value=HOSTILE, runs=Selection(HOSTILE, "'"))
-    for text in (of_entry(entry), of_row([entry])):
+    for text in (entry_data(entry), row_data([entry])):
         assert re.findall(r"<|>", text) == []
         assert len(re.findall(r'"', text)) % 2 == 0
 
 
 def test_a_row_belongs_to_a_scene_only_where_all_of_it_does():
     lego, ship = (Entry("1", runs=Selection(scene, "nerf")) for scene in ("lego", "ship"))
-    assert of_row([Entry("x"), lego]) == ' data-scene="lego" data-method="nerf"'
-    assert of_row([lego, ship]) == ' data-method="nerf"'
-    assert of_row([Entry("x")]) == ""
+    assert row_data([Entry("x"), lego]) == ' data-scene="lego" data-method="nerf"'
+    assert row_data([lego, ship]) == ' data-method="nerf"'
+    assert row_data([Entry("x")]) == ""
 
 
 def test_cells_of_the_score_tables_know_their_runs(records):
@@ -71,9 +71,9 @@ def test_cells_of_the_score_tables_know_their_runs(records):
     assert grid.rows[0][2].value == pytest.approx(mean)
     blank = metrics_grid(records).rows[1]
     assert (blank[0].text, blank[0].value) == ("", "chair")
-    one, shown = records.comparisons[0], comparisons_grid(records).rows[0][4]
-    assert shown.runs == Selection(one.scene, one.method, one.against, one.metric, one.budget)
-    assert shown.parts == {"low": one.interval[0], "high": one.interval[1]}
+    row, entry = records.comparisons[0], comparisons_grid(records).rows[0][4]
+    assert entry.runs == Selection(row.scene, row.method, row.against, row.metric, row.budget)
+    assert entry.parts == {"low": row.interval[0], "high": row.interval[1]}
 
 
 def drawn(text: str) -> dict:
@@ -89,15 +89,15 @@ def test_a_drawing_brings_its_numbers_and_where_its_axes_lie():
          Trace("c", "#0072b2", "area", (1.0,), (1.0,))),
         "alt", "log", x_limits=(1.0, 100.0), y_limits=(0.0, 2.0),
     )  # fmt: skip
-    found = drawn(svg(panel, "one"))
-    assert found["traces"] == [
+    data = drawn(svg(panel, "one"))
+    assert data["traces"] == [
         {"label": "a", "kind": "line", "colour": "--nerf", "x": [1, 10], "y": [0.123457, None], "runs": [0],
          "steps": [5, 6]},
         {"label": "b", "kind": "dots", "colour": "--ink", "x": 0, "y": [1, 2]},
     ]  # fmt: skip
-    assert found["runs"] == [{"scene": "lego", "method": "nerf"}]
-    assert found["x"] == {"label": "x", "scale": "log", "low": 1, "high": 100}
-    assert found["box"] == rounded((0.62 * 72, 0.12 * 72, (3.7 - 0.74) * 72, (2.6 - 0.62) * 72))
+    assert data["runs"] == [{"scene": "lego", "method": "nerf"}]
+    assert data["x"] == {"label": "x", "scale": "log", "low": 1, "high": 100}
+    assert data["box"] == rounded((0.62 * 72, 0.12 * 72, (3.7 - 0.74) * 72, (2.6 - 0.62) * 72))
 
 
 def test_a_drawing_of_hostile_words_cannot_end_its_data():
@@ -109,25 +109,25 @@ def test_a_drawing_of_hostile_words_cannot_end_its_data():
 
 def test_every_run_is_there_with_what_sets_it_apart(records):
     assert rounded([1234567.0, 0.1234567, math.nan, math.inf, 2.0]) == [1234570, 0.123457, None, None, 2], "six digits"
-    found = runs_data(records)
-    assert len(found["cells"]) == len(records.cells)
-    (lost,) = [one for one in found["cells"] if one["status"] == "diverged"]
+    data = runs_data(records)
+    assert len(data["cells"]) == len(records.cells)
+    (lost,) = [cell for cell in data["cells"] if cell["status"] == "diverged"]
     assert (lost["scene"], lost["method"], lost["seed"], lost["scores"]) == ("drums", "qnerf", 2, {})
     assert lost["reason"] == "not finite at step 412: density_head.weight"
-    first, cell = found["cells"][0], records.cells[0]
+    first, cell = data["cells"][0], records.cells[0]
     assert first["scores"]["psnr"] == pytest.approx(cell.scores["psnr"], rel=1e-5)
     assert first["curve"]["step"] == [point.step for point in cell.curve]
     assert first["curve"]["core_seconds"] == pytest.approx([point.core_seconds for point in cell.curve], rel=1e-5)
     assert first["core_seconds"] == pytest.approx(cell.train_core_seconds, rel=1e-5)
     assert "alpha" not in first["curve"]
     assert (first["differing"], first["file"]) == ({}, "records/cells/chair.nerf.0.json")
-    json.dumps(found, allow_nan=False)
+    json.dumps(data, allow_nan=False)
 
 
-def test_runs_of_a_group_that_is_not_whole_say_so(records):
+def test_runs_of_an_incomplete_group_are_marked(records):
     def apart(records):
         cells = runs_data(records)["cells"]
-        return [(one["scene"], one["method"], one["seed"]) for one in cells if not one.get("whole", True)]
+        return [(cell["scene"], cell["method"], cell["seed"]) for cell in cells if not cell.get("whole", True)]
 
     assert apart(records) == []
     lacking = [cell for cell in records.cells if (cell.scene, cell.method, cell.seed) != ("chair", "nerf", 1)]
@@ -143,7 +143,7 @@ def test_histograms_leave_out_what_is_the_same_and_carry_the_true_occupancy(reco
                  "points": [3.0, 5.0]}  # fmt: skip
         return replace(cell, curve=[replace(cell.curve[0], density=sides)])
 
-    one = density_data(replace(records, cells=[split(records.cells[0])]))[0]
-    assert one["edges"] == [0, 0.5, 1]
-    assert one["at"] == [{"before": [0.5, 0.5], "before_inside": [1, 0], "before_outside": [0, 1],
+    data = density_data(replace(records, cells=[split(records.cells[0])]))[0]
+    assert data["edges"] == [0, 0.5, 1]
+    assert data["at"] == [{"before": [0.5, 0.5], "before_inside": [1, 0], "before_outside": [0, 1],
                           "after_outside": [0.5, 0.5], "points": [3.0, 5.0]}]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The first screen in a real browser: what is in sight, what its tables give as files, and what long names do."""
+"""The first screen in a real browser: its visible parts, the files of its tables, and long names."""
 
 import re
 
@@ -26,23 +26,23 @@ def whole(tmp_path_factory) -> str:
 
 @pytest.fixture(scope="module")
 def lengthy(tmp_path_factory) -> str:
-    """A scene with a long name that stands in alerts, notes, figures and pictures."""
+    """Return a page with a long scene name in alerts, notes, figures and pictures."""
     return written(tmp_path_factory.mktemp("lengthy"), "chair", LONG)
 
 
 def bottoms(view, selector) -> list[float]:
     return view.evaluate(
-        "one => [...document.querySelectorAll(one)].map(one => one.getBoundingClientRect().bottom)", selector
+        "query => [...document.querySelectorAll(query)].map(node => node.getBoundingClientRect().bottom)", selector
     )
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 900), (390, 844)])
-def test_question_answer_sure_scale_and_what_was_not_tested_are_in_sight(browser, whole, lengthy, width, height):
+def test_question_answer_confidence_scale_and_what_was_not_tested_are_visible(browser, whole, lengthy, width, height):
     for address in (whole, lengthy):
         view, _ = opened(browser, address, viewport={"width": width, "height": height})
-        found = bottoms(view, ".question, h1, .in-short > div")
-        assert len(found) == 5
-        assert max(found) < height
+        ends = bottoms(view, ".question, h1, .in-short > div")
+        assert len(ends) == 5
+        assert max(ends) < height
         assert width < 900 or max(bottoms(view, ".principal tbody th"), default=0) < height
         view.context.close()
 
@@ -57,7 +57,7 @@ def test_what_was_not_tested_is_a_click_away(browser, whole):
         assert 0 <= top < 900
 
 
-def test_the_claims_are_saved_a_row_each_with_numbers_that_parse(browser, whole):
+def test_each_claim_is_saved_as_a_row_with_numbers_that_parse(browser, whole):
     view, _ = opened(browser, whole)
     tools = view.locator(".scroll:has(.principal) + .tools, .tools:has(+ .scroll .principal)")
     rows = rows_of(saved(view, tools, "CSV"))
@@ -70,7 +70,7 @@ def test_the_claims_are_saved_a_row_each_with_numbers_that_parse(browser, whole)
     figures = [
         row[name] for row in rows for name in row if re.fullmatch(r"(claimed|measured)( from| to| low| high)?", name)
     ]
-    assert [float(one) for one in figures if one]
+    assert [float(figure) for figure in figures if figure]
 
 
 @pytest.mark.parametrize("width", [390, 1280])
@@ -79,7 +79,8 @@ def test_a_long_name_makes_no_page_wider_and_is_not_cut(browser, lengthy, width)
     unfold(view)
     assert view.evaluate("document.documentElement.scrollWidth") == width
     cut = """[...document.querySelectorAll('.alert, .scroll:has(.principal), figcaption')]
-        .filter(one => one.checkVisibility() && one.scrollWidth > one.clientWidth + 1).map(one => one.textContent)"""
+        .filter(node => node.checkVisibility() && node.scrollWidth > node.clientWidth + 1)
+        .map(node => node.textContent)"""
     assert view.evaluate(cut) == []
     for place in (".alert", "#convergence figcaption"):
         assert view.locator(place, has_text=LONG).count() > 0

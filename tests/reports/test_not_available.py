@@ -1,4 +1,4 @@
-"""A method whose library is missing: shown with its reason, counted as nobody's failure, and in nobody's way."""
+"""A method whose library is missing: shown with its reason, not counted as a failure, no effect on other methods."""
 
 import pytest
 
@@ -29,14 +29,14 @@ def lacking(tmp_path, monkeypatch) -> Records:
     return fake_records(tmp_path / "run", methods=WITH, change_cell=absent)
 
 
-def test_it_is_no_failure(lacking, capsys):
+def test_it_is_not_a_failure(lacking, capsys):
     assert lacking.failed == []
     assert lacking.not_available == {"voxels_drjit": {REASON: 6}}
     assert main([str(lacking.out)]) == 0
     assert f"voxels_drjit: not available ({REASON})" in capsys.readouterr().out.splitlines()
 
 
-def test_tables_say_so_with_the_reason_and_without_alarm(lacking):
+def test_tables_state_the_reason_without_alarm(lacking):
     row = scores_grid(lacking).rows[0]
     entry = row[2 + lacking.methods.index("voxels_drjit")]
     assert (entry.text, entry.small, entry.tone) == ("3 of 3 not available", REASON, "muted")
@@ -54,11 +54,11 @@ def test_the_others_keep_their_averages(lacking, whole):
 def test_the_page_says_it_once_on_the_first_screen(lacking):
     text = page(lacking)
     top = text[: text.index("<nav")]
-    assert "voxels_drjit was not available</b> in 6 of 24 cells, which is no failure of it: " + REASON in top
+    assert "voxels_drjit was not available</b> in 6 of 24 cells, which is not a failure: " + REASON in top
     assert "did not finish" not in top
 
 
-def test_a_contender_that_was_not_there_has_no_verdict(lacking):
+def test_an_unavailable_contender_has_no_verdict(lacking):
     cells = [replace(cell, status="not_available", reason=REASON) if cell.method == "qnerf" else cell
              for cell in lacking.cells]  # fmt: skip
     title = headline(replace(lacking, cells=cells)).title

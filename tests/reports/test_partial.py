@@ -1,4 +1,4 @@
-"""--partial: what is damaged is left out and named, what is sound is shown, and nothing is said that is not so."""
+"""--partial: damaged files are left out and named, valid files are shown, and all statements stay true."""
 
 import html
 from pathlib import Path
@@ -19,7 +19,7 @@ CELL, TRUTH, RENDERS = "chair.nerf.0.json", "drums.safetensors", "chair.qnerf.0.
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """Two scenes × three methods, all finished and sound."""
+    """Return a run of two scenes × three methods, finished and valid."""
     return write_fake_run(tmp_path / "run", seeds=1, size=4, with_diverged=False)
 
 
@@ -29,7 +29,7 @@ def spoil(out: Path, *names: str) -> None:
         (out / "records" / kind / name).write_bytes(b"?")
 
 
-def test_a_damaged_cell_is_left_out_and_named_and_verdicts_are_of_the_others(run):
+def test_a_damaged_cell_is_left_out_and_named_and_verdicts_use_the_others(run):
     before = read_records(run)
     spoil(run, CELL)
     with pytest.raises(DamagedRecord, match=CELL):
@@ -40,14 +40,14 @@ def test_a_damaged_cell_is_left_out_and_named_and_verdicts_are_of_the_others(run
     assert len(records.cells) == 5
     assert records.cells_of("chair", "nerf") == []
     assert records.run.finished
-    assert any(one.scene == "chair" for one in before.comparisons)
+    assert any(row.scene == "chair" for row in before.comparisons)
     assert records.comparisons
-    assert not any(one.scene == "chair" for one in records.comparisons)
+    assert not any(row.scene == "chair" for row in records.comparisons)
     assert records.targets is None
     assert summary(records)["damaged"] == records.left_out
 
 
-def test_pictures_that_are_missing_damaged_or_without_their_truth_are_called_so_and_not_unkept(run):
+def test_missing_and_damaged_pictures_are_not_reported_as_not_kept(run):
     spoil(run, RENDERS, TRUTH)
     (run / "records/pictures/chair.nerf.0.safetensors").unlink()
     records = read_records(run, partly=True)
@@ -55,19 +55,19 @@ def test_pictures_that_are_missing_damaged_or_without_their_truth_are_called_so_
     assert "chair.nerf.0.safetensors: not the pictures of a run (missing)" in missing
     assert RENDERS in broken
     assert TRUTH in truth
-    found = picture_data(records).data
-    (chair,) = found["scenes"]
+    data = picture_data(records).data
+    (chair,) = data["scenes"]
     lost = {cell["method"]: (cell["status"], cell["reason"]) for cell in chair["missing"]}
     assert lost == {
         "nerf": ("done", f"{run}/records/pictures/chair.nerf.0.safetensors: missing"),
         "qnerf": ("done", broken),
     }
-    assert any("drums" in said and "ground truth" in said for said in found["left_out"])
+    assert any("drums" in line and "ground truth" in line for line in data["left_out"])
     chair, drums = views(records)
-    assert [one.caption for one in chair.methods[::2]] == [reason for _, reason in lost.values()]
+    assert [cell.caption for cell in chair.methods[::2]] == [reason for _, reason in lost.values()]
     assert chair.methods[1].render
     assert drums.truth is None
-    assert all(one.render and one.caption == "no ground truth of this size" for one in drums.methods)
+    assert all(cell.render and cell.caption == "no ground truth of this size" for cell in drums.methods)
 
 
 @pytest.mark.slow
@@ -81,14 +81,14 @@ def test_the_page_names_all_that_is_damaged(run, capsys):
     alert = text[text.index("3 damaged files left out:") :].split("</div>")[0]
     assert len(said) == alert.count("<li>") == 3
     for name in (CELL, TRUTH, RENDERS):
-        (line,) = (one for one in said if name in one)
+        (line,) = (line for line in said if name in line)
         assert f"<li>{line.removeprefix('left out: ')}</li>" in alert
-    assert "Comparisons and verdicts are of" in alert
+    assert "Comparisons and verdicts use only" in alert
     assert NOT_KEPT not in text
 
 
 @pytest.mark.slow
-def test_of_several_outputs_each_says_what_it_lacks(run, tmp_path, capsys):
+def test_of_several_outputs_each_names_its_damaged_files(run, tmp_path, capsys):
     other = write_fake_run(tmp_path / "other", seeds=1, pictures=False, with_diverged=False)
     spoil(other, CELL)
     assert main([str(run), str(other)]) == 2

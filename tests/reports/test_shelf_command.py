@@ -1,4 +1,4 @@
-"""python -m reports where there are records of studies: pages, exit codes, what is published, what is refused."""
+"""python -m reports with records of studies: pages, exit codes, published files, refusals."""
 
 import json
 from functools import reduce
@@ -34,7 +34,7 @@ def written(folder: Path, record: Studies) -> Path:
 
 
 @each_shelf
-def test_a_record_alone_gives_its_page_alone(tmp_path, capsys, shelf):
+def test_a_record_without_a_run_gives_only_its_page(tmp_path, capsys, shelf):
     out = written(tmp_path / "out", GOOD[shelf])
     assert main([str(out)]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == str(out / f"{shelf}.html")
@@ -51,7 +51,7 @@ def test_a_record_alone_gives_its_page_alone(tmp_path, capsys, shelf):
         ("stability", "A2 harness: after a reload: 3.00·10⁻⁴, wanted ≤ 2·10⁻⁶"),
     ],
 )
-def test_what_is_ours_and_fails_gives_3_and_is_named(tmp_path, capsys, shelf, line):
+def test_a_failed_check_of_our_own_code_gives_3_and_is_named(tmp_path, capsys, shelf, line):
     out = written(tmp_path / "out", BROKEN[shelf])
     assert main([str(out)]) == 3
     assert capsys.readouterr().out.splitlines()[1].startswith(line)
@@ -64,7 +64,7 @@ def test_what_is_ours_and_fails_gives_3_and_is_named(tmp_path, capsys, shelf, li
     [([GOOD["stability"], GOOD["evidence"], GOOD["speed"]], False, 0), ([GOOD["speed"]], True, 3),
      ([BROKEN["evidence"]], False, 3)],
 )  # fmt: skip
-def test_beside_a_run_there_are_both_and_each_leads_to_the_other(tmp_path, records, diverged, code):
+def test_with_a_run_both_pages_are_written_and_linked(tmp_path, records, diverged, code):
     out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False, with_diverged=diverged)
     for record in records:
         written(out, record)
@@ -78,7 +78,7 @@ def test_beside_a_run_there_are_both_and_each_leads_to_the_other(tmp_path, recor
 
 
 @pytest.mark.parametrize("lost", ["records/cells", "records/run.json"])
-def test_records_that_are_no_run_do_not_stop_the_page(tmp_path, lost):
+def test_an_incomplete_run_does_not_stop_the_page(tmp_path, lost):
     out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False)
     for path in (out / lost).iterdir() if lost.endswith("cells") else [out / lost]:
         path.unlink()
@@ -110,7 +110,7 @@ def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, shelf, content
         ("stability", "studies.3.findings.3.status", "lost", "Invalid enum value 'lost'"),
     ],
 )
-def test_what_no_run_writes_is_named_with_the_remedy(tmp_path, capsys, shelf, place, value, said):
+def test_an_invalid_value_is_named_with_the_remedy(tmp_path, capsys, shelf, place, value, said):
     path = written(tmp_path, (BROKEN | GOOD)[shelf]) / SHELVES[shelf]
     data = json.loads(path.read_text(encoding="utf-8"))
     data.pop("digest")
@@ -138,7 +138,7 @@ def test_publishing_writes_the_record_without_pictures_and_the_charts(tmp_path, 
         assert (docs / name).read_bytes().startswith(b"\x89PNG")
         assert 5_000 < (docs / name).stat().st_size < 500_000
     publishing.write_published(replace(record, studies=[]), tmp_path / "nothing")
-    assert names(tmp_path / "nothing") == [SHELVES[shelf]], "what there is not is not drawn"
+    assert names(tmp_path / "nothing") == [SHELVES[shelf]], "an empty record has no pictures"
 
 
 def test_a_long_record_is_published_without_its_lines(tmp_path, monkeypatch):
@@ -155,7 +155,7 @@ def test_a_long_record_is_published_without_its_lines(tmp_path, monkeypatch):
         (fake_serving(priorities=[LATE]), "not finished"),
     ],
 )
-def test_what_is_quick_or_unfinished_is_shown_and_not_published(tmp_path, capsys, record, said):
+def test_a_quick_or_unfinished_record_is_shown_and_not_published(tmp_path, capsys, record, said):
     out = written(tmp_path / "out", record)
     assert main([str(out), "--publish", str(tmp_path / "docs")]) == 2
     caught = capsys.readouterr()
@@ -165,7 +165,7 @@ def test_what_is_quick_or_unfinished_is_shown_and_not_published(tmp_path, capsys
     assert main([str(out)]) == 0
 
 
-def test_serving_stands_in_the_report_and_in_the_summary_and_is_missed_where_it_is_not(tmp_path, capsys):
+def test_serving_is_in_report_and_summary_or_listed_as_not_tested(tmp_path, capsys):
     out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False, with_diverged=False)
 
     def made() -> tuple[str, dict]:

@@ -1,4 +1,4 @@
-"""Tables as data, against literals."""
+"""Tables as data, compared with literals."""
 
 import pytest
 
@@ -33,9 +33,9 @@ def labels(grid) -> list[str]:
 
 def test_spread_is_over_finished_seeds_and_averages_over_scenes_that_every_method_finished(records: Records):
     frame = cells_frame(records)
-    whole, lost = spread_of(frame, "chair", "nerf", "psnr"), spread_of(frame, "drums", "qnerf", "psnr")
-    assert whole.mean == pytest.approx((22.886 + 22.85 + 22.874) / 3, abs=0.05)
-    assert [(one.done, one.seeds) for one in (whole, lost)] == [(3, 3), (2, 3)]
+    complete, partial = spread_of(frame, "chair", "nerf", "psnr"), spread_of(frame, "drums", "qnerf", "psnr")
+    assert complete.mean == pytest.approx((22.886 + 22.85 + 22.874) / 3, abs=0.05)
+    assert [(spread.done, spread.seeds) for spread in (complete, partial)] == [(3, 3), (2, 3)]
     frame = cells_frame(replace(records, cells=[cell for cell in records.cells if cell.seed == 2]))
     assert shared_scenes(frame, "psnr") == ["chair"]
     assert average_of(frame, "qnerf", "psnr", ["chair"]).sd is None, "of one seed"
@@ -45,10 +45,10 @@ def test_spread_is_over_finished_seeds_and_averages_over_scenes_that_every_metho
 
 def test_differences_are_those_of_the_comparisons(records: Records):
     changed = [
-        replace(one, difference=0.125, interval=(0.01, 0.3), simultaneous=(0.05, 0.2), verdict=ABOVE, unpaired=0)
-        if (one.scene, one.method, one.against, one.budget) == ("chair", "qnerf", "nerf", "steps")
-        else one
-        for one in records.comparisons
+        replace(row, difference=0.125, interval=(0.01, 0.3), simultaneous=(0.05, 0.2), verdict=ABOVE, unpaired=0)
+        if (row.scene, row.method, row.against, row.budget) == ("chair", "qnerf", "nerf", "steps")
+        else row
+        for row in records.comparisons
     ]
     (grid,) = differences_grids(replace(records, comparisons=changed))
     assert labels(grid) == ["scene", *("− nerf", "− nerf_matched") * 2, "Δ"]
@@ -62,7 +62,7 @@ def test_differences_are_those_of_the_comparisons(records: Records):
     ("changes", "entry"),
     [
         ({}, Entry("+0.50", "[+0.30, +0.70]\nabove 0, size open", "above gain")),
-        # of a family, it is the interval of all together; colours follow the sign and the metric's direction
+        # a family has its simultaneous interval; colours follow the sign and the metric's direction
         (
             {"scene": "lego", "simultaneous": (-0.3, 1.3), "family": 8, "verdict": OPEN},
             Entry("+0.50", "[−0.30, +1.30]\nsign and size open", "open"),
@@ -111,7 +111,7 @@ def left_out(records: Records, *by_scene: list[LeftOut]):
     return left_out_grid(replace(records, run=replace(records.run, scenes=scenes)))
 
 
-def test_left_out_is_grouped_and_what_holds_for_every_scene_stands_once(records: Records):
+def test_omissions_of_every_scene_are_one_row(records: Records):
     by_scene = [
         [LeftOut(what, why, None, None, None) for what, why in (("space", f"{k} cells"), ("fine pass", "smooth"))]
         for k in (1, 2)
@@ -125,15 +125,15 @@ def test_left_out_is_grouped_and_what_holds_for_every_scene_stands_once(records:
     ]
 
 
-def test_left_out_says_what_it_may_cost_and_whether_it_does(records: Records):
-    told = [
+def test_omissions_state_their_bound_their_cost_and_the_verdict(records: Records):
+    omissions = [
         LeftOut("samples in empty space", "mostly empty", 3.0, -0.5, (-0.7, -0.3), "empty_space", "sampling", 0.2, "dB",
                 "training", "costs more"),
         LeftOut("samples behind", "opaque", -0.1, 6.4e-5, None, "behind_opaque", "rendering", 1e-4, "colour",
                 "rendering", "within its bound"),
         LeftOut("background model", "alpha is known", None, None, None, bound=0.0),
     ]  # fmt: skip
-    grid = left_out(records, told, [])
+    grid = left_out(records, omissions, [])
     assert labels(grid)[3:] == ["time saved", "change in error", "may cost", "verdict"]
     texts = [[(entry.text, entry.small, entry.tone) for entry in row[3:]] for row in grid.rows]
     assert texts[0] == [
@@ -152,7 +152,7 @@ def test_a_score_within_one_db_of_its_ceiling_is_called_reference_limited(mean, 
     assert ("reference-limited" in entry.small) == limited
 
 
-def test_what_a_method_costs_stands_beside_what_nerf_does(records: Records):
+def test_the_cost_of_a_method_is_compared_with_that_of_nerf(records: Records):
     grid = costs_grid(records)
     columns = ["method", "training", "multiple", "drawing", "weights", "file", "memory"]
     assert labels(grid) == columns

@@ -1,4 +1,4 @@
-"""Captures as others write them, and how others read ours."""
+"""Captures as other programs write them, and the original loader of the Blender format."""
 
 import json
 from collections.abc import Callable
@@ -37,11 +37,11 @@ def capture(folder: Path, count: int, poses: np.ndarray, channels: int = 3, **mo
 
 def as_load_blender(folder: Path) -> dict[str, tuple[list[Path], np.ndarray, float]]:
     """As `load_blender_data` of nerf-pytorch: every split there, with a view at least, `.png` added to each path."""
-    found = {}
+    result = {}
     for split in ("train", "val", "test"):
         meta = json.loads((folder / f"transforms_{split}.json").read_text())
         files = [folder / f"{frame['file_path']}.png" for frame in meta["frames"]]
         assert files
         assert all(read_image(file).shape[2] == 4 for file in files)
-        found[split] = files, np.array([f["transform_matrix"] for f in meta["frames"]]), float(meta["camera_angle_x"])
-    return found
+        result[split] = files, np.array([f["transform_matrix"] for f in meta["frames"]]), float(meta["camera_angle_x"])
+    return result

@@ -1,4 +1,4 @@
-"""A tiny scene of plain shapes, rendered once a session with `scalar_rgb`."""
+"""A tiny scene of plain shapes, rendered once per session with `scalar_rgb`."""
 
 import shutil
 from collections.abc import Callable
@@ -51,7 +51,7 @@ def tiny_scene() -> Scene:
 
 @pytest.fixture
 def render_tiny(monkeypatch: pytest.MonkeyPatch, tiny_scene: Scene) -> Callable[..., Path]:
-    """`ensure_view_set` for the tiny scene; keywords overrule the defaults."""
+    """Return `ensure_view_set` for the tiny scene; keywords override the defaults."""
     from scenes.rendering import store
 
     monkeypatch.setattr(store, "scene_named", lambda name: tiny_scene)
@@ -79,7 +79,7 @@ def stored_once(tmp_path_factory: pytest.TempPathFactory, tiny_scene: Scene) -> 
 
 @pytest.fixture
 def view_set(stored_once: Path, tmp_path: Path) -> Path:
-    """A copy of the tiny view set, to be damaged at will."""
+    """A copy of the tiny view set, which a test may damage."""
     copy = tmp_path / stored_once.name
     shutil.copytree(stored_once, copy)
     return copy
@@ -87,12 +87,12 @@ def view_set(stored_once: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def ball(tmp_path: Path) -> Path:
-    """Somebody else's view set."""
+    """A view set of another program."""
     return write_ball(tmp_path / "ball", size=12, train=4, test=2)
 
 
 @pytest.fixture
 def studio(tmp_path: Path, ball: Path) -> Path:
-    """The same with a `transforms.json`."""
+    """The same view set with a `transforms.json`."""
     export(ball, "nerfstudio", tmp_path / "studio")
     return tmp_path / "studio"

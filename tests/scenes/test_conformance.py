@@ -1,7 +1,6 @@
-"""What every classic scene must be. Being in the catalogue is being tested."""
+"""Requirements on every scene of the catalogue."""
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +10,9 @@ from scenes.files.digest import digest_of
 from scenes.files.errors import InputError
 from scenes.modelling.needs import OF_TRAINING, PARTS, entries, left_out, needs
 from scenes.modelling.scene import Description, Scene
-from scenes.rendering.render import LoadedScene, render_views, seed_from, use
+from scenes.rendering.render import LoadedScene, RenderedView, render_views, seed_from, use
 from scenes.rendering.variant import Variant, llvm_libraries, probe
 from scenes.view_sets.viewpoints import camera_to_world
-
-INFINITELY_FAR = {"constant", "envmap", "directional"}
-NEAR = {"area", "point", "spot", "projector", "directionalarea"}
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +34,7 @@ def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-def test_the_eight_of_table_2_are_there_and_named_for_who_asks_for_another() -> None:
+def test_the_eight_of_table_2_are_listed_if_an_unknown_scene_is_named() -> None:
     assert list(CLASSICS) == ["chair", "drums", "ficus", "hotdog", "lego", "materials", "mic", "ship"]
     with pytest.raises(InputError, match=r"'teapot'.*chair.*ship"):
         scene_named("teapot")
@@ -49,18 +45,20 @@ def test_it_is_named_and_deterministic(name: str) -> None:
     scene = scene_named(name)
     assert scene.name == name
     assert 10 < len(scene.title) < 120
-    assert digest_of(scene.build()) == digest_of(scene.build())  # of plain data alone
+    assert digest_of(scene.build()) == digest_of(scene.build())  # only plain data can be hashed
 
 
-def test_it_has_no_camera_and_no_integrator(name: str) -> None:
+def test_its_light_is_infinitely_far_away_and_it_has_no_camera_and_no_integrator(name: str) -> None:
     scene, description = built(name)
     assert 2 <= scene.max_depth <= 64
     assert scene.view_from == ("sphere" if name == "ficus" else "hemisphere")
     assert "integrator" not in description
-    assert not any(entry.get("type") in ("perspective", "hdrfilm") for entry in entries(description))
+    types = {entry.get("type") for entry in entries(description)}
+    assert types & {"constant", "envmap", "directional"}
+    assert not types & {"perspective", "hdrfilm", "area", "point", "spot", "projector", "directionalarea"}
 
 
-def test_its_meshes_are_whole(name: str) -> None:
+def test_its_meshes_are_valid(name: str) -> None:
     _, description = built(name)
     for entry in entries(description):
         for value in entry.values():
@@ -78,40 +76,34 @@ def test_its_meshes_are_whole(name: str) -> None:
                     assert entry[key].shape == (len(vertices), width)
 
 
-def test_its_light_comes_from_infinitely_far_away(name: str) -> None:
-    _, description = built(name)
-    types = {entry.get("type") for entry in entries(description)}
-    assert types & INFINITELY_FAR
-    assert not types & NEAR
-
-
 def test_its_needs_are_known(name: str) -> None:
     _, description = built(name)
-    found = needs(description, np.array([[-1.0] * 3, [1.0] * 3]), pixel=0.03)
-    assert list(found) == [part for part in PARTS if part not in OF_TRAINING]
-    assert {row["name"] for row in left_out(found)} == {
+    result = needs(description, np.array([[-1.0] * 3, [1.0] * 3]), pixel=0.03)
+    assert list(result) == [part for part in PARTS if part not in OF_TRAINING]
+    assert {row["name"] for row in left_out(result)} == {
         "background_model", "outside_box", "empty_space", "behind_opaque", "participating_media", "scale_checks",
         "hdr_metrics",
     }  # fmt: skip
 
 
-def views_of(name: str, variant: Variant, spp: int) -> tuple[np.ndarray, list[Any]]:
+@cache
+def views_of(name: str, variant: Variant) -> tuple[np.ndarray, list[RenderedView]]:
     scene, description = built(name)
-    loaded = LoadedScene(description, variant, scene.max_depth, 32, 32)
+    loaded = LoadedScene(scene, description, variant, 32, 32)
     poses = camera_to_world("test", scene.view_from, 3)
-    return loaded.bounds(), list(render_views(loaded, poses, spp, range(3), ["a", "b", "c"]))
+    return loaded.bounds(), list(render_views(loaded, poses, 8, range(3), ["a", "b", "c"]))
 
 
 def test_it_renders(name: str, scalar: Variant) -> None:
     scene, _ = built(name)
-    bounds, views = views_of(name, scalar, 8)
+    bounds, views = views_of(name, scalar)
     assert np.abs(bounds).max() < 1.5
     for view in views:
         alpha, colour = view.rgba[..., 3], view.rgba[..., :3]
         assert 0.03 < alpha.mean() < 0.9
         assert alpha.max() == 1.0
         border = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
-        assert border.max() == 0.0  # the whole object is in the picture
+        assert border.max() == 0.0  # the complete object is in the picture
         assert (colour >= 0).all()
         assert 0.02 < colour.sum() / (3 * alpha.sum()) < 1.0
         depth = view.depth[view.depth > 0]
@@ -121,7 +113,7 @@ def test_it_renders(name: str, scalar: Variant) -> None:
 
 
 def test_it_renders_alike_with_llvm(name: str, scalar: Variant, fast: Variant) -> None:
-    slow_views, fast_views = views_of(name, scalar, 8)[1], views_of(name, fast, 8)[1]
+    slow_views, fast_views = views_of(name, scalar)[1], views_of(name, fast)[1]
     for slow, quick in zip(slow_views, fast_views, strict=True):
         for channel in range(4):
             shift = float((slow.rgba - quick.rgba)[..., channel].mean())
@@ -135,7 +127,7 @@ def test_it_renders_alike_with_llvm(name: str, scalar: Variant, fast: Variant) -
 def test_llvm_gives_the_same_bits_on_any_number_of_threads_and_what_mitsuba_adds_up(fast: Variant) -> None:
     import drjit as dr
 
-    mi, size, spp = use(fast), 64, 324
+    mi, size, spp = use(fast), 32, 324
     scene = LoadedScene.of(scene_named("lego"), fast, size)
     pose = camera_to_world("test", "hemisphere", 1)[0]
     usual, tries = dr.thread_count(), []

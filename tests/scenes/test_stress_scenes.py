@@ -1,4 +1,4 @@
-"""Stiff and extreme scenes and the ladders: plain data, whole, seen as their closed forms say."""
+"""Stiff and extreme scenes and the ladders: their renders agree with their closed forms."""
 
 from functools import cache
 
@@ -21,7 +21,7 @@ from scenes.view_sets.viewpoints import camera_to_world
 SIZE = 12
 UNIT = Scene("unit", "Ball, block and floor at unit scale: what tiny and huge are held to", scales.unit)
 REPEATS = 6
-"""Independent closed-form and rendered means, from which their standard errors are taken."""
+"""The number of independent closed-form and rendered means, from which standard errors are computed."""
 WITH_TRUTH = [name for name in (*STRESS, *RUNGS) if scene_named(name).truth is not None]
 
 
@@ -72,7 +72,7 @@ def test_it_is_seen_as_its_closed_form_says(name: str) -> None:
     assert truth is not None
     exact = [pixel_means(truth, pose, SIZE, SIZE, 16, np.random.default_rng(k)) for k in range(REPEATS)]
     closed = np.array([rgba.mean((0, 1)) for rgba, _ in exact])
-    # whether a path meets fog is a matter of chance; what is solid has noise at its borders alone
+    # whether a path meets fog is random; solid shapes have noise only at their borders
     spp = 512 if loaded.integrator_name == "volpath" else 64
     rendered = np.array([loaded.colour(pose, spp, seed).mean((0, 1)) for seed in range(REPEATS)])
     error = np.sqrt((closed.var(0, ddof=1) + rendered.var(0, ddof=1)) / REPEATS)
@@ -118,10 +118,10 @@ def test_any_unit_is_brought_to_the_unit_scene(name: str) -> None:
     assert FRAMED[0] <= np.abs(box).max() <= FRAMED[1]
     expected = LoadedScene.of(UNIT, Variant("scalar_rgb", None, "test"), SIZE)
     loaded, _, pose = seen(name)
-    ours = np.array([loaded.colour(pose, 64, seed).mean((0, 1)) for seed in range(REPEATS)])
+    own = np.array([loaded.colour(pose, 64, seed).mean((0, 1)) for seed in range(REPEATS)])
     theirs = np.array([expected.colour(pose, 64, 100 + seed).mean((0, 1)) for seed in range(REPEATS)])
-    error = np.sqrt((ours.var(0, ddof=1) + theirs.var(0, ddof=1)) / REPEATS)
-    assert (np.abs(ours.mean(0) - theirs.mean(0)) < 4.5 * error + 1e-6).all()
+    error = np.sqrt((own.var(0, ddof=1) + theirs.var(0, ddof=1)) / REPEATS)
+    assert (np.abs(own.mean(0) - theirs.mean(0)) < 4.5 * error + 1e-6).all()
 
 
 def test_emitters_that_are_seen_and_a_sky_exclude_each_other(scalar: Variant) -> None:

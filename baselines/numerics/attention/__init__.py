@@ -1,1 +1,1 @@
-"""Eq. 7 as pure arrays: regions, priorities, maps; imports numpy alone."""
+"""Eq. 7 as pure arrays: regions, priorities, maps; imports only numpy."""

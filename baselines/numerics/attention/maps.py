@@ -1,6 +1,6 @@
 """Maps of attention: each function returns the attention of every region, float64 [regions].
 
-All raise `BadAttention`, naming region and value, for input that is no attention.
+All raise `BadAttention`, naming region and value, for input that is not attention.
 """
 
 import math
@@ -13,13 +13,13 @@ from baselines.numerics.attention.priorities import BadAttention, checked
 from baselines.numerics.attention.regions import Regions
 
 HALF_ACUITY_DEGREES = 2.3
-"""Where the eye resolves half of what it does in the fovea's centre: e₂ of Geisler & Perry (1998)."""
+"""The eccentricity at which the eye resolves half as much as in the fovea's centre: e₂ of Geisler & Perry (1998)."""
 
 
 def around_point(regions: Regions, row: float, column: float, radius: float) -> np.ndarray:
-    """Return 1 / (1 + (distance / radius)²) about a point of interest in pixels, counted as in `CONVENTIONS.md`.
+    """Return 1 / (1 + (distance / radius)²) about a point of interest in pixels, as `CONVENTIONS.md` counts them.
 
-    It is half at `radius`, and falls slowly enough that the order of regions is that of their distance everywhere.
+    It is half at `radius`, and falls slowly enough that regions are ordered by their distance everywhere.
     """
     _require_point(row, column)
     if not (math.isfinite(radius) and radius > 0.0):
@@ -31,11 +31,11 @@ def around_point(regions: Regions, row: float, column: float, radius: float) -> 
 def foveal(
     regions: Regions, row: float, column: float, focal: float, half_at: float = HALF_ACUITY_DEGREES
 ) -> np.ndarray:
-    """Return the acuity of an eye that looks at a point of the picture, relative to its best: 1 / (1 + e / e₂).
+    """Return the acuity of an eye that looks at a point of the picture, relative to its maximum: 1 / (1 + e / e₂).
 
-    e is a pixel's eccentricity in degrees, the angle at the camera between its ray and that of the point looked at;
-    it is the eye's where the picture is seen from its centre of projection. e₂ = `half_at`. The formula is the highest
-    frequency seen at full contrast in Geisler & Perry (1998), "A real-time foveated multiresolution system for
+    e is a pixel's eccentricity in degrees, the angle at the camera between its ray and that of the gaze point. It is
+    the eye's eccentricity if the picture is seen from its centre of projection. e₂ = `half_at`. The formula is the
+    highest frequency seen at full contrast in Geisler & Perry (1998), "A real-time foveated multiresolution system for
     low-bandwidth video communication". `focal` is in pixels.
     """
     _require_point(row, column)
@@ -51,8 +51,8 @@ def foveal(
 
 
 def from_gradients(regions: Regions, image: np.ndarray) -> np.ndarray:
-    """Return where an image [height, width] or [height, width, channels] changes: the length of its gradient over all
-    channels, by central differences. An image of a single colour is plain rendering.
+    """Return the length of the gradient of an image [height, width] or [height, width, channels] over all channels, by
+    central differences. An image of a single colour leads to plain rendering.
     """
     given = np.asarray(image, dtype=np.float64)
     if given.ndim not in (2, 3) or given.shape[:2] != (regions.height, regions.width):
@@ -68,22 +68,24 @@ def _nothing() -> np.ndarray:
 
 @dataclass(frozen=True)
 class MapInputs:
-    """The inputs of the maps; what has to be rendered first is a callable, for the maps that use it alone."""
+    """The inputs of the maps. Inputs that have to be rendered first are callables, so that only the maps that use them
+    render.
+    """
 
     regions: Regions
     row: float
     column: float
-    """The column of the point looked at, in pixels."""
+    """The row and column of the gaze point, in pixels."""
     radius: float
     """The distance in pixels at which a point of interest has half of its attention."""
     focal: float
     """The focal length in pixels."""
     mask: Callable[[], np.ndarray] = _nothing
-    """Return the mask [height, width]."""
+    """Returns the mask [height, width]."""
     image: Callable[[], np.ndarray] = _nothing
-    """Return a coarse frame [height, width, 3]."""
+    """Returns a coarse frame [height, width, 3]."""
     error: Callable[[], np.ndarray] = _nothing
-    """Return an estimate of its error [height, width]."""
+    """Returns an estimate of its error [height, width]."""
 
 
 MAPS: dict[str, Callable[[MapInputs], np.ndarray]] = {
@@ -97,8 +99,8 @@ MAPS: dict[str, Callable[[MapInputs], np.ndarray]] = {
 
 
 def mean_attention(regions: Regions, values: object, what: str) -> np.ndarray:
-    """Return the mean of each region over `values` [height, width]: booleans or numbers ≥ 0; none above 0 are plain
-    rendering. A pixel that is no attention is named, as a mean could hide it.
+    """Return the mean of each region over `values` [height, width]: booleans or numbers ≥ 0. All zero leads to plain
+    rendering. An invalid pixel is named, as a mean could hide it.
     """
     given = np.asarray(values, dtype=np.float64)
     if given.shape != (regions.height, regions.width):

@@ -1,7 +1,7 @@
-"""Eq. 7: attention → priorities, the order of regions and the samples that each of them gets.
+"""Eq. 7: attention → priorities, the order of regions and the samples of each region.
 
-`attention` is an array [regions] of numbers ≥ 0 of any scale, the mean attention of each region's pixels. All zero is
-taken as equal attention, which is plain rendering.
+`attention` is an array [regions] of numbers ≥ 0 of any scale, the mean attention of each region's pixels. All zero
+counts as equal attention, which leads to plain rendering.
 """
 
 import math
@@ -12,28 +12,28 @@ from numpy.typing import NDArray
 
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 TIE = 1e-12
-"""The relative difference below which two attentions are equal: the sums that they come from are no more exact."""
+"""The relative difference below which two attentions are equal: the sums that they come from are not more exact."""
 BINARY_PLACES = 20
 """The binary places to which a number of bins is rounded before its integer part is taken, for the same reason. With
-more of them, rounding up could exceed the total where there are many rays.
+more places, rounding up could exceed the total where there are many rays.
 """
 
 
 class BadAttention(ValueError):
-    """Attention from which no priority follows. Names the region and its value."""
+    """Attention from which no priority follows; the message names the region and its value."""
 
 
 def checked(attention: np.ndarray, count: int | None = None) -> NDArray[np.float64]:
     """Return `attention` as float64 [regions], at least one; raises `BadAttention` unless finite and ≥ 0."""
     if np.iscomplexobj(attention):
-        raise BadAttention("attention is complex: a priority has a size alone")
+        raise BadAttention("attention is complex: a priority is a real number")
     try:
         given = np.asarray(attention, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BadAttention(f"attention is not made of numbers: {error}") from error
     if given.ndim != 1 or (count is not None and len(given) != count):
-        wanted = "[regions]" if count is None else f"[{count}]"
-        raise BadAttention(f"attention has the shape {list(given.shape)}: must be {wanted}, one number for each region")
+        shape = "[regions]" if count is None else f"[{count}]"
+        raise BadAttention(f"attention has the shape {list(given.shape)}: must be {shape}, one number per region")
     if not len(given):
         raise BadAttention("attention is empty: there is no region to render")
     bad = ~(np.isfinite(given) & (given >= 0.0))
@@ -45,7 +45,7 @@ def checked(attention: np.ndarray, count: int | None = None) -> NDArray[np.float
 
 
 def is_equal(attention: np.ndarray) -> bool:
-    """Tell whether no region is attended more than another (to `TIE`), which also holds where nothing is attended."""
+    """Return whether all regions have equal attention (to `TIE`), which also holds if all of it is 0."""
     given = checked(attention)
     return bool(given.min() >= given.max() * (1.0 - TIE))
 
@@ -62,16 +62,16 @@ def shares(attention: np.ndarray) -> NDArray[np.float64]:
 def priorities(attention: np.ndarray) -> NDArray[np.float64]:
     """Return P = φ · attention / Σ attention (Eq. 7), float64 [regions].
 
-    φ scales all priorities alike. Order and allocation depend on their ratios alone, so that both are the same with
-    any positive factor in its place (`without_phi` measures it); the priorities sum to φ = 1.618…, so they are no
-    probabilities. An attention below 1e-308 of the largest has the priority 0, as float64 has nothing smaller, but
-    still its place in `region_order`. Raises `BadAttention`.
+    φ scales all priorities alike. Order and allocation depend only on their ratios, so that both are the same with any
+    other positive factor (`without_phi` measures it). The priorities sum to φ = 1.618…, so they are not probabilities.
+    An attention below 1e-308 of the largest has the priority 0, as float64 has no smaller number, but keeps its place
+    in `region_order`. Raises `BadAttention`.
     """
     return PHI * shares(attention)
 
 
 def region_order(attention: np.ndarray) -> np.ndarray:
-    """Return all regions, most attended first, ties (`TIE`) row by row; raises `BadAttention`."""
+    """Return all regions in falling order of attention, ties (`TIE`) row by row. Raises `BadAttention`."""
     given = checked(attention)
     falling = np.argsort(-given, kind="stable")
     inorder = given[falling]
@@ -81,12 +81,12 @@ def region_order(attention: np.ndarray) -> np.ndarray:
 
 
 def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: int = 1) -> np.ndarray:
-    """Return bins per ray in each region, int [regions], at the total of `bins` per ray everywhere.
+    """Return bins per ray in each region, int [regions], for a mean of `bins` per ray.
 
-    Each ray gets `least` bins, and of what is left a part proportional to the attention of its region; whole numbers by
-    largest remainder (equal ones row by row). The total Σ rays · bins is never exceeded; it is met exactly where all
-    regions have as many rays, else what is left over is less than the largest region has rays. Equal attention gives
-    `bins` everywhere. `bins` is a mean and need not be whole (equal attention rounds it down).
+    Each ray gets `least` bins, and a part of the remaining bins in proportion to the attention of its region; integers
+    follow from the largest remainder (ties row by row). The total Σ rays · bins is never exceeded. It is met exactly if
+    all regions have equally many rays; otherwise the rest is smaller than the number of rays of the largest region.
+    Equal attention gives `bins` everywhere. `bins` need not be an integer (equal attention rounds it down).
     Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
     """
     given = checked(attention)
@@ -94,16 +94,16 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
     if counts.shape != given.shape or counts.min() < 1:
         raise ValueError(f"rays {counts.shape}: must be at least one in each of {len(given)} regions")
     if not 1 <= least <= bins:
-        raise ValueError(f"at least {least} of {bins} bins a ray: must lie between 1 and {bins}")
+        raise ValueError(f"at least {least} of {bins} bins per ray: must lie between 1 and {bins}")
     if is_equal(given):
         return np.full(len(given), int(bins))
     relative = given / given.max()
     free = int((bins - least) * int(counts.sum()))
     step = 2.0 ** -max(BINARY_PLACES, int(counts.sum()).bit_length())
-    wanted = np.round(free * relative / (relative * counts).sum() / step) * step
-    more: NDArray[np.int64] = np.floor(wanted).astype(np.int64)
+    exact = np.round(free * relative / (relative * counts).sum() / step) * step
+    more: NDArray[np.int64] = np.floor(exact).astype(np.int64)
     left = free - int((more * counts).sum())
-    for region in np.argsort(more - wanted, kind="stable"):
+    for region in np.argsort(more - exact, kind="stable"):
         if counts[region] <= left:
             more[region] += 1
             left -= int(counts[region])
@@ -111,24 +111,24 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
 
 
 def in_steps(bins: np.ndarray, rays: np.ndarray, ratio: float = math.sqrt(2.0)) -> np.ndarray:
-    """Round bins per ray, int [regions], to few different values: each one of a ladder of factor `ratio` up from the
-    least, at no more than the total Σ rays · bins of those given.
+    """Round bins per ray, int [regions], to few different values: a ladder of factor `ratio` up from the minimum. The
+    total Σ rays · bins does not grow.
 
-    Regions with as many bins share a chunk, and the overhead of a chunk is more than what a region's own number of bins
-    gains. Each is rounded down; then those that lost most, by their ratio, go up while the total allows it.
-    Raises `ValueError` unless `ratio` > 1 and every number is at least 1.
+    Regions with equal bins share a chunk, and the overhead of a chunk is larger than the gain of an exact number of
+    bins. All are rounded down; then the regions that lost most, by their ratio, are rounded up while the total allows
+    it. Raises `ValueError` unless `ratio` > 1 and every number is at least 1.
     """
-    wanted, counts = np.asarray(bins), np.asarray(rays)
-    if wanted.ndim != 1 or counts.shape != wanted.shape or not len(wanted) or min(wanted.min(), counts.min()) < 1:
-        raise ValueError(f"bins {wanted.shape} and rays {counts.shape}: at least one each in each region")
+    given, counts = np.asarray(bins), np.asarray(rays)
+    if given.ndim != 1 or counts.shape != given.shape or not len(given) or min(given.min(), counts.min()) < 1:
+        raise ValueError(f"bins {given.shape} and rays {counts.shape}: must be at least 1 in each region")
     if not ratio > 1.0:
         raise ValueError(f"ratio {ratio}: must be above 1")
-    least, most = int(wanted.min()), int(wanted.max())
+    least, most = int(given.min()), int(given.max())
     steps = np.unique([min(most, round(least * ratio**k)) for k in range(math.ceil(math.log(most / least, ratio)) + 1)])
-    level = np.searchsorted(steps, wanted, side="right") - 1
-    left = int(((wanted - steps[level]) * counts).sum())
-    for region in np.argsort(steps[level] / wanted, kind="stable"):
-        if wanted[region] == steps[level[region]]:
+    level = np.searchsorted(steps, given, side="right") - 1
+    left = int(((given - steps[level]) * counts).sum())
+    for region in np.argsort(steps[level] / given, kind="stable"):
+        if given[region] == steps[level[region]]:
             continue
         more = int((steps[level[region] + 1] - steps[level[region]]) * counts[region])
         if more <= left:
@@ -146,7 +146,7 @@ class PhiEffect(NamedTuple):
 
 
 def without_phi(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> PhiEffect:
-    """Compare order and allocation by P with those by the shares, which lack the factor: measured, not assumed."""
+    """Measure whether order and allocation by P differ from those by the shares, which lack the factor."""
     with_it, without = priorities(attention), shares(attention)
     same_order = np.array_equal(region_order(with_it), region_order(without))
     bins_with, bins_without = (allocated_bins(each, rays, bins, least) for each in (with_it, without))

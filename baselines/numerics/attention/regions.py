@@ -1,4 +1,4 @@
-"""A picture cut into square regions: the units that attention is given to."""
+"""A picture cut into square regions, each with one attention."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,7 +37,7 @@ class Regions:
 
     @cached_property
     def of_pixel(self) -> NDArray[np.int64]:
-        """The region that each pixel lies in, [height, width]."""
+        """Return the region of each pixel, [height, width]."""
         row, column = np.arange(self.height) // self.tile, np.arange(self.width) // self.tile
         return row[:, None] * self.columns + column[None, :]
 
@@ -46,7 +46,7 @@ class Regions:
         return np.bincount(self.of_pixel.reshape(-1), minlength=self.count)
 
     def corner(self, region: int) -> tuple[int, int, int, int]:
-        """Return first row, first column, height and width of a region in pixels."""
+        """Return the first row, first column, height and width of a region in pixels."""
         row, column = divmod(region, self.columns)
         top, left = row * self.tile, column * self.tile
         return top, left, min(self.tile, self.height - top), min(self.tile, self.width - left)
@@ -60,7 +60,8 @@ class Regions:
     def mean(self, values: np.ndarray) -> NDArray[np.float64]:
         """Average values [height, width] over each region, float64 [count].
 
-        Equal values have exactly equal means, and the sum of large ones does not overflow; what is not finite stays so.
+        Equal values have exactly equal means, and the sum of large values does not overflow. The mean of values that
+        are not finite is not finite.
         """
         given = np.asarray(values, dtype=np.float64)
         if given.shape != (self.height, self.width):
@@ -71,7 +72,7 @@ class Regions:
         return total / self.rays * scale
 
     def spread(self, values: np.ndarray) -> np.ndarray:
-        """Spread values [count] to [height, width], each pixel with its region's."""
+        """Return the values [count] of the regions for each pixel, [height, width]."""
         if np.shape(values) != (self.count,):
             raise ValueError(f"values {np.shape(values)}, there are {self.count} regions")
         spread: np.ndarray = np.asarray(values)[self.of_pixel]

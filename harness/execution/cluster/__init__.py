@@ -1,1 +1,1 @@
-"""The Ray cluster: joining it, its nodes, files and messages; imports `execution.group` and the rooms below it."""
+"""The Ray cluster: its connection, nodes, files and messages; imports `execution.group` and the rooms below."""

@@ -1,4 +1,4 @@
-"""The connection to a Ray cluster, its end, and the hardware of the nodes."""
+"""Connects to and disconnects from a Ray cluster, and describes the hardware of its nodes."""
 
 import contextlib
 import io
@@ -27,37 +27,37 @@ HOW_TO_INSTALL = (
     "puts it into this environment, and every node of a cluster needs the same version"
 )
 CHECK_SECONDS = 300.0
-"""The seconds for a first process on every node, which imports torch, perhaps from a slow disk."""
+"""The maximum seconds for the first process on a node, which imports torch, perhaps from a slow disk."""
 ANSWER_SECONDS = 10.0
-"""The seconds for a head to accept a connection; Ray itself would retry for a minute, and log it."""
+"""The maximum seconds for a head to accept a connection; Ray itself would retry for a minute, and log it."""
 _given_up = False
 
 
 class NodeAnswer(TypedDict):
-    """What a node tells of itself."""
+    """The report of a node about itself."""
 
     versions: dict[str, str]
     processor: str
     bfloat16: bool
     cores: list[tuple[int, ...]]
-    """Each as the numbers of its hardware threads."""
+    """The cores, each as the numbers of its hardware threads."""
     machine: str
 
 
 @dataclass(frozen=True)
 class Hardware:
-    """The hardware of the cluster as a whole, as far as a plan depends on it."""
+    """The hardware of the cluster, as far as a plan depends on it."""
 
     gpus: int
     cores: int
-    """The number of schedulable cores: those that the nodes offer to Ray."""
+    """The number of schedulable cores, which the nodes offer to Ray."""
     bfloat16: bool
-    """Whether every node that would run a cell multiplies bfloat16."""
+    """Whether every node that can run a cell multiplies bfloat16."""
     nodes: int
     processors: tuple[str, ...]
     """The kinds of processors."""
     crowded: tuple[str, ...]
-    """A description of machines that offer more cores than they have: cells that share one slow each other's clocks."""
+    """A line per machine that offers more cores than it has: cells that share a core slow each other's clocks."""
 
     def line(self) -> str:
         gpus = f", {self.gpus} GPUs" if self.gpus else ""
@@ -65,7 +65,8 @@ class Hardware:
 
 
 def connect(address: str | None) -> None:
-    """Join the cluster at `address`; None means `RAY_ADDRESS`, else a Ray of one node on this machine, ended with us.
+    """Join the cluster at `address`; None means `RAY_ADDRESS`, else a new Ray of one node on this machine, which ends
+    with this process.
 
     Raises `InputError` without Ray, and if there is no cluster.
     """
@@ -75,88 +76,81 @@ def connect(address: str | None) -> None:
         raise InputError(HOW_TO_INSTALL) from error
     if ray.is_initialized():
         return
-    wanted = address or os.environ.get("RAY_ADDRESS") or None
-    if wanted and wanted.startswith(("ray://", "http")):
+    address = address or os.environ.get("RAY_ADDRESS") or None
+    if address and address.startswith(("ray://", "http")):
         raise InputError(
-            f"--ray-address {wanted}: a driver outside of the cluster is not supported; run this command on one of its "
-            "nodes (`ray job submit`, or a shell there) with --ray-address auto"
+            f"--ray-address {address}: a driver outside of the cluster is not supported; run this command on one of "
+            "its nodes (`ray job submit`, or a shell there) with --ray-address auto"
         )
-    # our own sources alone, so that a node needs no checkout; without a working folder Ray would look for them in a
-    # folder named as this one first, where that is there, and what is edited during a run would stop it
+    # sources are sent, so that a node needs no checkout; without a working folder Ray would first look for them in a
+    # folder with the name of this one, and an edit during a run would stop it
+    nothing = node_folder() / "nothing"
+    nothing.mkdir(exist_ok=True)
     environment = {
         "py_modules": [str(folder) for folder in our_folders()],
         "excludes": ["__pycache__"],
-        "working_dir": _empty_folder(),
+        "working_dir": str(nothing),
         "env_vars": wait_policy(os.environ),
     }
-    # a Ray that we start ourselves tells nobody about it
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
-        with _without_chatter(), _our_signals():
-            _check_head(wanted)
+        with contextlib.redirect_stderr(io.StringIO()), _our_signals():
+            _check_head(address)
             ray.init(
-                # None would join whatever cluster was last started on this machine
-                address=wanted or "local",
+                # None would join the cluster that was last started on this machine
+                address=address or "local",
                 runtime_env=environment,
                 log_to_driver=False,
                 logging_level="ERROR",
-                **({} if wanted else {"include_dashboard": False, "num_cpus": physical_cores()}),
+                **({} if address else {"include_dashboard": False, "num_cpus": physical_cores()}),
             )
-        # twenty lines of a dead node's log; the executor reports what happened
+        # the executor reports a dead node in one line
         ray._private.worker._worker_logs_enabled = False
     except ray.exceptions.AuthenticationError as error:
         raise InputError(
-            f"--ray-address {wanted or 'unset'}: the Ray cluster asks for a token; set RAY_AUTH_MODE=token, its token "
+            f"--ray-address {address or 'unset'}: the Ray cluster asks for a token; set RAY_AUTH_MODE=token, its token "
             "in ~/.ray/auth_token or RAY_AUTH_TOKEN (`ray get-auth-token` on a node of it prints it)"
         ) from error
     except (ConnectionError, ValueError, RuntimeError, OSError) as error:
         message = " ".join(str(error).split())[:300]
         if "Version mismatch" in message:
             raise InputError(
-                f"--ray-address {wanted}: the cluster runs another Ray or Python than this command ({message}); "
+                f"--ray-address {address}: the cluster runs another Ray or Python than this command ({message}); "
                 "install the same versions on every node"
             ) from error
-        if wanted is None:
-            raise InputError(f"--executor ray: a Ray of this machine alone does not start ({message})") from error
+        if address is None:
+            raise InputError(f"--executor ray: Ray does not start on this machine ({message})") from error
         raise InputError(
-            f"--ray-address {wanted}: no Ray cluster there ({message}); start one with `ray start --head`, "
-            "or leave the option out for a Ray on this machine alone"
+            f"--ray-address {address}: no Ray cluster there ({message}); start one with `ray start --head`, "
+            "or leave the option out for a Ray on this machine only"
         ) from error
 
 
-def _empty_folder() -> str:
-    folder = node_folder() / "nothing"
-    folder.mkdir(exist_ok=True)
-    return str(folder)
-
-
-def _check_head(wanted: str | None) -> None:
-    """Raise `OSError` if nothing accepts connections at an address of host and port; Ray knows more about other
-    addresses.
-    """
-    host, _, port = (wanted or "").rpartition(":")
+def _check_head(address: str | None) -> None:
+    """Raise `OSError` if nothing accepts connections at an address of host and port; Ray checks other addresses."""
+    host, _, port = (address or "").rpartition(":")
     if host and port.isdecimal() and int(port) < 1 << 16:
         socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER_SECONDS).close()
 
 
 def disconnect() -> None:
-    """End what `connect` began; does nothing if nothing was begun, or if the cluster was given up."""
+    """End what `connect` began, unless the cluster was given up."""
     import sys
 
     if not _given_up and (ray := sys.modules.get("ray")) is not None:
-        ray.shutdown()  # also for a cluster that refused us
+        ray.shutdown()  # also after a refused connection
 
 
 def give_up() -> None:
-    """Give up a cluster without a head, which nobody can leave: Ray would wait for it, and end this process."""
+    """Give up a cluster without a head: Ray would wait for it when leaving, and end this process."""
     global _given_up
     _given_up = True
 
 
 def hardware(threads: int) -> Hardware:
-    """Ask every node; raises `InputError` that names a node whose packages are not ours, or that nothing can run.
+    """Ask every node; raises `InputError` that names a node with other packages, or a node that runs nothing.
 
-    `threads` are those of a group, which has to fit on one node.
+    `threads` is the number of threads of a group, which has to fit on one node.
     """
     import ray
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
@@ -167,17 +161,13 @@ def hardware(threads: int) -> Hardware:
         most = max((node["Resources"].get("CPU", 0) for node in alive), default=0)
         raise InputError(f"--threads {threads}: no node of the Ray cluster has so many cores (the largest: {most:g})")
     ask = ray.remote(num_cpus=0, max_retries=0)(_this_node)
-    asked = {
-        node["NodeID"]: ask.options(
-            scheduling_strategy=NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
-        ).remote()
-        for node in able
-    }
+    places = [NodeAffinitySchedulingStrategy(node["NodeID"], soft=False) for node in able]
+    references = [ask.options(scheduling_strategy=place).remote() for place in places]
     answers: list[NodeAnswer] = []
     offered: dict[str, float] = defaultdict(float)
-    for node in able:
+    for node, reference in zip(able, references, strict=True):
         name = node["NodeID"][:8]
-        answer: NodeAnswer = _answered(asked[node["NodeID"]], f"node {name} runs nothing")
+        answer: NodeAnswer = _answer_of(reference, f"node {name} runs nothing")
         if wrong := differences(versions(), answer["versions"]):
             raise InputError(wrong_node(name, wrong))
         answers.append(answer)
@@ -193,34 +183,32 @@ def hardware(threads: int) -> Hardware:
 
 
 def crowded(offered: Mapping[str, float], answers: list[NodeAnswer]) -> tuple[str, ...]:
-    """Describe machines whose nodes offer more cores to Ray (`offered`) than they reported; nodes of one machine may be
-    containers with cores of their own.
+    """Describe machines whose nodes offer more cores to Ray (`offered`) than they reported; the nodes of a machine may
+    be containers with different cores.
     """
     own: dict[str, set[tuple[int, ...]]] = defaultdict(set)
     for answer in answers:
         own[answer["machine"]] |= set(answer["cores"])
     return tuple(
-        f"{amount:g} cores are offered to Ray where there are {len(own[machine])}; cells that share one are not timed "
-        "alike (`ray start --num-cpus`)"
+        f"{amount:g} cores are offered to Ray where there are {len(own[machine])}; cells that share a core are not "
+        "timed alike (`ray start --num-cpus`)"
         for machine, amount in offered.items()
         if amount > len(own[machine])
     )
 
 
 def gpus_multiply_bfloat16() -> bool:
-    """Ask one GPU of the cluster whether it multiplies bfloat16; raises `InputError` if the node that offers it has
-    none for torch.
-    """
+    """Ask one GPU of the cluster whether it multiplies bfloat16; raises `InputError` if torch does not find it."""
     import ray
 
     reference = ray.remote(num_gpus=1, num_cpus=0, max_retries=0)(_gpu_multiplies_bfloat16).remote()
-    answer: bool | str = _answered(reference, f"no GPU of the cluster was free for {CHECK_SECONDS:g} s")
+    answer: bool | str = _answer_of(reference, f"no GPU of the cluster was free for {CHECK_SECONDS:g} s")
     if isinstance(answer, str):
         raise InputError(answer)
     return answer
 
 
-def _answered(reference: object, otherwise: str) -> Any:
+def _answer_of(reference: object, otherwise: str) -> Any:
     import ray
 
     try:
@@ -237,18 +225,17 @@ def _this_node() -> NodeAnswer:
     from harness.machine.device import multiplies_bfloat16
     from harness.machine.provenance import processor
 
-    products = multiplies_bfloat16(torch.device("cpu"))
     return {
         "versions": versions(),
         "processor": processor(),
-        "bfloat16": products,
+        "bfloat16": multiplies_bfloat16(torch.device("cpu")),
         "cores": own_siblings(),
         "machine": _machine(),
     }
 
 
 def _machine() -> str:
-    """Return the machine, which is the same for all containers on one."""
+    """Return an identity of the machine that all its containers share."""
     boot = Path("/proc/sys/kernel/random/boot_id")
     return boot.read_text(encoding="utf-8").strip() if boot.exists() else platform.node()
 
@@ -267,14 +254,8 @@ def _gpu_multiplies_bfloat16() -> bool | str:
 
 @contextmanager
 def _our_signals() -> Iterator[None]:
-    """Restore what a run does on SIGTERM (`scenes.files.stopping`), which Ray takes for itself."""
+    """Restore the run's handler of SIGTERM (`scenes.files.stopping`), which Ray replaces."""
     before = signal.getsignal(signal.SIGTERM)
     yield
     if before is not None and threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, before)
-
-
-@contextmanager
-def _without_chatter() -> Iterator[None]:
-    with contextlib.redirect_stderr(io.StringIO()):
-        yield

@@ -1,11 +1,8 @@
-"""The head of the cluster, asked from time to time: without it Ray ends this process after a minute, without any
-message.
-"""
+"""Watches the head of the cluster: without it Ray ends this process after a minute, without a message."""
 
 import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Generic, TypeVar
 
 from scenes.files.errors import InputError
@@ -13,19 +10,18 @@ from scenes.files.errors import InputError
 LOOK_SECONDS = 2.0
 SILENCE_SAID_SECONDS = 15.0
 LONGEST_SILENCE_SECONDS = 45.0
-"""The longest silence, less than Ray's own patience (`gcs_rpc_server_reconnect_timeout_s`, 60): a head that is
-restarted is waited for, and finished cells are reported.
+"""The longest silence, shorter than Ray's timeout (`gcs_rpc_server_reconnect_timeout_s`, 60): a run waits for a head
+that restarts, and reports the finished cells.
 """
 
 T = TypeVar("T")
 
 
 class Head(Generic[T]):
-    """A context in which a thread calls `ask`, because a thread that asks a vanished head is stuck."""
+    """A context in which another thread calls `ask`, because a call to a vanished head blocks."""
 
     def __init__(self, ask: Callable[[], T], clock: Callable[[], float] = time.monotonic) -> None:
-        self._ask = ask
-        self._clock = clock
+        self._ask, self._clock = ask, clock
         self._answered = clock()
         self._said = False
         self._left = threading.Event()
@@ -34,24 +30,20 @@ class Head(Generic[T]):
         """The last answer."""
 
     def __enter__(self) -> "Head[T]":
-        threading.Thread(target=self._go_on, daemon=True).start()
+        threading.Thread(target=self._ask_repeatedly, daemon=True).start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._left.set()
 
     def listen(self) -> str | None:
-        """Return a line for a reader if it has become silent; raises `InputError` if it has been silent
-        for too long.
-        """
+        """Return a line if the head has become silent; raises `InputError` if it has been silent for too long."""
         silent = self._clock() - self._answered
         if silent > LONGEST_SILENCE_SECONDS:
             self.is_lost = True
             raise InputError(
                 f"--executor ray: the head of the Ray cluster has not answered for {silent:.0f} s; finished cells are "
-                "kept: start Ray again and go on with --resume"
+                "kept: start Ray again and resume with --resume"
             )
         if silent <= SILENCE_SAID_SECONDS:
             self._said = False
@@ -60,7 +52,7 @@ class Head(Generic[T]):
             return f"Ray: the head of the cluster does not answer; waiting up to {LONGEST_SILENCE_SECONDS:g} s"
         return None
 
-    def _go_on(self) -> None:
+    def _ask_repeatedly(self) -> None:
         while not self._left.wait(LOOK_SECONDS):
             try:
                 self.answer = self._ask()

@@ -1,4 +1,4 @@
-"""The mailbox where nodes leave messages, on the driver's own node: it outlives every other node."""
+"""The mailbox where nodes leave messages, on the driver's node, so that it outlives every other node."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -8,27 +8,26 @@ from harness.execution.cluster.view_set_files import Listing, piece
 from harness.records.cells import CellRecord
 
 Key = tuple[str, int]
-"""The (scene, seed) of a group."""
+"""The scene and seed of a group."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """What happened in an attempt at a group: one of the fields below is set, `files` perhaps beside it."""
+    """An event of an attempt at a group: one of the optional fields is set, and perhaps `files`."""
 
     group: Key
     attempt: int
     node: str | None = None
-    """The node at which the group is in training now."""
+    """The node on which the group now trains."""
     share: float | None = None
-    """The share of the work of this attempt that is trained."""
+    """The finished share of the work of this attempt."""
     cell: CellRecord | None = None
     """A cell that has ended; `files` are its checkpoint and pictures."""
     notice: str | None = None
-    """A note that a reader of the run should know."""
+    """A note for the user of the run."""
     files: dict[str, bytes] = field(default_factory=dict, repr=False)
-    """Map path inside the output folder → content; without a cell, snapshots of cells in the middle of their
-    training. Each replaces the one before.
-    """
+    """Map path inside the output folder → content; without a cell, snapshots of cells in training, which replace former
+    ones."""
 
 
 class Mailbox:

@@ -1,4 +1,4 @@
-"""The work of a node for a group: check that it may, fetch the view set, train, and send every cell back at once."""
+"""The work of a node for a group: check its packages, fetch the view set, train, and send back each finished cell."""
 
 import shutil
 import tempfile
@@ -18,14 +18,14 @@ from harness.records.snapshot import FOLDER as UNFINISHED
 from scenes.files.errors import InputError
 
 SENT = ("checkpoints", "records")
-"""The folders of a node's output whose files the driver gets; records of cells travel as objects."""
+"""The folders of a node's output whose files are sent; records of cells travel as objects."""
 LEAST_SECONDS_BETWEEN = 0.5
-"""The least seconds between reports of progress."""
+"""The minimum seconds between reports of progress."""
 
 
 @dataclass(frozen=True)
 class GroupOrder:
-    """A group, in the form in which it is sent."""
+    """A group as it is sent to a node."""
 
     task: GroupTask
     attempt: int
@@ -33,15 +33,15 @@ class GroupOrder:
     versions: dict[str, str]
     """The driver's versions."""
     commit: str
-    """The driver's commit: sources that were sent have none."""
+    """The driver's commit, which sent sources do not know."""
     unfinished: dict[str, bytes] = field(default_factory=dict, repr=False)
-    """The snapshots of its cells, path inside the output folder → content."""
+    """Path inside the output folder → content of the snapshots of its cells."""
 
 
 def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | None:
-    """Train the group of `order` here; returns the driver's refusal in words if this node may not, else None.
+    """Train the group of `order` here; return the reason if this node refuses it, else None.
 
-    Raises `OSError` if this node's disk accepts nothing.
+    Raises `OSError` if this node's disk cannot be written.
     """
     import ray
 
@@ -54,9 +54,8 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
     key: Key = (order.task.scene, order.task.seed)
     awaited(mailbox.put.remote(Message(key, order.attempt, node=node)))
 
-    def fetch(relative: str, offset: int) -> bytes:
-        piece: bytes = awaited(files.piece.remote(order.view_set.digest, relative, offset))
-        return piece
+    def fetch(relative: str, offset: int) -> Any:
+        return awaited(files.piece.remote(order.view_set.digest, relative, offset))
 
     last = 0.0
     times: dict[Path, int] = {}
@@ -82,7 +81,7 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
         sent: set[Path] = set()
 
         def on_cell(cell: CellRecord) -> None:
-            # waits until the driver's node has it: this cell is then never trained again
+            # wait until the driver's node has the cell, which is then never trained again
             message = Message(key, order.attempt, cell=cell, files=_new_files(scratch, sent))
             awaited(mailbox.put.remote(message))
 
@@ -101,8 +100,8 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
 
 
 def awaited(reference: object) -> Any:
-    """Return the value of `reference`, waited for in another thread: while a task's main thread waits, Ray gives the
-    task's cores to the next group, and two clocks would run on one core.
+    """Wait in another thread for the value of `reference`: while a task's main thread waits, Ray gives the task's cores
+    to the next group, and two clocks would run on one core.
     """
     import ray
 
@@ -111,7 +110,7 @@ def awaited(reference: object) -> Any:
 
 
 def wrong_node(node: str, wrong: str) -> str:
-    """Return the refusal of a node whose packages are not the driver's."""
+    """Return the refusal of a node with other packages than the driver."""
     return (
         f"--executor ray: node {node} has {wrong}; install the same versions on every node (the same container image "
         "or environment), and start Ray there outside of any checkout of this program"
@@ -119,7 +118,7 @@ def wrong_node(node: str, wrong: str) -> str:
 
 
 def _kept_since(scratch: Path, times: dict[Path, int]) -> dict[str, bytes]:
-    """Return the cells in training that were kept since `times`, which is brought up to date."""
+    """Return the snapshots that were written since `times`, which is updated."""
     changed = {}
     for file in (scratch / UNFINISHED).glob("*.safetensors"):
         if times.get(file) != (now := file.stat().st_mtime_ns):
@@ -129,9 +128,7 @@ def _kept_since(scratch: Path, times: dict[Path, int]) -> dict[str, bytes]:
 
 
 def _new_files(scratch: Path, sent: set[Path]) -> dict[str, bytes]:
-    """Return complete files that were not sent before, without records of cells and without files that are being
-    written.
-    """
+    """Return the complete files that were not sent before, without records of cells."""
     files = {}
     for folder in SENT:
         for file in sorted((scratch / folder).rglob("*")):

@@ -1,4 +1,4 @@
-"""View sets on nodes that do not share the driver's disk: listed by content, fetched file by file, kept on the node."""
+"""View sets on nodes without the driver's disk: listed by content, fetched file by file, kept on the node."""
 
 import hashlib
 import os
@@ -14,7 +14,7 @@ from scenes.files.atomic import replacing
 from scenes.files.errors import InputError
 
 PIECE_BYTES = 32 << 20
-"""The largest piece in which a file travels, so that nothing large is in memory."""
+"""The largest piece of a file that is sent at once, which bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Listing:
     """The files of a view set."""
 
     folder: Path
-    """The driver's folder; a node with a shared disk has the same."""
+    """The driver's folder; a node with a shared disk has the same folder."""
     files: dict[str, int]
     """Map path inside the folder → bytes."""
     digest: str
@@ -56,11 +56,11 @@ def piece(listing: Listing, relative: str, offset: int) -> bytes:
 
 
 def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
-    """Return the folder of the view set on this node: the driver's own if it is shared, else a copy, made once per
+    """Return the folder of the view set on this node: the driver's folder if it is shared, else a copy, made once per
     node.
 
-    `fetch` returns a piece of a file from an offset on. Raises `OSError` if the copy cannot be written, and
-    `InputError` if other bytes arrive than those listed.
+    `fetch` returns the piece of a file that begins at an offset. Raises `OSError` if the copy cannot be written, and
+    `InputError` if its bytes differ from those listed.
     """
     if _same(listing.folder, listing):
         return listing.folder
@@ -71,22 +71,22 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
         with replacing(target.parent) as partial:
             copy = partial / listing.folder.name
             for relative, size in listing.files.items():
-                _fetched(copy / relative, relative, size, fetch)
+                _fetch(copy / relative, relative, size, fetch)
             if listed(copy).digest != listing.digest:
                 raise InputError(
                     f"{listing.folder}: changed while it was copied to a node; leave it alone during a run"
                 )
-            shutil.rmtree(target.parent, ignore_errors=True)  # what was there is incomplete
+            shutil.rmtree(target.parent, ignore_errors=True)  # an older copy is incomplete
     except OSError:
-        if not _same(target, listing):  # or another cell of this node was faster
+        if not _same(target, listing):  # else another cell of this node was faster
             raise
     return target
 
 
 def node_folder() -> Path:
-    """Return this user's own folder for files sent to a node, in the node's temporary folder (`TMPDIR`).
+    """Return this user's folder for files sent to a node, in the node's temporary folder (`TMPDIR`).
 
-    Raises `InputError` if somebody else made it, or could change its contents: code is run from there.
+    Raises `InputError` if another user made it or could change its contents, as code is run from there.
     """
     user = os.getuid() if hasattr(os, "getuid") else None
     folder = Path(tempfile.gettempdir()) / f"radiance-verdict-{'node' if user is None else user}"
@@ -95,14 +95,12 @@ def node_folder() -> Path:
     status = folder.lstat()
     shared = user is not None and (status.st_uid != user or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
     if shared or not stat.S_ISDIR(status.st_mode):
-        raise InputError(f"{folder}: is no folder of this user alone; remove it, or set TMPDIR to a folder of your own")
+        raise InputError(f"{folder}: is not a folder of this user only; remove it, or set TMPDIR to your own folder")
     return folder
 
 
 def _same(folder: Path, listing: Listing) -> bool:
-    """Return whether the files are those listed. Sizes are compared first, so that a large missing set
-    costs nothing.
-    """
+    """Return whether the files are those listed; sizes are compared first, as that is fast."""
     try:
         if any((folder / relative).stat().st_size != size for relative, size in listing.files.items()):
             return False
@@ -111,11 +109,11 @@ def _same(folder: Path, listing: Listing) -> bool:
         return False
 
 
-def _fetched(file: Path, relative: str, size: int, fetch: Callable[[str, int], bytes]) -> None:
+def _fetch(file: Path, relative: str, size: int, fetch: Callable[[str, int], bytes]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("wb") as handle:
         while handle.tell() < size:
             data = fetch(relative, handle.tell())
             if not data:
-                return  # the digest will tell
+                return  # the digest then differs
             handle.write(data)

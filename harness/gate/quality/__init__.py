@@ -1,1 +1,1 @@
-"""Short trainings against the stored ones: errors of their means, limits of losses; imports `gate`."""
+"""Short trainings compared with the stored ones: errors of their means, limits of losses; imports `gate`."""

@@ -1,9 +1,9 @@
-"""By how much the cells of short trainings are better than the stored ones, and the limit that it is held to.
+"""By how much cells of short trainings are better than the stored ones, and the limits of that figure.
 
-Equal seeds draw equal numbers, so that a change of the program that draws no others is seen through rounding alone,
-whose scatter is measured: stored cells were trained several times from weights that differ in their last bit. What
-another processor does to a score is one more draw of it. Where the first steps have changed, too, figures are judged
-with what they scatter by then (`harness.gate.quality.scatter`).
+Equal seeds draw equal numbers. So a change of the program that draws the same numbers is measured against rounding,
+whose scatter is known: stored cells were trained several times from weights that differ in their last bit, and another
+processor acts like one more draw. If the first steps have changed too, figures are judged by their own scatter or that
+of seeds (`harness.gate.quality.scatter`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ from harness.verdicts.statistics import POWER
 Scores = dict[str, dict[str, float | None]]
 """scene/method/seed → score → value."""
 DIGITS = 7
-"""The digits of a stored score."""
+"""The significant digits of a stored score."""
 STATISTICS = "worse.headline.statistics"
 FIGURES = {gate.name: gate for gate in gates() if gate.kind == "worse" and gate.name != STATISTICS}
 SINGLE = tuple(gate for name, gate in FIGURES.items() if name.count(".") == 3)
@@ -73,7 +73,7 @@ def score_and_weights(gate: Gate) -> tuple[str, np.ndarray]:
 
 
 def table(scores: Mapping[str, Mapping[str, float | None]], score: str, seeds: Sequence[int]) -> np.ndarray:
-    """Return a score, better if it is larger [scenes, methods, seeds]; NaN where there is none."""
+    """Return a score [scenes, methods, seeds], with a sign so that larger is better; NaN for a missing one."""
     sign = 1.0 if METRICS[score].higher_is_better else -1.0
     keys = [[[f"{scene}/{method}/{seed}" for seed in seeds] for method in TRAINED_METHODS] for scene in TRAINED_SCENES]
     values = [[[scores.get(key, {}).get(score) for key in row] for row in rows] for rows in keys]
@@ -82,7 +82,7 @@ def table(scores: Mapping[str, Mapping[str, float | None]], score: str, seeds: S
 
 @dataclass(frozen=True)
 class StoredScore:
-    """The stored cells of one score, better if it is larger."""
+    """The stored cells of one score, with a sign so that larger is better."""
 
     draws: np.ndarray
     """[scenes, methods, seeds of the gate, draws of the rounding]."""
@@ -107,7 +107,7 @@ class StoredScore:
         return np.concatenate([self.mean, self.others], axis=-1)
 
     def has_draw(self, better_by: np.ndarray, chosen: np.ndarray) -> bool:
-        """Tell whether the chosen cells [scenes, methods] are one of the draws, to all digits that are stored."""
+        """Tell whether the chosen cells [scenes, methods] equal one of the draws in all stored digits."""
         new = (better_by + self.mean)[..., None]
         same = np.isclose(new, self.draws, rtol=10.0 ** (1 - DIGITS), atol=0.0)
         return bool(same[chosen].all(axis=(0, 1)).any())
@@ -115,22 +115,24 @@ class StoredScore:
 
 @dataclass(frozen=True)
 class Judge:
-    """What is stored, by how much new cells are better, and the scatter that figures are judged with."""
+    """The stored cells, by how much new cells are better, and the scatter by which figures are judged."""
 
     stored: dict[str, StoredScore]
     better_by: dict[str, np.ndarray]
-    """Score → new less stored [scenes, methods, seeds], NaN where nothing was trained."""
+    """Score → new − stored [scenes, methods, seeds], NaN for an untrained cell."""
     scatter: Scatter
 
     @staticmethod
     def of(references: References, new: Scores, has_changed: bool) -> "Judge":
         stored = {score: StoredScore.of(references, score) for score in SCORES}
         better_by = {score: table(new, score, GATE_SEEDS) - stored[score].mean for score in SCORES}
-        alike = scatter.alike(better_by["psnr"], stored["psnr"].every_seed) < scatter.ALIKE if has_changed else True
-        return Judge(stored, better_by, ("change" if alike else "seeds") if has_changed else "rounding")
+        if not has_changed:
+            return Judge(stored, better_by, "rounding")
+        is_alike = scatter.alike(better_by["psnr"], stored["psnr"].every_seed) < scatter.ALIKE
+        return Judge(stored, better_by, "change" if is_alike else "seeds")
 
     def error(self, gate: Gate) -> Error:
-        """Return the standard error of a gate's figure, if nothing is worse."""
+        """Return the standard error of a gate's figure if the true change is 0."""
         score, weights = score_and_weights(gate)
         stored = self.stored[score]
         match self.scatter:
@@ -143,15 +145,14 @@ class Judge:
 
     @property
     def alarms(self) -> float:
-        """Return the share of figures of harmless changes beyond the limit of one gate, or one end of its limits."""
+        """Return the share of harmless changes whose figure lies beyond one limit of one gate."""
         return FALSE_ALARMS[self.scatter] / (len(FIGURES) + len(BOTH_WAYS))
 
     def limit(self, gate: Gate) -> Limit:
         error, weights = self.error(gate), score_and_weights(gate)[1]
-        wide = error.limit(self.alarms)
-        high = wide if gate in BOTH_WAYS else None
+        high = error.limit(self.alarms)
         cells = int(np.count_nonzero(weights)) * len(GATE_SEEDS)
-        return Limit(-wide, high, 0.0, error.size, cells, error.detects(self.alarms))
+        return Limit(-high, high if gate in BOTH_WAYS else None, 0.0, error.size, cells, error.detects(self.alarms))
 
     def check(self, gate: Gate) -> Check:
         """Check by how much the cells are better than the stored ones; below 0 they are worse."""
@@ -168,26 +169,20 @@ class Judge:
         figure = scatter.figure(weights, np.nan_to_num(self.better_by[score]))
         unit = gate.unit and f" {gate.unit}"
         is_worse = judge(gate, [figure], limit).is_broken
-        words = (
-            f"changed, {figure:+.3f} ± {2 * (limit.spread or 0.0):.3f}{unit}: {'worse' if is_worse else 'not worse'}"
-        )
-        return judge(gate, [figure], limit, f"{words}, {JUDGED[self.scatter]}")
+        verdict = "worse" if is_worse else "not worse"
+        change = f"changed, {figure:+.3f} ± {2 * (limit.spread or 0.0):.3f}{unit}"
+        return judge(gate, [figure], limit, f"{change}: {verdict}, {JUDGED[self.scatter]}")
 
     def sentence(self) -> str:
-        """Return which losses of PSNR would be found."""
-        each, alarms = [self.error(gate) for gate in SINGLE], self.alarms
-        sizes, chances = ([of(error) for error in each] for of in (self._found, self._chance))
+        """Return a sentence on the losses of PSNR that would be found."""
+        errors, alarms = [self.error(gate) for gate in SINGLE], self.alarms
+        sizes = [error.detects(alarms) for error in errors]
+        chances = [error.power(LOSS_OF_ONE, alarms) for error in errors]
         over_all = self.error(FIGURES["worse.all.psnr"])
         return (
-            f"{BECAUSE[self.scatter]}; {JUDGED[self.scatter]}: a loss of {self._found(over_all):.2f} dB over all cells "
-            f"would be found in {POWER:.0%}, of {min(sizes):.2f} to {max(sizes):.2f} dB by one method on one scene; "
-            f"{LOSS_OVER_ALL} dB over all in {over_all.power(LOSS_OVER_ALL, alarms):.0%}, {LOSS_OF_ONE} dB by one in "
-            f"{np.mean(chances):.0%} (the least {min(chances):.0%}). One of {len(FIGURES)} gates fails in at most "
+            f"{BECAUSE[self.scatter]}; {JUDGED[self.scatter]}: a loss of {over_all.detects(alarms):.2f} dB over all "
+            f"cells would be found in {POWER:.0%}, of {min(sizes):.2f} to {max(sizes):.2f} dB by one method on one "
+            f"scene; {LOSS_OVER_ALL} dB over all in {over_all.power(LOSS_OVER_ALL, alarms):.0%}, {LOSS_OF_ONE} dB by "
+            f"one in {np.mean(chances):.0%} (minimum {min(chances):.0%}). One of {len(FIGURES)} gates fails in at most "
             f"{FALSE_ALARMS[self.scatter]:.0%} of harmless changes"
         )
-
-    def _found(self, error: Error) -> float:
-        return error.detects(self.alarms)
-
-    def _chance(self, error: Error) -> float:
-        return error.power(LOSS_OF_ONE, self.alarms)

@@ -1,11 +1,11 @@
 """The standard error of a figure of short trainings, and the loss that it finds: pure functions on arrays.
 
-Cells are [scenes, methods, seeds], weights [scenes, methods]; a figure is the weighted sum, averaged over seeds, of how
-much better a cell is than the stored one of its seed. Seeds are independent of each other; methods of one seed need not
-be, as they train on the same batches. The error is one of three:
+Cells are [scenes, methods, seeds], weights [scenes, methods]. A figure is the weighted sum, averaged over seeds, of the
+amounts by which cells are better than the stored ones of the same seed. Seeds are independent; methods of one seed are
+not, as they train on the same batches. The error is one of three:
 
-    rounding   the same program in another order of its sums: draws of the stored cells that differ in their last bit
-    change     the same random numbers in another program: its differences scatter further than rounding, in its pattern
+    rounding   the same program with another order of sums: draws of the stored cells that differ in their last bit
+    change     the same random numbers in another program: differences scatter more than rounding, in its pattern
     seeds      other random numbers: each cell is a training with another seed
 """
 
@@ -18,31 +18,31 @@ from scipy.special import stdtrit
 from harness.verdicts.statistics import share_found, shift_found
 
 ALIKE = 0.25
-"""The share of the variance of other seeds below which differences come from the same random numbers: those of other
-ones lie below it in fewer than one of a thousand changes.
+"""The share of the variance between seeds below which differences are attributed to the same random numbers. Fewer than
+one in a thousand changes with other random numbers lie below it.
 """
 
 
 @dataclass(frozen=True)
 class Error:
-    """The standard error of a figure, and the degrees of freedom with which it is known."""
+    """The standard error of a figure, and its degrees of freedom."""
 
     size: float
     freedom: float
 
     def threshold(self, alarms: float) -> float:
-        """Return the standard errors beyond which the share `alarms` of the figures lie, to one side (Student)."""
+        """Return the one-sided limit, in standard errors, that the share `alarms` of figures exceed (Student)."""
         return float(stdtrit(self.freedom, 1.0 - alarms))
 
     def limit(self, alarms: float) -> float:
         return self.threshold(alarms) * self.size
 
     def detects(self, alarms: float) -> float:
-        """Return the loss that is found in 80 % of repetitions, in the figure's unit."""
+        """Return the loss that 80 % of repetitions find, in the figure's unit."""
         return shift_found(self.threshold(alarms), self.freedom) * self.size
 
     def power(self, loss: float, alarms: float) -> float:
-        """Return the share of repetitions in which `loss` is found."""
+        """Return the share of repetitions that find `loss`."""
         return share_found(loss / self.size, self.threshold(alarms), self.freedom)
 
 
@@ -52,7 +52,7 @@ def figure(weights: np.ndarray, better_by: np.ndarray) -> float:
 
 
 def rounding_error(weights: np.ndarray, draws: np.ndarray) -> Error:
-    """Return the error of one draw less the mean of those stored [scenes, methods, seeds, draws]."""
+    """Return the error of one draw minus the mean of the stored draws [scenes, methods, seeds, draws]."""
     values = _by_seed(weights, draws)
     seeds, many = values.shape[1:]
     variances = values.var(axis=2, ddof=1).mean(axis=1) * (1.0 + 1.0 / many) / seeds
@@ -60,15 +60,15 @@ def rounding_error(weights: np.ndarray, draws: np.ndarray) -> Error:
 
 
 def seeds_error(weights: np.ndarray, stored: np.ndarray, seeds: int) -> Error:
-    """Return the error of `seeds` trainings less as many others, from stored ones [scenes, methods, all seeds]."""
+    """Return the error of `seeds` trainings − as many others, from stored ones [scenes, methods, all seeds]."""
     values = _by_seed(weights, stored)
     return _summed(2.0 * values.var(axis=1, ddof=1) / seeds, values.shape[1] - 1)
 
 
 def change_error(weights: np.ndarray, draws: np.ndarray, better_by: np.ndarray) -> Error:
-    """Return the error of rounding, larger by as much as all differences [scenes, methods, seeds] scatter further.
+    """Return the error of rounding, scaled up to the scatter of all differences [scenes, methods, seeds].
 
-    A scene and method of which a difference is not finite is not looked at.
+    A scene and method with a non-finite difference does not count.
     """
     rounding = rounding_error(weights, draws)
     there = np.isfinite(better_by).all(axis=2)
@@ -80,10 +80,10 @@ def change_error(weights: np.ndarray, draws: np.ndarray, better_by: np.ndarray) 
 
 
 def alike(better_by: np.ndarray, stored: np.ndarray) -> float:
-    """Return the variance of differences [scenes, methods, seeds] about the mean of each scene and method, over that
-    of two trainings with other seeds, from stored ones [scenes, methods, all seeds].
+    """Return the variance of differences [scenes, methods, seeds] about the mean of each scene and method, divided by
+    that of two trainings with other seeds, from stored ones [scenes, methods, all seeds].
 
-    A scene and method of which a difference is not finite is not looked at; 1 if there is no other.
+    A scene and method with a non-finite difference does not count; the result is 1 if none is left.
     """
     there = np.isfinite(better_by).all(axis=2)
     if not there.any():
@@ -96,7 +96,7 @@ def _by_seed(weights: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def _summed(variances: np.ndarray, freedom: float) -> Error:
-    """Return the error of a sum of independent parts, each known with `freedom` (Satterthwaite)."""
+    """Return the error of a sum of independent parts with `freedom` degrees of freedom each (Satterthwaite)."""
     total = float(variances.sum())
     if total == 0.0:
         return Error(0.0, freedom)

@@ -28,7 +28,7 @@ LAST_BIT = 2.0**-23
 TRAIN = replace(
     SHORT_TRAINING, warm_up_steps=20, grid=GridSettings(cells=32, first_step=60, every=20), precision="float32"
 )
-"""In float32, so that machines differ by rounding alone."""
+"""The training settings, in float32, so that machines differ only by rounding."""
 
 
 def trained(
@@ -68,7 +68,7 @@ def train_one(task: GroupTask, draw: int) -> list[CellRecord]:
 
 
 def rounded_otherwise(draw: int) -> Callable[..., Learner]:
-    """Return a maker of learners whose first weights differ at random in their last bit; draw 0 leaves them."""
+    """Return a maker of learners with random changes in the last bit of their first weights; draw 0 changes none."""
 
     def make(job: Job) -> Learner:
         learner = learner_for(job)
@@ -83,7 +83,7 @@ def rounded_otherwise(draw: int) -> Callable[..., Learner]:
 
 
 def ended(cells: list[CellRecord], what: str) -> list[CellRecord]:
-    """Return the cells of a renewal. Raises `InputError` if one did not end: nothing can be made of `what` then."""
+    """Return the cells of a renewal; raises `InputError` if one did not end, as `what` cannot be made then."""
     if stopped := [
         f"{cell.scene} {cell.method} seed {cell.seed}: {cell.reason}" for cell in cells if cell.status != "done"
     ]:

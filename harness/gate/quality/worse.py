@@ -1,4 +1,4 @@
-"""Is it worse? Short trainings against the stored ones of the same seeds, and the comparer on stored cells."""
+"""Is it worse? Short trainings compared with the stored ones of the same seeds, and the comparison of stored cells."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,21 +25,21 @@ def _answer(checks: dict[str, Check]) -> str:
 
 @complete("worse", _answer)
 def measure(context: GateContext) -> Iterator[Check | Answer]:
-    """Train what the gates need and nothing else."""
-    asked = context.of_kind("worse")
-    figures = {name: gate for name, gate in asked.items() if name != STATISTICS}
-    if STATISTICS in asked:
-        yield judge(asked[STATISTICS], [other_statistics(context.references)], NONE_DIFFERS)
+    """Train only the methods that the chosen gates need."""
+    chosen = context.of_kind("worse")
+    figures = {name: gate for name, gate in chosen.items() if name != STATISTICS}
+    if STATISTICS in chosen:
+        yield judge(chosen[STATISTICS], [other_statistics(context.references)], NONE_DIFFERS)
     if figures:
         new = scores_of(trained(context, methods_of(figures.values())))
-        judged = Judge.of(context.references, new, bool(early.broken(context)))
+        trainings = Judge.of(context.references, new, bool(early.broken(context)))
         for gate in figures.values():
-            yield judged.check(gate)
-        yield Answer(judged.sentence())
+            yield trainings.check(gate)
+        yield Answer(trainings.sentence())
 
 
 def renew(context: GateContext) -> References:
-    """Return the references with new cells. Raises `InputError` if one did not end."""
+    """Return the references with new cells; raises `InputError` if one did not end."""
     draws = []
     for draw in range(DRAWS):
         draws.append(scores_of(ended(trained(context, TRAINED_METHODS, draw), "references")))
@@ -65,16 +65,16 @@ def scores_of(cells: Iterable[CellRecord]) -> Scores:
     }
 
 
-def methods_of(asked: Iterable[Gate]) -> tuple[str, ...]:
-    needed = sum(np.abs(score_and_weights(gate)[1]).sum(axis=0) for gate in asked)
+def methods_of(chosen: Iterable[Gate]) -> tuple[str, ...]:
+    needed = sum(np.abs(score_and_weights(gate)[1]).sum(axis=0) for gate in chosen)
     return tuple(method for method, weight in zip(TRAINED_METHODS, needed, strict=True) if weight)
 
 
 def statistics_of(cells: Sequence[CellRecord]) -> dict[str, list[float]]:
-    """Return for each headline the comparer's difference and the ends of its two intervals."""
+    """Return the difference of each headline and the ends of its two intervals."""
     statistics = {}
-    trained = {cell.method for cell in cells}
-    for row in compare(list(cells), [method for method in TRAINED_METHODS if method in trained]):
+    methods = {cell.method for cell in cells}
+    for row in compare(list(cells), [method for method in TRAINED_METHODS if method in methods]):
         is_headline = (row.method, row.against) in HEADLINES
         if is_headline and (row.scene, row.metric, row.budget) == ("all", "psnr", "steps"):
             estimates = (row.on_these_scenes, row.scenes_like_these)
@@ -85,7 +85,7 @@ def statistics_of(cells: Sequence[CellRecord]) -> dict[str, list[float]]:
 
 
 def other_statistics(stored: References) -> int:
-    """Count the numbers of the stored comparisons that come out otherwise today."""
+    """Count the numbers of the stored comparisons that are now different."""
     today = statistics_of(stored_cells(stored))
     differing = 0
     for name, before in stored.statistics.items():
@@ -96,7 +96,7 @@ def other_statistics(stored: References) -> int:
 
 
 def stored_cells(stored: References) -> list[CellRecord]:
-    """Return the cells of the gate's seeds as they were trained without a change of their first weights."""
+    """Return the cells of the gate's seeds that were trained from unchanged first weights."""
     cells = []
     for key, scores in stored.cells.items():
         scene, method, seed = key.split("/")
@@ -106,7 +106,7 @@ def stored_cells(stored: References) -> list[CellRecord]:
 
 
 def cell_with(scene: str, method: str, seed: int, scores: dict[str, float | None]) -> CellRecord:
-    """Return a finished cell of which only scores are known."""
+    """Return a finished cell with only these scores."""
     point = Checkpoint(1, 1.0, 1, psnr=scores.get("psnr"))
     empty = unscored(scene, method, seed, "done", "")
     return structs.replace(empty, reason=None, steps=1, train_seconds=1.0, scores=scores, curve=[point])

@@ -1,1 +1,1 @@
-"""Records as earlier versions wrote them, in the form of this one; imports `verdict` and `metric_table` alone."""
+"""Converts records of earlier versions to the form of this one; imports only `verdict` and `metric_table`."""

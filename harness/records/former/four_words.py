@@ -1,4 +1,4 @@
-"""Verdicts of four words, which versions before `harness.records.verdict` wrote, in the two that this one reads."""
+"""Converts the former verdicts (better, worse, equivalent, inconclusive) to a sign and a size."""
 
 from typing import Any
 
@@ -11,18 +11,17 @@ NO_INTERVAL = {
     "equivalent": Verdict("open", "smaller than matters"),
     "inconclusive": OPEN,
 }
-"""Map word → the verdict where there is none: only savings of time, of which more is better, have such words."""
+"""Map word → its verdict without an interval: only savings of time, of which more is better, have such words."""
 ENDS = [[first, second] for first in (int, float) for second in (int, float)]
 FAILS: dict[str, Sign] = {"better": "below 0", "worse": "above 0", "inconclusive": "open"}
 """Map word → the sign of the difference of two shares of failed runs."""
 
 
 def in_two_words(data: object, margin: float = METRICS[PRIMARY].smallest_of_interest) -> Any:
-    """Return plain data of a record in which every verdict of four words on a difference is `{"sign": …, "size": …}`.
+    """Return plain data of a record in which each former verdict on a difference is `{"sign": …, "size": …}`.
 
-    They are derived from the interval that the word was taken from and the margin of its metric. What was called
-    inconclusive stays open, as it may have had too few seeds. Verdicts of other vocabularies, on claims or omissions,
-    stay as they are.
+    Sign and size follow from the interval that the word came from and the margin of its metric. An inconclusive verdict
+    stays open, as it may have had too few seeds. Other verdicts, on claims or omissions, stay as they are.
     """
     if isinstance(data, list):
         return [in_two_words(value, margin) for value in data]
@@ -41,16 +40,16 @@ def in_two_words(data: object, margin: float = METRICS[PRIMARY].smallest_of_inte
     if word in FAILS and "p_value" in data:
         data["verdict"] = FAILS[word]
     elif word in NO_INTERVAL and ("smallest_detectable" in data or "same_weights_largest" in data):
-        data["verdict"] = _words(word, data.get("simultaneous") or data.get("interval"), margin)
+        data["verdict"] = _sign_and_size(word, data.get("simultaneous") or data.get("interval"), margin)
     return data
 
 
-def _words(word: str, interval: object, margin: float) -> dict[str, str] | str:
-    """Return both words as plain data; the word itself behind anything that is no interval, which readers refuse."""
+def _sign_and_size(word: str, interval: object, margin: float) -> dict[str, str] | str:
+    """Return the verdict as plain data, or the word itself, which readers refuse, if `interval` is not an interval."""
     if interval is None or word == "inconclusive":
-        found = NO_INTERVAL[word]
+        verdict = NO_INTERVAL[word]
     elif isinstance(interval, list | tuple) and [type(end) for end in interval] in ENDS:
-        found = verdict_of((interval[0], interval[1]), margin)
+        verdict = verdict_of((interval[0], interval[1]), margin)
     else:
         return word
-    return {"sign": found.sign, "size": found.size}
+    return {"sign": verdict.sign, "size": verdict.size}

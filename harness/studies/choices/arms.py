@@ -1,7 +1,7 @@
-"""Cells trained as planned and again in other ways with everything else equal: what every comparison of settings runs.
+"""Cells trained as planned and in other ways with everything else equal: the runs of every comparison of settings.
 
-Paired cells share scene, method, seed and therefore every batch, and every first weight whose shape is the same. What
-concerns rendering alone is tried on one set of weights, rendered both ways.
+Paired cells share scene, method and seed, and so every batch and every initial weight of the same shape. What concerns
+only rendering is tried on one set of weights, rendered both ways.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -40,9 +40,9 @@ class Arm:
     """One way to train a cell."""
 
     train: Mapping[str, Any] = field(default_factory=dict)
-    """Field of the settings of training → its value in place of the planned one."""
+    """Field of the settings of training → the value that replaces the planned one."""
     own: object = None
-    """The method's own settings; None: as planned."""
+    """The method's own settings; None for the planned ones."""
     need: tuple[str, ...] = ()
     no_need: tuple[str, ...] = ()
     rendered_with: tuple[str, ...] = ()
@@ -62,16 +62,16 @@ class CellTask:
     device: str = "cpu"
     scored_on: Literal["val", "test"] = "test"
     kept: Path | None = None
-    """The folder where the cell is kept when it ends, and looked for before it begins."""
+    """The folder where the finished cell is kept, and from which it is read instead of being trained again."""
 
 
 @dataclass(frozen=True)
 class Rerendered:
-    """The same weights, rendered again with something that had been left out."""
+    """The same weights, rendered again with a part that had been left out."""
 
     core_seconds: float
     core_seconds_without: float
-    """The processor time of rendering the same views with it left out, the two timed in turns."""
+    """The processor time of rendering the same views without it, the two timed in turn."""
     largest_change: float
     """The largest change of a display colour."""
 
@@ -85,7 +85,7 @@ class Ended:
     core_seconds: float = 0.0
     """The processor time of training."""
     rendering_core_seconds: float = 0.0
-    """The processor time of rendering all of these views."""
+    """The processor time of rendering the scored views."""
     why: str = ""
     """Why there is no score."""
     steps: int = 0
@@ -105,7 +105,7 @@ def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[CellArms]:
 
 
 def kept_cell(task: CellTask) -> CellArms:
-    """Return the cell as it is kept, else train it and keep it; one that cannot be read is trained again."""
+    """Return the kept cell, or train it and keep it; a cell that cannot be read is trained again."""
     if task.kept is None:
         return trained_cell(task)
     file = task.kept / f"{task.scene}-{task.method}-{task.seed}-{identity(task)}.json"
@@ -118,7 +118,7 @@ def kept_cell(task: CellTask) -> CellArms:
 
 
 def identity(task: CellTask) -> str:
-    """Return the digest of all that a cell's results depend on, beside its scene and seed."""
+    """Return the digest of all that a cell's results depend on, except its scene and seed."""
     plan = replace(task.plan.alone(), scenes=(), methods=(task.method,), seeds=())
     arms = {name: asdict(arm) for name, arm in task.arms.items()}
     given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on]
@@ -133,7 +133,7 @@ def trained_cell(task: CellTask) -> CellArms:
 
 
 def views_of(folder: Path, plan: Plan, scratch: Path, scored_on: Literal["val", "test"]) -> ViewSet:
-    """Read a view set. Raises `InputError` if it has no views to score on."""
+    """Read a view set. Raises `InputError` if it lacks the validation views that are scored."""
     views = read_views(folder, plan.views, scratch, scored_on)
     if scored_on == "val" and not views.val.names:
         raise InputError(f"{folder}: has no validation views (transforms_val.json), which are scored here")
@@ -141,7 +141,7 @@ def views_of(folder: Path, plan: Plan, scratch: Path, scored_on: Literal["val", 
 
 
 def weigh(pairs: Iterable[tuple[float | None, float | None]]) -> PairedDifference | None:
-    """Return the first score less the second over the pairs that have both; None without a pair."""
+    """Return the first score less the second over the pairs that have both; None without such a pair."""
     differences = [first - second for first, second in pairs if first is not None and second is not None]
     return paired_difference(np.array(differences)) if differences else None
 
@@ -176,7 +176,7 @@ def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
 
 
 def _rerendered(trainer: Trainer, name: str, cameras: Cameras, chunk: int) -> Rerendered:
-    """Render view by view, with `name` left out and with it put back, in turns; the trainer ends as it began."""
+    """Render view by view without and with the part `name`, in turn; the trainer's settings are restored."""
     settings = {"out": trainer.settings, "in": kept(trainer.settings, (name,))}
     watches = {part: Stopwatch(trainer.device) for part in settings}
     largest = 0.0

@@ -1,8 +1,9 @@
-"""The constants that the paper leaves open, chosen for each method by one and the same search on validation views.
+"""The constants that the paper leaves open, chosen for each method by the same search on validation views.
 
-The unit of density and the start of the field decide how a method trains and, where its density is bounded, what it can
-show at all. One number for all methods is not the same thing for all: it is a slope for one and a ceiling for another.
-So every method is trained with every pair of them, on all scenes of the plan, with a seed that no verdict uses.
+The unit of density and the start of the field decide how a method trains and, if its density is bounded, what it can
+show at all. One number for all methods does not mean the same for each: it is a slope for one and a ceiling for
+another. So every method is trained with every pair of constants, on all scenes of the plan, with a seed that no verdict
+uses.
 """
 
 import json
@@ -37,11 +38,11 @@ READINGS: dict[str, tuple[float | None, ...]] = {
     "qnerf_running_mean": STARTS,
     "qnerf_running_mean_listing2": STARTS,
 }
-"""Method → the starts that are tried: Listing 2 as printed has none, and with one it is another method."""
+"""Method → the starts that are tried: Listing 2 as printed has no start, and is another method with one."""
 SHARE = 4
-"""The share of the plan's steps, 1 / SHARE, that every pair is trained for at first."""
+"""Every pair is first trained for 1 / SHARE of the plan's steps."""
 STARTS_KEPT, MORE_KEPT = 3, 1
-"""The starts of each method whose best unit is then trained for all of the plan's steps, and the pairs besides."""
+"""Per method, the starts whose best unit is then trained for all steps, and the number of other pairs."""
 RULE = (
     f"Every pair is trained for 1 / {SHARE} of the steps, and ranked by the mean over scenes of PSNR on validation "
     f"views. The best unit of each of the {STARTS_KEPT} best starts of a method and the {MORE_KEPT} best of its other "
@@ -70,7 +71,6 @@ class ConstantsRow:
 
 
 def pairs_of(method: str) -> list[DensityConstants]:
-    """Return the pairs that are tried for a method."""
     parts = CATALOG[method].parts
     assert parts is not None
     bounded = AMPLIFIERS[parts.amplifier](None).bounded
@@ -83,7 +83,7 @@ def pairs_of(method: str) -> list[DensityConstants]:
 
 
 Pairs = dict[str, list[DensityConstants]]
-"""Map method → pairs of constants, the best first."""
+"""Method → pairs of constants, the best first."""
 
 
 def search(
@@ -95,9 +95,9 @@ def search(
     finished: list[ConstantsRow],
     carried: Pairs | None = None,
 ) -> Iterator[list[ConstantsRow]]:
-    """Train every pair of every method of `plan` on every scene, then the finalists for the whole budget. Yield the
-    rows of one scene, method and start at a time; those that are `finished` are not trained again. Decoded images go to
-    `scratch`, a folder on a disk. With pairs that are `carried` over from a shorter search there is no first round.
+    """Train every pair of every method of `plan` on every scene, then the finalists for the full budget. Yield the rows
+    of one scene, method and start at a time; rows that are `finished` are not trained again. Decoded images go to
+    `scratch`. With pairs `carried` over from a shorter search there is no first round.
 
     Raises `InputError` for a view set without validation views.
     """
@@ -136,7 +136,7 @@ def _arms(plan: Plan, method: str, pairs: list[DensityConstants]) -> dict[str, A
 
 
 def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float]:
-    """Map the pairs of a method that ended well on every scene → mean PSNR over scenes, the best first."""
+    """Map the pairs of a method that have a score on every scene → mean PSNR over scenes, the best first."""
     scores: dict[DensityConstants, list[float | None]] = {}
     for row in rows:
         if row.method == method:
@@ -147,7 +147,7 @@ def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float
 
 
 def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:
-    """Return the pairs of a method that `RULE` takes into the second round, out of the rows of the first."""
+    """Return the pairs of a method that `RULE` selects for the second round from the rows of the first."""
     pairs = list(means(rows, method))
     rank = {pair: sum(pair.start == better.start for better in pairs[:place]) for place, pair in enumerate(pairs)}
     kept = sorted(pairs, key=rank.__getitem__)[:STARTS_KEPT]
@@ -155,8 +155,8 @@ def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:
 
 
 def best_of(rows: list[ConstantsRow], methods: Sequence[str], many: int) -> Pairs:
-    """Return the `many` best pairs of each method after the longest training of a search; raises `InputError` for a
-    method without any.
+    """Return the `many` best pairs of each method after the longest training of a search. Raises `InputError` for a
+    method without a pair.
     """
     steps = max((row.steps for row in rows), default=0)
     longest = [row for row in rows if row.steps == steps]
@@ -167,8 +167,8 @@ def best_of(rows: list[ConstantsRow], methods: Sequence[str], many: int) -> Pair
 
 
 def chosen(rows: list[ConstantsRow], steps: int, carried: Pairs | None = None) -> dict[str, DensityConstants]:
-    """Map method → the pair that `RULE` chooses of those trained for all `steps`. Methods of which every pair diverged
-    are left out; of a search that is not finished, all are.
+    """Map method → the pair that `RULE` chooses among those trained for all `steps`. Methods whose pairs all diverged
+    are left out; an unfinished search chooses nothing.
     """
     first, second = ([row for row in rows if (row.steps == steps) is last] for last in (False, True))
     choice = {}
@@ -193,7 +193,7 @@ def settings_of(plan: Plan) -> dict[str, Any]:
 def as_json(
     rows: list[ConstantsRow], plan: Plan, provenance: dict[str, object], carried: Pairs | None = None
 ) -> dict[str, Any]:
-    """Return the record of a search; one that was stopped has no choice."""
+    """Return the record of a search, without a choice if it was stopped."""
     choice = chosen(rows, plan.budget.steps or 0, carried)
     return {
         "what": "unit of density and start of the field of each method, on validation views",
@@ -207,10 +207,10 @@ def as_json(
 
 
 def read_rows(file: Path, plan: Plan | None = None) -> list[ConstantsRow]:
-    """Return the rows of a record of a search: one of the same settings as `plan`, to be resumed from (none if there is
-    no record), or any without a plan.
+    """Return the rows of a search's record. With a `plan` the search is to be resumed: the settings must be the same,
+    and without a record there are no rows.
 
-    Raises `InputError` for a record that cannot be read, and for one of other settings.
+    Raises `InputError` for a record that cannot be read, and for other settings.
     """
     if plan is not None and not file.exists():
         return []
@@ -219,7 +219,7 @@ def read_rows(file: Path, plan: Plan | None = None) -> list[ConstantsRow]:
         rows = as_promised(record["rows"], list[ConstantsRow])
         settings = record["settings"]
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise InputError(f"{file}: no record of a search ({error}); remove it, or name another file") from error
+        raise InputError(f"{file}: not a record of a search ({error}); remove it, or name another file") from error
     if plan is not None and settings != settings_of(plan):
         raise InputError(f"{file}: was made with other settings; use the same options, or name another --out")
     return rows

@@ -1,8 +1,8 @@
-"""What switching one thing off does to final scores: pairs of cells that differ in it alone, same rays, same weights.
+"""What a single change does to final scores: pairs of cells that differ only in it, with the same rays and weights.
 
-Accelerations that sum in another order need no such test. Two do change what is summed: an occupancy grid leaves points
-out (for Listing 2, whose mean runs over the points of the chunk, this also changes the density of those that stay), and
-reduced precision rounds. Whether that matters is a question of scores.
+Accelerations that sum in another order need no such test. Two change what is summed: an occupancy grid leaves points
+out (for Listing 2, whose mean runs over the points of the chunk, this also changes the density of the others), and
+reduced precision rounds. Scores tell whether that matters.
 """
 
 from collections.abc import Iterator
@@ -18,12 +18,12 @@ from harness.verdicts.statistics import verdict
 
 Change = Literal["grid", "precision"]
 SMALLEST_OF_INTEREST_DB = 0.2
-"""The smallest difference of interest, as in every verdict of the harness."""
+"""The smallest difference of interest, as in all verdicts of the harness."""
 
 
 @dataclass(frozen=True)
 class ScorePair:
-    """The mean test PSNR of both; None if training diverged."""
+    """The mean test PSNR of two cells; None if training diverged."""
 
     scene: str
     method: str
@@ -34,7 +34,7 @@ class ScorePair:
 
 
 def arms_of(plan: Plan, changes: list[Change]) -> dict[str, Arm]:
-    """Return the arms: as planned, and with each change, which is no grid or the other precision."""
+    """Return the arms: as planned, and with each change (without the grid, or with the other precision)."""
     other: dict[Change, Arm] = {
         "grid": Arm(need=("empty_space",)),
         "precision": Arm({"precision": "bfloat16" if plan.train.precision == "float32" else "float32"}),
@@ -50,9 +50,7 @@ def pairs(
     workers: int,
     kept: Path | None = None,
 ) -> Iterator[ScorePair]:
-    """Yield all cells of the plan with each change, on `workers` processes; decoded images go to `scratch`, and
-    finished cells to `kept`.
-    """
+    """Train all cells as planned and with each change; decoded images go to `scratch`, finished cells to `kept`."""
     arms = arms_of(plan, changes)
     tasks = [
         CellTask(scene, method, seed, folders[scene], scratch, plan, arms, kept=kept)

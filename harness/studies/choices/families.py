@@ -1,7 +1,7 @@
 """The same small search for every family of the frontier: as it is, at half and double its rates, smaller and larger.
 
-Each trial trains for as many core seconds as any other, on views that the frontier trains on, with a seed that no
-verdict uses, and is scored on validation views. What wins is written into the program by hand.
+All trials train for the same core seconds, on the frontier's training views, with a seed that no verdict uses, and are
+scored on validation views. The winner is written into the program by hand.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,11 +18,11 @@ from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.studies.choices.arms import PLANNED, Arm
-from harness.studies.choices.sweep import SEED, searched
+from harness.studies.choices.sweep import SEED, try_arms
 from harness.studies.frontier.frontier_context import settings_for
 
 SEARCHED = ("chair", "ship")
-"""The scenes that are searched on."""
+"""The scenes of the search."""
 BUDGET = 15.0
 """The core seconds of a training."""
 USUAL = PROFILES["reduced"].train
@@ -75,8 +75,8 @@ def _voxels(finest: int) -> Trial:
 
 
 def _trials(rates: Callable[[float], Trial], smaller: Trial, larger: Trial) -> dict[str, Trial]:
-    halved, doubled = {"half the rates": rates(0.5)}, {"double the rates": rates(2.0)}
-    return {PLANNED: Trial(), **halved, **doubled, "smaller": smaller, "larger": larger}
+    scaled = {"half the rates": rates(0.5), "double the rates": rates(2.0)}
+    return {PLANNED: Trial(), **scaled, "smaller": smaller, "larger": larger}
 
 
 NETWORKS = _trials(_rates, _width(48), _width(96))
@@ -91,7 +91,7 @@ TRIALS: dict[str, dict[str, Trial]] = {
     ),
     "voxels_drjit": _trials(_rates, _voxels(48), _voxels(96)),
 }
-"""Family → words → the trial."""
+"""Family → name → trial."""
 
 
 @dataclass(frozen=True)
@@ -107,33 +107,33 @@ class FamilyRow:
 
 
 def search_plan(as_planned: bool, quick: bool = False) -> Plan:
-    """Return the frontier's plan on the scenes of the search; `quick` trains next to nothing."""
+    """Return the frontier's plan on the scenes of the search; with `quick` it trains almost nothing."""
     plan = PROFILES["reduced"].alone()
     train = settings_for(BUDGET, plan.train if as_planned else replace(plan.train, precision="float32"))
-    whole = replace(
+    plan = replace(
         plan, scenes=SEARCHED, methods=tuple(TRIALS), seeds=(SEED,), budget=Budget(None, None, BUDGET), train=train
     )
     if not quick:
-        return whole
+        return plan
     views = replace(plan.views, resolution=16, train=3, val=1, test=1, spp_train=2, spp_test=2)
     few = ("nerf", "planes", "splats")
-    return replace(whole, scenes=SEARCHED[:1], methods=few, views=views, budget=Budget(None, None, 0.1))
+    return replace(plan, scenes=SEARCHED[:1], methods=few, views=views, budget=Budget(None, None, 0.1))
 
 
 def search(
     plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
 ) -> Iterator[FamilyRow]:
-    """Train every trial of every method of `plan` on every scene, as `searched` does."""
+    """Train every trial of every method of `plan` on every scene, as `try_arms` does."""
 
     def arms_of(family: str) -> dict[str, Arm]:
         return {words: trial.arm for words, trial in TRIALS[family].items()}
 
-    for family, words, scene, ended in searched(plan, arms_of, folders, scratch, workers, device, kept):
+    for family, words, scene, ended in try_arms(plan, arms_of, folders, scratch, workers, device, kept):
         yield FamilyRow(family, words, scene, ended.psnr, ended.core_seconds, ended.steps, ended.why)
 
 
 def means(rows: list[FamilyRow], family: str) -> dict[str, float | None]:
-    """Map trial → the mean over scenes, the best first; None, and last, where a scene has no score."""
+    """Map trial → the mean over scenes, the best first; None, and last, if a scene has no score."""
     scores: dict[str, list[float | None]] = {}
     for row in rows:
         if row.family == family:

@@ -1,8 +1,8 @@
-"""What leaving something out does to scores and clocks: cells trained with and without it, the rest the same
+"""What leaving a part out does to scores and clocks: cells trained with and without it, everything else equal
 (`python -m harness study omissions`, `run --verify-omissions`).
 
-What concerns rendering alone is judged on one set of weights, rendered both ways; the volumetric integrator, on renders
-of the scene itself.
+What concerns only rendering is judged on one set of weights, rendered both ways; the volumetric integrator is judged on
+renders of the scene itself.
 """
 
 import json
@@ -43,36 +43,36 @@ TRAINED = (
 )
 """The needs whose omission changes what is trained."""
 RENDERED = ("behind_opaque",)
-"""The needs whose omission changes how a trained method is rendered, and nothing else."""
+"""The needs whose omission changes only how a trained method is rendered."""
 CONTROLS = {
     "no view_direction": ("view_direction", ""),
     "Nyquist": ("high_bands", ""),
     "half the bins": ("every_bin", ""),
     "no bands": ("high_bands", "every band of the encoding, the needed ones too"),
 }
-"""An arm that leaves out what a run keeps → its need, and what it is if it is more than that. The effect of the first
-may take long training to show; the last must cost visibly, or nothing here could.
+"""An arm that leaves out what a run keeps → its need, and what it leaves out if that is more. The effect of the first
+may need long training to show; the last must show a cost, or the measurement could show none.
 """
 INTEGRATOR_VIEWS = 6
 INTEGRATOR_SPP = 64
-"""The fewest samples: with fewer, noise is larger than the bound."""
+"""The minimum number of samples: with fewer, noise is larger than the bound."""
 
 
 @dataclass(frozen=True)
 class Omission:
-    """What leaving one thing out on one scene changed, over seeds."""
+    """What leaving one part out changed on one scene, over seeds."""
 
     scene: str
     method: str
     name: str
     seconds_saved: float | None
-    """The mean over seeds in core seconds of the work that `clock` names; for `participating_media`, seconds of
-    rendering the view set.
+    """The mean over seeds, in core seconds, of the work that `clock` names; seconds of rendering the view set for
+    `participating_media`.
     """
     clock: str
     difference: float | None
-    """In dB, the test PSNR without the part minus that with it, so that a value below 0 is a loss. As a colour, the
-    largest change and, for the integrators, the root mean square over blocks of pixels.
+    """In dB, the test PSNR without the part minus that with it: a value below 0 is a loss. For colours, the largest
+    change; for the integrators, the root mean square over blocks of pixels.
     """
     interval: tuple[float, float] | None
     """The 95 % interval over seeds (views for `participating_media`); None for the largest value over seeds."""
@@ -80,7 +80,7 @@ class Omission:
     diverged: int
     verdict: Verdict
     what: str = ""
-    """What was left out if it is more than what `name` stands for."""
+    """What was left out, if that is more than the part `name`."""
 
     @property
     def title(self) -> str:
@@ -113,9 +113,9 @@ def verified(
     controls: bool = False,
     kept: Path | None = None,
 ) -> tuple[list[Omission], list[Omission]]:
-    """Return what is left out on each scene of the plan, and `controls`: what leaving out something needed costs.
+    """Return what leaving out costs: parts that a scene does not need and, with `controls`, parts that it needs.
 
-    Every cell of the plan is trained once as planned and once more for each omission of its scene. Finished cells go to
+    Every cell of the plan is trained once as planned and once more per omission of its scene. Finished cells go to
     `kept`.
     """
     views = {scene: read_views(folder, plan.views, scratch) for scene, folder in folders.items()}
@@ -131,7 +131,7 @@ def verified(
     omissions = omissions_of(cells)
     for scene in folders:
         need = needs_of(views[scene]).get("participating_media")
-        # not of a view set or a scene from elsewhere
+        # not for a view set or a scene of the user
         if not plan.view_set and not plan.scene_file and need is not None and not need.needed:
             omissions.append(_of_integrator(plan, scene))
     return sorted(omissions, key=lambda omission: list(folders).index(omission.scene)), controls_of(cells)
@@ -146,9 +146,9 @@ def verify_run(
     scenes: list[SceneRecord],
     folders: dict[str, Path],
 ) -> list[SceneRecord]:
-    """Return `scenes` with what leaving out saved and changed, by one method."""
+    """Return `scenes` with what leaving out saved and changed, measured with one method."""
     done = {cell.method for cell in cells if cell.status == "done"}
-    trained = [name for name in plan.methods if name in done]  # those that explain a result do not count
+    trained = [name for name in plan.methods if name in done]  # methods that only explain a result do not count
     if not trained:
         return scenes
     one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
@@ -156,15 +156,20 @@ def verify_run(
     for omission in too_costly(omissions):
         show.line(f"left out at too high a price: {omission.line}")
     by_scene = {scene.name: [omission for omission in omissions if omission.scene == scene.name] for scene in scenes}
-    return [structs.replace(scene, left_out=filled(scene.left_out, by_scene[scene.name])) for scene in scenes]
+    return [
+        structs.replace(scene, left_out=with_measurements(scene.left_out, by_scene[scene.name])) for scene in scenes
+    ]
 
 
 def too_costly(omissions: list[Omission]) -> list[Omission]:
     return [omission for omission in omissions if omission.verdict == "costs more"]
 
 
-def filled(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
-    measured = {one.name: {name: getattr(one, name, blank) for name, blank in UNMEASURED.items()} for one in omissions}
+def with_measurements(rows: list[LeftOut], omissions: list[Omission]) -> list[LeftOut]:
+    measured = {
+        omission.name: {name: getattr(omission, name, blank) for name, blank in UNMEASURED.items()}
+        for omission in omissions
+    }
     return [structs.replace(row, **measured.get(row.name, {})) for row in rows]
 
 
@@ -184,12 +189,12 @@ def as_json(
     }
 
 
-def judged(costs: PairedDifference | None, bound: float) -> Verdict:
-    """Return the verdict; `costs` says how much worse the result became.
+def verdict_on(costs: PairedDifference | None, bound: float) -> Verdict:
+    """Return the verdict on `costs`, which say how much worse the result became.
 
-    within its bound   the whole interval lies below the bound
-    costs more         the whole interval lies above it
-    inconclusive       anything else, and a difference of scores that has no interval
+    within its bound   the complete interval lies below the bound
+    costs more         the complete interval lies above it
+    inconclusive       neither, or there is no interval
     """
     if costs is None or costs.interval is None:
         return "inconclusive"
@@ -200,11 +205,11 @@ def judged(costs: PairedDifference | None, bound: float) -> Verdict:
 
 
 def verifiable(views: ViewSet, plan: Plan, method: str) -> tuple[str, ...]:
-    """Return what this scene does not need, plan and method would otherwise have, and training or rendering can try."""
+    """Return what this scene does not need, plan and method otherwise have, and training or rendering can test."""
     train, parts = plan.train, CATALOG[method].parts
-    # a voxel grid has no such sampling, and Listing 4 takes every point of the whole ray
+    # a voxel grid has no such sampling, and Listing 4 takes every point of the complete ray
     sampled = parts is not None and parts.quadrature != "listing4"
-    everyones = ("view_direction", "background_rays")
+    shared = ("view_direction", "background_rays")
     has = {
         "fine_pass": train.fine_bins > 0,
         "empty_space": train.grid.cells > 0 and train.accelerations.grid,
@@ -216,7 +221,7 @@ def verifiable(views: ViewSet, plan: Plan, method: str) -> tuple[str, ...]:
     return tuple(
         name
         for name in (*TRAINED, *RENDERED)
-        if name in needs and not needs[name].needed and has.get(name, True) and (sampled or name in everyones)
+        if name in needs and not needs[name].needed and has.get(name, True) and (sampled or name in shared)
     )
 
 
@@ -228,10 +233,10 @@ def cell_tasks(
     controls: bool = False,
     device: str = "cpu",
 ) -> list[CellTask]:
-    """Return each cell of the plan with everything left out that its scene does not need, and again with each of these.
+    """Return each cell of the plan without everything that its scene does not need, and again with each of these parts.
 
     With `controls`, also without what every run keeps: bands above the Nyquist limit and half of the bins; the first
-    scene without any band, and without the view direction if it needs that.
+    scene also without any band, and without the view direction if it needs that.
     """
     tasks = []
     for scene, method, seed in plan.cells():
@@ -261,7 +266,7 @@ def with_half_the_bins(plan: Plan) -> Arm:
 
 
 def omissions_of(cells: list[CellArms]) -> list[Omission]:
-    """Return one omission per scene, method and part, in the order in which the cells have them."""
+    """Return one omission per scene, method and part, in the order of the cells."""
     omissions = []
     for alike in _by_method(cells):
         omissions += [_of_training(alike, name, PLANNED, name) for name in alike[0].ended if name in TRAINED]
@@ -287,9 +292,9 @@ def _by_method(cells: list[CellArms]) -> list[list[CellArms]]:
 def _of_training(cells: list[CellArms], name: str, without: str, with_it: str) -> Omission:
     pairs = [(cell.ended[without], cell.ended[with_it]) for cell in cells]
     result = weigh((a.psnr, b.psnr) for a, b in pairs)
-    verdict = judged(weigh((b.psnr, a.psnr) for a, b in pairs), PARTS[name].bound)
+    verdict = verdict_on(weigh((b.psnr, a.psnr) for a, b in pairs), PARTS[name].bound)
     if any(a.psnr is None and b.psnr is not None for a, b in pairs):
-        verdict = "costs more"  # a cell that ends for lack of the part is worth less than any score
+        verdict = "costs more"  # a cell that fails without the part is worse than any score
     saved = [
         b.core_seconds + b.rendering_core_seconds - a.core_seconds - a.rendering_core_seconds
         for a, b in pairs
@@ -310,7 +315,7 @@ def _of_training(cells: list[CellArms], name: str, without: str, with_it: str) -
 
 
 def _of_rendering(cells: list[CellArms], name: str) -> Omission:
-    """Judge the largest change of a colour: nothing in it is random."""
+    """Judge the largest change of a colour, which is not random."""
     again = [arm.rerendered[name] for cell in cells if name in (arm := cell.ended[PLANNED]).rerendered]
     largest = max(arm.largest_change for arm in again)
     return Omission(
@@ -335,17 +340,17 @@ def _of_integrator(plan: Plan, scene: str) -> Omission:
 
 
 def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, object]:
-    """Return `scenes.rendering.checks.Comparison` as plain data, from a process of its own. Raises `InputError`."""
+    """Return `scenes.rendering.checks.Comparison` as plain data, from a separate process. Raises `InputError`."""
     output = scenes_output("integrators", scene, resolution=resolution, views=views, spp=spp)
     comparison: dict[str, Any] = json.loads(output.splitlines()[-1])
     return comparison
 
 
 def omission_of_integrators(comparison: dict[str, Any], samples: int) -> Omission:
-    """Return the omission on a complete view set, to which the seconds of `samples` are scaled."""
+    """Return the omission, with its seconds scaled to the `samples` of a complete view set."""
     seconds = comparison["seconds"]["volpath"] - comparison["seconds"]["path"]
     squares = paired_difference(np.array(comparison["squared"]))
-    # an unbiased square may lie below 0 by chance
+    # an unbiased estimate of a square may lie below 0 by chance
     mean, *ends = (math.sqrt(max(square, 0.0)) for square in (squares.mean, *(squares.interval or ())))
     return Omission(
         comparison["scene"],
@@ -357,5 +362,5 @@ def omission_of_integrators(comparison: dict[str, Any], samples: int) -> Omissio
         interval=(ends[0], ends[1]) if ends else None,
         pairs=squares.units,
         diverged=0,
-        verdict=judged(squares, PARTS["participating_media"].bound ** 2),
+        verdict=verdict_on(squares, PARTS["participating_media"].bound ** 2),
     )

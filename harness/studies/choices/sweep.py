@@ -1,6 +1,6 @@
-"""The same small sweep of optimisers and their settings for every method, on validation views and a seed of its own.
+"""The same small sweep of optimisers and their settings for every method, on validation views with a separate seed.
 
-No method may get tuning that the others did not: what a profile sets for all must not be one method's favourite.
+No method may be tuned more than the others: what a profile sets for all must not favour one of them.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -18,7 +18,7 @@ from harness.studies.choices.arms import Arm, CellTask, Ended, trained_cells
 SEED = 1_000
 """A seed that no verdict uses."""
 FACTORS = (0.5, 1.0, 2.0)
-"""The factors of the rates of each optimiser (`harness.plan.profiles.TUNED`), first and last alike."""
+"""The factors of each optimiser's first and last learning rate (`harness.plan.profiles.TUNED`)."""
 
 
 def _tuned(name: OptimiserName, rate: float = 1.0, betas: tuple[float, float] | None = None, **others: Any) -> Arm:
@@ -38,7 +38,7 @@ ARMS = (
     *(_tuned(name, decay="exponential") for name in ("adam", "soap")),
     *(_tuned(name, covered_share=0.0) for name in ("adam", "soap")),
 )
-"""Every optimiser at three rates, then one other setting at a time at the middle one."""
+"""Every optimiser at three rates, then one other setting at a time at the middle rate."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class SweepRow:
     core_seconds: float
 
 
-def searched(
+def try_arms(
     plan: Plan,
     arms_of: Callable[[str], Mapping[str, Arm]],
     folders: dict[str, Path],
@@ -72,8 +72,7 @@ def searched(
     kept: Path | None = None,
 ) -> Iterator[tuple[str, str, str, Ended]]:
     """Train every method of `plan` in each of its arms on every scene, with a seed that no verdict uses; yield method,
-    arm, scene and what came of it on validation views. Decoded images go to `scratch`, a folder on a disk, and finished
-    cells to `kept`.
+    arm, scene and the result on validation views. Decoded images go to `scratch`, finished cells to `kept`.
 
     Raises `InputError` for a view set without validation views.
     """
@@ -90,9 +89,9 @@ def searched(
 def sweep(
     plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
 ) -> Iterator[SweepRow]:
-    """Train every method in every arm on every scene, as `searched` does."""
+    """Train every method in every arm on every scene, as `try_arms` does."""
     arms = {str(number): arm for number, arm in enumerate(ARMS)}
-    for method, name, scene, ended in searched(plan, lambda method: arms, folders, scratch, workers, device, kept):
+    for method, name, scene, ended in try_arms(plan, lambda method: arms, folders, scratch, workers, device, kept):
         yield SweepRow(scene, method, tried_in(plan, arms[name]), ended.psnr, ended.core_seconds)
 
 

@@ -1,7 +1,8 @@
 """Gradients against central differences: a method whose gradient has a wrong sign or factor still trains, only worse.
 
-Rectifiers, thresholds and clamps make kinks, at which differences of long steps err more than they seem to; so steps
-are short, and that needs double precision. A method whose kernels know single precision alone is held to less.
+At the kinks of rectifiers, thresholds and clamps, differences over long steps have larger errors than their spread
+shows. Steps are therefore short, which needs double precision. A method whose kernels support only single precision
+has a wider tolerance.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,24 +18,24 @@ from harness.studies.conformance.subject import BOX, Broken, Subject, roughened,
 
 RAYS = 20
 WINDOW = 3
-"""The steps in a row whose differences are taken together."""
+"""The number of consecutive steps whose differences are combined."""
 ROUNDINGS = 16.0
-"""The roundings of a colour in one step."""
+"""The number of rounding errors in a colour."""
 BARS = 3.0
-"""The error bars by which a gradient may be off."""
+"""The largest error of a gradient, in error bars."""
 RESOLVED = 0.05
-"""The largest error bar, as a share of the gradient, of a difference that says anything."""
+"""The largest error bar of a difference that is used, as a share of the gradient."""
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """The steps in a precision, and by how much a gradient may be off."""
+    """The steps of differences in one precision, and the tolerance of a gradient."""
 
     dtype: torch.dtype
     steps: tuple[float, ...]
-    """The steps, in lengths of the parameter, from long to short."""
+    """The steps relative to the norm of the parameter, from long to short."""
     share: float
-    """The share of itself by which a gradient may be off in any case."""
+    """The relative tolerance of a gradient, in addition to the error bars."""
 
 
 DOUBLE = Ladder(torch.float64, tuple(8.0**-k for k in range(5, 10)), 1e-5)
@@ -42,16 +43,16 @@ SINGLE = Ladder(torch.float32, tuple(4.0**-k for k in range(2, 9)), 0.1)
 
 
 class Difference(NamedTuple):
-    """A derivative from differences of several steps."""
+    """A derivative estimated from differences over several steps."""
 
     value: float
     bar: float
-    """Half of the range of the differences, and rounding."""
+    """Half of the range of the differences, plus the rounding error."""
 
 
 def gradients_are_derivatives(subject: Subject) -> None:
-    """Along the gradient of each parameter a picture changes as the gradient says, within the error bars of central
-    differences over a ladder of steps, in double precision if the method has it.
+    """The derivative along the gradient of each parameter agrees with central differences within their error bars, in
+    double precision if the method has it.
     """
     with _default(torch.float64):
         try:
@@ -71,15 +72,15 @@ def _compare(loss: Callable[[], Tensor], field: Any, ladder: Ladder) -> None:
     resolved = 0
     for name, parameter in field.named_parameters():
         size = 0.0 if parameter.grad is None else float(parameter.grad.norm())
-        if size == 0.0:  # which `gradients_reach_everything` judges
+        if size == 0.0:  # `gradients_reach_everything` checks this
             continue
-        found = difference(loss, parameter, parameter.grad / size, ladder.steps, rounding)
-        if found.bar > RESOLVED * size:
+        value, bar = difference(loss, parameter, parameter.grad / size, ladder.steps, rounding)
+        if bar > RESOLVED * size:
             continue
         resolved += 1
-        if abs(size - found.value) > BARS * found.bar + ladder.share * size:
+        if abs(size - value) > BARS * bar + ladder.share * size:
             raise Broken(
-                f"along its gradient, {name} has the derivative {found.value:.6g} ± {found.bar:.1g} by differences "
+                f"along its gradient, {name} has the derivative {value:.6g} ± {bar:.1g} by differences "
                 f"and {size:.6g} by the gradient"
             )
     if not resolved:
@@ -90,9 +91,7 @@ def _compare(loss: Callable[[], Tensor], field: Any, ladder: Ladder) -> None:
 def difference(
     loss: Callable[[], Tensor], parameter: Tensor, direction: Tensor, ladder: tuple[float, ...], rounding: float
 ) -> Difference:
-    """Return the derivative of `loss()` as `parameter` moves along the unit `direction`, from the steps whose
-    differences agree best; `rounding` is the error of one loss.
-    """
+    """Return the derivative of `loss()` along a unit `direction`, from the steps whose differences agree best."""
     start = parameter.clone()
     length = float(start.norm()) or 1.0
 
@@ -105,21 +104,22 @@ def difference(
         return (ends[0] - ends[1]) / (2.0 * step)
 
     slopes = [slope(step * length) for step in ladder]
-    found = []
+    estimates = []
     for place in range(len(ladder) - WINDOW + 1):
-        low, high = min(seen := slopes[place : place + WINDOW]), max(seen)
+        together = slopes[place : place + WINDOW]
+        low, high = min(together), max(together)
         bar = 0.5 * (high - low) + rounding / (ladder[place + WINDOW - 1] * length)
-        found.append(Difference(0.5 * (low + high), bar))
-    return min(found, key=lambda each: each.bar)
+        estimates.append(Difference(0.5 * (low + high), bar))
+    return min(estimates, key=lambda estimate: estimate.bar)
 
 
 def _loss_of(subject: Subject, dtype: torch.dtype) -> tuple[Callable[[], Tensor], Any]:
-    """Return a sum over the colours of some rays, with random weights, and the field that it depends on."""
+    """Return a randomly weighted sum of the colours of some rays, and the field that it depends on."""
     box = Box(BOX.lower.to(dtype), BOX.upper.to(dtype))
     field = subject.field(box=box).to(dtype)
     if hasattr(field, "dtype"):
         field.dtype = dtype
-    # α away from 1/φ, at which Eq. 4 clamps densities of about 0: a kink at the very start
+    # α is not 1/φ as at the start, where Eq. 4 has a kink at densities of about 0
     field, rays = roughened(field, 1.0), some_rays(RAYS).to(dtype)
     weights = torch.randn(RAYS, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(63))
 

@@ -1,4 +1,4 @@
-"""Checks of a field that our renderer evaluates. Each raises `Broken`, or whatever the method itself raises."""
+"""Checks of a field that the renderer of this harness evaluates. Each raises `Broken`, or an error of the method."""
 
 from typing import Any
 
@@ -22,13 +22,13 @@ from harness.studies.conformance.subject import (
 )
 
 ROUNDING = 2e-6
-"""The tolerance of a display colour: sums of another length are taken in another order."""
+"""The tolerance of a display colour: chunks of another size sum in another order."""
 SCALES = (0.0, 0.1, 10.0)
-"""The factors of all weights: from a field that is constant to one that saturates."""
+"""The factors of all weights: from a constant field to a saturated one."""
 
 
 def keeps_the_protocols(subject: Subject) -> None:
-    """It is a torch module with all that a renderer and a record ask for."""
+    """The field is a torch module with all attributes that rendering and records need."""
     if not isinstance(subject.field(), nn.Module):
         raise Broken(f"a {type(subject.field()).__name__} is not a torch.nn.Module")
     field: Any = subject.field()
@@ -45,7 +45,7 @@ def keeps_the_protocols(subject: Subject) -> None:
 
 
 def gives_the_right_shapes(subject: Subject) -> None:
-    """Density [points], colour [points, 3], float32, for no, one and some points, at three depths."""
+    """Density [points] and colour [points, 3] are float32 for 0, 1 and 7 points, at three depths."""
     for depth in DEPTHS:
         field = subject.field(depth)
         for count in (0, 1, 7):
@@ -59,20 +59,20 @@ def gives_the_right_shapes(subject: Subject) -> None:
                 "density": field.density(x),
                 "density before the amplifier": before,
                 "density after the amplifier": after,
-                "density beside colour": sigma,
+                "density with colour": sigma,
                 "colour": colour,
             }
             for what, values in given.items():
                 shape, kind = tuple(values.shape), values.dtype
-                wanted = (count, 3) if what == "colour" else (count,)
-                if shape != wanted or kind != torch.float32:
-                    raise Broken(f"{what} of {count} points at depth {depth} is {kind} {shape}, not float32 {wanted}")
+                right = (count, 3) if what == "colour" else (count,)
+                if shape != right or kind != torch.float32:
+                    raise Broken(f"{what} of {count} points at depth {depth} is {kind} {shape}, not float32 {right}")
 
 
 @torch.no_grad()
 def stays_in_range(subject: Subject) -> None:
-    """Density is finite and at least 0, within the limit that is claimed; colour is within [0, 1]; all ways to ask
-    for a density give the same one.
+    """Density is finite and between 0 and the declared limit, colour is within [0, 1], and all functions that return a
+    density agree.
     """
     for alpha in (None, 2.0):
         field = roughened(subject.field(), alpha)
@@ -82,16 +82,16 @@ def stays_in_range(subject: Subject) -> None:
         _in("colour", colour, 0.0, 1.0)
         others = {"density()": field.density(x), "density_before_and_after()": field.density_before_and_after(x)[1]}
         for what, other in others.items():
-            # Eq. 4 subtracts a mean: what is rounded away is a share of the largest density
+            # Eq. 4 subtracts a mean: rounding errors are a share of the largest density
             if not torch.allclose(other, sigma, rtol=1e-4, atol=1e-5 * max(1.0, float(sigma.max()))):
-                raise Broken(f"{what} is off density_and_colour() by {float((other - sigma).abs().max()):.3g}")
+                apart = float((other - sigma).abs().max())
+                raise Broken(f"{what} differs from density_and_colour() by {apart:.3g}")
 
 
 @torch.no_grad()
 def has_the_unit_of_the_box(subject: Subject) -> None:
-    """Written in a unit of length k times as fine, the same box has the same field with 1 / k of the density.
-
-    A method with a density per scene unit, or that encodes scene units, breaks it by its own definition: it is let off.
+    """In a unit of length k times as fine, the same box has the same field with 1 / k of the density. A method with a
+    density per scene unit, or that encodes scene units, is exempt by its definition.
     """
     parts = subject.method.parts
     if parts is not None and "scene" in (parts.density_per, parts.coordinates):
@@ -109,7 +109,7 @@ def has_the_unit_of_the_box(subject: Subject) -> None:
 
 
 def survives_magnitudes(subject: Subject) -> None:
-    """Colours and gradients stay finite with all weights at 0 and up to ten times themselves."""
+    """Colours and gradients are finite with all weights × 0, 0.1 and 10."""
     for scale in SCALES:
         field = roughened(subject.field())
         with torch.no_grad():
@@ -122,7 +122,7 @@ def survives_magnitudes(subject: Subject) -> None:
 
 
 def gradients_reach_everything(subject: Subject) -> None:
-    """Each parameter gets a finite gradient that is somewhere not 0, at three depths."""
+    """Each parameter has a finite gradient that is not 0 everywhere, at three depths."""
     for depth in DEPTHS:
         field = roughened(subject.field(depth))
         (subject.rendered(field, some_rays()).colour ** 2).sum().backward()
@@ -141,7 +141,7 @@ def _gradients_are_finite(field: Any, where: str) -> None:
 
 
 def weights_depend_on_the_seed_alone(subject: Subject) -> None:
-    """Equal seeds give equal first weights, whatever torch's global generator is at; other seeds give other ones."""
+    """Equal seeds give equal initial weights in any state of torch's global generator; other seeds give others."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(1)
         first = subject.field()
@@ -149,7 +149,7 @@ def weights_depend_on_the_seed_alone(subject: Subject) -> None:
         same = subject.field()
     for (name, weight), again in zip(first.named_parameters(), same.parameters(), strict=True):
         if not torch.equal(weight, again):
-            raise Broken(f"{name} is another one with the same seed; use baselines.contract.uniform_weights")
+            raise Broken(f"{name} differs with the same seed; use baselines.contract.uniform_weights")
     for seed in (1, "0/fine"):
         pairs = zip(first.parameters(), subject.field(seed=seed).parameters(), strict=True)
         if all(torch.equal(weight, again) for weight, again in pairs):
@@ -157,16 +157,18 @@ def weights_depend_on_the_seed_alone(subject: Subject) -> None:
 
 
 def is_paired_with_nerf(subject: Subject) -> None:
-    """First weights are NeRF's wherever name and shape are: methods start from the same place."""
+    """Initial weights with the name and shape of a weight of NeRF equal it, so that methods start alike."""
     reference = dict(Subject("nerf").field(depth=8).named_parameters())
     for name, weight in subject.field(depth=8).named_parameters():
         shared = name in reference and weight.shape == reference[name].shape
         if shared and not torch.equal(weight, reference[name]):
-            raise Broken(f"{name} has the name and shape of NeRF's and other first values; use uniform_weights")
+            raise Broken(f"{name} has name and shape of NeRF's weight and other initial values; use uniform_weights")
 
 
 def renders_in_range(subject: Subject) -> None:
-    """Finite colour, opacity and depth in range, with and without view direction; background where nothing is hit."""
+    """Colour, opacity and depth are finite and in range, with and without view direction; rays that miss the box show
+    the background.
+    """
     for depth in DEPTHS:
         for view_dependent in (True, False):
             rendering = subject.rendered(roughened(subject.field(depth, 0, view_dependent)), some_rays())
@@ -174,44 +176,42 @@ def renders_in_range(subject: Subject) -> None:
             _in("opacity", rendering.opacity.detach(), 0.0, 1.0 + 1e-5)
             _in("depth", rendering.depth.detach(), NEAR, FAR)
     nowhere = Rays(torch.full((3, 3), 5.0), torch.tensor([[0.0, 0.0, 1.0]]).expand(3, 3), NEAR, FAR)
-    if subject.quadrature != "listing4":  # which sees all of the ray, box or not
-        seen = subject.rendered(roughened(subject.field()), nowhere)
-        if not torch.equal(seen.colour, WHITE.expand(3, 3)):
+    if subject.quadrature != "listing4":  # it is not cut to the box
+        rendering = subject.rendered(roughened(subject.field()), nowhere)
+        if not torch.equal(rendering.colour, WHITE.expand(3, 3)):
             raise Broken("rays that miss the box are not background")
 
 
 @torch.no_grad()
 def renders_the_same_again(subject: Subject) -> None:
-    """Two renderings have the same bits, at midpoints and at random points of the same seed."""
+    """Two renderings are bit-identical, at midpoints and at random points of the same seed."""
     field = roughened(subject.field())
     for seed in (None, 3):
         generators = [None if seed is None else torch.Generator().manual_seed(seed) for _ in range(2)]
         first, again = (subject.rendered(field, some_rays(), generator) for generator in generators)
         if not (torch.equal(first.colour, again.colour) and torch.equal(first.depth, again.depth)):
-            raise Broken("the same rays give another picture when they are rendered again")
+            raise Broken("the same rays rendered again give another picture")
 
 
 @torch.no_grad()
 def pointwise_is_true(subject: Subject) -> None:
-    """Where density is said to be of the point alone, calls of any size give the same picture; where it is said to
-    depend on the call, some call shows it.
-    """
+    """If `pointwise` is True, chunks of any size give the same picture; if it is False, some chunk changes it."""
     field = roughened(subject.field())
-    # α away from 1/φ, at which Eq. 4 is the identity about any mean
+    # α is not 1/φ as at the start, where Eq. 4 is the identity about any mean
     if isinstance(amplifier := getattr(field, "amplifier", None), nn.Module):
         set_alpha(amplifier, 1.0 if not field.pointwise else 1.5 / PHI)
     claimed, rays = field.pointwise, some_rays(40)
-    whole = subject.rendered(field, rays)
+    complete = subject.rendered(field, rays)
     largest = 0.0
     for chunk in (1, 7, 20):
         pieces = [subject.rendered(field, rays.part(start, start + chunk)) for start in range(0, len(rays), chunk)]
         for name in ("colour", "opacity"):
             joined = torch.cat([getattr(piece, name) for piece in pieces])
-            largest = max(largest, float((joined - getattr(whole, name)).abs().max()))
+            largest = max(largest, float((joined - getattr(complete, name)).abs().max()))
     if claimed and largest > ROUNDING:
-        raise Broken(f"pointwise is True, but calls of another size change a picture by {largest:.3g}")
+        raise Broken(f"pointwise is True, but chunks of another size change a picture by {largest:.3g}")
     if not claimed and largest <= ROUNDING:
-        raise Broken("pointwise is False, but no call of another size changed the picture: it costs for nothing")
+        raise Broken("pointwise is False, but no chunk of another size changed the picture: it only costs time")
 
 
 def _in(what: str, values: Tensor, low: float, high: float) -> None:

@@ -1,4 +1,4 @@
-"""Checks of a method in training, on a drawn view set: a disc before white. Each raises `Broken`."""
+"""Checks of a method in training, on a drawn view set of a disc on white. Each raises `Broken`."""
 
 import json
 import math
@@ -31,7 +31,7 @@ STEPS = 60
 SHORT = 6
 CHUNK = 128
 LEAST_GAIN = 0.9
-"""A method has learnt if the error of the test view is at most this share of what it was."""
+"""The largest share of its initial error on the test view that a method may have after training."""
 SETTINGS = TrainSettings(
     network=NetworkSize(depth=6, width=32, colour_layers=2, colour_width=16, position_bands=4, direction_bands=2),
     rays=128,
@@ -51,7 +51,7 @@ STOPPED = SETTINGS.grid.first_step // 2
 
 @cache
 def drawn() -> tuple[ViewSet, Batches]:
-    """Return a ball of one colour seen from all sides; this needs no renderer."""
+    """Return views of a ball of one colour and the batches of its training views."""
     views = disc_views(24, 8, 1, seed=1)
     return views, Batches(cameras_of(views, views.train, CPU), views.train.rgba)
 
@@ -62,9 +62,7 @@ def fresh(subject: Subject, settings: TrainSettings = SETTINGS) -> Learner:
 
 
 def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, stops: tuple[int, ...] = ()) -> Learner:
-    """Train; at each of `stops` the state is saved to a file, from which another learner resumes. Raises
-    `harness.training.trainer.Diverged`, as a comparison would meet it.
-    """
+    """Train; each of `stops` saves the state and resumes it in another learner. Raises `Diverged`."""
     _, batches = drawn()
     learner = fresh(subject, settings)
     batch_at = batches.for_learner(learner.whole_views, STREAM, settings.rays)
@@ -73,15 +71,15 @@ def trained(subject: Subject, steps: int, settings: TrainSettings = SETTINGS, st
         with tempfile.TemporaryDirectory() as scratch:
             path = Path(scratch) / "cell.safetensors"
             write_unfinished(path, training_state(train(learner, batch_at, at_step(stop))))
-            kept = read_unfinished(path)
+            state = read_unfinished(path)
         learner = fresh(subject, settings)
         warm_up(learner, batch_at)
-        restore_training(learner, kept)
+        restore_training(learner, state)
     return train(learner, batch_at, at_step(steps))
 
 
 def picture(learner: Learner) -> torch.Tensor:
-    """Return the test view [pixels, 3]."""
+    """Render the test view [pixels, 3]."""
     views, _ = drawn()
     return learner.render(cameras_of(views, views.test, CPU).all_rays(0), CHUNK).colour.detach().cpu()
 
@@ -94,14 +92,14 @@ def error(learner: Learner) -> float:
 
 
 def learns(subject: Subject) -> None:
-    """A short training lowers the error of a view that it has not seen."""
+    """A short training lowers the error of a view that was not trained on."""
     before, after = error(fresh(subject)), error(trained(subject, STEPS))
     if not after <= LEAST_GAIN * before:
         raise Broken(f"{STEPS} steps take the mean squared error of a test view from {before:.4g} to {after:.4g}")
 
 
 def learns_the_same_again(subject: Subject) -> None:
-    """The same seed ends in the same bits, whatever torch's global generator is at."""
+    """The same seed gives bit-identical weights in any state of torch's global generator."""
     states = []
     for seed in (1, 2):
         with torch.random.fork_rng(devices=[]):
@@ -113,13 +111,11 @@ def learns_the_same_again(subject: Subject) -> None:
 def _are_equal(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor], when: str) -> None:
     for name, value in first.items():
         if not torch.equal(value, second[name]):
-            raise Broken(f"{name} is another one {when}")
+            raise Broken(f"{name} differs {when}")
 
 
 def comes_back_from_its_checkpoint(subject: Subject) -> None:
-    """What a checkpoint restores renders the same picture, bit for bit; the file holds everything that training
-    changed.
-    """
+    """A restored checkpoint renders a bit-identical picture: the file holds everything that training changed."""
     learner = trained(subject, 2 * GRID_IN_USE)
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / "cell.safetensors"
@@ -132,14 +128,14 @@ def comes_back_from_its_checkpoint(subject: Subject) -> None:
 
 
 def goes_on_in_the_middle(subject: Subject) -> None:
-    """A cell that was stopped twice, and goes on from the file that was kept, ends in the bits of one that was not."""
+    """A cell that was stopped twice and resumed ends bit-identical to one that was not stopped."""
     last = GRID_IN_USE + SETTINGS.grid.every
-    whole, pieces = tensors_of(trained(subject, last)), trained(subject, last, stops=(STOPPED, GRID_IN_USE))
-    _are_equal(tensors_of(pieces), whole, "after it went on in the middle")
+    unbroken, resumed = trained(subject, last), trained(subject, last, stops=(STOPPED, GRID_IN_USE))
+    _are_equal(tensors_of(resumed), tensors_of(unbroken), "after it was resumed")
 
 
 def trains_with_two_passes(subject: Subject) -> None:
-    """A coarse and a fine field, as in the original, each with weights of its own."""
+    """A coarse and a fine field, as in the original, can be trained and have separate weights."""
     learner = trained(subject, 2, replace(SETTINGS, fine_bins=8))
     names = list(tensors_of(learner))
     for kind in ("coarse", "fine"):
@@ -150,7 +146,7 @@ def trains_with_two_passes(subject: Subject) -> None:
 
 
 def can_be_recorded(subject: Subject) -> None:
-    """What a picture depends on is plain data, scalars of the amplifier are finite, weights are counted."""
+    """`rendered_by()` is JSON, the scalars of the amplifier are finite, and `parameter_counts()` are integers."""
     learner = trained(subject, 1)
     try:
         json.dumps(learner.rendered_by(), allow_nan=False)

@@ -24,7 +24,7 @@ FIELD_CHECKS: dict[str, Callable[[Subject], None]] = {
     "pointwise": field_checks.pointwise_is_true,
     "two_passes": learner_checks.trains_with_two_passes,
 }
-"""The checks of methods whose field is a torch module that our renderer evaluates."""
+"""The checks of methods whose field is a torch module that the renderer of this harness evaluates."""
 LEARNER_CHECKS: dict[str, Callable[[Subject], None]] = {
     "record": learner_checks.can_be_recorded,
     "training_repeats": learner_checks.learns_the_same_again,
@@ -45,12 +45,12 @@ class CheckOutcome:
 
 
 def meaning(check: str) -> str:
-    """Return what the check means in one line, taken from its docstring."""
+    """Return the docstring of the check in one line."""
     return " ".join((CHECKS[check].__doc__ or "").split())
 
 
 def conformance(subject: Subject) -> Iterator[CheckOutcome]:
-    """Run every check in turn; an exception of the method breaks the check that it was raised in, and no other."""
+    """Run every check in turn; an exception of the method counts as a broken check, and the next check runs."""
     for name, check in CHECKS.items():
         if name in FIELD_CHECKS and not subject.method.is_field:
             yield CheckOutcome(subject.name, name, "not applicable", "no torch field")

@@ -1,4 +1,4 @@
-"""The method under test: small fields of it, fresh and as after training, and the points they are evaluated at."""
+"""The method under test: its fields in a small size, and the rays and points at which they are evaluated."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,7 +23,7 @@ NEAR, FAR = 2.0, 6.0
 
 
 class Broken(Exception):
-    """A check that does not hold; the message says what was seen."""
+    """A check that does not hold; the message is the reason."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def rendered(field: Any, quadrature: str, rays: Rays, generator: torch.Generator
 
 
 def some_rays(count: int = 60, seed: int = 62) -> Rays:
-    """Return rays from all around towards the box; some miss it."""
+    """Return rays from all sides towards the box; some miss it."""
     generator = torch.Generator().manual_seed(seed)
     origins = 4.0 * nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
     aims = 1.2 * torch.randn(count, 3, generator=generator).clamp(-1.0, 1.0)
@@ -66,7 +66,7 @@ def some_rays(count: int = 60, seed: int = 62) -> Rays:
 def some_points(
     count: int, seed: int = 60
 ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "17 3"], Int[Tensor, " points"]]:
-    """Return positions, directions, and the direction that each position is seen from."""
+    """Return positions, directions, and the index of each position's direction."""
     generator = torch.Generator().manual_seed(seed)
     x = BOX.from_unit(torch.rand(count, 3, generator=generator))
     d = nn.functional.normalize(torch.randn(17, 3, generator=generator), dim=-1)
@@ -74,7 +74,7 @@ def some_points(
 
 
 def roughened(field: Any, alpha: float | None = None) -> Any:
-    """Return the field as after training: density contrasted, biases not zero, and the amplifier moved."""
+    """Change the field as training would: densities of high contrast, biases other than 0, and `alpha` if given."""
     generator = torch.Generator().manual_seed(61)
     with torch.no_grad():
         for name, weight in field.named_parameters():
@@ -89,9 +89,7 @@ def roughened(field: Any, alpha: float | None = None) -> Any:
 
 @torch.no_grad()
 def set_alpha(amplifier: Amplifier | nn.Module, alpha: float) -> None:
-    """Move the weight that α follows from so that α > 0 is `alpha`. An amplifier without one has the scalars that it
-    learns moved by half, and one without any stays as it is.
-    """
+    """Set the parameter of α; an amplifier without one has all its learnt scalars multiplied by 1.5."""
     if isinstance(weight := getattr(amplifier, "alpha", None), nn.Parameter):
         weight.fill_(alpha)
         return

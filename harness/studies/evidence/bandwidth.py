@@ -5,7 +5,6 @@ from itertools import pairwise
 
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS as BASES
-from baselines.composition import encoding_bands
 from harness.records.cells import CellRecord
 from harness.records.study import Effect, Series, Table
 from harness.studies.evidence.contrasts import (
@@ -26,7 +25,7 @@ from harness.studies.evidence.contrasts import (
     without_a_score,
 )
 from harness.studies.evidence.evidence_context import LADDERS, EvidenceContext
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.trained_context import StudyRun
 
 TRAININGS = ("bandwidth_100", "bandwidth_200", "bandwidth_300")
@@ -40,18 +39,16 @@ LADDER_DESIGN = Design(
         (True, True): "nerf_phi_encoding",
     },
 )
-"""Reach: as far as 2^9 = 512, or only as far as φ^9 = 76, as near as integer bands come. Base: 2 or φ."""
+"""Reach: to 2^9 = 512, or only to φ^9 = 76, as nearly as whole bands allow. Base: 2 or φ."""
 DECISIVE = (("nerf_phi_encoding", "nerf_matched"), ("nerf_phi_encoding", "nerf_base165"))
-"""The golden ratio against two other bases that reach about as far."""
+"""The golden ratio against two other bases of about the same reach."""
 At = tuple[int, int | None]
 """A resolution, and a step or the end."""
 OTHERS = tuple(method for method in LADDERS if method != "nerf")
 
 
 def bandwidth(context: EvidenceContext) -> Iterator[Found]:
-    """Yield reach and base as two factors, at each resolution and along training, and the decisive pairs; all of them
-    are judged over scenes.
-    """
+    """Judge reach and base as factors over scenes, at each resolution and along training, and the decisive pairs."""
     runs = [context.trained(name) for name in TRAININGS]
     trained = {run.scenes[0].width: run for run in runs}
     cells = {px: run.cells for px, run in trained.items()}
@@ -81,7 +78,7 @@ def bandwidth(context: EvidenceContext) -> Iterator[Found]:
     for px, run in trained.items():
         rays = max(cell.steps for cell in run.cells) * run.plan.train.rays
         shares.append(f"{rays / (run.plan.views.train * px * px):.2g} at {px} px")
-    yield f"Rays of training for each pixel of the training views: {listed(shares)}."
+    yield f"Training rays per pixel of the training views: {listed(shares)}."
     for px, some in cells.items():
         yield from without_a_score(some, f"At {px} px ")
     yield from [*parts, *duels, *changes]
@@ -91,10 +88,7 @@ def bandwidth(context: EvidenceContext) -> Iterator[Found]:
 
 
 def _changes(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
-    """Yield how the effects of reach and base on PSNR change, paired by scene and seed: from the lowest resolution to
-    the highest, then at each from the checkpoint before the last to the end.
-    """
-
+    """Yield how the effects on PSNR change from the lowest resolution to the highest, and at the end of training."""
     low, high = min(cells), max(cells)
     spans: list[tuple[str, At, At]] = [(f", from {low} to {high} px", (low, None), (high, None))]
     for px, some in cells.items():
@@ -110,11 +104,7 @@ def _changes(cells: dict[int, list[CellRecord]]) -> Iterator[Effect]:
 
 
 def answer(effects_of_factors: list[Effect]) -> str:
-    """Return which of the two it is, and which way, from the verdicts on PSNR at equal steps over all scenes, at
-    each resolution.
-
-    One verdict is enough to say that there is an effect: all those of a factor must be one family.
-    """
+    """Return which factors have an effect. One verdict is enough, so those of a factor must be one family."""
     here = chosen(effects_of_factors, scene="all", note="")
     cases = {factor: [effect for effect in here if effect.name.startswith(f"{factor} at")] for factor in FACTORS}
     changes = {factor: _direction(some) for factor, some in cases.items()}
@@ -146,7 +136,7 @@ def answer(effects_of_factors: list[Effect]) -> str:
 
 
 def _direction(cases: list[Effect]) -> str:
-    """Return which way, in how many cases and by how much the effects go that differ from 0; empty if none does."""
+    """Return the sign, the number of cases and the sizes of the effects that differ from 0; empty if none does."""
     ways = []
     for verb, sign in (("raises", "above 0"), ("lowers", "below 0")):
         values = sorted(effect.difference or 0.0 for effect in cases if effect.verdict.sign == sign)
@@ -163,12 +153,12 @@ def _over_scenes(some: list[Effect], name: str, against: str = "") -> str:
 
 def _table(run: StudyRun, px: int) -> Table:
     columns, scores = score_table(run.cells, LADDERS)
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for method in LADDERS:
         parts = CATALOG[method].parts
         assert parts is not None
-        base = BASES[parts.encoding].base
-        bands = encoding_bands(parts.encoding, run.plan.train.network.position_bands)
+        ladder = BASES[parts.encoding]
+        base, bands = ladder.base, ladder.bands(run.plan.train.network.position_bands)
         rows.append([method, f"{base:.4g}", str(bands), f"{base ** (bands - 1):.4g}", *scores[method]])
     title = f"Frequency ladders at {px} px, equal steps: scores by scene"
     return Table(f"ladders_{px}", 0, title, ["method", "base", "bands", "highest", *columns], rows)

@@ -1,8 +1,8 @@
 """How often the intervals hold the truth, and how often an effect is found: simulated studies whose truth is known.
 
 The functions under test are those that judge a run. Every study is a table of scenes and seeds, with an effect that
-differs from scene to scene and noise that differs from seed to seed, by how much is read from the published run: scenes
-are not equally noisy, noise may have heavy tails, cells may fail, and one may end far below all others.
+differs from scene to scene and noise that differs from seed to seed, as much as in the published run. Scenes are not
+equally noisy, noise may have heavy tails, cells may fail, and one cell may end far below all others.
 """
 
 import json
@@ -17,7 +17,7 @@ import numpy as np
 from harness.records.metric_table import PRIMARY
 from harness.records.study import Check, Series, Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.verdicts.estimates import nested
 from harness.verdicts.estimates.multiplicity import holm
 from harness.verdicts.estimates.robust import robust_over_scenes
@@ -26,26 +26,26 @@ from harness.verdicts.statistics import half_widths, p_values
 SCENES = (4, 8, 16)
 SEEDS = (3, 5)
 LARGE_SD = 0.6
-"""dB: an effect that differs from scene to scene more than any that was measured."""
+"""dB: the standard deviation of an effect over scenes, larger than any that was measured."""
 DEFAULT = (8, 3)
 """Scenes and seeds of the default run."""
 HEADLINE = 6
 """The family of the headline of the default run: three pairs at two budgets."""
 STUDIES = 5000
-"""The studies simulated at each point of the grid: they determine a coverage of 95 % to ± 0.31 %."""
+"""The number of studies simulated at each point of the grid: it resolves a coverage of 95 % to ± 0.31 %."""
 COVERAGE = {(8, 16): (0.93, 0.975), (4,): (0.93, 0.98)}
-"""Scenes → what a share of intervals may be. Student's t over four scenes errs on the side of width where one of them
-is much noisier than the others.
+"""Scenes → the limits of a share of intervals. Over four scenes Student's t is too wide if one of them is much noisier
+than the others.
 """
 POWER = {0.2: 0.55, 0.3: 0.88}
-"""dB: effect → the least share of studies of the default size that must find it, in the headline's family."""
+"""dB: effect → the minimum share of studies of the default size that must find it, in the headline's family."""
 EFFECTS = tuple(round(0.05 * step, 2) for step in range(13))
 LOST = 1 / 50
-"""The share of the runs that fail and are counted apart."""
+"""The share of the runs that fail and are excluded."""
 BAD = 3.0
-"""dB: how far the one bad cell ends below what its seed would give."""
+"""dB: how far the bad cell ends below what its seed would give."""
 NOISIER = 4.0
-"""How many times noisier one scene is than the others, where one is."""
+"""How many times noisier than the others the noisy scene is."""
 ONE_SCENE, HERE, ELSEWHERE = "on one scene", "on these scenes", "on scenes like these"
 CHANGE_HERE, CHANGE_ELSEWHERE = "of a change on these scenes", "of a change on scenes like these"
 CHANGE_OF_SEEDS = "of a change on these scenes, with other seeds"
@@ -65,7 +65,7 @@ class Scatter:
     scene_sd: float
     """The standard deviation of the true differences from scene to scene."""
     seed_sds: tuple[float, ...]
-    """The standard deviation over seeds of each scene, as measured: none is smoothed by the others."""
+    """The standard deviation over seeds of each scene, as measured, without smoothing over scenes."""
 
     @property
     def pooled(self) -> float:
@@ -79,11 +79,11 @@ class Scatter:
         )
 
 
-ASSUMED = Scatter("assumed, as no published run is at hand", 0.1, (0.05, 0.1, 0.1, 0.2))
+ASSUMED = Scatter("assumed, as there is no published run", 0.1, (0.05, 0.1, 0.1, 0.2))
 
 
 def published_scatter(file: Path = PUBLISHED) -> Scatter:
-    """Return the scatter of `qnerf` − `nerf` in the published run; what is assumed instead if there is none."""
+    """Return the scatter of `qnerf` − `nerf` in the published run, or `ASSUMED` without such a run."""
     if not file.is_file():
         return ASSUMED
     run = json.loads(file.read_text(encoding="utf-8"))
@@ -95,7 +95,7 @@ def published_scatter(file: Path = PUBLISHED) -> Scatter:
     if len(known) < 2:
         return ASSUMED
     variances = np.array([row.var(ddof=1) for row in known])
-    # a scene's mean varies with its seeds too: what they explain is taken off
+    # a scene's mean varies with its seeds too: their part is subtracted
     between = np.var([row.mean() for row in known], ddof=1) - np.mean(variances / [row.size for row in known])
     source = f"{METHOD} − {AGAINST} in {file.parent.name}/{file.name}, commit {run['provenance']['commit']}"
     return Scatter(source, math.sqrt(max(0.0, float(between))), tuple(np.sqrt(variances).tolist()))
@@ -139,7 +139,7 @@ CHECKED: dict[str, Noise] = {
     "unequal scenes": _unequal,
     f"one scene {NOISIER:g} times as noisy": _one_noisy,
     "heavy tails (t₄)": _heavy,
-    "1 in 50 fails and is counted apart": _lost,
+    "1 in 50 fails and is excluded": _lost,
 }
 ONE_BAD = f"one cell ends {BAD:g} dB too low"
 NOISE = CHECKED | {ONE_BAD: _one_bad}
@@ -152,9 +152,9 @@ class DesignPoint:
     seeds: int
     scene_sd: float
     coverage: dict[str, float]
-    """Interval → share of studies in which it contains the truth; without those of which none is printed."""
+    """Interval → share of studies in which it contains the truth; without intervals that are never printed."""
     power: dict[str, dict[float, float]]
-    """Estimate → effect in dB → share of studies that call it above 0: in the headline's family, or alone."""
+    """Estimate → effect in dB → share of studies that call it above 0, in the headline's family or alone."""
 
     def __str__(self) -> str:
         return f"{self.noise}, {self.scenes} scenes, {self.seeds} seeds, {self.scene_sd:.3g} dB from scene to scene"
@@ -163,9 +163,9 @@ class DesignPoint:
 def calibration(context: EvidenceContext) -> Iterator[Found]:
     count, scatter = 1000 if context.quick else STUDIES, published_scatter()
     sds = (0.0, scatter.scene_sd, LARGE_SD)
-    grid = [simulated(*point, scatter, count) for point in product(NOISE, SCENES, SEEDS, sds)]
+    grid = [simulate(*point, scatter, count) for point in product(NOISE, SCENES, SEEDS, sds)]
     default, bad = (
-        simulated(noise, *DEFAULT, scatter.scene_sd, scatter, count, EFFECTS) for noise in ("unequal scenes", ONE_BAD)
+        simulate(noise, *DEFAULT, scatter.scene_sd, scatter, count, EFFECTS) for noise in ("unequal scenes", ONE_BAD)
     )
     wrong = false_signs(scatter, count)
     yield from _sentences(grid, default, bad, wrong, scatter, count)
@@ -181,7 +181,7 @@ def calibration(context: EvidenceContext) -> Iterator[Found]:
     yield _table([default, bad, *grid], scatter)
 
 
-def simulated(
+def simulate(
     noise: str,
     scenes: int,
     seeds: int,
@@ -218,7 +218,7 @@ def simulated(
 
 
 def _held(estimated: nested.Estimated, true: np.ndarray) -> float:
-    """Return the share of the 95 % intervals that are printed which hold the truth."""
+    """Return the share of the printed 95 % intervals that hold the truth."""
     half = half_widths(estimated)
     known = np.isfinite(half) & np.isfinite(true)
     return float((np.abs(estimated.mean - true) <= half)[known].mean())
@@ -227,14 +227,14 @@ def _held(estimated: nested.Estimated, true: np.ndarray) -> float:
 def false_signs(scatter: Scatter, count: int) -> dict[str, float]:
     """Return how often a family in which nothing differs claims a sign: single scenes of five seeds, and the headline.
 
-    The headline's methods are three, of which the third may differ by a whole dB: what Holm gains from the pairs that
-    do differ must not make the others wrong.
+    The headline has three methods, and the third may differ by 1 dB: what Holm's procedure gains from the pairs that
+    differ must not make the others wrong.
     """
     generator, (scenes, seeds) = np.random.default_rng(20260109), DEFAULT
     single = nested.scenes_like_these(_unequal(generator, (count, scenes, 5), scatter)[..., None])
     shares = {"single scenes": float((np.abs(single.mean) > half_widths(single, scenes)).any(axis=-1).mean())}
     for name, shift in (("the headline, nothing differs", 0.0), ("the headline, one method differs", 1.0)):
-        shape = (3, 2, count, scenes)  # methods, budgets: the second budget is half of the first, half its own
+        shape = (3, 2, count, scenes)  # methods, budgets: the second budget shares half of its variance with the first
         own = _unequal(generator, (6 * count, scenes, seeds), scatter).reshape(*shape, seeds) / math.sqrt(2)
         own[:, 1] = (own[:, 0] + own[:, 1]) / math.sqrt(2)
         own[2] += shift
@@ -251,20 +251,20 @@ def checks(
 ) -> Iterator[Check]:
     judged = [point for point in grid if point.noise in CHECKED]
     for kind, (scenes, limits) in product(KINDS, COVERAGE.items()):
-        # of the estimate that one bad cell must not move, with that cell too
-        asked = [point for point in (grid if kind == ROBUST else judged) if point.scenes in scenes]
-        printed = [point for point in asked if kind in point.coverage]
+        # one bad cell must not move the robust estimate, so that it is judged with such a cell too
+        points = grid if kind == ROBUST else judged
+        printed = [point for point in points if point.scenes in scenes and kind in point.coverage]
         for which, end in (("lowest", min), ("highest", max)) if printed else ():
             point = end(printed, key=lambda point: point.coverage[kind])
             yield check(
                 f"share of intervals {kind} that hold the truth, {' and '.join(map(str, scenes))} scenes, {which}",
                 point.coverage[kind],
                 *limits,
-                why=f"of {len(printed)} kinds of study, {count} each: {point}; 95 % is what the interval says",
+                why=f"of {len(printed)} kinds of study, {count} each: {point}; 95 % is nominal",
             )
     for name, share in wrong.items():
         what = f"share of families without an effect that claim a sign, {name}"
-        yield check(what, share, high=0.06, why=f"{count} studies of unequal scenes; 5 % is what is said")
+        yield check(what, share, high=0.06, why=f"{count} studies of unequal scenes; 5 % is nominal")
     for effect, least in POWER.items():
         what = f"share of studies of the default size that find {effect:g} dB {ELSEWHERE}"
         yield check(what, default.power[ELSEWHERE][effect], low=least, why=f"{default}; {count} studies")
@@ -288,25 +288,25 @@ def _sentences(
         return f"{100 * min(values):.1f} to {100 * max(values):.1f} %"
 
     for scenes in COVERAGE:
-        asked = [point for point in judged if point.scenes in scenes]
-        printed = [kind for kind in KINDS if any(kind in point.coverage for point in asked)]
+        points = [point for point in judged if point.scenes in scenes]
+        printed = [kind for kind in KINDS if any(kind in point.coverage for point in points)]
         yield (
             f"With {' and '.join(map(str, scenes))} scenes, an interval of 95 % holds the truth in "
-            f"{'; '.join(f'{span(kind, asked)} {kind}' for kind in printed)}: {len(asked)} kinds of study, {count} of "
-            "each."
+            f"{'; '.join(f'{span(kind, points)} {kind}' for kind in printed)}: {len(points)} kinds of study, {count} "
+            "of each."
         )
     yield f"Kinds of study: {'; '.join(CHECKED)}; {' and '.join(map(str, SEEDS))} seeds."
     yield f"The scatter is that of {scatter}."
     effects = [effect for effect in EFFECTS if 0.1 <= effect <= 0.4]
-    found = ", ".join(f"{effect:g} dB in {100 * default.power[ELSEWHERE][effect]:.0f} %" for effect in effects)
+    shares = ", ".join(f"{effect:g} dB in {100 * default.power[ELSEWHERE][effect]:.0f} %" for effect in effects)
     yield (
         f"At that scatter, {DEFAULT[0]} scenes and {DEFAULT[1]} seeds call an effect above 0 {ELSEWHERE}, among "
-        f"the {HEADLINE} comparisons of the headline: {found}."
+        f"the {HEADLINE} comparisons of the headline: {shares}."
     )
     effect = max(POWER)
     yield (
         f"If {ONE_BAD}, the intervals of means widen and hold the truth in {span(ELSEWHERE, spoilt)} {ELSEWHERE} and "
-        f"in {span(HERE, spoilt)} {HERE}, but an effect of {effect:g} dB, asked about alone, is found in "
+        f"in {span(HERE, spoilt)} {HERE}, but an effect of {effect:g} dB, tested alone, is found in "
         f"{100 * bad.power[ALONE][effect]:.0f} % where it was in {100 * default.power[ALONE][effect]:.0f} %. "
         f"The interval of the robust estimate holds the truth in {span(ROBUST, spoilt)} and finds the effect in "
         f"{100 * bad.power[ROBUST][effect]:.0f} %, without the bad cell in "
@@ -316,15 +316,15 @@ def _sentences(
     yield f"Families without an effect that claim a sign somewhere: {claims}."
     wrongly = [point.coverage[ASKED_WRONGLY] for point in judged if point.scene_sd == LARGE_SD]
     yield (
-        f"The interval on these scenes answers no other question: where effects differ by {LARGE_SD:g} dB from scene "
-        f"to scene, it holds the mean of all such scenes in {100 * min(wrongly):.0f} to {100 * max(wrongly):.0f} %."
+        f"The interval on these scenes holds for no others: if effects differ by {LARGE_SD:g} dB from scene to scene, "
+        f"it holds the mean of all such scenes in {100 * min(wrongly):.0f} to {100 * max(wrongly):.0f} %."
     )
 
 
 def _table(points: list[DesignPoint], scatter: Scatter) -> Table:
     columns = ["noise", "scenes", "seeds", "SD of scenes (dB)", *(f"coverage {kind} (%)" for kind in KINDS)]
     columns += [f"{effect:g} dB found {kind} (%)" for effect in POWER for kind in (HERE, ELSEWHERE)]
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for point in points:
         shares = [point.coverage.get(kind) for kind in KINDS]
         shares += [point.power[kind][effect] for effect in POWER for kind in (HERE, ELSEWHERE)]

@@ -9,20 +9,20 @@ from typing import Any, Literal
 from harness.execution.ground_truth import view_set_folders
 from harness.records.study import Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.renderer import printed_rows
 from harness.training.scoring.metrics import psnr_from_mse
 from harness.verdicts.statistics import critical
 from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError
 
-Rows = dict[str, list[dict[str, Any]]]
+PrintedRows = dict[str, list[dict[str, Any]]]
 """Folder or scene → the rows printed about it."""
 TOLERANCE_DB = 0.1
 TRAINING = "objections"
-"""The training whose view sets are examined, along with those of the other classics with the same settings."""
+"""The training whose view sets are examined, with those of the other classics at the same settings."""
 REPEATS = 2
-"""The renders beside the stored one."""
+"""The number of renders in addition to the stored one."""
 
 
 def noise_rows(
@@ -31,13 +31,13 @@ def noise_rows(
     options: Sequence[str] = (),
     show: Callable[[str], None] = lambda line: None,
     module: str = "scenes",
-) -> Rows:
-    """Return all rows of each of `items`, in order. `show` gets a line when an item is begun.
+) -> PrintedRows:
+    """Return all rows of each of `items`, in order; `show` gets a line per item.
 
-    If a signal ends the process, the item that it was at and those behind are rendered again with `scalar_rgb`. Raises
-    `InputError` with what the renderer says of wrong input, and `RuntimeError` if it fails otherwise.
+    If a signal ends the process, the unfinished item and those after it are rendered with `scalar_rgb`. Raises
+    `InputError` with the renderer's message for wrong input, and `RuntimeError` if it fails otherwise.
     """
-    rows: Rows = {}
+    rows: PrintedRows = {}
 
     def on_row(row: dict[str, Any]) -> None:
         if row["item"] not in rows:
@@ -46,7 +46,7 @@ def noise_rows(
 
     code, complaints = printed_rows(["noise", f"--{kind}", *items, *options], on_row, module=module)
     if code < 0:
-        show(f"rendering was ended by signal {-code}; going on with scalar_rgb")
+        show(f"rendering was ended by signal {-code}; continuing with scalar_rgb")
         if rows:
             rows.popitem()
         rest = [item for item in items if item not in rows]
@@ -79,17 +79,17 @@ class Agreement:
 
     @property
     def excess(self) -> float:
-        """Return the standard errors by which the two differ beyond what is allowed; 0 if they do not."""
+        """Return by how many standard errors the difference exceeds what is allowed; 0 if it does not."""
         over = abs(self.difference) - TOLERANCE_DB
         return 0.0 if over <= 0.0 else over / self.error if self.error else math.inf
 
 
 def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halves: Sequence[float]) -> Agreement:
     levels = [[psnr_from_mse(mse) for mse in values] for values in (stated, again, halves)]
-    apart = [a - b for a, b in zip(levels[0], levels[1], strict=True)]
-    error = statistics.stdev(apart) / len(apart) ** 0.5
+    differences = [a - b for a, b in zip(levels[0], levels[1], strict=True)]
+    error = statistics.stdev(differences) / len(differences) ** 0.5
     of_stated, of_again, of_halves = map(statistics.fmean, levels)
-    return Agreement(scene, of_stated, of_again, of_halves, error, len(apart))
+    return Agreement(scene, of_stated, of_again, of_halves, error, len(differences))
 
 
 def ceilings(context: EvidenceContext) -> Iterator[Found]:
@@ -102,15 +102,15 @@ def ceilings(context: EvidenceContext) -> Iterator[Found]:
         for name, item in zip(plan.scenes, items, strict=True)
     ]
     sample = rows[items[0]][0]
-    yield from judged(agreements)
+    yield from judge(agreements)
     yield (
-        f"Stored and new images have {sample['spp']} samples a pixel, in two halves each, and are compared in the "
-        "float colours that scores use: the 8-bit pictures beside them play no part. Each view is rendered "
-        f"{REPEATS} times more, by {sample['variant']}."
+        f"Stored and new images have {sample['spp']} samples per pixel, in two halves each, and are compared in the "
+        f"float colours that scores use, not as 8-bit pictures. Each view is rendered {REPEATS} times more, by "
+        f"{sample['variant']}."
     )
 
 
-def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:
+def judge(scenes: Sequence[Agreement]) -> Iterator[Found]:
     within = sum(abs(scene.difference) <= TOLERANCE_DB for scene in scenes)
     mean = statistics.fmean(scene.difference for scene in scenes)
     error = math.hypot(*(scene.error for scene in scenes)) / len(scenes)
@@ -123,24 +123,24 @@ def judged(scenes: Sequence[Agreement]) -> Iterator[Found]:
     )
     what, why = "ceiling stated less ceiling from new renders, mean over scenes", f"standard error {error:.3f} dB"
     yield check(what, mean, -TOLERANCE_DB, TOLERANCE_DB, "dB", why)
-    # Student's limit for as many scenes as there are, with the fewest views that any of them has
+    # Student's limit for this number of scenes, with the smallest number of views of any scene
     limit = critical(min(scene.views for scene in scenes) - 1, len(scenes))
     what = f"largest excess of a scene's difference over {TOLERANCE_DB} dB"
     why = (
-        "of the scene itself, from the spread of its views; larger by chance in at most 5 % of all studies. A "
-        f"difference passes up to {TOLERANCE_DB} dB and so many standard errors, "
+        "the scene's own standard error, from the spread of its views; larger by chance in at most 5 % of all studies. "
+        f"A difference passes up to {TOLERANCE_DB} dB plus this number of standard errors: "
         f"{TOLERANCE_DB + limit * poorest.error:.2f} dB where they are largest"
     )
     yield check(what, max(scene.excess for scene in scenes), high=limit, unit="standard errors", why=why)
     what = "largest standard error of a scene's difference"
     why = (
-        f"{poorest.scene}; with a larger one {TOLERANCE_DB} dB would not be told, and that a scene is not called wrong "
-        "would mean nothing"
+        f"{poorest.scene}; with a larger one, {TOLERANCE_DB} dB could not be detected, and that a scene passes would "
+        "mean nothing"
     )
     yield check(what, poorest.error, high=TOLERANCE_DB, unit="dB", why=why)
     columns = ["scene", "stated, dB", "new renders, dB", "difference, dB", "standard error, dB",
                "formula on new renders, dB", "views"]  # fmt: skip
-    rows: list[list[str | float | None]] = [
+    rows: Rows = [
         [scene.scene, scene.stated, scene.again, scene.difference, scene.error, scene.halves, float(scene.views)]
         for scene in scenes
     ]

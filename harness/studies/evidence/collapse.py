@@ -1,24 +1,21 @@
-"""A study of how often a training ends without a picture: diverged, empty, or no better than a copied photograph."""
+"""A study of how often a training ends without a picture: diverged, empty, or worse than a copied photograph."""
 
 from collections.abc import Iterator
 
 from harness.records.cells import CellRecord
 from harness.records.study import Table, check
 from harness.studies.evidence.evidence_context import TRAININGS, EvidenceContext
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.verdicts.failures import FINISHED, exact_interval, failure_of
 
 BOXES = ("box_own", "box_1_5", "box_1_8", "box_2_4")
-"""The trainings: in the scenes' own boxes, and in cubes, of which the habit of Blender's view sets is the first."""
+"""The trainings: in the scenes' own boxes, and in cubes, the first of which is usual for Blender's view sets."""
 STUCK = "below the floor"
 ENDS = ("diverged", "empty collapse", STUCK)
 
 
 def end_of(cell: CellRecord) -> str | None:
-    """Return how a finished run failed to show the scene; None if it shows it.
-
-    The floor is the score of copying the nearest training view.
-    """
+    """Return how a finished run failed, None if it did not; the floor is the score of the nearest training view."""
     if failure := failure_of(cell):
         return failure
     psnr, floor = cell.scores.get("psnr"), cell.scores.get("psnr_floor")
@@ -28,7 +25,7 @@ def end_of(cell: CellRecord) -> str | None:
 def collapse(context: EvidenceContext) -> Iterator[Found]:
     """Yield the number of trainings without a picture for each box, with its exact interval, and for each method."""
     answers, checks = [], []
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for name in BOXES:
         half = TRAININGS[name].half_side
         box = "the scene's own box" if half is None else f"a box of ±{half:g}"

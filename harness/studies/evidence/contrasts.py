@@ -1,10 +1,9 @@
-"""Cells → effects of a study, and effects in words; full factorial designs whose corners are methods, paired by scene
-and seed.
+"""Effects of full factorial designs whose corners are methods, paired by scene and seed; and effects as text.
 
 The convention is the usual one of levels ±1 (Box, Hunter & Hunter 2005, Statistics for Experimenters, chapter 5). A
 main effect is the mean, over all settings of the other factors, of the score with the factor less the score without it.
-An interaction of two factors is half the difference between the effect of the one with and without the other; of three,
-half the difference between the interaction of two with and without the third.
+An interaction of two factors is half the difference between the effect of the first with and without the second; of
+three, half the difference between the interaction of two with and without the third.
 """
 
 import math
@@ -27,7 +26,7 @@ BUDGETS: tuple[Budget, ...] = ("steps", "seconds")
 Tables = dict[str, np.ndarray]
 """Scene → contrasts [seeds], NaN for a seed without one; the same seeds in the same order."""
 Term = tuple[str, ...]
-"""The factors of a main effect (one of them) or of an interaction."""
+"""The factor of a main effect, or the factors of an interaction."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ def signs(design: Design, term: Term) -> Float[np.ndarray, " corners"]:
 
 
 def contrast(scores: Float[np.ndarray, "*some corners"], design: Design, term: Term) -> Float[np.ndarray, "*some"]:
-    """Return the contrast of scores at the corners, in the order of `design.methods`; NaN where one of them is."""
+    """Return the contrast of scores at the corners, in the order of `design.methods`; NaN if one of them is NaN."""
     return np.asarray(scores @ signs(design, term) / (len(design.methods) / 2))
 
 
@@ -62,9 +61,7 @@ def scores_together(
     cells: Sequence[CellRecord | None], metric: str, budget: Budget, step: int | None = None
 ) -> Float[np.ndarray, " cells"]:
     """Return the scores at `step` if it is given, else at the steps that all have done or at the training time of the
-    quickest.
-
-    The score is NaN for a cell that is missing, diverged or failed, and for one that was not scored by then.
+    quickest; NaN for a cell that is missing, diverged or failed, or has no score by then.
     """
     done = [cell for cell in cells if cell is not None and judgeable(cell)]
     if not done:
@@ -108,7 +105,8 @@ def effects_of_table(
 ) -> list[Effect]:
     """Return one contrast over all scenes of `table`, then scene by scene.
 
-    `metrics` are judged beside each other (`family_of`), and `together` contrasts make up one question.
+    The family of an effect (`family_of`) holds this number of `metrics`, and `together` contrasts that make up one
+    question.
     """
     effects = []
     for scene in ["all", *table]:
@@ -122,56 +120,46 @@ def contrast_effects(
     design: Design,
     cells: list[CellRecord],
     where: str = "",
-    metrics: tuple[str, ...] = METRICS,
     budgets: tuple[Budget, ...] = BUDGETS,
     together: int = 1,
     against: str = "",
 ) -> list[Effect]:
     """Return every term of the design over all scenes and scene by scene; `where` is added to the factors' names.
 
-    A main effect is a question of its own, as a method is (`harness.verdicts.comparisons.family_of`). Interactions are
-    judged all together. `together` counts the places at which a term is tested if their verdicts make one answer.
+    Each main effect is a separate question, as a method is (`harness.verdicts.comparisons.family_of`). All interactions
+    are judged together. `together` counts the places at which a term is tested if their verdicts make one answer.
     """
     interactions = len(design.terms()) - len(design.factors)
     effects = []
-    for budget, metric, term in product(budgets, metrics, design.terms()):
+    for budget, metric, term in product(budgets, METRICS, design.terms()):
         table = contrast_tables(design, term, cells, metric, budget)
         name, note = f"{' × '.join(term)} {where}".strip(), "" if len(term) == 1 else "interaction"
         family = together * (interactions if note else 1)
-        effects += effects_of_table(table, name, metric, budget, len(metrics), family, against, note)
+        effects += effects_of_table(table, name, metric, budget, len(METRICS), family, against, note)
     return effects
 
 
 def effects(
-    cells: list[CellRecord],
-    method: str,
-    against: str,
-    where: str = "",
-    metrics: tuple[str, ...] = METRICS,
-    budgets: tuple[Budget, ...] = BUDGETS,
+    cells: list[CellRecord], method: str, against: str, where: str = "", budgets: tuple[Budget, ...] = BUDGETS
 ) -> list[Effect]:
     """Return `method` − `against` for each budget and metric."""
-    return contrast_effects(duel(method, against), cells, where, metrics, budgets, against=against)
+    return contrast_effects(duel(method, against), cells, where, budgets, against=against)
 
 
 def chosen(some: Iterable[Effect], **facts: str) -> list[Effect]:
-    """Return the effects with these facts, on PSNR at equal steps if they say nothing else."""
+    """Return the effects with these facts, on PSNR at equal steps unless they name another metric or budget."""
     wanted = {"metric": "psnr", "budget": "steps", **facts}
     return [effect for effect in some if all(getattr(effect, name) == value for name, value in wanted.items())]
 
 
-def by_scene(some: Iterable[Effect], **facts: str) -> list[Effect]:
-    return [effect for effect in chosen(some, **facts) if effect.scene != "all"]
-
-
 def common_steps(cells: list[CellRecord]) -> list[int]:
-    """Return the steps at which every cell that ended well was scored."""
+    """Return the steps at which all cells that are done were scored."""
     scored = [{point.step for point in cell.curve} for cell in cells if cell.status == "done"]
     return sorted(set.intersection(*scored)) if scored else []
 
 
 def line(tables: dict[float, Tables], panel: str, name: str, x_label: str) -> Series:
-    """Return a line of place on the axis → a contrast of PSNR there: its mean and the interval of that place alone."""
+    """Draw a contrast of PSNR over places on the axis: its mean, and the interval of each place by itself."""
     judgements = [judged(table, "psnr", 1) for table in tables.values()]
     intervals = [judgement.chosen.interval for judgement in judgements]
     low, high = ([interval and interval[end] for interval in intervals] for end in (0, 1))
@@ -195,14 +183,14 @@ def spread(scores: list[float | None], metric: str) -> str:
 
 
 def spread_of(cells: list[CellRecord], scene: str, method: str, metric: str) -> str:
-    """Return the `spread` of the last scores of every seed; a cell that did not end well has none."""
+    """Return the `spread` of the last scores of every seed; a cell that is not done has none."""
     return spread([cell.scores.get(metric) for cell in cells if (cell.scene, cell.method) == (scene, method)], metric)
 
 
 def score_table(
     cells: list[CellRecord], methods: Iterable[str], metrics: tuple[str, ...] = METRICS
 ) -> tuple[list[str], dict[str, list[str]]]:
-    """Return the columns scene by scene and metric by metric, and method → its scores in words."""
+    """Return the columns scene by scene and metric by metric, and method → its scores as text."""
     keys = list(product(keyed(cells)[1], metrics))
     labels = {metric: ", ".join(filter(None, metric_table.METRICS[metric][1:3])) for metric in metrics}
     rows = {method: [spread_of(cells, scene, method, metric) for scene, metric in keys] for method in methods}
@@ -210,7 +198,7 @@ def score_table(
 
 
 def without_a_score(cells: list[CellRecord], where: str = "") -> Iterator[str]:
-    """Yield a sentence that names the cells that did not end well, if there are any."""
+    """Yield a sentence that names the cells that are not done, if there are any."""
     lost = [
         f"{cell.method} on {cell.scene}, seed {cell.seed} ({cell.reason})" for cell in cells if cell.status != "done"
     ]
@@ -231,9 +219,7 @@ def amount(value: float | None, metric: str, sign: bool = True) -> str:
 
 
 def in_words(effect: Effect) -> str:
-    """Return the effect as `+0.81 dB (95 % interval +0.52 to +1.10: above 0, matters)`, with the interval that the
-    verdict is taken from.
-    """
+    """Return `+0.81 dB (95 % interval +0.52 to +1.10: above 0, matters)`; the interval is the verdict's."""
     lost = f", {effect.unpaired} of {effect.unpaired + effect.pairs} pairs without a score" if effect.unpaired else ""
     size = amount(effect.difference, effect.metric)
     if effect.difference is None or effect.simultaneous is None:

@@ -1,4 +1,4 @@
-"""The context of the evidence studies, and one literal table of what they train."""
+"""The context of the evidence studies, and the table of what they train."""
 
 from dataclasses import dataclass, replace
 
@@ -14,15 +14,13 @@ from scenes.view_sets.source import Region
 FACTORIAL_SCENES = ("lego", "ficus", "hotdog")
 """Scenes of blocks with fine studs, of thin leaves, and of smooth and soft shapes."""
 DIRECTED = ("lego", "drums", "materials")
-"""Scenes whose appearance depends on direction: drums and materials have metals and glass, which training finds out
-late. lego's plastic hardly looks different from other sides.
-"""
+"""Scenes whose appearance depends on direction: in drums and materials it is learnt late, in lego it is weak."""
 SCARCE = 20
-"""The number of training views of which half and a quarter are taken. A hundred are more than so short a training uses
-up: on these scenes half of a hundred changed the score by −0.03 dB, and a quarter by −0.04.
+"""The number of training views that is halved and quartered. So short a training does not exhaust a hundred views: on
+these scenes half of a hundred changed the score by −0.03 dB, and a quarter by −0.04.
 """
 READINGS = {"Listing 2": ("amplifier", "qnerf"), "Eq. 4": ("equation4", "qnerf_theorem")}
-"""Reading of the amplifier → its name in the names of combinations, and the method with all three parts."""
+"""Reading of the amplifier → its part of a combination's name, and the method with all three parts."""
 COMBINATIONS = (
     *("nerf", "nerf_phi_encoding", "nerf_phi_skip", "nerf_phi_encoding_phi_skip"),
     *("nerf_amplifier", "nerf_phi_encoding_amplifier", "nerf_amplifier_phi_skip", "qnerf"),
@@ -31,16 +29,16 @@ COMBINATIONS = (
 """Every combination of the three parts under both readings."""
 LADDERS = ("nerf", "nerf_matched", "nerf_phi_encoding", "nerf_phi_far", "nerf_base165")
 DENSITIES = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_repaired")
-"""Methods with every reading of density that a user would train."""
+"""Methods that cover every reading of density that a user would train."""
 THIN = ("ficus", "mic")
-"""Scenes of thin things, which most rays miss."""
+"""Scenes of thin objects, which most rays miss."""
 TEN = tuple(range(10))
 OBJECTED = (
     *("nerf", "nerf_no_shift", "nerf_released", "nerf_listing4"),
     *("qnerf", "qnerf_shifted", "qnerf_theorem", "qnerf_listing4"),
     *("qnerf_repaired", "nerf_phi_encoding_phi_skip"),
 )
-"""Methods that differ from NeRF or Q-NeRF in what a reader may object to."""
+"""Methods that differ from NeRF or Q-NeRF in something that a reader may object to."""
 WITHOUT_SILHOUETTES = ("nerf", "nerf_matched", "qnerf", "qnerf_repaired")
 
 
@@ -59,7 +57,7 @@ class Training:
     need: tuple[str, ...] = ()
     """Parts to keep even if the scenes do not need them (`harness.plan.needed.FORCEABLE`)."""
     half_side: float | None = None
-    """Half of the side of a cube about the origin in place of the scene's own box."""
+    """Half of the side of a cube about the origin, which replaces the scene's own box."""
 
 
 TRAININGS: dict[str, Training] = {
@@ -94,8 +92,8 @@ class EvidenceContext(TrainedContext):
         return {"quick": self.quick, "device": self.machine.device, "smallest_of_interest": interest}
 
     def plan(self, name: str) -> Plan:
-        """Return the profile `reduced` with what the training of that name changes; in float32 if the processor has no
-        bfloat16 matrix multiplications, and far too short for any figure to mean anything with `quick`.
+        """Return the profile `reduced` with the changes of the named training, in float32 if the processor has no
+        bfloat16 matrix multiplications. With `quick` it is far too short for any figure to mean anything.
         """
         training, profile = TRAININGS[name], PROFILES["reduced"]
         size, seeds, steps = training.resolution, training.seeds, training.steps

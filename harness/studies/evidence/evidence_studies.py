@@ -1,10 +1,10 @@
-"""The one table of studies that a verdict rests on. A new study is a generator of findings and one entry here."""
+"""The studies that support a verdict. A new study is a generator of findings and one entry here."""
 
 from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, asking, catalogue
 
 STUDIES: dict[str, Study] = catalogue(
     asking("calibration", "Are the intervals calibrated?",
-           "How often do the intervals hold the truth, and how often is an effect found that is there?",
+           "How often do the intervals hold the truth, and how often is an existing effect found?",
            "Simulated studies of known truth, judged by the functions that judge a run: 4 to 16 scenes, 3 to 10 seeds, "
            "effects that differ by 0 to 0.6 dB from scene to scene, normal noise, heavy tails, and runs that collapse.",
            "calibration:calibration", 15),
@@ -26,30 +26,30 @@ STUDIES: dict[str, Study] = catalogue(
            "interactions, and the cumulative rows of Table 4.",
            "factorial:factorial", 540, "factorial"),
     asking("bandwidth", "The golden ratio, or bandwidth?",
-           "Is what the φ encoding changes owed to φ, or to how far its frequencies reach?",
-           "φ with NeRF's reach, another base with φ's reach, and 2^k with φ's reach, beside both, at three "
+           "Is what the φ encoding changes due to φ, or to how far its frequencies reach?",
+           "φ with NeRF's reach, another base with φ's reach, and 2^k with φ's reach, compared with both, at three "
            "resolutions and along training, on all eight scenes with one seed, as intervals over scenes need no "
            "repeats.",
            "bandwidth:bandwidth", 2000, "bandwidth_100", "bandwidth_200", "bandwidth_300"),
     asking("objections", "What if it were compared otherwise?",
-           "Does the verdict change with the start of the field, the encoding of NeRF, the paper's quadrature, without "
-           "silhouettes, or without the amplifier?",
-           "Pairs of methods that differ in what is objected to, on all eight scenes, judged like the headline; they "
-           "are rendered again with Eq. 4 taken out.",
+           "Does the verdict change with the start of the field, the encoding of NeRF or the paper's quadrature, or "
+           "without silhouettes or the amplifier?",
+           "Pairs of methods that differ in what is objected to, on all eight scenes, judged like the headline; those "
+           "with Eq. 4 are rendered again without it.",
            "objections:objections", 6000, "objections", "no_silhouettes"),
     asking("collapse", "Does a training end without a picture?",
            "How often does a training diverge, end empty, or score below a copy of the nearest training view?",
            "Five readings of density with ten seeds in the scenes' own boxes, and thin scenes in cubes of up to "
-           "twice their size; short trainings, as what collapses does so early.",
+           "twice their size. Trainings are short, as a collapse happens early.",
            "collapse:collapse", 2000, "box_own", "box_1_5", "box_1_8", "box_2_4"),
     asking("rendering", "Error against time of rendering",
-           "Which quadrature rule and which sampler reach an error first?",
+           "Which quadrature rule and which sampler reach a given error first?",
            "One trained field, rendered with every rule and sampler at growing numbers of samples, against a rendering "
-           "so fine that its own error does not show.",
+           "so fine that its own error is negligible.",
            "work.rendering_work:rendering_work", 120, "no_encoding"),
     asking("ground_truth", "Error against time of the ground truth",
-           "How much time does Mitsuba need for how little noise?",
-           "One view of every scene at growing numbers of samples a pixel, against a render with many more.",
+           "How much time does Mitsuba need for a given noise?",
+           "One view of every scene at growing numbers of samples per pixel, against a render with many more.",
            "work.ground_truth_work:ground_truth_work", 120),
 )  # fmt: skip
 

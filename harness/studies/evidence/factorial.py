@@ -21,11 +21,11 @@ from harness.studies.evidence.contrasts import (
     without_a_score,
 )
 from harness.studies.evidence.evidence_context import READINGS, EvidenceContext
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.verdicts.claim_files import known_claims
 
 PARTS = {"φ encoding": "phi_encoding", "amplifier": "amplifier", "φ skip": "phi_skip"}
-"""Part → its name in the names of combinations; the amplifier's depends on the reading."""
+"""Part → its name in that of a combination; the amplifier's depends on the reading."""
 TABLE4_SCENE = "lego"
 
 
@@ -41,9 +41,9 @@ def factorial(context: EvidenceContext) -> Iterator[Found]:
         yield from _densest(cells, reading)
     yield from without_a_score(cells)
     yield (
-        "A main effect is the mean of with less without over all settings of the other two parts; an interaction is "
-        "half the difference between a part's effect with and without the other. At equal training time all eight "
-        "combinations of a scene and a seed are read at the time that the quickest of them took."
+        "A main effect is the score with a part less the score without it, averaged over all settings of the other two "
+        "parts; an interaction is half the difference between a part's effect with and without the other. At equal "
+        "training time all eight combinations of a scene and a seed are compared at the time that the quickest took."
     )
     for of_reading in by_reading.values():
         yield from of_reading
@@ -89,7 +89,7 @@ def pairs() -> list[tuple[str, str]]:
 
 
 def _answer(by_reading: dict[str, list[Effect]]) -> str:
-    """Answer what each part does to PSNR at equal steps over all scenes, and what that may be explained by."""
+    """Return what each part does to PSNR at equal steps over all scenes, and how far that is explained."""
     clauses = []
     for reading, of_reading in by_reading.items():
         main = zip(PARTS, chosen(of_reading, scene="all", note=""), strict=True)
@@ -133,8 +133,8 @@ def _densest(cells: list[CellRecord], reading: str) -> Iterator[str]:
 
 
 def ablation(cells: list[CellRecord], compared: list[Effect], reading: str) -> Table:
-    """Return the cumulative rows on lego beside the printed ones, with what each row adds to the one above it."""
-    rows: list[list[str | float | None]] = []
+    """Return the cumulative rows on lego with the printed scores, and what each row adds to the row above it."""
+    rows: Rows = []
     methods, (paper,) = cumulative(reading), [file for file in known_claims() if file.id == "qnerf"]
     ablation = paper.tables["ablation"]
     for place, (method, printed) in enumerate(zip(methods, ablation, strict=True)):

@@ -10,13 +10,13 @@ from harness.records.cells import CellRecord
 from harness.records.study import Effect, Table
 from harness.studies.evidence.contrasts import amount, chosen, effects, in_words, number, score_table, without_a_score
 from harness.studies.evidence.evidence_context import OBJECTED, WITHOUT_SILHOUETTES, EvidenceContext
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.trained_context import StudyRun
 
 
 @dataclass(frozen=True)
 class Objection:
-    """A pair of methods that differ in what is objected to, or agree in it."""
+    """Two methods that differ, or agree, in what is objected to."""
 
     words: str
     method: str
@@ -56,22 +56,22 @@ def objections(context: EvidenceContext) -> Iterator[Found]:
     yield taken_out(cells)
     for name, methods in (("objections", OBJECTED), ("no_silhouettes", WITHOUT_SILHOUETTES)):
         columns, scores = score_table(runs[name].cells, methods, ("psnr",))
-        rows: list[list[str | float | None]] = [[method, *row] for method, row in scores.items()]
+        rows: Rows = [[method, *row] for method, row in scores.items()]
         yield Table(f"{name}_scores", 0, f"PSNR at equal steps, dB: {name}", ["method", *columns], rows)
 
 
 def amplifier_after_training(cells: list[CellRecord]) -> str:
     """Return how near to the identity Eq. 4 is once trained, and what taking it out changes."""
-    known = {"alpha_phi": values_of(cells, "alpha_phi"), "change": values_of(cells, "psnr_without_amplifier")}
-    if not known["alpha_phi"] or not known["change"]:
+    factors, changes = values_of(cells, "alpha_phi"), values_of(cells, "psnr_without_amplifier")
+    if not factors or not changes:
         return "No trained method has an amplifier."
-    low, high = min(known["alpha_phi"]), max(known["alpha_phi"])
-    apart = max(abs(low - 1.0), abs(high - 1.0))
+    low, high = min(factors), max(factors)
+    distance = max(abs(low - 1.0), abs(high - 1.0))
+    mean, least, most = (number(value, "psnr") for value in (fmean(changes), min(changes), max(changes)))
     return (
-        f"Trained, α φ lies between {low:.2f} and {high:.2f} ({len(known['alpha_phi'])} trainings): Eq. 4 is the "
-        f"identity to within {100 * apart:.0f} %. Taken out after training, it changes PSNR by "
-        f"{number(fmean(known['change']), 'psnr')} dB on average ({number(min(known['change']), 'psnr')} to "
-        f"{number(max(known['change']), 'psnr')})."
+        f"Trained, α φ lies between {low:.2f} and {high:.2f} ({len(factors)} trainings): Eq. 4 is the identity to "
+        f"within {100 * distance:.0f} %. Taking it out after training changes PSNR by {mean} dB on average "
+        f"({least} to {most})."
     )
 
 
@@ -93,7 +93,7 @@ def octaves(run: StudyRun) -> str:
 
 
 def taken_out(cells: list[CellRecord]) -> Table:
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for method in dict.fromkeys(cell.method for cell in cells):
         for scene in dict.fromkeys(cell.scene for cell in cells):
             mine = [cell for cell in cells if (cell.method, cell.scene) == (method, scene)]

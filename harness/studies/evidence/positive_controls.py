@@ -1,4 +1,4 @@
-"""Losses that are known from the original NeRF's ablation, looked for by the functions that judge Q-NeRF.
+"""Losses that are known from the original NeRF's ablation, tested by the functions that judge Q-NeRF.
 
 Mildenhall et al. 2020, Table 2, mean over eight scenes at 800 px after some 200 000 to 500 000 steps: 31.01 dB; without
 view dependence 27.66, without positional encoding 28.77, with 50 images 29.79, with 25 images 27.78.
@@ -12,7 +12,7 @@ from msgspec import structs
 from harness.records.cells import Budget
 from harness.records.metric_table import METRICS
 from harness.records.study import Check, Effect, check
-from harness.studies.evidence.contrasts import amount, by_scene, chosen, effects, in_words, listed
+from harness.studies.evidence.contrasts import amount, chosen, effects, in_words, listed
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found
 from harness.studies.trained_context import StudyRun
@@ -28,10 +28,10 @@ HISTORY = (
     "left out of it although its record says that view direction is needed there."
 )
 TIMES = 3.0
-"""The upper factor of plausibility: a loss has a plausible size from the smallest one of interest up to so many times
-the original's. It was declared before any of these runs had been looked at. Few pixels and short training leave little
-of the fine detail that encoding and many images bring, so that a loss may be much smaller here; and a small network on
-three scenes, one of them almost all mirrors, has less to make up for what is missing, so that it may be larger.
+"""A loss is plausible from the smallest one of interest up to this multiple of the original's. The range was declared
+before any of these runs had been seen. Few pixels and short training leave little of the fine detail that encoding and
+many images bring, so a loss may be much smaller here; a small network on three scenes, one of them almost all mirrors,
+has less to make up for what is missing, so a loss may also be larger.
 """
 
 
@@ -41,10 +41,10 @@ class Control:
     """The name of the method that lacks something."""
     what: str
     original: float | None
-    """The PSNR in dB in the original's ablation; None for a loss of the size that is claimed, which it did not try."""
+    """The PSNR in dB in the original's ablation; None for a loss of the claimed size, which it did not try."""
     training: str
     baseline: str
-    """The training whose nerf it is compared with; if it is another one, the control is nerf with fewer views."""
+    """The training whose nerf it is compared with; if this is not `training`, the control is nerf as trained there."""
     need: str = ""
     """The need of the scene without which there is nothing to lose."""
 
@@ -61,14 +61,14 @@ CONTROLS = (
     Control("nerf_850_steps", "with 15 % fewer steps", None, "steps_850", "objections"),
     Control("nerf_930_steps", "with 7 % fewer steps", None, "steps_930", "objections"),
 )
-"""The last two lose about as much as is claimed to be gained: 0.1 to 0.4 dB."""
+"""The last two lose about what Q-NeRF is claimed to gain: 0.1 to 0.4 dB."""
 
 
 @dataclass(frozen=True)
 class Loss:
     control: Control
     every: list[Effect]
-    """All effects, of other scores and at equal time included; empty if no scene needs what is missing."""
+    """All effects, those on other scores and at equal time included; empty if no scene needs what is missing."""
     without: list[str]
     """The scenes that do not need it."""
 
@@ -98,23 +98,21 @@ def positive_controls(context: EvidenceContext) -> Iterator[Found]:
 
 
 def _loss(control: Control, baseline: StudyRun, own: StudyRun) -> Loss:
-    """Return the effects against nerf of its baseline, on the scenes that need what is missing by the record of their
-    view sets.
-
-    Runs of their own do not share a clock with nerf's: they are compared at equal steps alone.
+    """Return the effects against nerf of the baseline, on the scenes that need what is missing by the record of their
+    view sets. A separate run does not share a clock with nerf's, so it is compared at equal steps only.
     """
-    apart = own is not baseline
+    separate = own is not baseline
     without = [scene.name for scene in baseline.scenes if control.need in {row.name for row in scene.left_out}]
     cells = [cell for cell in baseline.cells if cell.method == "nerf"]
-    lacking = [cell for cell in own.cells if cell.method == ("nerf" if apart else control.name)]
-    # one with fewer steps is compared at its own end
+    lacking = [cell for cell in own.cells if cell.method == ("nerf" if separate else control.name)]
+    # a training of fewer steps is compared at its own end
     steps = max((cell.steps for cell in cells), default=0)
     cells += [
         structs.replace(cell, method=control.name, steps=steps if cell.status == "done" else cell.steps)
         for cell in lacking
     ]
     cells = [cell for cell in cells if cell.scene not in without]
-    budgets: tuple[Budget, ...] = ("steps",) if apart else ("steps", "seconds")
+    budgets: tuple[Budget, ...] = ("steps",) if separate else ("steps", "seconds")
     return Loss(control, effects(cells, control.name, "nerf", budgets=budgets) if cells else [], without)
 
 
@@ -135,11 +133,11 @@ def _sentences(loss: Loss) -> Iterator[str]:
     if not loss.psnr:
         yield f"NeRF {control.what}: not applicable to any of the scenes."
         return
-    overall = loss.psnr[0]
-    scenes = listed(f"{effect.scene} {in_words(effect)}" for effect in by_scene(loss.every))
+    overall, *by_scene = loss.psnr
+    scenes = listed(f"{effect.scene} {in_words(effect)}" for effect in by_scene)
     original = "" if control.loss is None else f"; the original's loss: {amount(control.loss, 'psnr')}"
-    found = overall.smallest_detectable
-    power = "" if found is None else f" A loss of {amount(found, 'psnr', sign=False)} would be found in 80 %."
+    smallest = overall.smallest_detectable
+    power = "" if smallest is None else f" A loss of {amount(smallest, 'psnr', sign=False)} would be found in 80 %."
     yield (
         f"NeRF {control.what}, over all scenes at equal steps: {in_words(overall)}{original}.{power} "
         f"By scene: {scenes}."
@@ -147,9 +145,7 @@ def _sentences(loss: Loss) -> Iterator[str]:
 
 
 def _checks(loss: Loss) -> Iterator[Check]:
-    """Yield whether the loss is found over all scenes; and, where the original's is known, its size: between the
-    smallest one of interest and `TIMES` the original's.
-    """
+    """Check that the loss is found over all scenes and, where the original's is known, that its size is plausible."""
     control, overall = loss.control, loss.psnr[0] if loss.psnr else None
     what = f"NeRF {control.what}: the loss is found over all scenes"
     if overall is None:

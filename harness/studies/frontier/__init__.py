@@ -1,1 +1,1 @@
-"""Families of radiance fields at budgets of core seconds: who is ahead how surely; imports `evidence` and below."""
+"""Families of radiance fields compared at equal core seconds, with intervals; imports `evidence` and below."""

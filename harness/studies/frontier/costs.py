@@ -1,4 +1,4 @@
-"""What a trained model costs: numbers, bytes, time to draw a view; and how soon it reaches a score."""
+"""The cost of a trained model: learnt numbers, bytes, time to draw a view, and the budget that reaches a score."""
 
 import statistics
 import time
@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from harness.machine.device import use_threads
 from harness.plan.group_task import GroupTask
@@ -14,7 +13,7 @@ from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.records.study import Table
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.frontier.frontier_context import CORE_SECONDS, Frontier, FrontierContext
 from harness.studies.speed.memory import peaks_of
 from harness.studies.trained_context import folder_of
@@ -22,9 +21,9 @@ from harness.training.checkpoints import checkpoint_path
 from harness.verdicts.failures import exact_interval
 
 ROUNDS = {100: 3, 400: 1}
-"""Width in pixels of the view that is drawn → how often; the median counts."""
+"""Width of the view in pixels → number of drawings, of which the median counts."""
 MEMORY_STEPS = 60
-"""The steps with an occupancy grid after which the peak of memory is read."""
+"""The number of steps with an occupancy grid before the peak of memory is read."""
 TARGETS = (25.0, 28.0, 30.0)
 
 
@@ -43,11 +42,10 @@ def costs(context: FrontierContext) -> Iterator[Found]:
     run = FinishedRun.of(folder_of(context.out, name))
     (record,) = run.scenes([scene])
     views = run.views(record, context.view_sets, geometry=False, scratch=context.scratch)
-    device = torch.device(machine.device)
-    use_threads(machine.workers * machine.threads)  # nothing else is measured meanwhile
+    use_threads(machine.workers * machine.threads)  # nothing else runs meanwhile
     try:
         drawn = {
-            family: drawing(run.trained(record, family, seed, device), views.test.camera_to_world[0])
+            family: drawing(run.trained(record, family, seed, context.device), views.test.camera_to_world[0])
             for family in families
         }
     finally:
@@ -55,10 +53,10 @@ def costs(context: FrontierContext) -> Iterator[Found]:
     quickest = min(drawn, key=lambda family: drawn[family][1])
     per_second = 1.0 / drawn[quickest][1]
     yield (
-        f"{quickest} draws a view fastest: {per_second:.3g} of {max(ROUNDS)} pixels a second on "
+        f"{quickest} draws a view fastest: {per_second:.3g} views of {max(ROUNDS)} pixels per second on "
         f"{machine.workers * machine.threads} threads."
     )
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for family in families:
         cells = frontier.of(last, family)
         numbers = np.median([cell.parameters["total"] for cell in cells])
@@ -71,7 +69,7 @@ def costs(context: FrontierContext) -> Iterator[Found]:
         memory = f"{peak(context, context.plan(name), views.path, family) / 1e9:.2f}"
         failed = f"{lost} of {len(ended)} ({100 * low:.0f} to {100 * high:.0f} %)"
         rows.append([family, *sizes, memory, *geometry, failed])
-    columns = ["family", "learnt numbers", "MB on disk", *(f"ms a view, {width} px" for width in ROUNDS)]
+    columns = ["family", "learnt numbers", "MB on disk", *(f"ms per view, {width} px" for width in ROUNDS)]
     columns += ["peak memory of a worker, GB", "depth RMSE", "opacity IoU", "failed (95 % of the rate)"]
     yield Table("costs", 0, f"Models of {last:g} core seconds; a view of {scene}", columns, rows)
     yield time_to_score(frontier)
@@ -93,17 +91,14 @@ def drawing(cell: TrainedCell, camera_to_world: np.ndarray) -> list[float]:
 
 
 def peak(context: FrontierContext, plan: Plan, view_set: Path, family: str) -> int:
-    """Return the peak bytes of a fresh process that trains a cell for a few steps, scores and writes it: libraries
-    included, as the operating system counts them.
-    """
+    """Return the peak bytes, with libraries, of a fresh process that trains a cell for a few steps and scores it."""
     budget = Budget(plan.train.grid.first_step + MEMORY_STEPS, None)
     task = GroupTask("memory", 0, (family,), plan.train, plan.score, budget, context.scratch, view_set, plan.views)
     return peaks_of(context, task)[1]
 
 
 def time_to_score(frontier: Frontier) -> Table:
-    """Return the shortest budget whose mean reaches a target, by family: more than the longest where none does."""
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for family in frontier.trained:
         entries = []
         for target in TARGETS:

@@ -1,4 +1,4 @@
-"""PSNR and root mean square error of every family at every budget, over all scenes and scene by scene."""
+"""PSNR and root mean square error of every family at every budget, over all scenes and by scene."""
 
 from collections.abc import Iterator
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from harness.records.study import Series, Table
 from harness.studies.evidence.contrasts import without_a_score
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.frontier.frontier_context import Frontier, FrontierContext
 from harness.verdicts.statistics import paired_difference
 
 AXES = {"core_seconds": "core seconds of training", "seconds": "wall seconds of training", "evaluations": "evaluations"}
-"""What error is drawn against: evaluations are those of a network or features, and of Gaussians on rays."""
+"""The axes of cost; evaluations are those of a network or features, and of Gaussians on rays."""
 ERROR = "root mean square error of display colour"
 EVERY = "all scenes"
 
 
 def error_of(psnr: float) -> float:
-    """Return the root mean square error of display colours 0 … 1 with this PSNR."""
+    """Convert PSNR to the root mean square error of display colours 0 … 1."""
     return float(10.0 ** (-psnr / 20.0))
 
 
@@ -51,8 +51,8 @@ def error_against_time(context: FrontierContext) -> Iterator[Found]:
 
 
 def over_scenes(frontier: Frontier) -> Table:
-    """Return the mean PSNR of each family at each budget with its 95 % interval over scenes, and steps done."""
-    rows: list[list[str | float | None]] = []
+    """Return the mean PSNR of each family at each budget with its 95 % interval over scenes, and the median steps."""
+    rows: Rows = []
     for family in frontier.trained:
         entries = []
         for budget in frontier.budgets:
@@ -60,10 +60,10 @@ def over_scenes(frontier: Frontier) -> Table:
             if np.isnan(scores).any():
                 entries.append("a scene without a score")
                 continue
-            found = paired_difference(scores)
-            half = "" if found.interval is None else f" ± {found.interval[1] - found.mean:.2f}"
+            over_all = paired_difference(scores)
+            half = "" if over_all.interval is None else f" ± {over_all.interval[1] - over_all.mean:.2f}"
             steps = np.median([cell.steps for cell in frontier.of(budget, family)])
-            entries.append(f"{found.mean:.2f}{half} ({steps:.0f} steps)")
+            entries.append(f"{over_all.mean:.2f}{half} ({steps:.0f} steps)")
         rows.append([family, *entries])
     title = "PSNR over scenes, dB: mean ± 95 % interval over scenes (median steps)"
     return Table("over_scenes", 0, title, ["family", *(f"{budget:g} core s" for budget in frontier.budgets)], rows)
@@ -79,21 +79,21 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
             scores = frontier.table(budget, (family,))[0][chosen]
             if np.isnan(scores).any():
                 continue
-            found = paired_difference(scores)
+            over_chosen = paired_difference(scores)
             x.append(place_of(frontier, budget, family, axis))
-            y.append(error_of(found.mean))
-            # an interval over two scenes would hide everything else
-            interval = found.interval if len(chosen) > 2 else None
+            y.append(error_of(over_chosen.mean))
+            # an interval over two scenes would be so wide that it hides the lines
+            interval = over_chosen.interval if len(chosen) > 2 else None
             low.append(None if interval is None else error_of(interval[1]))
             high.append(None if interval is None else error_of(interval[0]))
         yield Series(panel, 0, family, AXES[axis], ERROR, x, y, low, high)
-    for words, name in (("copying the nearest training view", "psnr_floor"), ("noise of the truth", "psnr_ceiling")):
+    for title, name in (("copying the nearest training view", "psnr_floor"), ("noise of the truth", "psnr_ceiling")):
         values = [cell.scores.get(name) for cells in frontier.cells.values() for cell in cells if cell.scene == scene]
         known = [value for value in values if value is not None]
         if known and axis == "core_seconds":
             level = error_of(float(np.median(known)))
             ends = [frontier.budgets[0], frontier.budgets[-1]]
-            yield Series(panel, 0, words, AXES[axis], ERROR, ends, [level, level])
+            yield Series(panel, 0, title, AXES[axis], ERROR, ends, [level, level])
 
 
 def place_of(frontier: Frontier, budget: float, family: str, axis: str) -> float:

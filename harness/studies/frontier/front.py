@@ -1,4 +1,4 @@
-"""Who is best at which budget, how surely, where one family overtakes another, and whether early ranks stay."""
+"""The best family at each budget with its probability, the crossings of families, and the stability of ranks."""
 
 import itertools
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ import numpy as np
 
 from harness.records.study import Table
 from harness.studies.evidence.contrasts import listed
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.frontier.frontier_context import Frontier, FrontierContext
 from harness.verdicts.pareto import best_shares, crossing, front_shares, rank_correlation
 from harness.verdicts.statistics import paired_difference
@@ -28,9 +28,7 @@ def front(context: FrontierContext) -> Iterator[Found]:
         ("best", "Probability of the best mean over scenes", np.array(best)),
         ("on_front", "Probability of being on the Pareto front of core seconds and PSNR", front_shares(tables)),
     ):
-        rows: list[list[str | float | None]] = [
-            [family, *(_share(row[place]) for row in shares)] for place, family in enumerate(families)
-        ]
+        rows: Rows = [[family, *(_share(row[place]) for row in shares)] for place, family in enumerate(families)]
         yield Table(name, 0, title, columns, rows)
     yield _crossings(frontier)
     yield _correlations(budgets, tables)
@@ -61,8 +59,8 @@ def _not_distinguished(budget: float, families: tuple[str, ...], table: np.ndarr
     for place in known:
         if place == leader:
             continue
-        found = paired_difference(table[place] - table[leader], family=len(known) - 1)
-        if found.simultaneous is None or found.simultaneous[1] >= 0.0:
+        simultaneous = paired_difference(table[place] - table[leader], family=len(known) - 1).simultaneous
+        if simultaneous is None or simultaneous[1] >= 0.0:
             near.append(families[place])
     if near:
         are = "is" if len(near) == 1 else "are"
@@ -70,28 +68,28 @@ def _not_distinguished(budget: float, families: tuple[str, ...], table: np.ndarr
 
 
 def _crossings(frontier: Frontier) -> Table:
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for first, second in itertools.permutations(frontier.trained, 2):
         lines = [np.array([frontier.table(at, (name,))[0] for at in frontier.budgets]) for name in (first, second)]
-        if found := crossing(frontier.budgets, *lines):
-            at, (low, high), share = found
+        if crossed := crossing(frontier.budgets, *lines):
+            at, (low, high), share = crossed
             rows.append([second, first, f"{at:.3g}", f"{low:.3g} to {high:.3g}", _share(share)])
-    title = "From how many core seconds on one family is ahead of another for good"
+    title = "The core seconds from which one family stays ahead of another"
     return Table("crossings", 0, title, ["family", "overtakes", "at", "95 % interval", "share of draws"], rows)
 
 
 def _correlations(budgets: list[float], tables: list[np.ndarray]) -> Table:
     means = [table.mean(axis=1) for table in tables]
-    rows: list[list[str | float | None]] = [
-        [f"{budget:g} core s", *(f"{rank_correlation(one, other):.2f}" for other in means)]
-        for budget, one in zip(budgets, means, strict=True)
+    rows: Rows = [
+        [f"{budget:g} core s", *(f"{rank_correlation(ranked, other):.2f}" for other in means)]
+        for budget, ranked in zip(budgets, means, strict=True)
     ]
     title = "Kendall's τ between the rankings at two budgets"
     return Table("correlations", 0, title, ["", *(f"{budget:g} core s" for budget in budgets)], rows)
 
 
 def _share(value: float) -> str:
-    """Format a share of draws; no draw that went otherwise is rounded away."""
+    """Format a share of draws; it is rounded to 0 or 100 % only if all draws agree."""
     if 0.995 <= value < 1.0:
         return "> 99 %"
     return "< 1 %" if 0.0 < value < 0.005 else f"{100.0 * value:.0f} %"

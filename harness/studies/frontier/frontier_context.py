@@ -1,4 +1,4 @@
-"""The context of the frontier: the families, the budgets, and one plan for each."""
+"""The context of the frontier: the families, the budgets, and the plan of each training."""
 
 from dataclasses import asdict, dataclass, replace
 
@@ -21,10 +21,10 @@ PHI = ("planes_phi", "planes_same_ends", "planes_same_size")
 PHI_METHODS = (*PHI, *(name.replace("planes", "hash_grid") for name in PHI))
 PHI_BUDGET = 15.0
 CORE_SECONDS = "core_seconds_"
-"""How the name of the training of a budget begins."""
+"""The prefix of the name of a budget's training."""
 BUDGETS = (4.0, 15.0, 60.0)
 LONG_BUDGETS = (4.0, 8.0, 15.0, 30.0, 60.0, 120.0, 600.0)
-"""The budgets of a cell's training, in core seconds: those of an hour on two cores, and all."""
+"""The core seconds of a cell's training: by default, about an hour on two cores, and with `--long`."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,6 @@ class Amount:
 
     @property
     def core_seconds(self) -> dict[str, float]:
-        """Map training → the core seconds of all its cells."""
         cells = len(self.scenes) * len(self.families) * len(self.seeds)
         phi = self.phi_budget * len(self.scenes) * len(PHI_METHODS) * len(self.phi_seeds)
         return {AT_BUDGETS: cells * sum(self.budgets), "phi": phi}
@@ -56,9 +55,7 @@ AMOUNTS = {
 
 
 def settings_for(budget: float, train: TrainSettings) -> TrainSettings:
-    """Return the settings of a budget, the same for all families: in a short one the occupancy grid begins early, and
-    the batches and grids of a long one are those of the profile `converged`.
-    """
+    """Return the settings of all families: a short budget uses its grid early, a long one trains as `converged`."""
     if budget <= 8.0:
         return replace(train, warm_up_steps=20, grid=replace(train.grid, first_step=40, every=15))
     if budget < 60.0:
@@ -75,13 +72,13 @@ class FrontierContext(TrainedContext):
         return {"amount": asdict(self.amount), "device": self.machine.device}
 
     def trainings(self, *studies: Study) -> list[str]:
-        """Return the names of trainings, with one for each budget."""
+        """Return the names of the trainings, one per budget in place of `AT_BUDGETS`."""
         budgets = [f"{CORE_SECONDS}{budget:g}" for budget in self.amount.budgets]
         names = super().trainings(*studies)
         return [each for name in names for each in (budgets if name == AT_BUDGETS else [name])]
 
     def seconds(self, study: Study, asked: list[Study]) -> float:
-        """Return wall seconds, with a sixth more for scoring; what an earlier study trained is trained."""
+        """Return wall seconds, with a sixth added for scoring; a shared training counts for its first study only."""
         first = {training: other.info.id for other in reversed(asked) for training in other.trainings}
         work = sum(self.amount.core_seconds[training] for training, id in first.items() if id == study.info.id)
         return study.seconds + work * 7 / 6 / (self.machine.workers * self.machine.threads)
@@ -102,7 +99,7 @@ class FrontierContext(TrainedContext):
         )
 
     def frontier(self) -> "Frontier":
-        """Return all cells of the budgets, trained now or before."""
+        """Return the cells of all budgets, after training those that are missing."""
         cells = {budget: self.trained(f"{CORE_SECONDS}{budget:g}").cells for budget in self.amount.budgets}
         return Frontier(self.amount, cells)
 
@@ -124,11 +121,10 @@ class Frontier:
         return [cell for cell in self.cells[budget] if cell.method == family and judgeable(cell)]
 
     def values(self, budget: float, family: str, name: str) -> Float[np.ndarray, "scenes seeds"]:
-        """Return a score of every cell; NaN where there is none."""
-        found = {(cell.scene, cell.seed): cell.scores.get(name) for cell in self.of(budget, family)}
-        rows = [[found.get((scene, seed)) for seed in self.amount.seeds] for scene in self.amount.scenes]
+        scores = {(cell.scene, cell.seed): cell.scores.get(name) for cell in self.of(budget, family)}
+        rows = [[scores.get((scene, seed)) for seed in self.amount.seeds] for scene in self.amount.scenes]
         return np.array(rows, dtype=np.float64)
 
     def table(self, budget: float, families: tuple[str, ...]) -> Float[np.ndarray, "methods scenes"]:
-        """Return PSNR, each the mean over seeds; NaN where a seed has none."""
+        """Return the mean PSNR over seeds, NaN where a seed has none."""
         return np.array([self.values(budget, family, "psnr").mean(axis=1) for family in families])

@@ -1,4 +1,4 @@
-"""The family to take for a scene, and how sure that is: the table that `--pick` reads."""
+"""The best family for a scene with an interval of its lead: the table that `--pick` reads."""
 
 from collections.abc import Iterator
 
@@ -25,7 +25,7 @@ def needs(context: FrontierContext) -> Iterator[Found]:
     last = frontier.budgets[-1]
     kinds = {kind: [name for name in names if name in frontier.amount.scenes] for kind, names in KINDS.items()}
     by_kind = [row for kind, names in kinds.items() if names and (row := best_two(frontier, last, kind, names))]
-    yield f"At {last:g} core seconds: {'; '.join(map(_in_words, by_kind))}."
+    yield f"At {last:g} core seconds: {'; '.join(map(_phrase, by_kind))}."
     yield Table("by_kind", 0, f"The best family by kind of scene, at {last:g} core seconds", COLUMNS, [*by_kind])
     rows = [
         row
@@ -37,8 +37,8 @@ def needs(context: FrontierContext) -> Iterator[Found]:
 
 
 def best_two(frontier: Frontier, budget: float, name: str, scenes: list[str]) -> list[str | float | None] | None:
-    """Return a row of `COLUMNS`; None without two families that have scores. The interval is over seeds for one scene,
-    over scenes for several; empty with one value.
+    """Return a row of `COLUMNS`, or None if fewer than two families have scores. The interval is over seeds for one
+    scene, over scenes for several, and empty for one value.
     """
     places = [frontier.amount.scenes.index(scene) for scene in scenes]
     scores = {}
@@ -49,23 +49,20 @@ def best_two(frontier: Frontier, budget: float, name: str, scenes: list[str]) ->
     if len(scores) < 2:
         return None
     best, second = sorted(scores, key=lambda family: -float(scores[family].mean()))[:2]
-    found = paired_difference(scores[best] - scores[second])
-    between = " to ".join(f"{end:+.2f}".replace("-", "−") for end in found.interval or ())
-    return [name, f"{budget:g}", best, f"{scores[best].mean():.2f}", second, f"{found.mean:.2f}", between]
+    lead = paired_difference(scores[best] - scores[second])
+    between = " to ".join(f"{end:+.2f}".replace("-", "−") for end in lead.interval or ())
+    return [name, f"{budget:g}", best, f"{scores[best].mean():.2f}", second, f"{lead.mean:.2f}", between]
 
 
-def _in_words(row: list[str | float | None]) -> str:
-    """Return a row as a sentence that says no more than its interval."""
+def _phrase(row: list[str | float | None]) -> str:
+    """Return a row as a phrase, which claims no more than its interval."""
     kind, _, best, _, second, ahead, between = map(str, row)
-    settled = between.startswith("+")
-    led = f"{best} ahead of {second} by {ahead} dB ({between or 'one scene, no interval'})"
-    return f"on {kind} scenes {led}{'' if settled else ', which is not settled'}"
+    caution = "" if between.startswith("+") else ", which is not settled"
+    return f"on {kind} scenes {best} ahead of {second} by {ahead} dB ({between or 'one scene, no interval'}){caution}"
 
 
 def pick(record: StudyRecord | None, scene: str, seconds: float) -> str:
-    """Return which family to take for a scene at a budget, from a finished frontier: the longest budget within
-    `seconds`. Raises `InputError` if nothing was measured of it.
-    """
+    """Return the best family for a scene at the longest budget within `seconds`; raises `InputError` without one."""
     tables = record.tables if record is not None else []
     rows = [row for table in tables if table.id in ("by_scene", "by_kind") for row in table.rows]
     if not rows:
@@ -76,8 +73,8 @@ def pick(record: StudyRecord | None, scene: str, seconds: float) -> str:
     of_scene = [row for row in rows if row[0] == scene]
     within = [row for row in of_scene if float(str(row[1])) <= seconds]
     if not within:
-        least = min(float(str(row[1])) for row in of_scene)
-        raise InputError(f"--seconds {seconds:g}: the shortest budget that was measured is {least:g} core seconds")
+        shortest = min(float(str(row[1])) for row in of_scene)
+        raise InputError(f"--seconds {seconds:g}: the shortest budget that was measured is {shortest:g} core seconds")
     _, budget, best, psnr, second, ahead, between = max(within, key=lambda row: float(str(row[1])))
-    sure = f"95 % interval {between}" if between else "one seed: no interval"
-    return f"{best}: {psnr} dB on {scene} in {budget} core seconds, {ahead} dB ahead of {second} ({sure})"
+    interval = f"95 % interval {between}" if between else "one seed: no interval"
+    return f"{best}: {psnr} dB on {scene} in {budget} core seconds, {ahead} dB ahead of {second} ({interval})"

@@ -1,4 +1,4 @@
-"""Does it help a grid that its resolutions grow by the golden ratio? Each family against its controls."""
+"""Grids whose resolutions grow by the golden ratio, each family compared with its controls."""
 
 from collections.abc import Iterator
 
@@ -19,7 +19,7 @@ from harness.studies.framework import Found
 from harness.studies.frontier.frontier_context import PHI_METHODS, FrontierContext
 from harness.verdicts.failures import judgeable
 
-CONTROLS = {"same_ends": "the same coarsest and finest level", "same_size": "as many learnt numbers"}
+CONTROLS = {"same_ends": "the same coarsest and finest level", "same_size": "an equal number of learnt numbers"}
 
 
 def phi(context: FrontierContext) -> Iterator[Found]:
@@ -34,12 +34,12 @@ def phi(context: FrontierContext) -> Iterator[Found]:
         )
     ]  # fmt: skip
     for family in ("planes", "hash_grid"):
-        words = []
+        changes = []
         for control, what in CONTROLS.items():
             over_all = chosen(effects, scene="all", budget="core_seconds", against=f"{family}_{control}")
-            words += [f"{in_words(effect)} against {what}" for effect in over_all]
+            changes += [f"{in_words(effect)} against {what}" for effect in over_all]
         budget = f"{context.amount.phi_budget:g} core seconds"
-        yield f"Growing by φ changes the PSNR of {family} at {budget} by {listed(words)}."
+        yield f"Growing by φ changes the PSNR of {family} at {budget} by {listed(changes)}."
     yield from without_a_score(cells)
     yield from effects
     columns, scores = score_table(cells, PHI_METHODS, ("psnr",))
@@ -48,7 +48,7 @@ def phi(context: FrontierContext) -> Iterator[Found]:
 
 
 def _differences(context: FrontierContext, cells: list[CellRecord], method: str, against: str) -> Tables:
-    """Return the differences of the last scores by scene; NaN for a seed without one. All trained for as long."""
+    """Return the differences of the final scores by scene, NaN for a seed without one."""
     scores = {(c.scene, c.method, c.seed): c.scores.get("psnr") for c in cells if judgeable(c)}
     amount = context.amount
 

@@ -1,4 +1,4 @@
-"""Samples distributed by attention against as many distributed evenly: errors, network evaluations, seconds."""
+"""Samples distributed by attention against the same number distributed evenly: errors, evaluations, seconds."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -14,14 +14,14 @@ from harness.studies.serving.attention_views import (
     KINDS,
     NOTHING,
     AttendedView,
-    Looked,
+    RegionView,
     attended_views,
     attention_of,
     least_bins,
 )
 from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext, factor, rmse, study
 
-WAY = "by attention, as many samples"
+WAY = "by attention, the same number of samples"
 COMPARED = {
     "whole": "error in the whole picture",
     "attended": "error in the attended quarter",
@@ -29,11 +29,11 @@ COMPARED = {
     "evaluations": "network evaluations",
     "seconds": "seconds",
 }
-"""What of a picture is compared with the even one's, by its name in `Allocation.figures`, in words."""
+"""Name in `Allocation.figures` of what is compared with the evenly sampled picture → its description."""
 COLUMNS = {
-    "bins": "samples a ray",
+    "bins": "samples per ray",
     "evaluations": "evaluations",
-    "own": "to find out",
+    "own": "evaluations for the map",
     "seconds": "seconds",
     "whole": "whole, against the integral",
     "attended": "attended, against the integral",
@@ -53,14 +53,14 @@ class AllocatedRender(NamedTuple):
 
 
 class Allocation(NamedTuple):
-    """A picture of a scene, evenly sampled or by attention, measured where the map `kind` attends."""
+    """A picture of a scene, sampled evenly or by attention, and its errors, also where the map `kind` attends."""
 
     scene: str
     kind: str
     is_even: bool
     figures: dict[str, float]
-    """Name → cost, the median of the repeats for seconds, or root mean square error of display colour against the same
-    field, finely integrated, and against the ground truth, if its views are still there."""
+    """Name → cost (seconds are medians of the repeats), or root mean square error of display colour: against the same
+    field, finely integrated, and against the ground truth if the views still exist."""
 
 
 @study
@@ -84,20 +84,20 @@ def samples(context: ServingContext) -> Iterator[Found]:
     ]
     share = np.mean([figures["own"] / figures["evaluations"] for figures, _ in pairs])
     words = ", ".join(f"{check.what.removesuffix(f', {WAY}')} {check.value:.2f} ×" for check in checks)
-    yield f"{WAY.capitalize()} ({100 * share:.0f} % to find out), against the same for each ray: {words}."
+    cost = f"the map takes {100 * share:.0f} % of the evaluations"
+    yield f"{WAY.capitalize()}, against an equal number per ray: {words}; {cost}."
     yield from checks
     table = [
         [row.scene, row.kind, "even" if row.is_even else WAY, *(row.figures.get(name) for name in COLUMNS)]
         for row in rows
     ]
     columns = ["scene", "attention", "samples", *COLUMNS.values()]
-    yield Table("samples", 0, "Every picture with its samples shared out", columns, table)
+    yield Table("samples", 0, "Every picture with its distributed samples", columns, table)
 
 
-def rendered(view: Looked, kind: str | None, bins: int, clock: Clock = CLOCK) -> AllocatedRender:
-    """Distribute `bins` samples per ray, evenly or by the map `kind`, and render, on one clock; the picture is an array
-    in memory by then. A chunk has no more samples than a plain one.
-    """
+def render_with(view: RegionView, kind: str | None, bins: int, clock: Clock = CLOCK) -> AllocatedRender:
+    """Distribute `bins` samples per ray, evenly or by the map `kind`, and render, on one clock."""
+    # no more samples than in a chunk of plain rendering
     chunk = max(1, view.cell.chunk * view.bins // max(bins, view.bins))
     began, own, rays = clock(), 0, view.regions.rays
     number = np.full(view.regions.count, bins)
@@ -109,32 +109,31 @@ def rendered(view: Looked, kind: str | None, bins: int, clock: Clock = CLOCK) ->
     return AllocatedRender(picture.colour, float((number * rays).sum() / rays.sum()), evaluations + own, own, seconds)
 
 
-def allocations(seen: AttendedView, reference_bins: int, repeats: int, clock: Clock = CLOCK) -> list[Allocation]:
+def allocations(attended: AttendedView, reference_bins: int, repeats: int, clock: Clock = CLOCK) -> list[Allocation]:
     """Measure the run's own number of samples, evenly and by every map that attends unequally. Each picture is rendered
-    once off the clock, which allocates and chooses kernels, and then in turn with all others, as often as requested, in
-    changing order.
+    once off the clock, which allocates and chooses kernels, and then in turn with all others, in alternating order.
     """
-    view = seen.view
-    kinds = [kind for kind in KINDS if not is_equal(seen.maps[kind])]
+    view = attended.view
+    kinds = [kind for kind in KINDS if not is_equal(attended.maps[kind])]
     choices = [None, *kinds]
-    pictures = {kind: rendered(view, kind, view.bins) for kind in choices}
+    pictures = {kind: render_with(view, kind, view.bins) for kind in choices}
     seconds: dict[str | None, list[float]] = {kind: [] for kind in choices}
     for repeat in range(repeats):
         for kind in choices[:: 1 if repeat % 2 == 0 else -1]:
-            seconds[kind].append(rendered(view, kind, view.bins, clock).seconds)
+            seconds[kind].append(render_with(view, kind, view.bins, clock).seconds)
     # so fine that the remaining error of the quadrature is small
-    reference = rendered(view, None, reference_bins).colour
+    reference = render_with(view, None, reference_bins).colour
     rows = []
     for kind in kinds:
-        attended = attended_pixels(view.regions, seen.maps[kind])
+        pixels = attended_pixels(view.regions, attended.maps[kind])
         for choice in (None, kind):
             picture = pictures[choice]
             figures = {"bins": picture.bins, "evaluations": float(picture.evaluations), "own": float(picture.own)}
             figures["seconds"] = float(np.median(seconds[choice]))
-            figures["whole"], figures["attended"] = _errors(picture.colour, reference, attended)
-            if seen.truth is not None:
-                figures["truth"], figures["attended_truth"] = _errors(picture.colour, seen.truth, attended)
-            rows.append(Allocation(seen.scene, kind, choice is None, figures))
+            figures["whole"], figures["attended"] = _errors(picture.colour, reference, pixels)
+            if attended.truth is not None:
+                figures["truth"], figures["attended_truth"] = _errors(picture.colour, attended.truth, pixels)
+            rows.append(Allocation(attended.scene, kind, choice is None, figures))
     return rows
 
 

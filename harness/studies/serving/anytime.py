@@ -1,4 +1,4 @@
-"""Error against time while a view is refined: by attention, in raster order, spread over the picture, and plainly."""
+"""Error against time while a view is refined: by attention, in raster order, by spread pixels, and plainly."""
 
 import math
 import statistics
@@ -13,8 +13,15 @@ from baselines.numerics.attention.priorities import is_equal, region_order
 from baselines.numerics.attention.regions import Regions
 from harness.playback.progressive import Canvas, Done, coarse, refine
 from harness.records.study import Check, Picture, Series, Status, Table
-from harness.studies.framework import Found
-from harness.studies.serving.attention_views import KINDS, NOTHING, AttendedView, Looked, attended_views, attention_of
+from harness.studies.framework import Found, Rows
+from harness.studies.serving.attention_views import (
+    KINDS,
+    NOTHING,
+    AttendedView,
+    RegionView,
+    attended_views,
+    attention_of,
+)
 from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext, brief, factor, plain, study
 from harness.training.scoring.evaluate import View
 from harness.training.scoring.metrics import psnr
@@ -26,28 +33,26 @@ ORDERS = {
     "spread": "spread pixels",
     "plain": "plain rendering",
 }
-"""In which order a picture is refined after its coarse frame; `plain` has none, and chunks as large as any."""
+"""The orders in which a picture is refined after its coarse frame; `plain` has no such frame and the largest chunks."""
 MEASURES = {"whole": "the whole picture", "hardest": "the hardest quarter", "attended": "the most attended quarter"}
-"""Where a picture's error is taken."""
+"""Where a picture's error is measured."""
 SHARE_OF_ERROR = 0.1
 """The share of the coarse frame's error at which a picture is called useful."""
 QUARTER = 0.25
 """The share of the regions that count as the most attended, or the hardest."""
-LEAST_SCENES = 3
-"""The fewest scenes that settle anything."""
+MIN_SCENES = 3
+"""The minimum number of scenes for a verdict."""
 DRAWN = "point"
 """The map whose curves are drawn; the times of all are in the table."""
 INVISIBLE = 1e-4
-"""The smallest visible difference of display colour, a fortieth of a step of an 8-bit picture: less is drawn as so
-much.
-"""
+"""The smallest error of display colour that is drawn, a fortieth of a step of an 8-bit picture."""
 STEPS = 80
-"""The steps of a drawn curve, at most."""
+"""The maximum number of steps of a drawn curve."""
 EXAMPLES = ("point", "gradients")
 """The maps of which pictures are shown."""
 SHARE_OF_TIME = 0.4
-"""The share of raster order's time, for every order: coarse frame and map take up to a quarter, and then something must
-be visible.
+"""The share of raster order's time at which example pictures are taken: late enough to show some refinement, as coarse
+frame and map take up to a quarter.
 """
 PICTURES = "records/images/serving"
 """The folder of the example pictures, relative to the output folder."""
@@ -58,12 +63,12 @@ Run = tuple[str, str | None]
 
 @dataclass(frozen=True)
 class Refined:
-    """One view refined in one order. All repeats give the same picture, their clocks differ."""
+    """One view refined in one order. All repeats give the same picture, at other times."""
 
     first: View
     parts: list[Done]
     seconds: np.ndarray
-    """Seconds [repeats, points] since the view was requested: of the first frame, and of each part."""
+    """Seconds [repeats, points] from the request to the first frame, and to each part."""
 
     def after(self, limit: float) -> View:
         done = int((np.median(self.seconds, axis=0) <= limit).sum()) - 1
@@ -75,7 +80,7 @@ class Refined:
 
 
 @dataclass(frozen=True)
-class Seen:
+class RefinedView:
     of: AttendedView
     finished: View
     runs: dict[Run, Refined]
@@ -95,7 +100,7 @@ class Curve(NamedTuple):
 
 
 class Reaching(NamedTuple):
-    """When an error has fallen far enough and stays so: the median, the least and the most of the repeats."""
+    """When an error falls below a limit for good: the median, minimum and maximum over the repeats."""
 
     seconds: float
     least: float
@@ -103,7 +108,7 @@ class Reaching(NamedTuple):
 
 
 Times = dict[str, Reaching | None]
-"""Order → its time; None if it never gets there."""
+"""Order → its time; None if the error stays above the limit."""
 
 
 @dataclass(frozen=True)
@@ -119,23 +124,23 @@ class Case:
 
 @study
 def anytime(context: ServingContext) -> Iterator[Found]:
-    seen = list(_seen(context))
-    if not seen:
+    views = list(_refined_views(context))
+    if not views:
         yield NOTHING
         return
-    yield from compared(cases_of(seen))
-    yield from examples(context.out, seen[0])
+    yield from findings_of(cases_of(views))
+    yield from examples(context.out, views[0])
 
 
-def compared(cases: Sequence[Case]) -> Iterator[Found]:
-    wholes = [case.times("whole") for case in cases]
+def findings_of(cases: Sequence[Case]) -> Iterator[Found]:
+    times = [case.times("whole") for case in cases]
     checks = []
     for order, words in ORDERS.items():
-        milliseconds = [1e3 * at.seconds for times in wholes if (at := times[order]) is not None]
+        milliseconds = [1e3 * at.seconds for by_order in times if (at := by_order[order]) is not None]
         if len(milliseconds) == len(cases):
             checks.append(
                 Check(
-                    f"until {100 * SHARE_OF_ERROR:.0f} % of the error is left, {words}",
+                    f"until {100 * SHARE_OF_ERROR:.0f} % of the error remains, {words}",
                     statistics.median(milliseconds),
                     unit="ms",
                     owner="machine",
@@ -145,9 +150,9 @@ def compared(cases: Sequence[Case]) -> Iterator[Found]:
                 )
             )
     medians = ", ".join(f"{check.what.partition(', ')[2]} {brief(1e-3 * (check.value or 0.0))}" for check in checks)
-    won = sum(first_of(times) == "attention" for times in wholes)
+    won = sum(first_of(by_order) == "attention" for by_order in times)
     yield (
-        f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error is left in the whole picture: {medians} "
+        f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error remains in the whole picture: {medians} "
         f"(medians); attention is first in {won} of {len(cases)} cases of scene and map."
     )
     yield from checks
@@ -157,7 +162,7 @@ def compared(cases: Sequence[Case]) -> Iterator[Found]:
     yield _table(cases)
 
 
-def _seen(context: ServingContext) -> Iterator[Seen]:
+def _refined_views(context: ServingContext) -> Iterator[RefinedView]:
     sizes = context.sizes
     for attended in attended_views(context):
         view, name = attended.view, f"{attended.scene}, view {attended.number + 1} of {sizes.views}"
@@ -167,34 +172,34 @@ def _seen(context: ServingContext) -> Iterator[Seen]:
         runs: list[Run] = []
         for kind, attention in attended.maps.items():
             if is_equal(attention):
-                context.leave_out(f"{name}, {kind}", "it attends to all alike, which is plain rendering")
+                context.leave_out(f"{name}, {kind}", "it attends equally to all regions, which is plain rendering")
             else:
                 runs.append(("attention", kind))
         runs += [(order, None) for order in ORDERS if order != "attention"]
         finished = plain(view.cell.learner, view.camera, view.cell.chunk)
-        yield Seen(attended, finished, measure(view, runs, sizes.repeats))
+        yield RefinedView(attended, finished, measure(view, runs, sizes.repeats))
 
 
-def measure(view: Looked, runs: Sequence[Run], repeats: int, clock: Clock = CLOCK) -> dict[Run, Refined]:
-    """Measure all runs in turn, as often as requested, in changing order: a busy machine affects all alike."""
+def measure(view: RegionView, runs: Sequence[Run], repeats: int, clock: Clock = CLOCK) -> dict[Run, Refined]:
+    """Measure all runs in turn, in alternating order, so that a busy machine affects all alike."""
     again: dict[Run, list[Refined]] = {run: [] for run in runs}
     for repeat in range(repeats):
         for run in runs[:: 1 if repeat % 2 == 0 else -1]:
-            again[run].append(refined(view, *run, clock))
+            again[run].append(refine_in(view, *run, clock))
     return {
         run: replace(repeated[0], seconds=np.concatenate([each.seconds for each in repeated]))
         for run, repeated in again.items()
     }
 
 
-def refined(view: Looked, order: str, kind: str | None, clock: Clock = CLOCK) -> Refined:
-    """Render first frame, map and refinement on one clock. Only the order by attention needs a map, and pays for it;
-    `plain` begins with the white that a reader sees meanwhile.
+def refine_in(view: RegionView, order: str, kind: str | None, clock: Clock = CLOCK) -> Refined:
+    """Render first frame, map and refinement on one clock. Only the order by attention computes a map; `plain` begins
+    with a white frame.
     """
     cell, regions, camera = view.cell, view.regions, view.camera
     began = clock()
     attention = np.ones(regions.count)
-    if order == "plain":  # equal attention, in the order by attention
+    if order == "plain":  # it is the order by attention with equal attention
         first, seconds, order = Canvas(camera.height, camera.width).view, [0.0], "attention"
     else:
         first = coarse(cell.learner, camera, view.stride, cell.chunk).view
@@ -209,7 +214,7 @@ def refined(view: Looked, order: str, kind: str | None, clock: Clock = CLOCK) ->
 
 
 def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
-    """Return bool [pixels]: those of the quarter of the regions that is attended most."""
+    """Return bool [pixels]: those of the most attended quarter of the regions."""
     count = max(1, round(QUARTER * regions.count))
     attended = np.zeros(regions.height * regions.width, dtype=bool)
     for region in region_order(attention)[:count]:
@@ -227,21 +232,21 @@ def errors_along(run: Refined, finished: View, *where: np.ndarray) -> Iterator[l
         yield [float(np.sqrt(chosen.mean())) for chosen in (squares, *(squares[pixels] for pixels in where))]
 
 
-def cases_of(seen: Sequence[Seen]) -> list[Case]:
+def cases_of(views: Sequence[RefinedView]) -> list[Case]:
     cases = []
-    for scene in dict.fromkeys(view.of.scene for view in seen):
+    for scene in dict.fromkeys(view.of.scene for view in views):
         for kind in KINDS:
-            attended = [view for view in seen if view.of.scene == scene and ("attention", kind) in view.runs]
+            attended = [view for view in views if view.of.scene == scene and ("attention", kind) in view.runs]
             if attended:
                 cases.append(Case(scene, kind, {order: curve_of(attended, kind, order) for order in ORDERS}))
     return cases
 
 
-def curve_of(seen: Sequence[Seen], kind: str, order: str) -> Curve:
-    """Return means over the views, point by point; regions in which the coarse frame is most wrong are the hardest."""
-    runs = [view.runs[order, kind if order == "attention" else None] for view in seen]
+def curve_of(views: Sequence[RefinedView], kind: str, order: str) -> Curve:
+    """Return means over the views, point by point. The hardest regions have the largest errors of the coarse frame."""
+    runs = [view.runs[order, kind if order == "attention" else None] for view in views]
     errors = []
-    for view, run in zip(seen, runs, strict=True):
+    for view, run in zip(views, runs, strict=True):
         regions = view.of.view.regions
         wrong = ((view.of.coarse.colour.astype(np.float64) - view.finished.colour) ** 2).mean(axis=-1)
         hardest = attended_pixels(regions, regions.mean(wrong))
@@ -252,7 +257,7 @@ def curve_of(seen: Sequence[Seen], kind: str, order: str) -> Curve:
 
 
 def reaching(curve: Curve, measure: str, limit: float) -> Reaching | None:
-    """Return when the measured error is first at most `limit`, and stays so."""
+    """Return when the error falls to `limit` for good."""
     above = [index for index, value in enumerate(curve.errors[measure]) if value > limit]
     index = above[-1] + 1 if above else 0
     if index == curve.seconds.shape[1]:
@@ -262,19 +267,19 @@ def reaching(curve: Curve, measure: str, limit: float) -> Reaching | None:
 
 
 def earlier(times: Times, order: str, other: str) -> bool:
-    """Tell whether `order` gets there, and `other` never, or later in every repeat than `order` in any."""
+    """Return whether `order` is at the limit before `other`: its slowest repeat before the fastest of `other`."""
     mine, theirs = times[order], times[other]
     return mine is not None and (theirs is None or mine.most < theirs.least)
 
 
 def first_of(times: Times) -> str | None:
-    """Return the order that gets there before all others; None if the repeats leave it undecided."""
+    """Return the order that is at the limit before all others; None if the repeats leave it open."""
     return next((mine for mine in times if all(earlier(times, mine, other) for other in times if other != mine)), None)
 
 
 def _earlier_check(cases: Sequence[Case], measure: str) -> Check:
-    """Return in how many cases attention is earlier than raster order. Of the attended quarter it is the paper's claim:
-    it holds if it is so in every case of enough scenes, and fails if it is so in none.
+    """Return in how many cases attention is earlier than raster order. For the attended quarter this is the paper's
+    claim: with enough scenes it holds if attention is earlier in every case, and fails if it is later in every case.
     """
     times = [(case.scene, case.times(measure)) for case in cases]
     scenes = {case.scene for case in cases}
@@ -286,10 +291,10 @@ def _earlier_check(cases: Sequence[Case], measure: str) -> Check:
     words = f"of {len(cases)} cases, later in {behind}" + (f", undecided in {undecided}" if undecided else "")
     if measure == "attended":
         status = "inconclusive"
-        if len(scenes) >= LEAST_SCENES and len(cases) in (ahead, behind):
+        if len(scenes) >= MIN_SCENES and len(cases) in (ahead, behind):
             status = "pass" if ahead else "fail"
         words += f", earlier in all of them on {len(scenes - behind_on)} of {len(scenes)} scenes"
-        words += "; the map that orders regions says which are attended: earlier by construction, but for its own time"
+        words += "; the map that orders regions defines which are attended: earlier by construction, but for its cost"
     return Check(
         f"cases in which attention is earlier than raster order, in {MEASURES[measure]}",
         float(ahead),
@@ -311,7 +316,7 @@ def _against_others(cases: Sequence[Case]) -> Iterator[Check]:
         yield factor("sooner.attended", "time of raster order against attention, in the most attended quarter", sooner)
     for order in ("attention", "raster", "spread"):
         ratios = [float(case.curves[order].middle[-1] / case.curves["plain"].middle[-1]) for case in cases]
-        yield factor(f"total.{order}", f"seconds until all is there, {ORDERS[order]} against plain", ratios)
+        yield factor(f"total.{order}", f"seconds to the complete picture, {ORDERS[order]} against plain", ratios)
 
 
 def _lines(cases: Sequence[Case]) -> Iterator[Series]:
@@ -322,52 +327,51 @@ def _lines(cases: Sequence[Case]) -> Iterator[Series]:
                 for order, curve in case.curves.items():
                     x, y = steps(curve.middle.tolist(), curve.errors[measure])
                     yield Series(
-                        f"{case.scene}, {words}, {DRAWN}", 0, ORDERS[order], "seconds since the view was asked for",
+                        f"{case.scene}, {words}, {DRAWN}", 0, ORDERS[order], "seconds since the view was requested",
                         "RMSE, display", x, y, log_x=False,
                     )  # fmt: skip
 
 
 def steps(seconds: list[float], errors: list[float]) -> tuple[list[float], list[float]]:
-    """Return a curve as steps, of which those at once, to the eye, are one."""
-    apart = (seconds[-1] - seconds[0]) / STEPS
+    """Return a curve as steps; steps too close to be distinguished in a drawing are merged."""
+    distance = (seconds[-1] - seconds[0]) / STEPS
     x, y = [seconds[0]], [max(errors[0], INVISIBLE)]
     for place in range(1, len(seconds)):
-        if place + 1 == len(seconds) or seconds[place + 1] - x[-1] > apart:
+        if place + 1 == len(seconds) or seconds[place + 1] - x[-1] > distance:
             x += [seconds[place]] * 2
             y += [y[-1], max(errors[place], INVISIBLE)]
     return [float(f"{value:.5g}") for value in x], [float(f"{value:.5g}") for value in y]
 
 
 def _table(cases: Sequence[Case]) -> Table:
-    """Return every time; the first order of each group is marked."""
-    rows: list[list[str | float | None]] = []
+    rows: Rows = []
     for case in cases:
         for measure, words in MEASURES.items():
             times = case.times(measure)
             best = first_of(times)
             shown = [f"{brief(at.seconds)}{' ▲' * (order == best)}" if at else "never" for order, at in times.items()]
             rows.append([case.scene, case.kind, words, *shown])
-    title = f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error is left (▲ the first in every repeat)"
+    title = f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error remains (▲ the first in every repeat)"
     return Table("times", 0, title, ["scene", "attention", "in", *ORDERS.values()], rows)
 
 
-def examples(out: Path, seen: Seen) -> Iterator[Picture]:
-    """Yield pictures of one view, written under `out`: what is shown after the same time in every order."""
-    cell, finished = seen.of.view.cell, seen.finished.colour
-    limit = SHARE_OF_TIME * float(np.median(seen.runs["raster", None].seconds[:, -1]))
+def examples(out: Path, refined: RefinedView) -> Iterator[Picture]:
+    """Write pictures of one view under `out`, and yield them: what every order shows after the same time."""
+    cell, finished = refined.of.view.cell, refined.finished.colour
+    limit = SHARE_OF_TIME * float(np.median(refined.runs["raster", None].seconds[:, -1]))
     orders = [("raster", None), ("spread", None), ("plain", None), *(("attention", kind) for kind in EXAMPLES)]
-    shown = {"ground truth": seen.of.truth, "finished": finished, "coarse frame": seen.of.coarse.colour}
+    shown = {"ground truth": refined.of.truth, "finished": finished, "coarse frame": refined.of.coarse.colour}
     for order, kind in orders:
-        if (order, kind) in seen.runs:
+        if (order, kind) in refined.runs:
             title = f"{ORDERS[order]}{f' ({kind})' if kind else ''}, after {100 * SHARE_OF_TIME:.0f} % of the time"
-            shown[title] = seen.runs[order, kind].after(limit).colour
+            shown[title] = refined.runs[order, kind].after(limit).colour
     for number, (title, colour) in enumerate(shown.items()):
         if colour is None:
             continue
-        file = f"{PICTURES}/{seen.of.scene}.{cell.learner.method}.{number}.png"
+        file = f"{PICTURES}/{refined.of.scene}.{cell.learner.method}.{number}.png"
         (out / file).parent.mkdir(parents=True, exist_ok=True)
         opaque = np.ones((*colour.shape[:2], 1))
         write_png(out / file, np.concatenate([np.clip(colour, 0.0, 1.0), opaque], axis=-1).astype(np.float32))
         score = psnr(colour, finished)
-        caption = f"{score:.1f} dB against the finished picture" if math.isfinite(score) else seen.of.scene
+        caption = f"{score:.1f} dB against the finished picture" if math.isfinite(score) else refined.of.scene
         yield Picture(0, title, caption, file)

@@ -1,4 +1,4 @@
-"""The views on which attention is examined, the maps of attention on them, and what needs no more than these."""
+"""The views on which attention is examined, their maps of attention, and the study of φ that needs only these."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,24 +23,24 @@ KINDS = {
     "error": "where half of the samples make another coarse frame",
     "foveal": "the acuity of an eye that looks at a third of the height and two thirds of the width",
 }
-"""Map of `baselines.numerics.attention.maps.MAPS` → what is attended to, in words."""
+"""Map of `baselines.numerics.attention.maps.MAPS` → what it attends to."""
 CENTRE = (1 / 2, 1 / 2)
 LOOKED_AT = {"foveal": (1 / 3, 2 / 3)}
-"""The row and column that are looked at, as shares of height and width; the centre for all others."""
+"""The row and column of the gaze, as shares of height and width; the centre for all other maps."""
 SCENES = ("lego", "hotdog", "drums")
 METHODS = ("nerf", "nerf_matched")
-"""The methods preferred if the run has them; the first that can be rendered by regions is taken."""
+"""The methods that are preferred if the run has them; the first that can be rendered by regions is used."""
 STRIDE = 4
 """The stride of the coarse frame: one ray of sixteen."""
-REGIONS_A_SIDE = 10
-LEAST_TILE = 4
-LEAST_SHARE = 0.25
-"""The share of the mean number of samples that every ray gets, whatever is attended."""
+REGIONS_PER_SIDE = 10
+MIN_TILE = 4
+MIN_SHARE = 0.25
+"""The minimum number of samples of a ray, as a share of the mean."""
 NOTHING = "No method of the run can be rendered by regions here."
 
 
 @dataclass(frozen=True)
-class Looked:
+class RegionView:
     """A view of a cell, its regions, and the stride of its coarse frame."""
 
     cell: TrainedCell
@@ -53,9 +53,9 @@ class Looked:
 
 @dataclass(frozen=True)
 class AttendedView:
-    """A view with its maps of attention, and the ground truth [h, w, 3] if it is there."""
+    """A view with its maps of attention, and the ground truth [h, w, 3] if the views still exist."""
 
-    view: Looked
+    view: RegionView
     number: int
     coarse: View
     maps: dict[str, np.ndarray]
@@ -72,7 +72,7 @@ def attended_views(context: ServingContext) -> list[AttendedView]:
         views = []
         for cell in cells_of(context):
             for number, (pose, truth) in enumerate(context.test_poses(cell.scene, context.sizes.views)):
-                view = looked(context, cell, pose)
+                view = region_view(context, cell, pose)
                 first = coarse(cell.learner, view.camera, STRIDE, cell.chunk).view
                 maps = {kind: attention_of(kind, view, first)[0] for kind in KINDS}
                 views.append(AttendedView(view, number, first, maps, truth))
@@ -81,16 +81,16 @@ def attended_views(context: ServingContext) -> list[AttendedView]:
     return remembered
 
 
-def looked(context: ServingContext, cell: TrainedCell, pose: np.ndarray) -> Looked:
+def region_view(context: ServingContext, cell: TrainedCell, pose: np.ndarray) -> RegionView:
     camera = context.camera(cell, pose)
-    tile = max(LEAST_TILE, camera.width // REGIONS_A_SIDE)
-    return Looked(
+    tile = max(MIN_TILE, camera.width // REGIONS_PER_SIDE)
+    return RegionView(
         cell, camera, Regions(camera.height, camera.width, tile), STRIDE, int(cell.cell.settings["train"]["bins"])
     )
 
 
 def cells_of(context: ServingContext) -> list[TrainedCell]:
-    """Return one cell per scene of the first method that is pointwise, as others are rendered plainly in any case."""
+    """Return one cell per scene of the first pointwise method, as others cannot be rendered by regions."""
     scenes, methods = context.in_order(SCENES, METHODS)
     for method in methods:
         cells: list[TrainedCell] = []
@@ -105,8 +105,8 @@ def cells_of(context: ServingContext) -> list[TrainedCell]:
     return []
 
 
-def attention_of(kind: str, view: Looked, first: View | None = None) -> tuple[np.ndarray, int]:
-    """Return the attention, float64 [regions], and the network evaluations beside those of the coarse frame `first`."""
+def attention_of(kind: str, view: RegionView, first: View | None = None) -> tuple[np.ndarray, int]:
+    """Return the attention, float64 [regions], and the network evaluations besides those of the frame `first`."""
     learner, camera, chunk = view.cell.learner, view.camera, view.cell.chunk
     spent = 0
 
@@ -138,21 +138,21 @@ def attention_of(kind: str, view: Looked, first: View | None = None) -> tuple[np
 
 
 def middle(height: int, width: int) -> np.ndarray:
-    """Return bool [height, width]: pixels whose centre lies in the middle half of the rows and of the columns."""
+    """Return bool [height, width]: the pixels with a centre in the middle half of the rows and of the columns."""
     rows, columns = (np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width
     return (np.abs(rows - 0.5) < 0.25)[:, None] & (np.abs(columns - 0.5) < 0.25)[None, :]
 
 
 def least_bins(bins: int) -> int:
-    return max(1, int(LEAST_SHARE * bins))
+    return max(1, int(MIN_SHARE * bins))
 
 
 @study
 def priorities(context: ServingContext) -> Iterator[Found]:
     effects = [
-        without_phi(attention, seen.view.regions.rays, seen.view.bins, least_bins(seen.view.bins))
-        for seen in attended_views(context)
-        for attention in seen.maps.values()
+        without_phi(attention, attended.view.regions.rays, attended.view.bins, least_bins(attended.view.bins))
+        for attended in attended_views(context)
+        for attention in attended.maps.values()
     ]
     if not effects:
         yield NOTHING
@@ -162,14 +162,14 @@ def priorities(context: ServingContext) -> Iterator[Found]:
     )
     total = max((effect.sum_of_priorities for effect in effects), key=lambda value: abs(value - PHI))
     yield (
-        f"The priorities sum to {total:.4g}, not to 1: they are no probabilities. Without φ, which scales all alike, "
-        f"{orders} of {len(effects)} maps have another order of regions, and {allocations} other samples."
+        f"The priorities sum to {total:.4g}, not to 1: they are not probabilities. Without φ, which scales all alike, "
+        f"{orders} of {len(effects)} maps have another order of regions, and {allocations} another number of samples."
     )
     yield Check("sum of the priorities", total, owner="paper", repeats=len(effects), id="phi.sum")
     yield Check(
         "maps whose order or samples φ changes",
         float(max(orders, allocations)),
-        why=f"of {len(effects)} maps; the priorities sum to {total:.4g}, not to 1: they are no probabilities",
+        why=f"of {len(effects)} maps; the priorities sum to {total:.4g}, not to 1: they are not probabilities",
         owner="paper",
         repeats=len(effects),
         id="phi.changed",

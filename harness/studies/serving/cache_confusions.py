@@ -1,4 +1,4 @@
-"""What a key of the pose alone (Listing 5) would return, at poses that it has seen, if something else changed."""
+"""What a key that holds only the pose (Listing 5) returns at known poses if something else has changed."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -32,64 +32,64 @@ INSET = 0.01
 
 
 def pose_hash(camera_to_world: np.ndarray) -> str:
-    """Return `_pose_hash` of Listing 5, which is not printed: a hash of the sixteen numbers, to the last bit."""
+    """Return `_pose_hash` of Listing 5, which the paper does not print: a hash of all bits of the sixteen numbers."""
     return hashlib.blake2b(np.ascontiguousarray(camera_to_world, dtype=np.float64).tobytes()).hexdigest()
+
+
+LEAST_VISIBLE = 0.5 / 255
+"""The smallest visible error of display colour: half a step of 8 bits."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A request that differs from what the cache has seen."""
+    """A request that differs from what the cache has stored."""
 
     changed: str
     learner: Learner
     chunk: int
-    asked: Callable[[Camera], Camera] = lambda camera: camera
-
-
-LEAST_VISIBLE = 0.5 / 255
-"""The least visible error of display colour: half a step of 8 bits."""
+    request: Callable[[Camera], Camera] = lambda camera: camera
 
 
 @dataclass(frozen=True)
 class Confusion:
-    """What a key of the pose alone would have returned, and what ours did."""
+    """What a key that holds only the pose would have returned, and what the harness's key returned."""
 
     changed: str
     views: int
     stale: int
-    """The views for which the key of the pose alone was in the cache already, with another picture behind it."""
+    """The views whose pose was known, with another picture stored for it."""
     rmse: float
-    """The root mean square between what it would have returned and what was asked for, over these views."""
+    """The root mean square difference between the stored and the requested picture, over the stale views."""
     missed: int
-    """The views for which our key was new."""
+    """The views for which the harness's key was new."""
     caught: int
-    """The stale ones of them: for every stale view our key has to be new."""
+    """The stale views among them; the harness's key has to be new for all stale views."""
 
 
 @study
 def confusions(context: ServingContext) -> Iterator[Found]:
     cells = cells_of(context)
-    rows = confused(context, cells[0], variants(context, cells[0])) if cells else []
+    rows = confusions_with(context, cells[0], variants(context, cells[0])) if cells else []
     for cell in cells[1:]:
-        rows += confused(context, cell, in_other_calls(cell))
+        rows += confusions_with(context, cell, in_other_chunks(cell))
     if not rows:
         yield "No method of the run can be rendered here."
         return
-    yield from compared(rows)
+    yield from findings_of(rows)
 
 
-def compared(rows: Sequence[Confusion]) -> Iterator[Found]:
+def findings_of(rows: Sequence[Confusion]) -> Iterator[Found]:
     stale, views = [row for row in rows if row.stale], sum(row.views for row in rows)
     worst = max(stale, key=lambda row: row.rmse, default=None)
     hidden = [row.changed for row in stale if row.rmse <= LEAST_VISIBLE]
     off = f", off by up to {significant(worst.rmse)} ({worst.changed})" if worst else ""
     unseen = f"; invisible in 8 bits: {', '.join(hidden)}" if hidden else ""
     yield (
-        f"A key of the pose alone would return another picture after {len(stale)} of {len(rows)} kinds of change{off}; "
-        f"ours is new for {sum(row.missed for row in rows)} of {views} views."
+        f"A key that holds only the pose would return another picture after {len(stale)} of {len(rows)} kinds of "
+        f"change{off}; the harness's key is new for {sum(row.missed for row in rows)} of {views} views."
     )
     yield Check(
-        "kinds of change after which a key of the pose alone returns another picture",
+        "kinds of change after which a key that holds only the pose returns another picture",
         float(len(stale)),
         high=0.0,
         why=f"of {len(rows)} kinds{off}{unseen}",
@@ -101,14 +101,15 @@ def compared(rows: Sequence[Confusion]) -> Iterator[Found]:
     )
     if stale:
         caught = 100.0 * sum(row.caught for row in rows) / sum(row.stale for row in rows)
-        yield check("share of the stale views for which our key is new", caught, 100.0, unit="%", id="key.ours")
-    columns = ["changed at the same pose", "views", "stale by the pose alone", "off by", "new for our key"]
+        what = "share of the stale views for which the harness's key is new"
+        yield check(what, caught, 100.0, unit="%", id="key.ours")
+    columns = ["changed at the same pose", "views", "stale by the pose", "off by", "new for the harness's key"]
     lines = [[row.changed, row.views, row.stale, row.rmse if row.stale else None, row.missed] for row in rows]
-    yield Table("confusions", 0, "What a key has to tell apart", columns, lines)
+    yield Table("confusions", 0, "What a key has to distinguish", columns, lines)
 
 
-def confused(context: ServingContext, cell: TrainedCell, others: Iterable[Variant]) -> list[Confusion]:
-    """Store pictures of `cell` under both keys, then request every one of `others` at their poses."""
+def confusions_with(context: ServingContext, cell: TrainedCell, others: Iterable[Variant]) -> list[Confusion]:
+    """Store pictures of `cell` under both keys, then request each of `others` at their poses."""
     cameras = [context.camera(cell, pose) for pose in context.orbit(cell.scene, context.sizes.confused)]
     store = ViewStore(ROOM)
     cached = CachedMethod(cell.learner, store, cell.chunk)
@@ -127,8 +128,8 @@ def confused(context: ServingContext, cell: TrainedCell, others: Iterable[Varian
 def _confusion(variant: Variant, cameras: list[Camera], by_pose: dict[str, View], store: ViewStore) -> Confusion:
     cached = CachedMethod(variant.learner, store, variant.chunk)
     stale, missed, caught, squares = 0, 0, 0, []
-    for seen in cameras:
-        camera = variant.asked(seen)
+    for known in cameras:
+        camera = variant.request(known)
         wanted = plain(variant.learner, camera, variant.chunk)
         returned, is_new = by_pose.get(pose_hash(camera.camera_to_world)), cached.lookup(camera) is None
         missed += is_new
@@ -136,13 +137,13 @@ def _confusion(variant: Variant, cameras: list[Camera], by_pose: dict[str, View]
             stale += 1
             caught += is_new
             squares.append(mse(of_size(returned.colour, *wanted.opacity.shape), wanted.colour))
-    # all pictures of a variant are of one size, so that the mean of means is that of all their pixels
+    # all pictures of a variant have one size, so that the mean of means is the mean over all their pixels
     rmse = float(np.sqrt(np.mean(squares))) if squares else 0.0
     return Confusion(variant.changed, len(cameras), stale, rmse, missed, caught)
 
 
 def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
-    """Yield whatever the picture depends on and its pose does not say, and last a pose that is nearly the same."""
+    """Yield a change of each thing other than the pose on which the picture depends, and last an almost equal pose."""
     learner, chunk, scene = cell.learner, cell.chunk, cell.scene
     if isinstance(learner, Trainer):
         if (views := context.views(scene)) is None:
@@ -152,16 +153,16 @@ def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
                 f"{context.sizes.extra_steps} more steps of training", _further(context, learner, views), chunk
             )
         more = replace(learner.settings, bins=2 * learner.settings.bins)
-        yield Variant(f"{more.bins} samples a ray instead of {learner.settings.bins}", copied(learner, more), chunk)
+        yield Variant(f"{more.bins} samples per ray instead of {learner.settings.bins}", copy_of(learner, more), chunk)
         other = "left" if learner.quadrature != "left" else "midpoint"
-        ruled = copied(learner)
+        ruled = copy_of(learner)
         ruled.quadrature = other
         yield Variant(f"quadrature {other} instead of {learner.quadrature}", ruled, chunk)
         precise = learner.settings.precision
         lesser: Precision = "float32" if precise != "float32" else "bfloat16"
-        other_products = copied(learner, replace(learner.settings, precision=lesser))
-        yield Variant(f"{lesser} products instead of {precise}", other_products, chunk)
-        black = copied(learner)
+        rounded = copy_of(learner, replace(learner.settings, precision=lesser))
+        yield Variant(f"{lesser} matrix multiplications instead of {precise}", rounded, chunk)
+        black = copy_of(learner)
         black.background = torch.zeros_like(learner.background)
         yield Variant("a black background instead of white", black, chunk)
     else:
@@ -184,19 +185,19 @@ def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
         "near and far closer together", learner, chunk,
         lambda camera: replace(camera, near=camera.near + inset, far=camera.far - inset),
     )  # fmt: skip
-    yield from in_other_calls(cell)
+    yield from in_other_chunks(cell)
     yield Variant("a pose one unit in the last place away", learner, chunk, one_ulp_away)
 
 
-def in_other_calls(cell: TrainedCell) -> Iterator[Variant]:
-    """Yield other divisions of rays into chunks, if the picture depends on them."""
+def in_other_chunks(cell: TrainedCell) -> Iterator[Variant]:
+    """Yield another division of rays into chunks, if the picture depends on it."""
     if not cell.learner.field.pointwise:
         half = max(1, cell.chunk // 2)
-        yield Variant(f"{cell.learner.method} with {half} rays a call instead of {cell.chunk}", cell.learner, half)
+        yield Variant(f"{cell.learner.method} with {half} rays per chunk instead of {cell.chunk}", cell.learner, half)
 
 
 def of_size(picture: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Resample [h, w, …] → [height, width, …] by the nearest pixels, as a picture of another size would be shown."""
+    """Resample [h, w, …] → [height, width, …] by nearest pixels, as a picture of another size would be shown."""
     rows = ((np.arange(height) + 0.5) * picture.shape[0] / height).astype(int)
     columns = ((np.arange(width) + 0.5) * picture.shape[1] / width).astype(int)
     resampled: np.ndarray = picture[rows][:, columns]
@@ -204,7 +205,7 @@ def of_size(picture: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def one_ulp_away(camera: Camera) -> Camera:
-    """Return the camera with the x of its place changed by the smallest amount that float64 can hold."""
+    """Return the camera with its x position changed by one unit in the last place."""
     pose = camera.camera_to_world.copy()
     pose[0, 3] = np.nextafter(pose[0, 3], np.inf)
     return camera.at(pose)
@@ -212,14 +213,14 @@ def one_ulp_away(camera: Camera) -> Camera:
 
 def _further(context: ServingContext, learner: Trainer, views: ViewSet) -> Trainer:
     settings = learner.settings
-    # a refresh would count as empty what it has not measured: a checkpoint has the grid's mask and no densities
-    further = copied(learner, replace(settings, grid=replace(settings.grid, every=1 << 60)))
+    # a refresh would mark unmeasured cells as empty, as a checkpoint holds the grid's mask but no densities
+    further = copy_of(learner, replace(settings, grid=replace(settings.grid, every=1 << 60)))
     batches = Batches(cameras_of(views, views.train, learner.device), views.train.rgba)
     train(further, batches.stream("serving", settings.rays), at_step(further.step + context.sizes.extra_steps))
     return further
 
 
-def copied(learner: Trainer, settings: TrainSettings | None = None) -> Trainer:
+def copy_of(learner: Trainer, settings: TrainSettings | None = None) -> Trainer:
     """Return an independent copy of the method in the same state."""
     job = Job(learner.method, learner.box, settings or learner.settings, learner.budget, learner.seed, learner.device)
     made = learner_for(replace(job, view_dependent=learner.view_dependent))

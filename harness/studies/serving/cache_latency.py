@@ -1,4 +1,4 @@
-"""How long a picture takes by rendering, and by a hit in each place of the view cache."""
+"""How long a picture takes by rendering, and by a hit in each level of the view cache."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -25,22 +25,22 @@ from harness.training.batches import Camera
 from harness.training.scoring.evaluate import View
 
 ROOM = 1 << 30
-"""A capacity in bytes that exceeds all that is stored here, so that nothing is evicted."""
+"""A capacity in bytes that is never reached here, so that nothing is evicted."""
 POSES = 8
 SCENE = "lego"
 METHODS = ("nerf", "qnerf")
-"""The methods preferred if the run has them."""
+"""The methods that are preferred if the run has them."""
 HITS = {
-    "memory.0": ("from memory, asked for again", 1000.0),
-    "memory.1": ("from memory, asked for once", 1000.0),
+    "memory.0": ("from memory, requested again", 1000.0),
+    "memory.1": ("from memory, requested for the first time", 1000.0),
     "disk.warm": ("from disk, file in the system's memory", 50.0),
     "disk.cold": ("from disk, file not in the system's memory", 50.0),
 }
-"""Kind of hit → words, and how many times as long rendering should take at least: our reading of “instantly”."""
+"""Kind of hit → its description, and the minimum ratio of rendering to a hit that this harness calls “instantly”."""
 
 
 class WrongHit(RuntimeError):
-    """A hit in another place than expected, or not the picture that was rendered: an error of ours."""
+    """A hit in another level than expected, or with another picture than was stored: an error of this harness."""
 
 
 @study
@@ -65,8 +65,8 @@ def latency(context: ServingContext) -> Iterator[Found]:
 
 
 def hit_check(cell: TrainedCell, name: str, seconds: Sequence[float], rendering: Sequence[float]) -> Check:
-    """Return how many times as long rendering takes, and quartile against the opposite quartile, both ways. Its target
-    is met or missed by this spread: it may lie above, below, or across.
+    """Return how many times as long rendering takes as a hit. Its spread is the lower quartile of rendering over the
+    upper quartile of hits, and vice versa; the target is met or missed if it lies outside this spread.
     """
     (words, target), method = HITS[name], cell.learner.method
     least, lower, median, upper, most = np.quantile(seconds, (0.05, 0.25, 0.5, 0.75, 0.95)).tolist()
@@ -89,7 +89,7 @@ def hit_check(cell: TrainedCell, name: str, seconds: Sequence[float], rendering:
 
 
 def cells_of(context: ServingContext) -> list[TrainedCell]:
-    """Return the cells of one scene: two methods if there is a scene that has them, ours first."""
+    """Return the cells of one scene: two methods if some scene has them, those of `METHODS` first."""
     scenes, methods = context.in_order((SCENE,), METHODS)
     best: list[TrainedCell] = []
     for scene in scenes:
@@ -104,11 +104,11 @@ def cells_of(context: ServingContext) -> list[TrainedCell]:
 
 
 def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) -> dict[str, list[float]]:
-    """Return the seconds of rendering (`render`) and of hits of every kind, in turn, so that whatever else the machine
-    does affects all alike.
+    """Return the seconds of rendering (`render`) and of hits of every kind, in turn, so that a busy machine affects all
+    alike.
 
-    The disk is read by a store that keeps nothing in memory: from a file in the operating system's memory, as one that
-    was written lately is, and, if the system can be told to drop a file's data, from one that is not.
+    The disk is read by a store that keeps nothing in memory: from a file in the operating system's memory, such as one
+    just written, and from one that is not, if the system can be told to drop a file's data.
     """
     sizes, method = context.sizes, cell.learner.method
     poses = context.orbit(cell.scene, POSES)
@@ -124,7 +124,7 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
         seconds["render"].append(took)
 
         def hit(name: str, cached: CachedMethod) -> None:
-            # a new camera: nothing may be remembered of it
+            # a new camera: the cache may remember nothing of it
             place = name.partition(".")[0]
             seconds[name].append(_hit(cached, context.camera(cell, pose), view, place, clock))  # noqa: B023
 
@@ -135,19 +135,19 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
             cached.keep(asked, view)
             hit("memory.1", cached)
             hit("memory.0", cached)
-        for _ in range(sizes.hits):  # after those in memory, which writing and dropping files would slow down
+        for _ in range(sizes.hits):  # after the hits in memory, which writing and dropping files would slow down
             hit("disk.warm", _of_disk(cell, folder, asked))
             cold = _of_disk(cell, folder, asked)
             if dropped(folder):
                 hit("disk.cold", cold)
     if not seconds["disk.cold"]:
         del seconds["disk.cold"]
-        context.leave_out("hits from disk with the file not in the system's memory", "it cannot be dropped from there")
+        context.leave_out("hits from disk with the file not in the system's memory", "the system cannot drop its data")
     return seconds
 
 
 def dropped(folder: Path) -> bool:
-    """Ask the system to write the data of a folder's files to disk and drop it; returns whether it was asked."""
+    """Ask the system to write the data of a folder's files to disk and drop it; returns whether it can be asked."""
     if not hasattr(os, "posix_fadvise"):
         return False
     for file in folder.iterdir():
@@ -164,16 +164,16 @@ def _of_disk(cell: TrainedCell, folder: Path, camera: Camera) -> CachedMethod:
 
 
 def _hit(cached: CachedMethod, camera: Camera, view: View, place: str, clock: Clock) -> float:
-    """Return the seconds of one hit; raises `WrongHit`, by a check off the clock."""
+    """Return the seconds of one hit, checked off the clock; raises `WrongHit`."""
     hit, took = timed(lambda: cached.lookup(camera), clock)
     if hit is None or hit[1] != place:
-        raise WrongHit(f"a view did not come from {place}, which is timed")
+        raise WrongHit(f"a view did not come from {place}, as it should")
     if not same(hit[0], view):
         raise WrongHit(f"a hit from {place} is not the picture that was stored")
     return took
 
 
 def same(view: View, other: View) -> bool:
-    """Tell whether both are equal to the last bit: −0 is not 0."""
+    """Return whether both are bit-identical: −0 is not 0."""
     a, b = picture_of(view), picture_of(other)
     return a.shape == b.shape and a.tobytes() == b.tobytes()

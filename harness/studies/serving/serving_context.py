@@ -1,6 +1,4 @@
-"""The context of the serving studies: the run, its cells ready to render, poses, ground truth, timing, what is left
-out.
-"""
+"""The context of the serving studies: a run, its cells ready to render, poses, ground truth, timing, omissions."""
 
 import functools
 import hashlib
@@ -30,18 +28,18 @@ from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
 
 EXPECTED = (InputError, DamagedRecord, Diverged)
-"""The errors of a run that cannot be rendered; all else is an error of ours."""
+"""The errors of a run that cannot be rendered; any other is an error of this harness."""
 QUICK_SHARE = 0.1
 """The share of the time that `quick` takes."""
 TRAIN_VIEWS = 8
-"""The views that a few more steps are trained on."""
+"""The number of views on which a few more steps are trained."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sizes of the measurements: renderings that are timed, and hits of every level around each; views that are
-    requested by a key of the pose alone, and steps of further training; scenes on which attention is examined, views
-    of each, repeats of every refinement, and of every picture with its samples shared out; bins of the reference.
+    """The sizes of the measurements: timed renderings, and hits of each kind per rendering; views that are requested
+    after a change, and steps of further training; scenes on which attention is examined, views per scene, repeats of
+    each refinement and of each picture with distributed samples; bins of the reference.
     """
 
     rounds: int = 20
@@ -64,9 +62,8 @@ QUICK = Sizes(3, 2, 2, 2, 1, 1, 1, 1, 64)
 class ServingContext(StudyContext):
     """The part of a finished run to measure, and what its studies share.
 
-    Several threads of torch wait for each other whenever the machine does something else, and rendering then takes many
-    times as long; on two cores that do nothing else, two render 1.4 to 1.6 times as fast as one. A hit uses one in any
-    case.
+    Several torch threads wait for each other if the machine is busy, and rendering then takes many times as long; on
+    two idle cores, two threads render 1.4 to 1.6 times as fast as one. A hit always uses one thread.
     """
 
     run: FinishedRun
@@ -75,13 +72,12 @@ class ServingContext(StudyContext):
     seed: int
     width: int
     deadline: float | None = None
-    """The time by `clock` after which nothing is begun; with one, a study may fail without ending the others, whatever
-    the reason."""
+    """The time by `clock` after which nothing is begun. With a deadline, no failure of a study ends the others."""
     clock: Callable[[], float] = time.monotonic
     gaps: list[Check] = field(default_factory=list)
-    """What the present study had to leave out, and why."""
+    """What the current study had to leave out, and why."""
     memory: dict[str, Any] = field(default_factory=dict)
-    """What a study has prepared for those that follow, by its name."""
+    """Results that later studies reuse, by name."""
     _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
     _views: dict[str, ViewSet | None] = field(default_factory=dict)
 
@@ -120,14 +116,14 @@ class ServingContext(StudyContext):
             self.gaps.append(gap)
 
     def is_over(self, rest: str) -> bool:
-        """Tell whether the time is up: then `rest`, which comes next, is named as left out."""
+        """Return whether the time is up; if so, note that `rest`, which comes next, is left out."""
         if self.deadline is None or self.clock() < self.deadline:
             return False
         self.leave_out(rest, "the time for it was over", "late")
         return True
 
     def trained(self, scene: SceneRecord, method: str, seed: int | None = None) -> TrainedCell | None:
-        """Return the cell ready to render; None if it cannot be rendered here. Nobody may train it."""
+        """Return the cell ready to render; None if it cannot be rendered here. It must not be trained."""
         key = (scene.name, method, self.seed if seed is None else seed)
         if key not in self._cells:
             try:
@@ -138,18 +134,18 @@ class ServingContext(StudyContext):
         return self._cells[key]
 
     def in_order(self, scenes: Sequence[str], methods: Sequence[str]) -> tuple[list[SceneRecord], list[str]]:
-        """Return scenes and methods of the run, those that are named first."""
+        """Return the scenes and methods of the run, the named ones first."""
         by_name = {scene.name: scene for scene in self.scenes}
         first = [by_name.pop(name) for name in scenes if name in by_name]
         preferred = [name for name in methods if name in self.methods]
         return [*first, *by_name.values()], list(dict.fromkeys([*preferred, *self.methods]))
 
     def camera(self, cell: TrainedCell, pose: np.ndarray) -> Camera:
-        """Return the scene's lens at a pose, in pictures of the width that is measured."""
+        """Return the scene's lens at a pose, for pictures of the measured width."""
         return cell.camera(pose).resized(self.width)
 
     def orbit(self, scene: SceneRecord, frames: int) -> np.ndarray:
-        """Return poses [frames, 4, 4] around a scene, as far away as its views were taken from."""
+        """Return poses [frames, 4, 4] around a scene, at the distance of its views."""
         try:
             radius = self.run.view_radius(scene, self.view_sets)
         except InputError as reason:
@@ -162,7 +158,7 @@ class ServingContext(StudyContext):
         if scene.name not in self._views:
             try:
                 if self.width > scene.width:
-                    raise InputError(f"its views are {scene.width} pixels wide, {self.width} are measured")
+                    raise InputError(f"its views are {scene.width} pixels wide, but {self.width} pixels are measured")
                 views = self.run.views(scene, self.view_sets, self.width, train=TRAIN_VIEWS, scratch=self.scratch)
                 self._views[scene.name] = views
             except InputError as reason:
@@ -171,7 +167,7 @@ class ServingContext(StudyContext):
         return self._views[scene.name]
 
     def test_poses(self, scene: SceneRecord, count: int) -> list[tuple[np.ndarray, np.ndarray | None]]:
-        """Return poses spread over the test views with pictures [h, w, 3]; without views, of an orbit and None."""
+        """Return poses spread over the test views with their pictures [h, w, 3]; without views, poses of an orbit."""
         views = self.views(scene)
         if views is None or not len(views.test.names):
             return [(pose, None) for pose in self.orbit(scene, count)]
@@ -184,7 +180,7 @@ Measure = Callable[[ServingContext], Iterator[Found]]
 
 
 def study(measure: Measure) -> Measure:
-    """Let a study end with what it had to leave out, and with its failure where others go on: a check that fails."""
+    """Let a study end with what it left out and, where the others continue, with its failure as a failing check."""
 
     @functools.wraps(measure)
     def measured(context: ServingContext) -> Iterator[Found]:
@@ -202,18 +198,18 @@ def study(measure: Measure) -> Measure:
 
 
 def reason_of(error: BaseException) -> str:
-    """Return the reason in one sentence: a mistake speaks for itself, of an error of ours the kind is named as well."""
+    """Return the reason in one sentence, with the type of an unexpected error."""
     text = " ".join(str(error).split())
     return text if isinstance(error, EXPECTED) else f"{type(error).__name__}: {text}"
 
 
 def plain(learner: Learner, camera: Camera, chunk: int) -> View:
-    """Return the picture as the run scored it: the reference of all measurements here."""
+    """Render as the run does for its scores: the reference of all measurements here."""
     return render_view(learner, camera.cameras(learner.device), 0, chunk)
 
 
 def rmse(picture: np.ndarray, wanted: np.ndarray) -> float:
-    """Return the root of the mean square over everything; raises `ValueError` if a value is not finite."""
+    """Return the root mean square error; raises `ValueError` if a value is not finite."""
     return math.sqrt(mse(picture, wanted))
 
 
@@ -224,25 +220,25 @@ CLOCK: Clock = time.perf_counter
 
 
 def timed(call: Callable[[], Result], clock: Clock = CLOCK) -> tuple[Result, float]:
-    """Return the result of a function, an array in memory by then, and its seconds."""
+    """Return the result of a call and its seconds."""
     began = clock()
     result = call()
     return result, clock() - began
 
 
 def brief(seconds: float) -> str:
-    """Return the time as 18.3 µs, 45.2 ms, 1.20 s."""
+    """Format a time such as 18.3 µs, 45.2 ms, 1.20 s."""
     size, unit = next(((size, unit) for size, unit in ((1.0, "s"), (1e-3, "ms")) if seconds >= size), (1e-6, "µs"))
     return f"{significant(seconds / size)} {unit}"
 
 
 def significant(value: float) -> str:
-    """Return three significant digits, or all of a larger whole number: 0.0123, 45.2, 1925."""
+    """Format three significant digits, or all digits of a larger integer: 0.0123, 45.2, 1925."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}".rstrip(".")
 
 
-def factor(id: str, what: str, ratios: Sequence[float], why: str = "") -> Check:
-    """Return geometric mean and range of ratios over several cases."""
+def factor(id: str, what: str, ratios: Sequence[float]) -> Check:
+    """Return the geometric mean and the range of ratios over several cases."""
     mean = math.exp(float(np.mean(np.log(ratios))))
     spread = float(min(ratios)), float(max(ratios))
-    return Check(what, mean, unit="×", why=why, owner="machine", spread=spread, repeats=len(ratios), id=id)
+    return Check(what, mean, unit="×", owner="machine", spread=spread, repeats=len(ratios), id=id)

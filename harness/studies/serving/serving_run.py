@@ -1,4 +1,4 @@
-"""The studies of serving at the end of a run, into `OUT/serving.json`: never at the cost of the run."""
+"""The studies of serving at the end of a run, into `OUT/serving.json`; their failure never fails the run."""
 
 import json
 import time
@@ -18,41 +18,39 @@ from harness.studies.serving.serving_studies import SHELF, STUDIES
 from scenes.files.errors import DamagedRecord
 
 SAME = ("system", "processor", "cores", "device", "torch_build", "packages", "python")
-"""The facts about where a record was made that must agree: on another machine, or with other versions, figures are
-other ones.
-"""
+"""The facts of a record's origin that must agree, as another machine or other versions give other figures."""
 
 
 def after_run(out: Path, device: str, view_sets: Path, show: Progress) -> None:
-    """Measure what `python -m harness run` measures at its end, unless it is there already. It never costs the
-    run anything but time: whatever goes wrong is reported, and what the time is too short for is left out.
+    """Measure serving at the end of `python -m harness run`, unless a complete record exists. It costs the run only
+    time: a failure is reported, and studies that do not fit the time are left out.
     """
     try:
         finished = FinishedRun.of(out)
         run, quick = finished.run, finished.run.settings.get("profile") == "smoke"
         width = min(SERVING_WIDTH, *(scene.width for scene in run.scenes))
-        asked = ServingContext(
+        context = ServingContext(
             out, view_sets, out, quick, show, Machine(device, 1, 1),
             finished, run.scenes, run.main_methods, run.seeds[0], width,
         )  # fmt: skip
-        there = _earlier(asked)
-        if there is not None and there.is_complete:
+        earlier = _earlier(context)
+        if earlier is not None and earlier.is_complete:
             show.line("serving: measured before")
             return
-        most = max(SERVING_SECONDS, SERVING_SHARE * run.phases.get("total", 0.0))
-        timed = replace(asked, deadline=time.monotonic() + most)
-        framework.run(SHELF, list(STUDIES), timed, resume=there is not None)
+        limit = max(SERVING_SECONDS, SERVING_SHARE * run.phases.get("total", 0.0))
+        timed = replace(context, deadline=time.monotonic() + limit)
+        framework.run(SHELF, list(STUDIES), timed, resume=earlier is not None)
     except Exception as error:
-        # the run is done and recorded: this was an extra
+        # the run is done and recorded; serving is an extra
         show.line(f"serving was not measured: {reason_of(error)}")
 
 
-def _earlier(asked: ServingContext) -> Studies | None:
-    """Return the existing record, if it is of just this, made by the same code on the same machine."""
-    origin = provenance(asked.device)
+def _earlier(context: ServingContext) -> Studies | None:
+    """Return the existing record if it has the same settings, and the same code made it on the same machine."""
+    origin = provenance(context.device)
     with suppress(DamagedRecord):
-        there = read_studies(asked.out / SHELF.file)
-        same = there.settings == json.loads(json.dumps(asked.settings()))
-        if same and all(there.provenance.get(name) == origin[name] for name in SAME):
-            return there
+        record = read_studies(context.out / SHELF.file)
+        same = record.settings == json.loads(json.dumps(context.settings()))
+        if same and all(record.provenance.get(name) == origin[name] for name in SAME):
+            return record
     return None

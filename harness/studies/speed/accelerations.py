@@ -1,4 +1,4 @@
-"""Question 11: what each acceleration gains at the reduced profile, and where the time that remains goes."""
+"""Question 11: what each acceleration gains at the reduced profile, and where the remaining time goes."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -8,12 +8,13 @@ from dataclasses import fields
 from baselines.contract import NO_ACCELERATION, Accelerations
 from harness.machine.stopwatch import Stopwatch
 from harness.records.study import Check, Table
+from harness.studies.framework import Rows
 from harness.studies.speed.speed_context import (
     STREAM,
     Seconds,
     SpeedContext,
     batches_of,
-    measured,
+    figure,
     ratio,
     reduced_plan,
     trained_reduced,
@@ -29,8 +30,8 @@ OPERATORS = 15
 
 
 def measure(context: SpeedContext) -> Iterator[Check | Table]:
-    """Yield all accelerations, all but each one, and none, resumed from the same weights with the same batches, in
-    blocks that hold one update of the grid.
+    """Compare all accelerations, all but each, and none, from the same weights with the same batches, in blocks that
+    hold one update of the grid.
     """
     views, plan = views_of(context), reduced_plan(context)
     batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
@@ -59,7 +60,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Table]:
             title = f"{words} {without} against with all"
             yield ratio(f"accelerations.{name}.{what}", title, taken[name], taken["all"], detail)
         milliseconds = [1e3 * seconds for seconds in taken["all"]]
-        yield measured(f"accelerations.all.{what}", f"{words} with all", milliseconds, "ms", detail)
+        yield figure(f"accelerations.all.{what}", f"{words} with all", milliseconds, "ms", detail)
     yield _remaining_time(context, trainers["all"], batch_at)
 
 
@@ -68,33 +69,31 @@ def _remaining_time(context: SpeedContext, trainer: Trainer, batch_at: Callable[
 
     steps, on_cuda = 5 if context.quick else 50, context.device.type == "cuda"
     activities = [ProfilerActivity.CPU] + [ProfilerActivity.CUDA] * on_cuda
-    with _profiler_unheard(), profile(activities=activities, acc_events=True) as watched:
+    with _profiler_silenced(), profile(activities=activities, acc_events=True) as watched:
         train(trainer, batch_at, at_step(trainer.step + steps))
     own = "self_device_time_total" if on_cuda else "self_cpu_time_total"
     taken = [(float(getattr(event, own)), event.key, event.count) for event in watched.key_averages()]
     total = sum(microseconds for microseconds, _, _ in taken)
     largest = sorted(taken, key=lambda row: -row[0])[:OPERATORS]
-    rows: list[list[str | float | None]] = [
+    rows: Rows = [
         [name, 100.0 * microseconds / total, microseconds / steps / 1e3, count / steps]
         for microseconds, name, count in largest
     ]
     rest = total - sum(microseconds for microseconds, _, _ in largest)
     rows.append(["everything else", 100.0 * rest / total, rest / steps / 1e3, None])
-    columns = ["operator", "share (%)", "ms a step", "calls a step"]
+    columns = ["operator", "share (%)", "ms per step", "calls per step"]
     return Table("accelerations.profile", 0, "Where the time of a reduced training step goes", columns, rows)
 
 
 @contextmanager
-def _profiler_unheard() -> Iterator[None]:
-    """Silence the profiler's library, which writes errors to the terminal by itself, some about GPUs that nobody asked
-    for.
-    """
-    kept = os.dup(2)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
+def _profiler_silenced() -> Iterator[None]:
+    """Silence the profiler's library, which writes errors to the terminal, some about GPUs that are not used."""
+    terminal = os.dup(2)
+    silent = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silent, 2)
     try:
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(nowhere)
-        os.close(kept)
+        os.dup2(terminal, 2)
+        os.close(silent)
+        os.close(terminal)

@@ -21,27 +21,27 @@ from harness.records.study import Check
 from harness.studies.speed.speed_context import (
     SCENE,
     SpeedContext,
-    measured,
-    not_measured,
+    figure,
+    no_figure,
     ratio,
     reduced_plan,
     views_of,
 )
 
-GROUPS_A_CORE = 2
+GROUPS_PER_CORE = 2
 STEPS, QUICK_STEPS = 500, 4
-TITLE = "Training steps per second: Ray, a node a core, against as many processes without it"
+TITLE = "Training steps per second: Ray with one node per core, against the same number of processes without Ray"
 LEAST = 0.95
 
 
 def measure(context: SpeedContext) -> Iterator[Check]:
     if context.device.type != "cpu" or physical_cores() < 2:
-        yield not_measured("cluster.ratio", TITLE, "×", "a question about several cores of a CPU", low=LEAST)
+        yield no_figure("cluster.ratio", TITLE, "×", "a question about several cores of a CPU", low=LEAST)
         return
     try:
         import ray  # noqa: F401
     except ImportError:
-        yield not_measured("cluster.ratio", TITLE, "×", "Ray is not installed (the extra `ray`)", low=LEAST)
+        yield no_figure("cluster.ratio", TITLE, "×", "Ray is not installed (the extra `ray`)", low=LEAST)
         return
     from harness.execution.ray_executor import run_on_ray
 
@@ -55,20 +55,20 @@ def measure(context: SpeedContext) -> Iterator[Check]:
         for repetition in range(-1, context.repeats(2)):
             for name, side in sides.items():
                 rate = _rate(context, side, cores, brief=repetition < 0)
-                if repetition >= 0:  # the first time sources travel and workers start
+                if repetition >= 0:  # in the first round sources are sent and workers start
                     rates[name].append(rate)
     steps = QUICK_STEPS if context.quick else STEPS
-    detail = f"reduced settings, nerf on lego, {GROUPS_A_CORE * cores} groups of {steps} steps on {cores} cores"
+    detail = f"reduced settings, nerf on lego, {GROUPS_PER_CORE * cores} groups of {steps} steps on {cores} cores"
     yield ratio("cluster", TITLE, rates["ray"], rates["local"], detail, low=LEAST)
     for name, words in (("ray", "Ray"), ("local", "processes of this machine")):
-        yield measured(f"cluster.{name}.rate", f"Training steps of all groups, {words}", rates[name], "steps/s", detail)
+        yield figure(f"cluster.{name}.rate", f"Training steps of all groups, {words}", rates[name], "steps/s", detail)
 
 
 def _rate(context: SpeedContext, side: Callable[[list[GroupTask]], Iterator[Event]], cores: int, brief: bool) -> float:
-    """Return the training steps per second of the wall, with everything that belongs to a group."""
+    """Return the training steps per wall second, with all other work on a group included."""
     steps = QUICK_STEPS if context.quick or brief else STEPS
     plan = replace(
-        reduced_plan(context), seeds=tuple(range(GROUPS_A_CORE * cores)), budget=Budget(steps, None), extras=()
+        reduced_plan(context), seeds=tuple(range(GROUPS_PER_CORE * cores)), budget=Budget(steps, None), extras=()
     )
     folders = {SCENE: views_of(context).path}
     with tempfile.TemporaryDirectory(dir=context.scratch) as out:
@@ -85,7 +85,7 @@ def _rate(context: SpeedContext, side: Callable[[list[GroupTask]], Iterator[Even
 
 @contextmanager
 def _cluster(cores: int) -> Iterator[None]:
-    """Start and join a Ray of a head that trains nothing and a node a core, each with a temporary folder of its own."""
+    """Start and join a Ray cluster: a head that trains nothing, and per core a node with its own temporary folder."""
     from ray.cluster_utils import Cluster
 
     from harness.execution.cluster.connection import connect, disconnect

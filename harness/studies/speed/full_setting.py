@@ -1,8 +1,7 @@
-"""docs/scaling.md: what the paper's full table costs on other machines, on paper.
+"""docs/scaling.md: an estimate of what the paper's full table costs on other machines.
 
-Operations are counted, rates are measured (speed.json) or taken from a data sheet. Every figure is an upper bound in
-one respect: all samples of all rays are counted, although rays that miss the scene's box have none and empty space may
-be skipped.
+Operations are counted; rates are measured (speed.json) or taken from data sheets. The count is an upper bound: it has
+all samples of all rays, although rays that miss the scene's box have none and empty space may be skipped.
 """
 
 import re
@@ -16,15 +15,14 @@ from harness.records.study import Studies
 from harness.studies.speed.throughput import step_flops
 from scenes.files.errors import InputError
 
-FORWARD_OF_A_STEP = 3
-"""The matrix multiplications of a step in forward passes, nearly: its first layers have two."""
-VIEW_SET_BYTES_A_PIXEL = (9.0, 17.0)
-"""PNG and EXR of one view, measured on view sets of 100 to 300 px."""
-PICTURE_BYTES_A_PIXEL = 10
+FORWARD_PASSES_PER_STEP = 3
+"""The matrix multiplications of a step, in forward passes; the first layers need only two."""
+VIEW_SET_BYTES_PER_PIXEL = (9.0, 17.0)
+"""The bytes per pixel of a view's PNG and EXR files, minimum and maximum, on view sets of 100 to 300 px."""
+PICTURE_BYTES_PER_PIXEL = 10
 """The bytes per pixel of a saved view: colour, opacity and depth as float16, not compressed."""
-DECODED_BYTES_A_PIXEL = 16
+DECODED_BYTES_PER_PIXEL = 16
 """The bytes per pixel of a worker's own copy of a view set on disk while it trains: RGBA as float32."""
-
 
 GPUS = {
     "NVIDIA A100": {"float32": 19.5, "bfloat16": 312.0},
@@ -32,10 +30,10 @@ GPUS = {
     "AMD MI250X, one of its two dies": {"float32": 23.9, "bfloat16": 191.5},
     "AMD MI300X": {"float32": 163.4, "bfloat16": 1307.0},
 }
-"""TFLOP/s that data sheets state, dense, without TF32; nothing here was measured."""
+"""Dense TFLOP/s without TF32, as stated by data sheets; none was measured."""
 ASSUMED_SHARES = {"float32": (0.2, 0.6), "bfloat16": (0.025, 0.1)}
 """The share of the data sheet's rate that a step is assumed to reach, worst and best; an H100 reached about the worst
-(`docs/gpu/speed.json`). The paper's layers are 256 wide: in bfloat16 memory, not arithmetic, sets the pace.
+(`docs/gpu/speed.json`). The paper's layers are only 256 wide, so that memory limits the rate in bfloat16.
 """
 
 
@@ -51,31 +49,31 @@ class Work:
     megasamples: float
     """The megasamples of Mitsuba's path tracer, over all scenes."""
     view_sets: tuple[float, float]
-    """Bytes: least and most."""
+    """Bytes: minimum and maximum."""
     decoded: float
     """Bytes per worker."""
     pictures: float
     """Bytes, at most."""
 
     @property
-    def a_cell(self) -> float:
+    def per_cell(self) -> float:
         return self.training + self.scoring
 
 
-def paper_table(plan: Plan = PROFILES["full"], methods: int = 8, seeds: int = 5) -> Plan:
-    """Return the paper's full table: its scenes, every on/off combination of its three parts, five seeds."""
-    return replace(plan, methods=tuple(f"method {number}" for number in range(methods)), seeds=tuple(range(seeds)))
+def paper_table(plan: Plan = PROFILES["full"]) -> Plan:
+    """Return the paper's full table: its scenes, every combination of its three parts, five seeds."""
+    return replace(plan, methods=tuple(f"method {number}" for number in range(2**3)), seeds=tuple(range(5)))
 
 
 def work_of(plan: Plan) -> Work:
-    """Count the work of a plan. Raises `InputError` for a plan of seconds, whose cost is those seconds."""
+    """Count the work of a plan. Raises `InputError` for a plan of seconds, which costs just these."""
     if plan.budget.steps is None:
         raise InputError("--budget-seconds: such a plan costs its seconds; the estimate is for steps")
     train, views, score = plan.train, plan.views, plan.score
-    # the coarse network sees the coarse samples, the fine one all of them
+    # the coarse network evaluates the coarse samples, the fine network all samples
     samples = train.bins + (train.bins + train.fine_bins if train.fine_bins else 0)
     step = step_flops(train.network, train.rays * samples, train.rays)
-    a_ray = step / train.rays / FORWARD_OF_A_STEP
+    per_ray = step / train.rays / FORWARD_PASSES_PER_STEP
     pixels = views.resolution**2
     scored = score.checkpoints * views.test + score.train_views
     cells, first_seed = len(plan.cells()), len(plan.scenes) * len(plan.methods)
@@ -84,28 +82,28 @@ def work_of(plan: Plan) -> Work:
     spp = views.samples()[1]
     return Work(
         training=plan.budget.steps * step,
-        scoring=scored * pixels * a_ray,
+        scoring=scored * pixels * per_ray,
         cells=cells,
         groups=len(plan.groups()),
         megasamples=len(plan.scenes) * spp * pixels / 1e6,
-        view_sets=(all_views * pixels * VIEW_SET_BYTES_A_PIXEL[0], all_views * pixels * VIEW_SET_BYTES_A_PIXEL[1]),
-        decoded=float((views.train + views.test) * pixels * DECODED_BYTES_A_PIXEL),
-        pictures=float(kept * score.stored_views * pixels * PICTURE_BYTES_A_PIXEL),
+        view_sets=(all_views * pixels * VIEW_SET_BYTES_PER_PIXEL[0], all_views * pixels * VIEW_SET_BYTES_PER_PIXEL[1]),
+        decoded=float((views.train + views.test) * pixels * DECODED_BYTES_PER_PIXEL),
+        pictures=float(kept * score.stored_views * pixels * PICTURE_BYTES_PER_PIXEL),
     )
 
 
 def wall_hours(work: Work, cell_hours: float, gpus: int) -> float:
-    """Return the hours until the GPU with most groups, which are equally long and trained one at a time, has ended."""
+    """Return the hours until the busiest GPU has trained its groups, which are equally long, one after the other."""
     return ceil(work.groups / gpus) * cell_hours * work.cells / work.groups
 
 
 def measured_rate(speed: Studies) -> float:
-    """Return the FLOP/s of the paper's network in training on the machine of `speed`. Raises `InputError`."""
+    """Return the FLOP/s of training the paper's network on the machine of `speed`. Raises `InputError`."""
     return value_of(speed, "matrix.paper.rate") * 1e12
 
 
 def render_seconds(speed: Studies) -> tuple[float, float]:
-    """Return seconds per megasample of the fastest variant that works: least and most over the scenes."""
+    """Return seconds per megasample of the fastest variant that works: minimum and maximum over the scenes."""
     fastest: dict[str, float] = {}
     for name, seconds in _values(speed).items():
         if rendered := re.fullmatch(r"render\.(\w+)\.\w+\.seconds", name):
@@ -153,7 +151,7 @@ def page(speed: Studies) -> str:
         f"Training steps of the paper's network reach {rate / 1e12:.3f} TFLOP/s there, "
         f"{value_of(speed, 'matrix.paper.share'):.0f} % of what its matrix multiplications reach alone: "
         f"{work.training / rate / 86400:.1f} days of training and {work.scoring / rate / 86400:.1f} of scoring per "
-        f"cell, {work.a_cell * work.cells / rate / 86400 / 365:.1f} years for the table. Do not.",
+        f"cell, {work.per_cell * work.cells / rate / 86400 / 365:.1f} years for the table. Do not.",
         "## On GPUs, assumed",
         f"Rates are those of the vendors' data sheets, dense. The shares that a step reaches are assumed: {shares}; "
         "an H100 reached about the least of them (`docs/gpu/speed.json`). "
@@ -182,7 +180,7 @@ def page(speed: Studies) -> str:
 
 def _gpu_row(work: Work, gpu: str, precision: str) -> tuple[str, ...]:
     peak = GPUS[gpu][precision]
-    low, high = (work.a_cell / (peak * 1e12 * share) / 3600 for share in reversed(ASSUMED_SHARES[precision]))
+    low, high = (work.per_cell / (peak * 1e12 * share) / 3600 for share in reversed(ASSUMED_SHARES[precision]))
     walls = [[wall_hours(work, hours, gpus) for hours in (low, high)] for gpus in (1, 8, work.groups)]
     return gpu, precision, f"{peak:g}", *(f"{_number(a)} – {_number(b)}" for a, b in [(low, high), *walls])
 

@@ -1,4 +1,4 @@
-"""Questions 4 to 7: rendered views, encodings, quadrature and Mitsuba's variants, against the usual ones."""
+"""Questions 4 to 7: rendered views, encodings, quadrature and Mitsuba's variants, compared with the usual forms."""
 
 import shutil
 import time
@@ -21,10 +21,10 @@ from harness.records.study import Check
 from harness.studies.renderer import printed_rows
 from harness.studies.speed.speed_context import (
     SpeedContext,
+    figure,
     interleaved,
-    measured,
     new_trainer,
-    not_measured,
+    no_figure,
     paper_settings,
     ratio,
     reduced_plan,
@@ -39,7 +39,7 @@ from scenes.files.errors import InputError
 from scenes.rendering.variant import VARIANTS, Variant, choose_variant
 
 POINTS = 65536
-"""The points of a step of the paper."""
+"""The points per training step of the paper."""
 
 
 def encodings(context: SpeedContext) -> Iterator[Check]:
@@ -65,7 +65,7 @@ def encodings(context: SpeedContext) -> Iterator[Check]:
 Rule = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
 """Densities, points and fenceposts → weights and the remaining transmittance."""
 SIZE, QUICK_SIZE = (4096, 192), (64, 16)
-"""Rays, and bins of each."""
+"""Rays, and bins per ray."""
 
 
 def _rule(
@@ -101,20 +101,20 @@ def quadrature(context: SpeedContext) -> Iterator[Check]:
     sides = {name: partial(forward_and_backward, rule) for name, (_, rule) in RULES.items()}
     seconds = interleaved(sides, context.repeats(9), context.synchronise, 0.01 if context.quick else 0.1)
     detail = f"{rays} rays × {bins} bins, float32, forward and backward, {context.threads} threads"
-    ours, *others = RULES
+    reference, *others = RULES
     for name in others:
         title = f"Quadrature with closed-form gradient against {RULES[name][0]}"
-        yield ratio(f"quadrature.{name}", title, seconds[name], seconds[ours], detail)
-    milliseconds = [1e3 * taken for taken in seconds[ours]]
+        yield ratio(f"quadrature.{name}", title, seconds[name], seconds[reference], detail)
+    milliseconds = [1e3 * taken for taken in seconds[reference]]
     title = "Quadrature with closed-form gradient"
-    yield measured("quadrature.midpoint.milliseconds", title, milliseconds, "ms", detail)
+    yield figure("quadrature.midpoint.milliseconds", title, milliseconds, "ms", detail)
 
 
 def rendering(context: SpeedContext) -> Iterator[Check]:
-    """Yield the same weights, with and without accelerations; and the paper's network, every sample evaluated."""
+    """Time the same weights with and without accelerations, and the paper's network with every sample evaluated."""
     views, plan, paper = views_of(context), reduced_plan(context), paper_settings(context)
     cameras = cameras_of(views, views.test, context.device)
-    # with directions on both sides, as a field without them is another one
+    # with directions on both sides, as a field without them is a different field
     on = trained_reduced(context, view_dependent=True)
     off = variant_of(on, context, NO_ACCELERATION)
     chunk = plan.score.chunk
@@ -127,15 +127,15 @@ def rendering(context: SpeedContext) -> Iterator[Check]:
     title = f"{a_view}, accelerations on against off"
     yield ratio("rendering.reduced", title, seconds["off"], seconds["on"], detail)
     for name, words in (("on", "all accelerations"), ("off", "none")):
-        yield measured(f"rendering.reduced.{name}.seconds", f"{a_view}, {words}", seconds[name], "s", detail)
+        yield figure(f"rendering.reduced.{name}.seconds", f"{a_view}, {words}", seconds[name], "s", detail)
     box = box_of(views, context.device)
     on = new_trainer(context, paper, box)
     off = new_trainer(context, replace(paper, precision="float32", accelerations=NO_ACCELERATION), box)
     seconds = interleaved({"on": partial(show, on), "off": partial(show, off)}, context.repeats(3), context.synchronise)
-    detail = f"{paper.network.depth} × {paper.network.width}, {paper.bins} samples a ray, every one evaluated"
+    detail = f"{paper.network.depth} × {paper.network.width}, {paper.bins} samples per ray, all evaluated"
     title = f"{a_view}, paper's network, {paper.precision} against float32 without accelerations"
     yield ratio("rendering.paper", title, seconds["off"], seconds["on"], detail)
-    yield measured("rendering.paper.seconds", f"{a_view}, paper's network", seconds["on"], "s", detail)
+    yield figure("rendering.paper.seconds", f"{a_view}, paper's network", seconds["on"], "s", detail)
 
 
 SCENES = ("lego", "hotdog")
@@ -143,7 +143,7 @@ REFERENCE = "scalar_rgb"
 
 
 def ground_truth(context: SpeedContext) -> Iterator[Check]:
-    """Yield seconds per megasample without the first view of each process, which loads and compiles."""
+    """Time megasamples without the first view of each process, which loads and compiles."""
     resolution, count, spp = (16, 3, 4) if context.quick else (100, 7, 64)
     views = ViewSettings(resolution, train=count, val=0, test=0, spp_train=spp, spp_test=spp)
     usable: list[Variant] = []
@@ -151,27 +151,24 @@ def ground_truth(context: SpeedContext) -> Iterator[Check]:
         try:
             usable.append(choose_variant(name))
         except InputError as refusal:
-            yield not_measured(f"render.{name}.seconds", f"Ground truth, {name}", "s/megasample", str(refusal))
-    detail = f"{count} views of {resolution} px, {spp} samples a pixel, geometry included"
+            yield no_figure(f"render.{name}.seconds", f"Ground truth, {name}", "s/megasample", str(refusal))
+    detail = f"{count} views of {resolution} px, {spp} samples per pixel, geometry included"
     for scene in SCENES[:1] if context.quick else SCENES:
         taken: dict[str, list[float]] = {variant.name: [] for variant in usable}
         for repetition in range(1 if context.quick else 3):
             for variant in usable:
                 cache = context.scratch / f"rendered-{scene}-{variant.name}-{repetition}"
-                taken[variant.name].append(seconds_a_view(scene, views, variant, cache) / (resolution**2 * spp / 1e6))
+                taken[variant.name].append(seconds_per_view(scene, views, variant, cache) / (resolution**2 * spp / 1e6))
                 shutil.rmtree(cache, ignore_errors=True)
         for name, seconds in taken.items():
             id, title = f"render.{scene}.{name}", f"Ground truth of {scene}, {name}"
-            yield measured(f"{id}.seconds", title, seconds, "s/megasample", detail)
+            yield figure(f"{id}.seconds", title, seconds, "s/megasample", detail)
             if name != REFERENCE:
                 yield ratio(id, f"{title} against {REFERENCE}", taken[REFERENCE], seconds, detail)
 
 
-def seconds_a_view(scene: str, views: ViewSettings, variant: Variant, cache: Path) -> float:
-    """Return the mean seconds of the views after the first, as the renderer reports them on its way.
-
-    Raises `RuntimeError` with its error output if it fails.
-    """
+def seconds_per_view(scene: str, views: ViewSettings, variant: Variant, cache: Path) -> float:
+    """Return the mean seconds of the views after the first. Raises `RuntimeError` if the renderer fails."""
     words = [*sizes_of(views), "--variant", variant.name, "--view-sets", str(cache)]
     moments: list[float] = []
 

@@ -1,6 +1,5 @@
-"""Question 8: peak memory of what a run starts, in fresh processes."""
+"""Question 8: peak memory of a run and of its workers, in fresh processes."""
 
-import multiprocessing
 import re
 import shlex
 import subprocess
@@ -9,39 +8,38 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 from harness.execution.group import run_group
 from harness.machine.peak_memory import peak_bytes
-from harness.machine.stopping import end_with_parent
+from harness.machine.stopping import in_child
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
 from harness.records.study import Check, Series, Table
 from harness.studies.drawn_views import write_noise
-from harness.studies.framework import StudyContext
-from harness.studies.speed.speed_context import SpeedContext, measured, not_measured, reduced_plan, views_of
+from harness.studies.framework import Rows, StudyContext
+from harness.studies.speed.speed_context import SpeedContext, figure, no_figure, reduced_plan, views_of
 
 MEBIBYTE = 1 << 20
 LIMIT_GB = 2.0
 IMAGES, RESOLUTIONS = (25, 100), (50, 100, 200)
 QUICK_IMAGES, QUICK_RESOLUTIONS = (4,), (16, 24)
-METHODS = {"nerf": ("nerf alone", ("nerf",)), "three": ("three methods", ("nerf", "nerf_matched", "qnerf"))}
-WHOLE_RUN_SCENES = ("lego", "hotdog")
+METHODS = {"nerf": ("only nerf", ("nerf",)), "three": ("three methods", ("nerf", "nerf_matched", "qnerf"))}
+RUN_SCENES = ("lego", "hotdog")
 
 
 def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
     plan, views = reduced_plan(context), views_of(context)
     steps = plan.train.grid.first_step + (2 if context.quick else 60)
-    # scored at the end alone, so that what comes before is training
+    # scored only at the end, so that everything before is training
     score = replace(plan.score, checkpoints=1)
     task = GroupTask("memory", 0, ("nerf",), plan.train, score, Budget(steps, None), Path(), views.path, plan.views)
     task = replace(task, device=context.device.type)
     for name in ("nerf",) if context.quick else METHODS:
         words, methods = METHODS[name]
         peaks = [peaks_of(context, replace(task, methods=methods)) for _ in range(1 if context.quick else 2)]
-        yield measured(
+        yield figure(
             f"memory.worker.{name}.peak",
             f"Peak memory of a worker of the reduced profile, {words}",
             [complete / 1e9 for _, complete in peaks],
@@ -49,35 +47,18 @@ def measure(context: SpeedContext) -> Iterator[Check | Series | Table]:
             f"{steps} steps, then scored; libraries included",
             high=LIMIT_GB,
         )
-    yield from _whole_run(context, steps)
+    yield from _complete_run(context, steps)
     yield from _independence(context, task)
 
 
 def peaks_of(context: StudyContext, task: GroupTask) -> tuple[int, int]:
-    """Return the peak bytes of a fresh process that does what a worker of a run does: in training, and until it has
-    read, scored and written everything. Raises `RuntimeError` if a cell fails.
+    """Return the peak bytes of a fresh process that works like a worker of a run: in training, and to the end of
+    scoring and writing. Raises `RuntimeError` if a cell fails.
     """
-    spawn = multiprocessing.get_context("spawn")
-    ours, theirs = spawn.Pipe()
-    task = replace(task, out=context.scratch / f"memory-{time.monotonic_ns()}")
-    process = spawn.Process(target=_send_peaks, args=(task, theirs), daemon=True)
-    process.start()
-    theirs.close()
-    try:
-        peaks: tuple[int, int] | str = ours.recv()
-    except EOFError:
-        peaks = "it ended without a word"
-    finally:
-        process.kill()
-        process.join()
-    if isinstance(peaks, str):
-        raise RuntimeError(f"a worker failed: {peaks}")
-    return peaks
+    return in_child(_peaks, replace(task, out=context.scratch / f"memory-{time.monotonic_ns()}"))
 
 
-def _send_peaks(task: GroupTask, connection: Connection) -> None:
-    """Do the task; send the two peaks or, if a cell failed, the reason."""
-    end_with_parent()
+def _peaks(task: GroupTask) -> tuple[int, int]:
     training, failed = 0, []
 
     def on_progress(share: float) -> None:
@@ -90,14 +71,16 @@ def _send_peaks(task: GroupTask, connection: Connection) -> None:
             failed.append(f"{cell.method}: {cell.status}, {cell.reason}")
 
     run_group(task, on_progress, on_cell)
-    connection.send("; ".join(failed) or (training, peak_bytes()))
+    if failed:
+        raise RuntimeError(f"a worker failed: {'; '.join(failed)}")
+    return training, peak_bytes()
 
 
 def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Series | Table]:
-    images, resolutions = (QUICK_IMAGES, QUICK_RESOLUTIONS) if context.quick else (IMAGES, RESOLUTIONS)
-    rows: list[list[str | float | None]] = []
+    counts, resolutions = (QUICK_IMAGES, QUICK_RESOLUTIONS) if context.quick else (IMAGES, RESOLUTIONS)
+    rows: Rows = []
     peaks: list[float] = []
-    for count in images:
+    for count in counts:
         for resolution in resolutions:
             folder = context.scratch / f"noise-{count}-{resolution}"
             write_noise(folder, resolution, count, 1)
@@ -110,11 +93,11 @@ def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Se
         )  # fmt: skip
     columns = ["training images", "width (px)", "peak (GB)"]
     yield Table("memory.training", 0, "Peak memory during training, nerf, reduced settings", columns, rows)
-    pixels = (images[-1] * resolutions[-1] ** 2) / (images[0] * resolutions[0] ** 2)
+    pixels = (counts[-1] * resolutions[-1] ** 2) / (counts[0] * resolutions[0] ** 2)
     more = (peaks[-1] - peaks[0]) * 1e9 / MEBIBYTE
-    yield measured(
+    yield figure(
         "memory.training.growth",
-        "Peak memory during training, most and largest images against fewest and smallest",
+        "Peak memory during training, many large images against few small images",
         [peaks[-1] / peaks[0]],
         "×",
         f"{pixels:.0f} times the pixels, {more:.0f} MiB more; a single run each",
@@ -122,23 +105,23 @@ def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Se
     )
 
 
-def _whole_run(context: SpeedContext, steps: int) -> Iterator[Check]:
-    """Yield the peak of `python -m harness run` as a user starts it: all its processes, shared pages counted once."""
-    id, title = "memory.run.peak", "Peak memory of a whole run at the reduced profile, all processes together"
+def _complete_run(context: SpeedContext, steps: int) -> Iterator[Check]:
+    """Yield the peak of all processes of `python -m harness run` as a user starts it."""
+    id, title = "memory.run.peak", "Peak memory of a complete run at the reduced profile, all processes together"
     if not Path("/proc/self/smaps_rollup").exists():
-        yield not_measured(id, title, "GB", "this system does not tell which pages processes share")
+        yield no_figure(id, title, "GB", "this system does not report which pages processes share")
         return
     if context.quick:
         views = shlex.quote(str(views_of(context).path))
         words = f"run --profile smoke --methods nerf --resolution 16 --view-set {views}"
     else:
         views = shlex.quote(str(context.view_sets))
-        words = f"run --profile reduced --scenes {' '.join(WHOLE_RUN_SCENES)} --view-sets {views}"
+        words = f"run --profile reduced --scenes {' '.join(RUN_SCENES)} --view-sets {views}"
     out = shlex.quote(str(context.scratch / "memory-run"))
     words += f" --seeds 1 --budget-steps {steps} --device {context.device.type} --quiet --out {out}"
     command = [sys.executable, "-m", "harness", *shlex.split(words)]
-    nowhere = subprocess.DEVNULL
-    process = subprocess.Popen(command, stdout=nowhere, stderr=nowhere, start_new_session=True)
+    silent = subprocess.DEVNULL
+    process = subprocess.Popen(command, stdout=silent, stderr=silent, start_new_session=True)
     peak = 0
     try:
         while process.poll() is None:
@@ -149,17 +132,17 @@ def _whole_run(context: SpeedContext, steps: int) -> Iterator[Check]:
         process.wait()
     if process.returncode not in (0, 3):
         raise RuntimeError(f"`python -m harness {words}` ended with {process.returncode}")
-    trained = "nerf on one scene" if context.quick else f"all that it trains on {' and '.join(WHOLE_RUN_SCENES)}"
-    detail = f"{trained}, {steps} steps, one worker a core; pages that processes share count once"
-    yield measured(id, title, [peak / 1e9], "GB", detail, high=LIMIT_GB)
+    trained = "nerf on one scene" if context.quick else f"all its methods on {' and '.join(RUN_SCENES)}"
+    detail = f"{trained}, {steps} steps, one worker per core; pages that processes share count once"
+    yield figure(id, title, [peak / 1e9], "GB", detail, high=LIMIT_GB)
 
 
 def session_bytes(session: int, proc: Path = Path("/proc")) -> int:
     """Return the memory of the processes of a session, each shared page divided by the number of its sharers."""
     total = 0
     for stat in proc.glob("[0-9]*/stat"):
-        with suppress(OSError):  # one may have ended meanwhile
-            # the name in parentheses may hold blanks; behind it come the state, the parent, the group and the session
+        with suppress(OSError):  # a process may have ended meanwhile
+            # the name in parentheses may hold blanks; after it come the state, the parent, the group and the session
             if int(stat.read_text(encoding="utf-8").rpartition(")")[2].split()[3]) == session:
                 pages = re.search(r"^Pss:\s+(\d+) kB", stat.with_name("smaps_rollup").read_text(encoding="utf-8"), re.M)
                 total += 1024 * int(pages[1]) if pages else 0

@@ -1,4 +1,4 @@
-"""The one table of questions about speed. A new question is a generator of findings and one entry here."""
+"""The questions about speed. A new question is a generator of findings and one entry here."""
 
 from harness.plan.defaults import PLAIN_SECONDS
 from harness.records.study import StudyInfo
@@ -14,7 +14,7 @@ def _question(number: int, title: str, measure: str, seconds: float) -> Study:
 QUESTIONS: dict[str, Study] = catalogue(
     _question(1, "Training throughput at the paper's network", "throughput:measure", 50),
     _question(2, "Share of the machine's matrix rate", "throughput:share_of_matrix_rate", 140),
-    # plain, then the others on their own clocks, and evaluation off the clock
+    # the plain training, then the others, each on its own clock; evaluations are off the clock
     _question(3, "Time to a target PSNR", "time_to_target:measure", 1.3 * PLAIN_SECONDS),
     _question(4, "Full-frame rendering", "kernels:rendering", 60),
     _question(5, "Encodings", "kernels:encodings", 25),

@@ -1,7 +1,4 @@
-"""The context of the questions of speed: machine, scenes, trainers in a state worth measuring, a stopwatch.
-
-The sides of a comparison are timed in turn, in one process.
-"""
+"""The context of the questions about speed: machine, scenes, trained fields, and the timing of two sides in turn."""
 
 import statistics
 import time
@@ -32,19 +29,19 @@ from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 
 SCENE = "lego"
-"""The scene of every question that needs one."""
+"""The scene of every question that needs a scene."""
 DENSE = replace(Accelerations(), grid=False, clipping=False)
-"""Every acceleration that leaves all samples of every ray in place."""
+"""The accelerations that evaluate all samples of every ray."""
 TEST_PIXELS = 4096
-"""The number of pixels of test views by which a PSNR is followed."""
+"""The number of test pixels from which a PSNR is estimated during training."""
 STREAM = "speed/0"
-"""The name that seeds every batch and every first weight: all sides of a comparison see the same."""
+"""The seed of every batch and every initial weight, the same for all sides of a comparison."""
 
 
 @dataclass(frozen=True)
 class SpeedContext(StudyContext):
-    """One run of the benchmark. Its threads are all cores: both sides of every comparison get them, unless the question
-    is about them.
+    """One run of the benchmark. Both sides of every comparison get all cores as threads, unless the question is about
+    threads.
     """
 
     plain_seconds: float
@@ -74,16 +71,16 @@ class SpeedContext(StudyContext):
 
     @property
     def precision(self) -> Precision:
-        """Return the precision of matrix multiplications, as `python -m harness run` would choose it here."""
+        """Return the precision of matrix multiplications that `python -m harness run` would choose here."""
         return "bfloat16" if multiplies_bfloat16(self.device) else "float32"
 
     @property
     def matrix_units(self) -> bool:
-        """Return whether this is the kind of machine that the higher targets are set for: a CPU with AMX."""
+        """Return whether the higher targets apply: on a CPU with AMX."""
         return self.device.type == "cpu" and has_amx() and self.precision == "bfloat16"
 
     def target(self, with_matrix_units: float, without: float) -> float | None:
-        """Return the target; None on a GPU, for which none is set."""
+        """Return the target; a GPU has none."""
         if self.device.type != "cpu":
             return None
         return with_matrix_units if self.matrix_units else without
@@ -93,7 +90,7 @@ class SpeedContext(StudyContext):
 
 
 def paper_settings(context: SpeedContext, precision: Precision | None = None) -> TrainSettings:
-    """Return 8 × 256, colour 2 × 128, L = 10/4, 1024 rays of 64 samples, every one evaluated."""
+    """Return 8 × 256, colour 2 × 128, L = 10/4, 1024 rays of 64 samples, all evaluated."""
     usual = TrainSettings(
         fine_bins=0,
         first_bins=64,
@@ -109,7 +106,7 @@ def paper_settings(context: SpeedContext, precision: Precision | None = None) ->
 
 
 def reduced_plan(context: SpeedContext) -> Plan:
-    """Return the profile `reduced` on `SCENE`, in the precision that a run would have here."""
+    """Return the profile `reduced` on `SCENE`, at the precision of a run on this machine."""
     plan = replace(PROFILES["reduced"].alone(), scenes=(SCENE,), methods=("nerf",), seeds=(0,))
     plan = replace(plan, train=replace(plan.train, precision=context.precision))
     if not context.quick:
@@ -127,9 +124,7 @@ def reduced_plan(context: SpeedContext) -> Plan:
 
 
 def same_network(context: SpeedContext, plan: Plan) -> TrainSettings:
-    """Return the paper's network, learning rate and batch with every acceleration; the grid is updated as often as
-    `reduced`'s.
-    """
+    """Return the paper's network, learning rate and batch with every acceleration, and the grid of `reduced`."""
     settings = paper_settings(context)
     return replace(
         settings,
@@ -146,7 +141,7 @@ def batches_of(views: ViewSet, device: torch.device) -> Batches:
 
 @cache
 def views_of(context: SpeedContext) -> ViewSet:
-    """Return the view set of `SCENE` in the reduced profile, rendered if the cache lacks it; `quick`: a drawn one."""
+    """Return the view set of `SCENE` in the reduced profile, rendered if the cache lacks it; a drawn one if `quick`."""
     plan = reduced_plan(context)
     if context.quick:
         folder = context.scratch / f"{SCENE}-drawn"
@@ -157,7 +152,7 @@ def views_of(context: SpeedContext) -> ViewSet:
 
 
 def synthetic_batch(context: SpeedContext, count: int) -> Batch:
-    """Return `count` rays from all sides through the middle of the box ±1, near 2 and far 6, and a colour for each."""
+    """Return `count` rays from all sides through the middle of the box ±1, near 2 and far 6, with random colours."""
     generator = generator_for("speed", "rays")
     origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
     aims = torch.rand(count, 3, generator=generator) - 0.5
@@ -171,7 +166,7 @@ def unit_box(device: torch.device) -> Box:
 
 
 Seconds = dict[str, list[float]]
-"""Side → seconds of one execution, one entry per repetition."""
+"""Side → seconds per execution, one entry per repetition."""
 
 
 def interleaved(
@@ -182,10 +177,10 @@ def interleaved(
     clock: Callable[[], float] = time.perf_counter,
     before: Mapping[str, Callable[[], object]] | None = None,
 ) -> Seconds:
-    """Return seconds of an execution of each side, A B A B …, after one of each that does not count.
+    """Return the seconds per execution of each side, A B A B …, after a round that does not count.
 
-    A side that is faster than `least_seconds` is executed as often as fills them, and the mean of these counts.
-    `before` prepares a side, off the clock.
+    A side that takes less than `least_seconds` is executed often enough to fill them, and the mean counts. `before`
+    prepares a side, off the clock.
     """
 
     def timed(name: str, calls: int) -> float:
@@ -211,11 +206,11 @@ def interleaved(
 
 
 def quotients(slow: Sequence[float], fast: Sequence[float]) -> list[float]:
-    """Return how many times faster, repetition by repetition: what disturbs the machine for a while disturbs both."""
+    """Return how many times faster, repetition by repetition: a busy machine slows both sides alike."""
     return [a / b for a, b in zip(slow, fast, strict=True)]
 
 
-def measured(
+def figure(
     id: str,
     title: str,
     values: Sequence[float],
@@ -225,7 +220,7 @@ def measured(
     low: float | None = None,
     high: float | None = None,
 ) -> Check:
-    """Return the median, smallest and largest of at least one repetition, against a target of this kind of machine."""
+    """Check the median of one or more repetitions against a target for this kind of machine, with their range."""
     spread, repeats = (min(values), max(values)), len(values)
     median = statistics.median(values)
     return check(title, median, low, high, unit, detail, owner="machine", spread=spread, repeats=repeats, id=id)
@@ -234,11 +229,11 @@ def measured(
 def ratio(
     id: str, title: str, slow: Sequence[float], fast: Sequence[float], detail: str = "", low: float | None = None
 ) -> Check:
-    return measured(f"{id}.ratio", title, quotients(slow, fast), "×", detail, low=low)
+    return figure(f"{id}.ratio", title, quotients(slow, fast), "×", detail, low=low)
 
 
-def not_measured(id: str, title: str, unit: str, why: str, *, low: float | None = None, repeats: int = 0) -> Check:
-    """Return a check without a figure, and why it has none."""
+def no_figure(id: str, title: str, unit: str, why: str, *, low: float | None = None, repeats: int = 0) -> Check:
+    """Return a check without a figure, with the reason."""
     return check(title, None, low, unit=unit, why=why, owner="machine", repeats=repeats, id=id)
 
 
@@ -249,7 +244,7 @@ def new_trainer(
     view_dependent: bool = True,
     budget: Budget | None = None,
 ) -> Trainer:
-    """Return vanilla NeRF. Without a budget the learning rate stays as it is."""
+    """Return vanilla NeRF. Without a budget the learning rate is constant."""
     return Trainer(Job("nerf", box, settings, budget or Budget(None, None), STREAM, context.device, view_dependent))
 
 
@@ -264,8 +259,8 @@ def trained_reduced(context: SpeedContext, view_dependent: bool | None = None) -
 
 
 def variant_of(source: Trainer, context: SpeedContext, accelerations: Accelerations) -> Trainer:
-    """Return a copy in the same state with other accelerations; the part of its colour that depends on directions
-    starts at zero, so that it shows the same.
+    """Return a copy in the same state with other accelerations. Weights of directions that the source lacks are zero,
+    so that the copy renders the same.
     """
     settings = replace(source.settings, accelerations=accelerations)
     copy = new_trainer(context, settings, source.box, source.coarse.view_dependent, source.budget)

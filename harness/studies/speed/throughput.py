@@ -20,8 +20,8 @@ from harness.studies.speed.speed_context import (
     DENSE,
     STREAM,
     SpeedContext,
+    figure,
     interleaved,
-    measured,
     new_trainer,
     paper_settings,
     ratio,
@@ -34,7 +34,7 @@ from harness.training.learner import take_step, warm_up
 
 
 def measure(context: SpeedContext) -> Iterator[Check]:
-    """Yield the headline ratio, in which both sides evaluate exactly the same number of samples, and its details."""
+    """Yield the headline ratio, whose two sides evaluate exactly the same number of samples, and its details."""
     settings = paper_settings(context)
     batch = synthetic_batch(context, settings.rays)
     field = PlainField(settings.network, unit_box(context.device), STREAM).to(context.device)
@@ -47,23 +47,23 @@ def measure(context: SpeedContext) -> Iterator[Check]:
     }
     if settings.precision != "float32":
         sides["float32"] = dense_side(context, replace(settings, precision="float32"), batch)
-    # freed memory is kept by every training process of the harness, and by no plain one
+    # every training process of the harness keeps freed memory, a plain one does not
     before = {name: return_freed_memory if name == "plain" else keep_freed_memory for name in sides}
     seconds = interleaved(sides, context.repeats(5), context.synchronise, before=before)
     words = f"{settings.rays} rays × {settings.bins} samples, all evaluated, {context.threads} threads on both sides"
-    title = f"Training step, {settings.precision} products, against plain float32"
+    title = f"Training step, {settings.precision} matrix multiplications, against plain float32"
     yield ratio("training.dense", title, seconds["plain"], seconds["accelerated"], words, context.target(10.0, 2.0))
     if "float32" in sides:
-        title = "Training step, float32 products, against plain float32"
+        title = "Training step, float32 matrix multiplications, against plain float32"
         yield ratio("training.dense.float32", title, seconds["plain"], seconds["float32"], words)
     for name, title in (("plain", "plain float32"), ("accelerated", settings.precision), ("float32", "float32")):
         if name in sides:
             rates = [settings.rays * settings.bins / taken / 1e6 for taken in seconds[name]]
-            yield measured(f"training.dense.{name}.rate", f"Training, {title}", rates, "million samples/s", words)
+            yield figure(f"training.dense.{name}.rate", f"Training, {title}", rates, "million samples/s", words)
 
 
 def dense_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> Callable[[], object]:
-    """Return a step of the harness; raises `RuntimeError` if it leaves a sample out and is not comparable."""
+    """Return a step of the harness, which raises `RuntimeError` if it does not evaluate every sample."""
     trainer = new_trainer(context, settings, unit_box(context.device))
     warm_up(trainer, lambda _: batch)
 
@@ -77,29 +77,29 @@ def dense_side(context: SpeedContext, settings: TrainSettings, batch: Batch) -> 
 
 
 CHUNKS = (1024, 2048, 4096, 8192, 16384)
-"""The rows of the left factor: with 256 columns they fit the caches of a core, or just no longer do."""
+"""The rows of the left factor: with 256 columns the smaller ones fit the caches of a core, the larger ones do not."""
 CHUNKS_ON_A_GPU = (*CHUNKS, 65536, 262144)
 EMULATED_SECONDS = 0.5
-"""A smallest product that takes longer is of a type that the machine emulates; larger ones would take minutes."""
+"""If the smallest multiplication takes longer, the machine emulates this type, and larger ones would take minutes."""
 
 
 def step_flops(size: NetworkSize, points: int, rays: int, view_dependent: bool = True) -> float:
-    """Count the multiplications and additions of the matrix multiplications of one training step: 2 · in · out per row
-    forward, as many for the weights' gradients, and as many for the inputs' if they have one.
+    """Count the operations of the matrix multiplications of one training step: 2 · in · out per row forward, the same
+    again for the gradients of the weights, and again for those of the inputs if they have any.
 
     Concatenations are split: encoded position and direction get no gradient, and the direction's part of a layer is the
     same for all points of a ray.
     """
     colour = [size.width] + [size.colour_width] * size.colour_layers + [3]
     hidden = (size.depth - 1) * size.width**2 + size.width + sum(a * b for a, b in pairwise(colour))
-    # the encoded position enters the first layer, and again the layer behind the skip, or both heads
+    # the encoded position enters the first layer, and again the layer after the skip, or both heads
     again = 1 + colour[1] if skip_layer("half", size.depth) == size.depth - 1 else size.width
     position = feature_count(3, size.position_bands) * (size.width + again)
     direction = feature_count(3, size.direction_bands) * colour[1] if view_dependent else 0
     return 2.0 * (points * (3 * hidden + 2 * position) + rays * 2 * direction)
 
 
-def _product_rates(context: SpeedContext, width: int, dtype: torch.dtype) -> dict[int, list[float]]:
+def _matmul_rates(context: SpeedContext, width: int, dtype: torch.dtype) -> dict[int, list[float]]:
     """Return the FLOP/s of `torch.mm` [chunk, width] × [width, width] into allocated memory, by chunk."""
     generator = torch.Generator().manual_seed(0)
     weight = torch.randn(width, width, generator=generator).to(context.device, dtype)
@@ -116,13 +116,13 @@ def _product_rates(context: SpeedContext, width: int, dtype: torch.dtype) -> dic
 
 
 def _best_rate(rates: dict[int, list[float]]) -> tuple[int, list[float], float]:
-    """Return the chunk that is multiplied fastest (its median decides), its rates and their median."""
+    """Return the chunk with the highest median rate, its rates and their median."""
     chunk = max(rates, key=lambda chunk: statistics.median_high(rates[chunk]))
     return chunk, rates[chunk], statistics.median_high(rates[chunk])
 
 
 def share_of_matrix_rate(context: SpeedContext) -> Iterator[Check]:
-    """Yield the rate of matrix multiplications before and after the steps: a clock that changes shows as spread."""
+    """Compare steps with matrix multiplications timed before and after them: a changing clock shows as spread."""
     reduced = reduced_plan(context).train
     reduced = replace(
         reduced,
@@ -135,8 +135,8 @@ def share_of_matrix_rate(context: SpeedContext) -> Iterator[Check]:
         yield from _share(context, name, settings)
     width = 32 if context.quick else 1024
     for precision, dtype in DTYPES.items():
-        chunk, rates, _ = _best_rate(_product_rates(context, width, dtype))
-        yield measured(
+        chunk, rates, _ = _best_rate(_matmul_rates(context, width, dtype))
+        yield figure(
             f"machine.{precision}.rate",
             f"The machine's own rate, {precision}",
             [rate / 1e12 for rate in rates],
@@ -150,20 +150,20 @@ def _share(context: SpeedContext, name: str, settings: TrainSettings) -> Iterato
     step = dense_side(context, settings, synthetic_batch(context, settings.rays))
     for _ in range(context.repeats(3)):
         step()
-    before = _product_rates(context, size.width, dtype)
+    before = _matmul_rates(context, size.width, dtype)
     seconds = interleaved({"step": step}, context.repeats(7), context.synchronise, 0.1)["step"]
-    after = _product_rates(context, size.width, dtype)
+    after = _matmul_rates(context, size.width, dtype)
     chunk, _, best = _best_rate({key: before[key] + after[key] for key in before})
     flops = step_flops(size, points, settings.rays)
     shape = f"{size.depth} × {size.width}, colour {size.colour_layers} × {size.colour_width}, {settings.precision}"
-    yield measured(
+    yield figure(
         f"matrix.{name}.share",
         f"Share of the matrix rate, {shape}",
         [100.0 * flops / taken / best for taken in seconds],
         "%",
-        f"{flops / 1e9:.1f} GFLOP a step of {points} points; the products alone reach {best / 1e9:.0f} GFLOP/s in "
-        f"chunks of {chunk} rows",
+        f"{flops / 1e9:.1f} GFLOP per step of {points} points; the matrix multiplications by themselves reach "
+        f"{best / 1e9:.0f} GFLOP/s in chunks of {chunk} rows",
         low=40.0 if context.device.type == "cuda" else 65.0,
     )
     rates = [flops / taken / 1e12 for taken in seconds]
-    yield measured(f"matrix.{name}.rate", f"Rate of a whole step, {shape}", rates, "TFLOP/s")
+    yield figure(f"matrix.{name}.rate", f"Rate of a complete step, {shape}", rates, "TFLOP/s")

@@ -1,6 +1,7 @@
 """Question 3: how much sooner a PSNR is reached than by the plain training of the paper's network.
 
-Every training is on its own clock, which evaluation does not touch, with the same batches, first weights and threads.
+Every training has its own clock, which stands still during evaluations, and the same batches, initial weights and
+threads.
 """
 
 import math
@@ -27,8 +28,8 @@ from harness.studies.speed.speed_context import (
     TEST_PIXELS,
     SpeedContext,
     batches_of,
-    measured,
-    not_measured,
+    figure,
+    no_figure,
     paper_settings,
     reduced_plan,
     same_network,
@@ -48,32 +49,31 @@ EVALUATIONS = 12
 GROWTH = 1.06
 """The factor between the seconds of two evaluations of the others, within which a crossing is found."""
 SHARES = (1.0, 0.5, 0.25)
-"""The shares of the plain training's budget: the first is the headline, the others show how a ratio depends on the
-target.
+"""The shares of the plain training's budget that give targets: the first is the headline, the others show how the ratio
+depends on the target.
 """
 SEEDS = 3
 """The seeds of the reduced settings, which are cheap to repeat."""
 WORDS = {"same": "Same network", "reduced": "Settings of the reduced profile"}
 GOALS = {"same": (15.0, 7.5), "reduced": (100.0, 50.0)}
-"""The ratios to reach: with matrix units, and without."""
+"""The ratios to reach, with matrix units and without."""
 
 
 @dataclass
 class PsnrCurve:
-    """The evaluations of one training, in the order of its own clock."""
+    """The evaluations of one training, in the order of its own clock; PSNR in dB."""
 
     seconds: list[float] = field(default_factory=list)
     psnr: list[float] = field(default_factory=list)
-    """PSNR in dB."""
     before: float = -math.inf
-    """The PSNR of the first weights in dB: a target below it says nothing about training."""
+    """The PSNR of the initial weights: a target below it says nothing about training."""
     ended: str = ""
-    """The reason for its end, if that was not its budget."""
+    """Why the training ended before its budget; empty if it did not."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """The best that the plain training had reached at a share of its budget, and when it first did."""
+    """The best PSNR of the plain training within a share of its budget, and when it was first reached."""
 
     share: float
     psnr: float
@@ -81,8 +81,8 @@ class Target:
 
 
 def targets_of(plain: PsnrCurve, shares: tuple[float, ...]) -> list[Target]:
-    """Return one target per share, from evaluations that are evenly spread over the budget. A share before the first
-    evaluation takes that one.
+    """Return one target per share, from evaluations that are evenly spread over the budget; a share that ends before
+    the first evaluation takes the first.
     """
     targets = []
     for share in shares:
@@ -91,11 +91,11 @@ def targets_of(plain: PsnrCurve, shares: tuple[float, ...]) -> list[Target]:
     return targets
 
 
-def reached(curve: PsnrCurve, target: float) -> float | None:
+def seconds_to(curve: PsnrCurve, target: float) -> float | None:
     """Return the seconds at which `target` is reached, or None.
 
-    It counts once the next evaluation holds it too. Between an evaluation below and one above, PSNR is taken to be
-    linear in log seconds; a first evaluation that is above already counts with its own seconds.
+    It is reached if the next evaluation is not below it either. Between an evaluation below and one above, PSNR is
+    taken to be linear in log seconds; if the first evaluation is above already, its own seconds count.
     """
     points = list(zip(curve.seconds, curve.psnr, strict=True))
     for index, ((_, psnr), (_, after)) in enumerate(pairwise(points)):
@@ -110,7 +110,7 @@ class PixelSubset:
 
     rays: Rays
     colours: Tensor
-    """Colours [pixels, 3], display colour over white."""
+    """The display colours over white [pixels, 3]."""
 
     def psnr(self, colours: Tensor) -> float:
         error = torch.mean((colours.double() - self.colours.double()) ** 2)
@@ -130,7 +130,7 @@ def pixels_of(views: ViewSet, device: torch.device, pixels: int = TEST_PIXELS) -
 
 
 class Plain:
-    """Plain training as anyone would write it: 64 stratified samples from near to far, constant learning rate."""
+    """The usual training: stratified samples from near to far, constant learning rate."""
 
     progress = 0.0
 
@@ -141,7 +141,7 @@ class Plain:
         self.settings = settings
         self.clock = Stopwatch(device)
         self.step = 0
-        # allocations, outside the clock
+        # allocates, off the clock
         plain_loss(self.field, first.rays, first.colours, settings.bins, None).backward()
 
     def train_on(self, rays: Rays, colours: Tensor) -> None:
@@ -165,13 +165,11 @@ def follow(
     times: Iterable[float],
     target: float = math.inf,
 ) -> PsnrCurve:
-    """Train, evaluate whenever one of `times` (seconds, rising) has passed, and stop after the last or once `target` is
-    reached. A training that diverges ends its curve, which says why.
-    """
+    """Train and evaluate after each of `times` (seconds), until the last, `target`, or divergence, which is noted."""
     curve = PsnrCurve(before=pixels.psnr(colours_of(pixels.rays)))
     try:
         for due in times:
-            if learner.clock.seconds >= due:  # one step took longer than the space between two evaluations
+            if learner.clock.seconds >= due:  # a step took longer than the time between two evaluations
                 continue
             train(learner, batch_at, lambda stepped: stepped.clock.seconds >= due)  # noqa: B023
             psnr = pixels.psnr(colours_of(pixels.rays))
@@ -180,7 +178,7 @@ def follow(
                 break
             curve.seconds.append(learner.clock.seconds)
             curve.psnr.append(psnr)
-            if reached(curve, target) is not None:
+            if seconds_to(curve, target) is not None:
                 break
     except Diverged as stop:
         curve.ended = str(stop)
@@ -200,7 +198,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Series]:
     keep_freed_memory()
     if not plain.psnr:
         for name, title in WORDS.items():
-            yield not_measured(f"target.{name}.ratio", title, "×", f"plain: {plain.ended}")
+            yield no_figure(f"target.{name}.ratio", title, "×", f"plain: {plain.ended}")
         return
     targets = targets_of(plain, SHARES)
     highest = max(target.psnr for target in targets)
@@ -214,7 +212,6 @@ def measure(context: SpeedContext) -> Iterator[Check | Series]:
         trainer = Trainer(Job("nerf", box, settings, until, seed, device, directed))
         batch_at = batches.stream(seed, settings.rays)
         warm_up(trainer, batch_at)
-
         first = budget / (context.target(*GOALS[name]) or 100.0) / 20
         times = takewhile(lambda due: due < budget, accumulate(repeat(GROWTH), mul, initial=first))
 
@@ -223,14 +220,14 @@ def measure(context: SpeedContext) -> Iterator[Check | Series]:
                 return trainer.render(rays, plan.score.chunk).colour
 
         curve = follow(trainer, batch_at, colours_of, pixels, [*times, budget], highest)
-        seconds = reached(curve, highest)
+        seconds = seconds_to(curve, highest)
         after = f"after {seconds:.2f} s" if seconds else f"not within {trainer.clock.seconds:.0f} s {curve.ended}"
         context.show.line(f"  {WORDS[name].lower()}, {highest:.2f} dB {after}")
         return curve
 
     curves = {name: [contest(name, STREAM)] for name in WORDS}
-    # one that is late once need not be late three times
-    if reached(curves["reduced"][0], highest) is not None and not context.quick:
+    # a side that does not reach the target once is not repeated
+    if seconds_to(curves["reduced"][0], highest) is not None and not context.quick:
         curves["reduced"] += [contest("reduced", f"speed/{seed}") for seed in range(1, SEEDS)]
     floor = floor_psnr(views)
     for name in WORDS:
@@ -242,7 +239,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Series]:
 
 
 def ratio_to(context: SpeedContext, name: str, target: Target, curves: list[PsnrCurve], floor: float | None) -> Check:
-    """Return the seconds of the plain training over those of the other; without a value as soon as one seed is late."""
+    """Return the seconds of the plain training over those of the other; without a value if any seed is late."""
     headline = target.share == 1.0
     id = f"target.{name}." + ("ratio" if headline else f"at{round(100 * target.share)}")
     title = f"{WORDS[name]}, {SCENE}, at plain's best after {target.share:.0%} of its time"
@@ -250,15 +247,16 @@ def ratio_to(context: SpeedContext, name: str, target: Target, curves: list[Psnr
     words = f"{target.psnr:.2f} dB, plain after {target.seconds:.1f} s"
     if floor is not None and target.psnr < floor:
         words += f"; copying the nearest training view gives {floor:.2f} dB, so this target means little"
+    seconds = [taken for curve in curves if (taken := seconds_to(curve, target.psnr)) is not None]
+    why = ""
     if any(curve.before >= target.psnr for curve in curves):
-        why = f"{words}; the first weights show as much without any training, so there is nothing to compare"
-        return not_measured(id, title, "×", why, low=goal, repeats=len(curves))
-    late = [curve for curve in curves if reached(curve, target.psnr) is None]
-    if late:
-        best = max((max(curve.psnr, default=0.0) for curve in late), default=0.0)
+        why = "the initial weights show as much without any training, so there is nothing to compare"
+    elif len(seconds) < len(curves):
+        late = [curve for curve in curves if seconds_to(curve, target.psnr) is None]
+        best = max(max(curve.psnr, default=0.0) for curve in late)
         ended = next((f" ({curve.ended})" for curve in late if curve.ended), "")
-        why = f"{words}; {len(late)} of {len(curves)} did not reach it in time, best {best:.2f} dB{ended}"
-        return not_measured(id, title, "×", why, low=goal, repeats=len(curves))
-    seconds = [reached(curve, target.psnr) or math.inf for curve in curves]
+        why = f"{len(late)} of {len(curves)} did not reach it in time, best {best:.2f} dB{ended}"
+    if why:
+        return no_figure(id, title, "×", f"{words}; {why}", low=goal, repeats=len(curves))
     detail = f"{words}, this after {statistics.median(seconds):.2f} s; {context.threads} threads each"
-    return measured(id, title, [target.seconds / taken for taken in seconds], "×", detail, low=goal)
+    return figure(id, title, [target.seconds / taken for taken in seconds], "×", detail, low=goal)

@@ -1,10 +1,11 @@
-"""The context of every stiff or extreme case, and the owner of a subject's formula."""
+"""The context of the stability cases, the owner of a formula, and the checks that several cases build."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from baselines.catalog import CATALOG
 from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Plan
 from harness.records.study import Check, Owner, Status, check
@@ -13,19 +14,16 @@ from harness.studies.framework import StudyContext
 METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4", "qnerf_repaired", "voxels_drjit")
 
 PRINTED = ("listing2", "equation4")
-"""The amplifiers as the paper has them; others are ours, and must pass."""
+"""The amplifiers as the paper prints them; the others belong to this harness and must pass."""
 
 _Error = TypeVar("_Error", bound=Exception)
-
-Rows = list[list[str | float | None]]
-"""The rows of a table."""
 
 
 @dataclass(frozen=True)
 class StabilityContext(StudyContext):
     methods: tuple[str, ...]
     cases: tuple[str, ...] = ()
-    """The cases of this run, so that cases which share a training request all of it at once."""
+    """The cases of this run: those that share a training request all of its cells at once."""
 
     def settings(self) -> dict[str, object]:
         return {"methods": list(self.methods), "quick": self.quick, "precision": "float32"}
@@ -34,7 +32,7 @@ class StabilityContext(StudyContext):
         return replace(self, scratch=scratch, cases=missing)
 
     def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
-        """Return `profile` with this run's methods, in float32, which is the same on every machine."""
+        """Return `profile` with this run's methods, in float32, which every machine has."""
         plan = PROFILES[profile].alone().in_float32()
         plan = replace(plan, scenes=tuple(scenes or plan.scenes), methods=self.methods)
         if not self.quick:
@@ -43,10 +41,8 @@ class StabilityContext(StudyContext):
         return replace(plan, budget=replace(plan.budget, steps=4), views=views)
 
 
-def whose(method: str) -> Owner:
-    """Return the owner: a method with a part that is taken from the paper's listings as printed is the paper's."""
-    from baselines.catalog import CATALOG
-
+def owner_of_method(method: str) -> Owner:
+    """Return the owner of a method: the paper if one of its parts is a listing as printed, else this harness."""
     parts = CATALOG[method].parts
     printed = parts is not None and (parts.amplifier in PRINTED or parts.quadrature == "listing4")
     return "paper" if printed else "ours"
@@ -65,14 +61,14 @@ def not_judged(subject: str, why: str, status: Status = "not_applicable", owner:
 
 
 def none_of(what: str, offenders: Sequence[str], subject: str, owner: Owner = "ours") -> Check:
-    """Check that there are none: the figure is their number, and the reason names them."""
+    """Check that there are no offenders: the figure counts them, and the reason names them."""
     return check(what, len(offenders), high=0, why="; ".join(offenders), subject=subject, owner=owner)
 
 
 def ours_and_usual(
     what: str, figures: Mapping[str, float], low: float | None = None, high: float | None = None
 ) -> Iterator[Check]:
-    """Check a figure of ours, and the same figure of what is usual in the field: two subjects, in that order."""
+    """Check a figure of this harness and the same figure of the usual form: two subjects, in that order."""
     owners: tuple[Owner, Owner] = ("ours", "usual")
     for (subject, figure), owner in zip(figures.items(), owners, strict=True):
         yield check(what, figure, low, high, subject=subject, owner=owner)

@@ -1,1 +1,1 @@
-"""Trainers of models that are not networks; each imports what its model needs."""
+"""Trainers of models that are not networks; each imports the libraries of its model."""

@@ -1,4 +1,4 @@
-"""`ellipsoids` in training: the Gaussians of `splats`, traced and differentiated by Mitsuba on rays of all views.
+"""The trainer of `ellipsoids`: the Gaussians of `splats`, traced and differentiated by Mitsuba on rays of all views.
 
 Importing this module imports Mitsuba: `harness.training.make_learner` does so when the method is trained.
 """
@@ -24,8 +24,7 @@ class EllipsoidTrainer(GaussianTrainer):
 
     def __init__(self, job: Job) -> None:
         super().__init__(job)
-        # several threads would add up gradients in an order that changes from run to run
-        dr.set_thread_count(1)
+        dr.set_thread_count(1)  # several threads would sum gradients in an order that changes from run to run
         self._scene: Traced | None = None
 
     def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
@@ -49,14 +48,14 @@ class EllipsoidTrainer(GaussianTrainer):
         return Rendering(colour, 1.0 - through, distance * self.box.half_extent + through * rays.far, met)
 
     def _numbers(self, values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
-        """Return the numbers as `baselines.splats.traced.NAMES` lists them."""
+        """Return the numbers in the order of `baselines.splats.traced.NAMES`."""
         position, log_scale, rotation, logit, base, high = parts_of(values)
         quaternion = normalize(rotation, dim=-1)[:, [1, 2, 3, 0]]
         data = torch.cat([position, self.field.scales(log_scale), quaternion], dim=1)
         return data, torch.sigmoid(logit), torch.cat([base, high], dim=1)
 
     def _traced(self, numbers: tuple[Tensor, ...]) -> Traced:
-        """Return the scene with these numbers, rebuilt if their number changed."""
+        """Return the scene with these numbers, rebuilt if the count of Gaussians changed."""
         if self._scene is None or self._scene.count != len(numbers[0]):
             self._scene = Traced(numbers)
         else:

@@ -1,4 +1,4 @@
-"""`splats` and `ellipsoids` in training: the same Gaussians, drawn a view at a time or traced along rays."""
+"""The trainer of `splats`, which draws Gaussians one view at a time, and its base, which `ellipsoids` shares."""
 
 import math
 from abc import abstractmethod
@@ -18,17 +18,17 @@ from harness.training.learner import Job
 from harness.training.trainer import BudgetedTrainer, Diverged
 
 KEPT_RAYS = 2_000_000
-"""The rays of training views that are kept in their cells, 40 bytes each."""
+"""The maximum number of rays of training views that are kept sorted into cells, 40 bytes each."""
 
 
 class GaussianTrainer(BudgetedTrainer):
-    """A trainer of Gaussians, however they are shown."""
+    """A trainer of Gaussians, drawn or traced."""
 
     own: GaussianSettings
 
     def __init__(self, job: Job) -> None:
         super().__init__(job)
-        # bins are counted per pixel of the box's longest side, where they are (`harness.plan.needed.at_scale`)
+        # `bins_per_pixel` counts bins per pixel of the box's longest side (`harness.plan.needed.at_scale`)
         pixel = 2.0 * (self.settings.bins_per_pixel or 1.0) / self.settings.bins
         degree = self.own.degree if self.view_dependent else 0
         self.field = Gaussians(self.box, degree, torch.zeros(0, 0), pixel, self.own.widened)
@@ -68,7 +68,7 @@ class GaussianTrainer(BudgetedTrainer):
 
     @abstractmethod
     def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
-        """Return the loss, its gradient, and how often a Gaussian was met by a ray. Raises `Diverged`."""
+        """Return the loss, its gradient, and how often a ray met a Gaussian. Raises `Diverged`."""
 
     def _lightness(self, values: Tensor) -> Tensor:
         _, log_scale, _, logit, *_ = parts_of(values)
@@ -76,7 +76,7 @@ class GaussianTrainer(BudgetedTrainer):
         return self.own.lighter_opacity * opacity + self.own.lighter_scale * scale
 
     def _adam(self, gradient: Tensor, rate: float) -> None:
-        """Take a step of Adam whose count of steps is each Gaussian's own."""
+        """Take a step of Adam, which counts the steps of each Gaussian separately."""
         first, second = self.own.betas
         self.seen += 1.0
         self.mean.lerp_(gradient, 1.0 - first)
@@ -100,14 +100,7 @@ class GaussianTrainer(BudgetedTrainer):
         self.field.values = values
 
     def rendered_by(self) -> dict[str, Any]:
-        return {
-            "method": self.method,
-            "degree": self.field.degree,
-            "pixel": self.field.pixel,
-            "box": [self.box.lower.tolist(), self.box.upper.tolist()],
-            "background": [1.0, 1.0, 1.0],
-            "device": self.device.type,
-        }
+        return {**self._rendered_by(), "degree": self.field.degree, "pixel": self.field.pixel}
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
         values = tensors["gaussians"]
@@ -124,7 +117,7 @@ class GaussianTrainer(BudgetedTrainer):
 
 
 class SplatTrainer(GaussianTrainer):
-    """A trainer of Gaussians that are drawn, all pixels of a view at a time."""
+    """A trainer of Gaussians that draws all pixels of a view at a time."""
 
     whole_views = True
 
@@ -133,7 +126,7 @@ class SplatTrainer(GaussianTrainer):
         self._pencils: dict[bytes, Pencil] = {}
 
     def _pencil(self, rays: Rays) -> Pencil:
-        """Return the rays of a view in their cells: sorting them again would be a tenth of a step."""
+        """Return the sorted rays of a view, kept as sorting them again would take a tenth of a step."""
         key = rays.origins[0].numpy().tobytes() + rays.directions[[0, -1]].numpy().tobytes()
         if (pencil := self._pencils.get(key)) is None:
             pencil = Pencil.of(rays.origins[0], rays.directions)
@@ -156,5 +149,5 @@ class SplatTrainer(GaussianTrainer):
         return self.field.render(rays)
 
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """Render all of `rays` at once: a chunk would be sorted and projected for itself."""
+        """Render all of `rays` at once, as each chunk would be sorted and projected separately."""
         return super().render(rays, max(len(rays), 1), bins)

@@ -1,4 +1,4 @@
-"""`voxels_drjit` in training: the same batches, budget, schedule, clock and trace as a network's trainer has.
+"""The trainer of `voxels_drjit`, with the same batches, budget, schedule, clock and trace as the trainer of networks.
 
 Importing this module imports Dr.Jit: `harness.training.make_learner` does so when the method is trained.
 """
@@ -24,8 +24,7 @@ class VoxelTrainer(BudgetedTrainer):
 
     def __init__(self, job: Job, backend: Backend = "llvm") -> None:
         super().__init__(job)
-        # several threads would add up gradients in an order that changes from run to run
-        dr.set_thread_count(1)
+        dr.set_thread_count(1)  # several threads would sum gradients in an order that changes from run to run
         self._stages = list(self.own.stages())
         self.field = VoxelField(self.box, self._stages.pop(0)[1], self.view_dependent, backend, self.own)
         self._optimiser = Adam(self.field)
@@ -35,7 +34,7 @@ class VoxelTrainer(BudgetedTrainer):
         return self.field
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Take a step at every fineness on fields that are thrown away: kernels are compiled here, off the clock."""
+        """Compile the kernels off the clock: take a step at every resolution, on fields that are thrown away."""
         for _, voxels in self.own.stages():
             field = self.field.refined(voxels)
             _, _, gradients, _ = self._slope(field, rays, colours, generator_for(self.seed, "warm-up"))
@@ -62,15 +61,8 @@ class VoxelTrainer(BudgetedTrainer):
         return self.field.render(rays, bins or self.own.bins)
 
     def rendered_by(self) -> dict[str, Any]:
-        return {
-            "method": self.method,
-            "bins": self.own.bins,
-            "degree": self.field.degree,
-            "shape": list(self.field.shape),
-            "box": [self.box.lower.tolist(), self.box.upper.tolist()],
-            "background": [1.0, 1.0, 1.0],  # `VoxelField.render` knows no other
-            "device": self.device.type,
-        }
+        field = self.field
+        return {**self._rendered_by(), "bins": self.own.bins, "degree": field.degree, "shape": list(field.shape)}
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
         self.field = self.field.filled(tensors)
@@ -88,7 +80,7 @@ class VoxelTrainer(BudgetedTrainer):
         self, field: VoxelField, rays: Rays, colours: Tensor, generator: torch.Generator
     ) -> tuple[float, float, dict[str, Any], int]:
         """Return the mean squared error of display colours, including rays that miss the box; the norm of its gradient;
-        the gradient; and the number of evaluated points. Raises `Diverged`, naming what is not finite.
+        the gradient; and the number of evaluated points. Raises `Diverged` naming an array that is not finite.
         """
         samples, inside = field.samples(rays, self.own.bins, generator)
         missed = torch.ones(len(rays), dtype=torch.bool, device=colours.device)

@@ -1,1 +1,1 @@
-"""Scores of pictures: the metrics, a learner against the test views, and pictures that others rendered."""
+"""Scores of pictures: the metrics, a learner against the test views, and pictures that other programs rendered."""

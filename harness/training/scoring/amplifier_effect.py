@@ -1,12 +1,10 @@
-"""How much of a trained method's pictures is the amplifier: the same weights, rendered with Eq. 4 taken out."""
-
-import numpy as np
+"""The effect of the amplifier on a trained method's pictures: the same weights, rendered without Eq. 4."""
 
 from baselines.amplifiers import without_effect
 from baselines.numerics.encoding import PHI
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
-from harness.training.scoring.evaluate import mean_of, render_view, view_scores
+from harness.training.scoring.evaluate import mean_of, render_view, spread_indices, view_scores
 from scenes.view_sets.view_set import Split
 
 VIEWS = 3
@@ -17,13 +15,13 @@ def amplifier_effect(
     trainer: Learner, cameras: Cameras, split: Split, scored: list[float | None], chunk: int
 ) -> dict[str, float | None]:
     """Return `alpha_phi`, the factor α φ of Eq. 4, which is the identity at 1, and `psnr_without_amplifier`, the change
-    of PSNR in dB if Eq. 4 and β are taken out after training, mean over `VIEWS` views; nothing for a method without an
+    of PSNR in dB if Eq. 4 and β are removed after training, mean over `VIEWS` views; nothing for a method without an
     amplifier. `scored` is the PSNR of every view of `split` as the method renders it.
     """
     alpha = trainer.amplifier_scalars()["alpha"]
     if alpha is None:
         return {}
-    chosen = np.unique(np.linspace(0, len(cameras) - 1, min(VIEWS, len(cameras))).round().astype(int)).tolist()
+    chosen = spread_indices(VIEWS, len(cameras))
     with without_effect(getattr(field, "amplifier", None) for field in trainer.fields.children()):
         again = [
             view_scores(render_view(trainer, cameras, index, chunk), split, index, ("psnr",)).psnr for index in chosen

@@ -1,10 +1,7 @@
-"""What densities the pictures of a trained method are made of, and how opaque a pixel of geometry can be at the largest
-that it can have.
-"""
+"""The densities in the pictures of a trained method, and the opacity of a pixel of geometry at its largest density."""
 
 import math
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -12,28 +9,22 @@ from torch import Tensor
 from harness.plan.needed import pixels_across
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
-from harness.training.scoring.evaluate import pixel_order
+from harness.training.scoring.evaluate import pixel_order, spread_indices
 from scenes.view_sets.view_set import ViewSet
 
 VIEWS = 3
-"""The test views, evenly spread, whose samples are asked for."""
+"""The number of evenly spread test views whose samples are used."""
 RAYS = 4096
-"""The rays of each, at most, in one chunk."""
+"""The maximum number of rays of each view, in one chunk."""
 AT_CEILING = 0.99
-"""The share of a method's largest density from which a sample lies at its ceiling."""
+"""The share of a method's largest density from which a sample counts as at the ceiling."""
 QUANTILES = (0.5, 0.9, 0.99)
-
-
-def opacity_of(density: float, length: float) -> float:
-    """Return 1 − e^(−density · length): the opacity of that length of a constant density, which may be infinite."""
-    return -math.expm1(-density * length)
 
 
 def quantiles_by_weight(
     values: Float[Tensor, " samples"], weights: Float[Tensor, " samples"], shares: tuple[float, ...]
 ) -> list[float]:
-    """Return, for each share, the smallest value that together with all smaller ones has that share of the weight.
-
+    """Return for each share the smallest value that, together with all smaller values, has that share of the weight.
     Raises `ValueError` if no sample has a weight.
     """
     if not float(weights.sum()) > 0.0:
@@ -46,14 +37,13 @@ def quantiles_by_weight(
 
 @torch.no_grad()
 def rendered_samples(learner: Learner, cameras: Cameras) -> tuple[Tensor, Tensor] | None:
-    """Return density (1 / scene unit) and weight of the samples of pictures that have weight, [samples] each; None if
-    the pictures are empty, and for a method that does not render by points of rays.
-
-    They are the renderer's own: `VIEWS` evenly spread views, `RAYS` random pixels of each in one chunk.
+    """Return density (1 / scene unit) and weight of the renderer's samples that have weight, [samples] each, over
+    `VIEWS` evenly spread views and `RAYS` random pixels of each in one chunk; None if the pictures are empty, and for a
+    method that does not sample points of rays.
     """
     density, weight = [], []
-    for view in np.unique(np.linspace(0, len(cameras) - 1, min(VIEWS, len(cameras))).round().astype(int)):
-        rays = cameras.all_rays(int(view))
+    for view in spread_indices(VIEWS, len(cameras)):
+        rays = cameras.all_rays(view)
         chosen = pixel_order(len(rays))[:RAYS].to(rays.origins.device)
         samples = learner.render(rays.chosen(chosen), RAYS).samples
         if samples is None:
@@ -67,15 +57,15 @@ def rendered_samples(learner: Learner, cameras: Cameras) -> tuple[Tensor, Tensor
 def density_properties(learner: Learner, views: ViewSet, test: Cameras) -> dict[str, float | None]:
     """Return the properties of `harness.records.cells.CellRecord` that concern the ceiling of density.
 
-    The width of a pixel is that in the middle of the box, at the mean distance of the training cameras from it divided
-    by the focal length in pixels (`harness.plan.needed.pixels_across`).
+    The width of a pixel is that at the centre of the box: the mean distance of the training cameras from it, divided by
+    the focal length in pixels (`harness.plan.needed.pixels_across`).
     """
     half, limit = learner.box.half_extent, learner.field.density_limit
     pixel = 2.0 * half / pixels_across(views)
     bounded = math.isfinite(limit)
     known: dict[str, float | None] = {
         "density_limit": limit * half if bounded else None,
-        "opacity_of_a_pixel": opacity_of(limit, pixel),
+        "opacity_of_a_pixel": -math.expm1(-limit * pixel),
     }
     names = [f"density_by_weight_{100 * share:g}" for share in QUANTILES]
     samples = rendered_samples(learner, test)

@@ -1,4 +1,4 @@
-"""A trained method compared with the views: scores of the fixed test set, properties, and pictures for the report."""
+"""Scores of a trained method on the views, its properties, and pictures for the report."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from scenes.view_sets.view_set import Split, ViewSet
 HISTOGRAM_BINS = 40
 SMALL_CHUNK = 256
 LARGE_CHUNK = 4096
-"""The rays per chunk in the measurement of chunk dependence, row by row."""
+"""The rays per chunk, row by row, with which the dependence on chunks is measured."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ def pixel_order(pixels: int) -> torch.Tensor:
 
 
 def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> View:
-    """Render a full view, its pixels in one fixed random order.
+    """Render a complete view, its pixels in a fixed random order.
 
-    The order matters only to a density that depends on the chunk: a chunk then holds pixels of all parts of the view,
-    as a training batch does, and not ten rows of background.
+    The order matters only if density depends on the chunk: a chunk then contains pixels of all parts of the view, as a
+    training batch does, and not ten rows of background.
     """
     rays = cameras.all_rays(view)
     order = pixel_order(len(rays)).to(rays.origins.device)
@@ -57,7 +57,7 @@ def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> Vi
 
 
 def render_split(trainer: Learner, cameras: Cameras, chunk: int) -> Iterator[View]:
-    """Render one view at a time: no more than one need be in memory."""
+    """Render one view at a time, so that only one need be in memory."""
     return (render_view(trainer, cameras, index, chunk) for index in range(len(cameras)))
 
 
@@ -72,13 +72,13 @@ def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None
 
 
 Distance = Callable[[np.ndarray, np.ndarray], float | None]
-"""An image and the truth [h, w, 3] → how far they are apart, as `harness.training.scoring.lpips` says it."""
+"""An image and the truth [h, w, 3] → their distance, as `harness.training.scoring.lpips` computes it."""
 
 
-def scores_of(
-    image: View, split: Split, index: int, chosen: Iterable[str], lpips: Distance | None = None
-) -> dict[str, float | None]:
-    """Return metrics of one view, each by the function of its name; None for geometry that the truth has none of."""
+def view_scores(
+    image: View, split: Split, index: int, chosen: Iterable[str] = METRICS, lpips: Distance | None = None
+) -> ViewScore:
+    """Return the chosen scores of one view, each by the function of its name; None where the truth lacks the data."""
     rgba = split.rgba[index]
     sides: dict[str, tuple[np.ndarray, ...]] = {
         "colour": (image.colour, over_white(rgba)),
@@ -95,12 +95,20 @@ def scores_of(
         measure = lpips if METRICS[name].compares == "features" else getattr(metrics, name)
         score = None if arrays is None or measure is None else measure(*arrays)
         scores[name] = None if score is None else min(score, METRICS[name].largest)
-    return scores
+    noise = None if split.noise_mse is None else float(split.noise_mse[index])
+    ceiling = None if noise is None else finite_or_none(metrics.psnr_from_mse(noise))
+    return ViewScore(view=split.names[index], psnr_ceiling=ceiling, **scores)
 
 
 def mean_of(values: Iterable[float | None]) -> float | None:
-    there = [value for value in values if value is not None]
-    return float(np.mean(there)) if there else None
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def spread_indices(count: int, length: int) -> list[int]:
+    """Return at most `count` evenly spread indices of a sequence of `length`."""
+    indices: list[int] = np.unique(np.linspace(0, length - 1, min(count, length)).round().astype(int)).tolist()
+    return indices
 
 
 def _capped_psnr(image: np.ndarray, truth: np.ndarray) -> float:
@@ -111,41 +119,27 @@ def _mean_psnr(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float | None:
     return finite_or_none(float(np.mean([_capped_psnr(image, truth) for image, truth in pairs])))
 
 
-def view_scores(
-    image: View, split: Split, index: int, chosen: Iterable[str] = METRICS, lpips: Distance | None = None
-) -> ViewScore:
-    """Return the chosen scores of one view; geometry if the view set carries it."""
-    noise = None if split.noise_mse is None else float(split.noise_mse[index])
-    return ViewScore(
-        view=split.names[index],
-        psnr_ceiling=None if noise is None else finite_or_none(metrics.psnr_from_mse(noise)),
-        **scores_of(image, split, index, chosen, lpips),
-    )
-
-
 def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
-    """Average over views; a score that a view lacks (no true depth, identical images) is averaged over the others."""
+    """Average over views. If some views lack a score (no true depth, identical images), average over the others."""
     return {name: mean_of(getattr(row, name) for row in rows) for name in (*METRICS, "psnr_ceiling")}
 
 
 def train_psnr(trainer: Learner, views: ViewSet, count: int, chunk: int) -> float | None:
     """Return the mean PSNR over `count` evenly spread training views: how well they are fitted."""
     cameras = cameras_of(views, views.train, trainer.device)
-    chosen = np.unique(np.linspace(0, len(cameras) - 1, min(count, len(cameras))).round().astype(int))
-    return _mean_psnr(
-        (render_view(trainer, cameras, int(i), chunk).colour, over_white(views.train.rgba[i])) for i in chosen
-    )
+    chosen = spread_indices(count, len(cameras))
+    return _mean_psnr((render_view(trainer, cameras, i, chunk).colour, over_white(views.train.rgba[i])) for i in chosen)
 
 
 def floor_psnr(views: ViewSet) -> float | None:
-    """Return the PSNR of answering every test view with the nearest training view: below it nothing is learnt."""
+    """Return the PSNR of a copy of the nearest training view for every test view: below it nothing is learnt."""
     train, test = views.train.camera_to_world[:, :3, 3], views.test.camera_to_world[:, :3, 3]
     nearest = np.argmin(np.linalg.norm(test[:, None] - train[None], axis=-1), axis=1)
     return _mean_psnr((over_white(views.train.rgba[i]), over_white(views.test.rgba[k])) for k, i in enumerate(nearest))
 
 
 def _grid_over(trainer: Learner, points: int) -> torch.Tensor:
-    """Return the middles [points³, 3] of equal cells of the box."""
+    """Return the centres [points³, 3] of equal cells of the box."""
     axis = (torch.arange(points, device=trainer.device) + 0.5) / points
     unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), dim=-1).reshape(-1, 3)
     return trainer.box.from_unit(unit)
@@ -153,12 +147,11 @@ def _grid_over(trainer: Learner, points: int) -> torch.Tensor:
 
 @torch.no_grad()
 def density_histogram(trainer: Learner, occupied: np.ndarray | None = None, points: int = 32) -> dict[str, list[float]]:
-    """Return shares of a regular grid of points over the box by density, before and after the amplifier.
+    """Return a histogram of the density before and after the amplifier, over a regular grid of points of the box.
 
     Densities are per half of the box's longest side. Bins are linear up to the method's limit if it has one, else
-    logarithmic from 1e-3 to 1e3. With the true occupancy of the points, bool [points, points, points], the same is
-    given for those inside and outside geometry, and how many of them there are; it is used here alone, never trained
-    on.
+    logarithmic from 1e-3 to 1e3. With the true occupancy of the points, bool [points, points, points], there are also
+    histograms of the points inside and outside geometry, and their numbers. Training never uses that occupancy.
     """
     per_box = trainer.box.half_extent
     before, after = (sigma * per_box for sigma in trainer.field.density_before_and_after(_grid_over(trainer, points)))
@@ -186,16 +179,16 @@ def _shares(values: np.ndarray, edges: np.ndarray) -> list[float]:
 
 
 NORMALS = 2000
-"""The pixels of a view, at most, whose normals are compared."""
+"""The maximum number of pixels of a view whose normals are compared."""
 ACROSS = 256.0
-"""The steps across the box between which differences of density are taken: about two to a pixel."""
+"""The number of steps across the box for differences of density: about two per pixel."""
 
 
 @torch.no_grad()
 def normal_error(trainer: Learner, image: View, cameras: Cameras, split: Split, index: int) -> float | None:
     """Return the mean angle in degrees between the true normal and the direction in which the learned density falls at
-    the rendered depth, over evenly spread pixels that are opaque in both; None if the view has no true normal, or no
-    such pixel. Both are turned towards the camera; where the density is level, the angle counts as 90°.
+    the rendered depth, over evenly spread pixels that are opaque in both; None if the view has no true normal or no
+    such pixel. Both are turned towards the camera; where the density is constant, the angle counts as 90°.
     """
     if split.normal is None:
         return None
@@ -213,16 +206,16 @@ def normal_error(trainer: Learner, image: View, cameras: Cameras, split: Split, 
     steps = 2.0 * trainer.box.half_extent / ACROSS * torch.eye(3, device=trainer.device)
     falls = torch.stack([trainer.field.density(points - step) - trainer.field.density(points + step) for step in steps])
     normals = [falls.T.double(), torch.from_numpy(truth[seen]).to(direction).double()]
-    ours, true = (torch.nn.functional.normalize(n, dim=-1) for n in normals)
+    learnt, true = (torch.nn.functional.normalize(n, dim=-1) for n in normals)
     away = -direction.double()
-    ours, true = (torch.where((n * away).sum(-1, keepdim=True) < 0.0, -n, n) for n in (ours, true))
-    return float(torch.rad2deg(torch.arccos((ours * true).sum(-1).clamp(-1.0, 1.0))).mean())
+    learnt, true = (torch.where((n * away).sum(-1, keepdim=True) < 0.0, -n, n) for n in (learnt, true))
+    return float(torch.rad2deg(torch.arccos((learnt * true).sum(-1).clamp(-1.0, 1.0))).mean())
 
 
 @torch.no_grad()
 def measured_properties(trainer: Learner, test: Cameras) -> dict[str, float | str | None]:
-    """Return the chunk dependence of one test view, the grid's occupied share, and the largest density found, per half
-    of the box's longest side, with the opacity that this length of it has.
+    """Return the dependence of one test view on chunks, the grid's occupied share, and the largest density per half of
+    the box's longest side, with its opacity over that length.
     """
     rays = test.all_rays(0)
     difference = (trainer.render(rays, LARGE_CHUNK).colour - trainer.render(rays, SMALL_CHUNK).colour).abs()

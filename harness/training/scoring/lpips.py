@@ -1,6 +1,6 @@
-"""LPIPS (Zhang et al. 2018), version 0.1 with AlexNet, from a file of weights that its user brings.
+"""LPIPS (Zhang et al. 2018), version 0.1 with AlexNet, from a file of weights that the user provides.
 
-The file holds the state of the package `lpips`; docs/read-the-report.md says how it is made, where there is a network.
+The file contains the state of the package `lpips`; docs/read-the-report.md says how to make it on a connected machine.
 """
 
 from functools import cache
@@ -22,11 +22,11 @@ LAYERS = (("net.slice1.0", (64, 3, 11, 11)), ("net.slice2.3", (192, 64, 5, 5)), 
 STRIDES, PADDINGS, POOLED = (4, 1, 1, 1, 1), (2, 2, 1, 1, 1), (False, True, True, False, False)
 SHIFT, SCALE = (-0.030, -0.088, -0.188), (0.458, 0.448, 0.450)
 SMALLEST = 31
-"""The pixels of a side below which nothing is left after the layers' strides."""
+"""The minimum number of pixels of a side: with fewer, nothing is left after the layers' strides."""
 
 
 class Lpips:
-    """The distance of two images by the features of a network; 0 for the same image, larger is worse."""
+    """The distance of two images by the features of a network: 0 for equal images, larger is worse."""
 
     def __init__(self, file: Path) -> None:
         """Read the weights. Raises `InputError`, naming the file, for anything but the state of LPIPS."""
@@ -35,25 +35,24 @@ class Lpips:
             weights = load(file.read_bytes())
         except (OSError, SafetensorError) as error:
             raise InputError(f"--lpips {file}: cannot be read ({short(error, 120)}); name the weights") from error
-        wanted: dict[str, tuple[int, ...]] = {f"{name}.weight": shape for name, shape in LAYERS}
-        wanted |= {f"{name}.bias": shape[:1] for name, shape in LAYERS}
-        wanted |= {f"lin{place}.model.1.weight": (1, shape[0], 1, 1) for place, (_, shape) in enumerate(LAYERS)}
-        for name, shape in wanted.items():
-            found = tuple(weights[name].shape) if name in weights else "missing"
-            if found != shape or not bool(torch.isfinite(weights[name]).all()):
+        shapes: dict[str, tuple[int, ...]] = {f"{name}.weight": shape for name, shape in LAYERS}
+        shapes |= {f"{name}.bias": shape[:1] for name, shape in LAYERS}
+        shapes |= {f"lin{place}.model.1.weight": (1, shape[0], 1, 1) for place, (_, shape) in enumerate(LAYERS)}
+        for name, shape in shapes.items():
+            given = tuple(weights[name].shape) if name in weights else "missing"
+            if given != shape or not bool(torch.isfinite(weights[name]).all()):
                 raise InputError(
-                    f"--lpips {file}: {name} is {found}, not finite numbers {shape}; save LPIPS with AlexNet"
+                    f"--lpips {file}: {name} is {given}, not finite numbers {shape}; save LPIPS with AlexNet"
                 )
-        self.weights = {name: weights[name].float() for name in wanted}
+        self.weights = {name: weights[name].float() for name in shapes}
 
     @torch.no_grad()
     def __call__(self, image: np.ndarray, truth: np.ndarray) -> float | None:
-        """Return the distance of display colour over white [h, w, 3] in 0 … 1; None if a side is too short for it."""
+        """Return the distance of display colour over white [h, w, 3] in 0 … 1; None if a side is below `SMALLEST`."""
         if min(image.shape[:2]) < SMALLEST:
             return None
-        ours, theirs = (self._features(side) for side in (image, truth))
         total = 0.0
-        for place, (first, second) in enumerate(zip(ours, theirs, strict=True)):
+        for place, (first, second) in enumerate(zip(self._features(image), self._features(truth), strict=True)):
             difference = (_unit(first) - _unit(second)).square()
             total += float(functional.conv2d(difference, self.weights[f"lin{place}.model.1.weight"]).mean())
         return total
@@ -62,13 +61,13 @@ class Lpips:
         shift, scale = (torch.tensor(values)[:, None, None] for values in (SHIFT, SCALE))
         x = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32)).permute(2, 0, 1)
         x = ((2.0 * x - 1.0 - shift) / scale)[None]
-        found = []
+        features = []
         for (name, _), stride, padding, pooled in zip(LAYERS, STRIDES, PADDINGS, POOLED, strict=True):
             x = functional.max_pool2d(x, 3, 2) if pooled else x
             weight, bias = self.weights[f"{name}.weight"], self.weights[f"{name}.bias"]
             x = functional.relu(functional.conv2d(x, weight, bias, stride, padding))
-            found.append(x)
-        return found
+            features.append(x)
+        return features
 
 
 def _unit(x: Tensor) -> Tensor:
@@ -77,5 +76,5 @@ def _unit(x: Tensor) -> Tensor:
 
 @cache
 def lpips_of(file: Path) -> Lpips:
-    """Return the distance by the weights of a file, read once by each process; errors as in `Lpips`."""
+    """Return the distance by the weights of a file, which each process reads once; errors as in `Lpips`."""
     return Lpips(file)

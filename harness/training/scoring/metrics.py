@@ -1,6 +1,6 @@
 """Image and geometry scores, pure functions on arrays. Images are display colour over white, float [h, w, 3].
 
-Every score refuses values that are not finite: a NaN pixel is never a number (FLIP would give 0.97 for it).
+Every score refuses values that are not finite: a NaN pixel has no score (FLIP would give it 0.97).
 """
 
 import numpy as np
@@ -34,8 +34,8 @@ def rmse_linear(image: np.ndarray, truth: np.ndarray) -> float:
 
 
 def ssim(image: np.ndarray, truth: np.ndarray) -> float:
-    """Return the structural similarity as the field computes it (Wang et al. 2004): 11 × 11 Gaussian window of σ = 1.5,
-    valid windows only, averaged over channels; an image smaller than the window gets the whole image as one window.
+    """Return the structural similarity as usual for radiance fields (Wang et al. 2004): 11 × 11 Gaussian window of
+    σ = 1.5, only valid windows, averaged over channels. For a smaller image the image is the window.
     """
     _require_finite(image, truth)
     x, y = image.astype(np.float64), truth.astype(np.float64)
@@ -84,7 +84,7 @@ def delta_e(image: np.ndarray, truth: np.ndarray) -> float:
 
 
 LIGHT_FLOOR = 0.01
-"""What keeps relative errors of dark pixels finite, in units of the light of display white."""
+"""The constant that keeps relative errors of dark pixels finite, in units of the light of display white."""
 
 
 def rel_mse(light: np.ndarray, truth: np.ndarray) -> float:
@@ -102,7 +102,7 @@ def smape(light: np.ndarray, truth: np.ndarray) -> float:
 
 
 def hdr_flip(light: np.ndarray, truth: np.ndarray) -> float:
-    """Return the mean HDR-FLIP error of linear light (Andersson et al. 2021), 0 to 1, over exposures of its choice."""
+    """Return the mean HDR-FLIP error of linear light (Andersson et al. 2021), 0 to 1; it chooses the exposures."""
     _require_finite(light, truth)
     import flip_evaluator
 
@@ -122,9 +122,9 @@ def depth_rmse(depth: np.ndarray, truth: np.ndarray, opaque: np.ndarray) -> floa
 def opacity_iou(opacity: np.ndarray, truth: np.ndarray) -> float | None:
     """Return the intersection over union of the silhouettes (opacity above one half); None if both are empty."""
     _require_finite(opacity, truth)
-    ours, theirs = opacity > 0.5, truth > 0.5
-    union = np.count_nonzero(ours | theirs)
-    return float(np.count_nonzero(ours & theirs) / union) if union else None
+    shown, true = opacity > 0.5, truth > 0.5
+    union = np.count_nonzero(shown | true)
+    return float(np.count_nonzero(shown & true) / union) if union else None
 
 
 def _require_finite(*arrays: np.ndarray) -> None:

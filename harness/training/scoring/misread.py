@@ -1,7 +1,7 @@
-"""Whether pictures of others seem to be in another order, colour space or orientation than they are read in.
+"""Whether pictures of other programs seem to be in another order, colour space or orientation than they are read in.
 
-A wrong reading costs a method 5 to 20 dB that are not the method's. So every usual mistake is tried, and a picture that
-fits the truth far better under one is not scored in silence.
+A wrong reading costs 5 to 20 dB, which is not the method's fault. So every usual mistake is tried, and pictures that
+fit the truth far better under one of them are not scored silently.
 """
 
 from collections.abc import Callable
@@ -9,16 +9,17 @@ from typing import Protocol
 
 import numpy as np
 
+from harness.training.scoring.evaluate import spread_indices
 from harness.training.scoring.metrics import mse
 from scenes.view_sets.pixels import area_average, encode_srgb, over_white
 
 FAR = 2.0
-"""The factor of the mean square error, 3 dB, by which another reading must be nearer to the truth."""
+"""The factor of the mean squared error, 3 dB, by which another reading must be nearer to the truth."""
 FITS = 0.01
-"""The mean square error, 20 dB, that the other reading must reach: a method that fails is not to be explained away."""
+"""The mean squared error, 20 dB, that the other reading must reach: a method's failure must not pass as a mistake."""
 MOST_TRIED = 12
 THUMBNAIL = 32
-"""The width of the pictures in which views are told from one another."""
+"""The width of the pictures with which views are distinguished."""
 
 
 class Images(Protocol):
@@ -29,11 +30,11 @@ class Images(Protocol):
 
 
 Reading = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""A picture [h, w, 3 or 4] and the truth [h, w, 4] → what of them is compared, [h, w, 3] each."""
+"""A picture [h, w, 3 or 4] and the truth [h, w, 4] → the two colours that are compared, [h, w, 3] each."""
 
 
 def as_read(picture: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return both in display colour over white; a picture without alpha is taken to be over white already."""
+    """Return both in display colour over white; a picture without alpha counts as over white already."""
     return (picture if picture.shape[-1] == 3 else over_white(picture)), over_white(truth)
 
 
@@ -61,37 +62,38 @@ READINGS: dict[str, Reading] = {
     "upside down: turn them over": _changed(lambda image: image[::-1]),
     "mirrored: turn them over": _changed(lambda image: image[:, ::-1]),
 }
-"""What the pictures seem to be and the remedy → how they are compared then. Encoding twice is not among them: so does a
-method look whose density is too low."""
+"""The mistake with its remedy → how pictures are compared if it was made. Encoding twice is not among them, as a method
+whose density is too low looks the same.
+"""
 
 
 def likely_mistake(pictures: Images, truths: Images) -> str | None:
     """Return what the pictures [h, w, 3 or 4] of the views seem to be instead, with the remedy; None if they are
     nearest to the truth [h, w, 4] as they are read.
     """
-    tried = np.unique(np.linspace(0, len(truths) - 1, min(MOST_TRIED, len(truths))).round().astype(int))
-    own = np.array([mse(*as_read(pictures[int(view)], truths[int(view)])) for view in tried])
+    tried = spread_indices(MOST_TRIED, len(truths))
+    own = np.array([mse(*as_read(pictures[view], truths[view])) for view in tried])
     for mistake, reading in READINGS.items():
         if reading is _premultiplied and pictures[0].shape[-1] == 3:
             continue
         if reading is _over_black and pictures[0].shape[-1] == 4:
             continue
-        errors = np.array([mse(*reading(pictures[int(view)], truths[int(view)])) for view in tried])
+        errors = np.array([mse(*reading(pictures[view], truths[view])) for view in tried])
         if errors.mean() < FITS and (FAR * errors < own).mean() > 0.9:
             return f"seem to be {mistake}"
     return _other_order(pictures, truths, tried)
 
 
-def _other_order(pictures: Images, truths: Images, tried: np.ndarray) -> str | None:
-    """Return that most pictures show other views, each another one: a picture of nothing is near to one view alone."""
+def _other_order(pictures: Images, truths: Images, tried: list[int]) -> str | None:
+    """Return a message if most pictures show other views, and different ones: an empty picture is near to only one."""
     white = [_small(over_white(truths[view])) for view in range(len(truths))]
     nearest = []
     for view in tried:
-        small = _small(as_read(pictures[int(view)], truths[int(view)])[0])
+        small = _small(as_read(pictures[view], truths[view])[0])
         errors = [mse(small, other) for other in white]
         far = min(errors) < FITS and FAR * min(errors) < errors[view]
-        nearest.append(int(np.argmin(errors)) if far else int(view))
-    moved = [(int(view), other) for view, other in zip(tried, nearest, strict=True) if view != other]
+        nearest.append(int(np.argmin(errors)) if far else view)
+    moved = [(view, other) for view, other in zip(tried, nearest, strict=True) if view != other]
     if 2 * len(moved) <= len(tried) or 2 * len({other for _, other in moved}) <= len(moved):
         return None
     view, other = moved[0]

@@ -1,4 +1,4 @@
-"""Scores of pictures that another program rendered of a view set's test views, by our metrics."""
+"""Scores of pictures that another program rendered of a view set's test views."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -20,7 +20,7 @@ SCORED = tuple(name for name, metric in METRICS.items() if metric.compares in ("
 
 
 class _Pictures:
-    """Pictures that are read when they are asked for: two hundred need not be in memory."""
+    """Pictures that are read when they are needed, so that they are not all in memory."""
 
     def __init__(self, files: Sequence[Path], width: int, height: int) -> None:
         self.files, self.width, self.height = files, width, height
@@ -37,12 +37,11 @@ class _Pictures:
         return pixels
 
     def digest(self) -> str:
-        """Return the SHA-256 of the files' bytes in the order of the views."""
         return _digest(file.read_bytes() for file in self.files)
 
 
 class _Arrays:
-    """Pictures that are in memory, float32 [h, w, 3 or 4] each."""
+    """Pictures in memory, float32 [h, w, 3 or 4] each."""
 
     def __init__(self, pictures: Sequence[np.ndarray]) -> None:
         self.pictures = [np.asarray(picture) for picture in pictures]
@@ -73,21 +72,18 @@ def score_pictures(
     view_set: Path,
     method: str,
     *,
-    scene: str | None = None,
-    seed: int = 0,
-    seconds: float | None = None,
     resolution: int | None = None,
     as_they_are: bool = False,
     lpips: Path | None = None,
     each: Callable[[int, int], None] = lambda done, total: None,
 ) -> ScoredPictures:
-    """Return the scores of pictures of the test views.
+    """Return the scores of pictures of the test views, under the name of the view set and seed 0.
 
-    `pictures` is a folder, compared at `resolution` pixels of width (default: their own), or the images themselves in
-    the order of the views: display colour [h, w, 3], or [h, w, 4] with straight alpha, uint8 or floats from 0 to 1.
-    `each` is told how many of the views are done. Raises `InputError` for pictures that are not those of the test
-    views, and for those that seem to be meant otherwise than they are read, unless they are to be scored
-    `as_they_are`. `lpips` is the file of its weights.
+    `pictures` is a folder, compared at `resolution` pixels of width (default: their own width), or the images in the
+    order of the views: display colour [h, w, 3], or [h, w, 4] with straight alpha, uint8 or floats from 0 to 1. `lpips`
+    is the file of its weights. `each` gets the number of scored views, and of all. Raises `InputError` for pictures
+    that are not those of the test views and, unless `as_they_are`, for pictures that seem to be meant otherwise than
+    they are read.
     """
     distance = None if lpips is None else lpips_of(lpips)
     images, views, where = _read(pictures, view_set, resolution)
@@ -99,10 +95,9 @@ def score_pictures(
         each(index + 1, len(images))
     scores = {name: score for name, score in mean_scores(rows).items() if name in SCORED}
     return ScoredPictures(
-        scene=scene or views.name,
+        scene=views.name,
         method=method,
-        seed=seed,
-        seconds=seconds,
+        seed=0,
         views=rows,
         made={
             "pictures": str(pictures) if isinstance(pictures, Path) else "arrays",
@@ -119,7 +114,7 @@ def score_pictures(
 def _read(
     pictures: Path | Sequence[np.ndarray], view_set: Path, resolution: int | None
 ) -> tuple[_Pictures | _Arrays, ViewSet, Path]:
-    """Return pictures, the truth at their size, and the folder that a message names."""
+    """Return the pictures, the truth at their size, and the folder that an error names."""
     if isinstance(pictures, Path):
         paths = pictures_in(pictures)
         views = _truth(view_set, resolution or display_image(paths[0]).shape[1])

@@ -1,1 +1,1 @@
-"""Estimates, their errors and adjusted p-values: pure functions on arrays and lists, which import none of ours."""
+"""Estimates, their errors and adjusted p-values: pure functions on arrays and lists; imports no other room."""

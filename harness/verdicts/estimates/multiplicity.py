@@ -1,7 +1,7 @@
-"""p-values of several comparisons that are looked at together: pure functions on lists, None where there is none.
+"""Adjusted p-values of comparisons that are judged together: pure functions on lists, None for a missing p-value.
 
-Holm (1979) holds the chance of any wrong rejection of a declared family at the level; Benjamini and Hochberg (1995)
-hold the expected share of wrong ones among the rejected rows of a long table.
+Holm (1979) bounds the probability of any wrong rejection in a declared family; Benjamini and Hochberg (1995) bound the
+expected share of wrong rejections among the rejected rows of a long table.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import numpy as np
 def holm(values: Sequence[float | None], family: int | None = None) -> list[float | None]:
     """Return the adjusted p-values of Holm's step-down procedure.
 
-    `family` is the declared size, where members without a p-value still count; it is no less than the known ones.
+    `family` is the declared size, which counts members without a p-value.
     """
     known = _known(values)
     order = np.argsort(known, kind="stable")

@@ -1,8 +1,8 @@
-"""Means of nested tables and their errors, of many tables at once: pure functions on arrays [..., scenes, seeds].
+"""Means of nested tables and their errors, for many tables at once: pure functions on arrays [..., scenes, seeds].
 
-NaN stands where a seed has no value. Each estimate is a mean, its standard error and the degrees of freedom of that;
-an error is NaN where nothing is known of the spread. No scene lends its variance to another: each is estimated from
-its own seeds, and the degrees of freedom say how well that is known (Satterthwaite 1946; Welch 1947).
+A seed without a value is NaN. Each estimate is a mean, its standard error and the degrees of freedom of the error; an
+error is NaN if the spread is unknown. The variance of each scene is estimated from its own seeds only, and the degrees
+of freedom say how well the error is known (Satterthwaite 1946; Welch 1947).
 """
 
 from dataclasses import dataclass
@@ -18,16 +18,16 @@ class Estimated:
     error: np.ndarray
     freedom: np.ndarray
     spread: np.ndarray
-    """The standard deviation of what `error` was made from: of seeds within a scene, or of the scenes' means."""
+    """The standard deviation behind `error`: that of seeds within a scene, or of the scenes' means."""
 
 
 def on_these_scenes(values: np.ndarray) -> Estimated:
-    """Estimate the mean over scenes of the means over seeds, [...]; the error comes from seeds alone.
+    """Estimate the mean over scenes of the means over seeds, [...]; the error comes from seeds only.
 
-    The variance is the sum of the scenes' own, and its degrees of freedom are Satterthwaite's, (Σ vᵢ)² / Σ (vᵢ² / fᵢ):
-    between those of one scene, where one is much noisier than the rest, and those of all together. For one scene this
-    is Student's t on its seeds. A scene without any value is no part of the mean; where a scene has one value alone,
-    nothing is known of its spread, and there is no error.
+    The variance is the sum of the scenes' variances, and its degrees of freedom are Satterthwaite's,
+    (Σ vᵢ)² / Σ (vᵢ² / fᵢ), which lie between those of one scene, if it is much noisier than the others, and the sum
+    over all. For one scene this is Student's t on its seeds. A scene without a value is not part of the mean; if a
+    scene has only one value, its spread is unknown, and there is no error.
     """
     means, variances, counts = _by_scene(values)
     there, freedom = counts > 0, np.maximum(counts - 1.0, 0.0)
@@ -44,7 +44,7 @@ def on_these_scenes(values: np.ndarray) -> Estimated:
 
 
 def scenes_like_these(values: np.ndarray) -> Estimated:
-    """Estimate as `on_these_scenes`, but for scenes that were not tried: each scene's mean is one value."""
+    """Estimate the same mean for scenes like these: each scene's mean is one value."""
     means, _, counts = _by_scene(values)
     many = (counts > 0).sum(axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -55,7 +55,7 @@ def scenes_like_these(values: np.ndarray) -> Estimated:
 
 
 def less(after: Estimated, before: Estimated) -> Estimated:
-    """Estimate the difference of two independent estimates: their variances add up, freedom by Satterthwaite."""
+    """Return the difference of two independent estimates: variances add up, with Satterthwaite's freedom."""
     parts = [each.error**2 for each in (after, before)]
     total = parts[0] + parts[1]
     with np.errstate(invalid="ignore", divide="ignore"):

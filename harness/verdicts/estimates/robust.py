@@ -1,11 +1,10 @@
-"""Estimates that one bad value neither makes nor hides, and the values that lie off: pure functions on arrays.
+"""Estimates that one bad value does not decide, and outliers: pure functions on arrays.
 
-Medians over the seeds of a scene are not moved by one bad cell of three. Over scenes the estimate is that of Hodges and
-Lehmann (1963), the median of the means of all pairs of scenes, and its interval is the exact one of Wilcoxon's signed
-ranks: it asks for symmetry alone, neither for normal values nor for equal spreads, and holds its level for any number
-of scenes from six on, where 25 % trimmed means with Yuen's error fall to 93 % at eight scenes, and Student's t over
-medians is lost with one bad scene. `harness/studies/evidence/calibration.py` shows the coverage with and without a
-collapsed cell.
+One bad cell of three does not move the median over the seeds of a scene. Over scenes the estimate is that of Hodges and
+Lehmann (1963), the median of the means of all pairs of scenes, with the exact interval of Wilcoxon's signed ranks. The
+interval assumes only symmetry, neither normal values nor equal spreads, and keeps its level for six scenes or more. At
+eight scenes the coverage of 25 % trimmed means with Yuen's error falls to 93 %, and one bad scene invalidates Student's
+t over medians. `harness/studies/evidence/calibration.py` shows the coverage with and without a collapsed cell.
 """
 
 from functools import lru_cache
@@ -16,9 +15,9 @@ from harness.verdicts.estimates.nested import scene_medians
 
 LEVEL = 0.05
 OUTLIER_DEVIATIONS = 5.0
-"""The robust standard deviations from the median of a comparison's paired differences at which a cell is named."""
+"""The distance from the median of the paired differences, in robust standard deviations, at which a cell is named."""
 FEWEST_FOR_OUTLIERS = 6
-"""The fewest paired differences whose median absolute deviation can tell an outlier."""
+"""The minimum number of paired differences for finding outliers by their median absolute deviation."""
 TO_SD = 1.4826
 """The standard deviation of normal values in units of their median absolute deviation."""
 
@@ -26,7 +25,7 @@ TO_SD = 1.4826
 def robust_over_scenes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the robust mean over scenes of `values` [..., scenes, seeds], and the ends of its 95 % interval, [...].
 
-    The ends are NaN for fewer than six scenes. All tables must lack the same scenes, if any.
+    The ends are NaN for fewer than six scenes. Raises `ValueError` if tables lack different scenes.
     """
     medians = scene_medians(values)
     there = np.isfinite(medians)
@@ -39,8 +38,8 @@ def robust_over_scenes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 def hodges_lehmann(units: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the Hodges–Lehmann estimate of `units` [..., n] and the ends of its exact 95 % interval, [...].
 
-    The ends are NaN below six units: even if all lie on one side, chance alone explains that in more than 5 %. Raises
-    `ValueError` for no unit.
+    The ends are NaN below six units, as chance puts all of them on one side in more than 5 %. Raises `ValueError`
+    without a unit.
     """
     count = units.shape[-1]
     if not count:
@@ -57,7 +56,7 @@ def hodges_lehmann(units: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 @lru_cache(maxsize=256)
 def _cut(count: int) -> int:
-    """Return how many of the ordered means lie outside the interval at each end."""
+    """Return the number of ordered means outside the interval at each end."""
     ways = np.ones(1)
     for rank in range(1, count + 1):  # the distribution of Wilcoxon's sum: each rank counts or does not
         more = np.zeros(ways.size + rank)
@@ -67,22 +66,22 @@ def _cut(count: int) -> int:
     return int((np.cumsum(ways) <= LEVEL / 2).sum())
 
 
-def outliers(table: dict[str, np.ndarray], least: float) -> list[tuple[str, int]]:
-    """Return scene and place of the seed of each difference that lies off all others of `table`, scene → [seeds].
+def outliers(table: dict[str, np.ndarray], margin: float) -> list[tuple[str, int]]:
+    """Return scene and index of the seed of each outlying difference of `table`, scene → [seeds].
 
-    It lies more than five robust standard deviations (1.4826 times the median absolute deviation of all paired
-    differences of the comparison), and more than `least`, from the median of all, and from that of its own scene if
-    that has three seeds: where all seeds agree that a scene is another one, no cell is off.
+    An outlier lies more than five robust standard deviations (1.4826 times the median absolute deviation of all paired
+    differences of the comparison), and more than `margin`, from the median of all. If its scene has three seeds, it
+    also lies that far from the median of its scene: a scene whose seeds agree has no outlier.
     """
     known = np.concatenate([values[np.isfinite(values)] for values in table.values()] or [np.empty(0)])
     if known.size < FEWEST_FOR_OUTLIERS:
         return []
     centre = float(np.median(known))
-    limit = max(OUTLIER_DEVIATIONS * TO_SD * float(np.median(np.abs(known - centre))), least)
-    found = []
+    limit = max(OUTLIER_DEVIATIONS * TO_SD * float(np.median(np.abs(known - centre))), margin)
+    places = []
     for scene, row in table.items():
         mates = row[np.isfinite(row)]
         own = float(np.median(mates)) if mates.size >= 3 else centre
         off = np.minimum(np.abs(row - centre), np.abs(row - own)) > limit
-        found += [(scene, int(seed)) for seed in np.flatnonzero(off)]
-    return found
+        places += [(scene, int(seed)) for seed in np.flatnonzero(off)]
+    return places

@@ -1,1 +1,1 @@
-"""Figures of many runs: when did they change?"""
+"""Figures of many runs, and when they changed."""

@@ -1,9 +1,9 @@
-"""When a series of measurements changed its level: circular binary segmentation (Olshen et al. 2004) on ranks.
+"""Finds where a series of measurements changed its level: circular binary segmentation (Olshen et al. 2004) on ranks.
 
-The stretch that differs most from the rest of the series, at its end or within it, is cut out if it would seldom differ
-as much by chance, and every piece is looked at again. Timings have heavy tails, and a figure that is always 0 has no
-spread at all: so ranks are compared, and the chance is counted among random orders of the same ranks. A single run that
-is far off is no change; `LEAST` on each side are.
+The segment that differs most from the rest of the series, at its end or within it, is cut out if it would seldom differ
+as much by chance, and every piece is searched again. Timings have heavy tails, and a figure that is always 0 has no
+spread. So ranks are compared, and chance is measured by random orders of the same ranks. A single outlying run is not a
+change; a change has at least `LEAST` measurements on each side.
 """
 
 from collections.abc import Iterator
@@ -15,14 +15,14 @@ import numpy as np
 from scipy.stats import norm, rankdata
 
 CHANCE = 0.01
-"""The probability with which a series without any change is said to have one."""
+"""The probability that a change is reported in a series without one."""
 LEAST = 3
-"""The fewest measurements between two changes, and before the first and after the last one."""
+"""The minimum number of measurements between two changes, before the first and after the last one."""
 ORDERS = 1999
 FEWEST = 12
-"""The measurements below which even the clearest change happens by chance more often than `CHANCE`."""
+"""The minimum number of measurements: with fewer, even the clearest change has a probability above `CHANCE`."""
 MOST = 300
-"""The measurements, the last ones, that are looked at: time grows with the square of their number."""
+"""The number of last measurements that are searched: the time grows with its square."""
 
 
 @dataclass(frozen=True)
@@ -30,32 +30,32 @@ class ChangePoint:
     """A change of level between two neighbouring measurements."""
 
     index: int
-    """The place of the first measurement after it."""
+    """The index of the first measurement after it."""
     before: float
-    """The median from the change before it, or the beginning, up to here."""
+    """The median since the previous change, or the beginning."""
     after: float
     chance: float
-    """The probability of so clear a change in a series without any."""
+    """The probability of a change this clear in a series without one."""
 
 
 def change_points(values: np.ndarray) -> list[ChangePoint]:
-    """Return the changes of a series [n] of finite numbers in their order; none in fewer than `FEWEST`."""
+    """Return the changes of a series [n] of finite numbers in their order; none if it is shorter than `FEWEST`."""
     skipped = max(0, len(values) - MOST)
-    found = sorted(_splits(values[skipped:], skipped))
-    if not found:
+    splits = sorted(_splits(values[skipped:], skipped))
+    if not splits:
         return []
-    ends = [skipped, *(index for index, _ in found), len(values)]
+    ends = [skipped, *(index for index, _ in splits), len(values)]
     for place in range(1, len(ends) - 1):
-        ends[place] = _placed(values, *ends[place - 1 : place + 2])
+        ends[place] = _refine(values, *ends[place - 1 : place + 2])
     levels = [float(np.median(values[start:stop])) for start, stop in pairwise(ends)]
     return [
         ChangePoint(index, before, after, chance)
-        for index, (before, after), (_, chance) in zip(ends[1:-1], pairwise(levels), found, strict=True)
+        for index, (before, after), (_, chance) in zip(ends[1:-1], pairwise(levels), splits, strict=True)
     ]
 
 
-def _placed(values: np.ndarray, start: int, index: int, stop: int) -> int:
-    """Return the place near `index` at which both sides are nearest to their medians: ranks blur it by one or two."""
+def _refine(values: np.ndarray, start: int, index: int, stop: int) -> int:
+    """Return the index near `index` at which both sides are nearest to their medians: ranks blur it by one or two."""
 
     def spread(place: int) -> float:
         sides = values[start:place], values[place:stop]
@@ -66,26 +66,27 @@ def _placed(values: np.ndarray, start: int, index: int, stop: int) -> int:
 
 
 def _splits(values: np.ndarray, start: int) -> Iterator[tuple[int, float]]:
-    """Return place and chance of each change in a piece that begins at `start`."""
+    """Yield index and chance of each change in a piece that begins at `start`."""
     count = len(values)
     if count < FEWEST:
         return
     ranks = norm.ppf((rankdata(values) - 0.375) / (count + 0.25))  # normal scores, Blom 1958
     scores = ranks - ranks.mean()
     clearest, begin, end = max((float(clear[0].max()), begin, int(ends[clear[0].argmax()]))
-                               for begin, ends, clear in _stretches(scores[None]))  # fmt: skip
+                               for begin, ends, clear in _segments(scores[None]))  # fmt: skip
     as_clear = _by_chance(np.sort(scores).tobytes()) >= clearest - 1e-12
     chance = float((1 + np.count_nonzero(as_clear)) / (ORDERS + 1))
     if chance > CHANCE:
         return
-    yield from ((start + place, chance) for place in (begin, end) if 0 < place < count)
-    for first, last in pairwise([0, *(place for place in (begin, end) if 0 < place < count), count]):
+    places = [place for place in (begin, end) if 0 < place < count]
+    yield from ((start + place, chance) for place in places)
+    for first, last in pairwise([0, *places, count]):
         yield from _splits(values[first:last], start + first)
 
 
-def _stretches(scores: np.ndarray) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Return for series [k, n] of mean 0 each place where a stretch can begin, the places [m] where it can end, and how
-    far its mean is from that of the rest, in standard errors, [k, m].
+def _segments(scores: np.ndarray) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Yield for series [k, n] of mean 0 each index where a segment can begin, the indices [m] where it can end, and the
+    distance of its mean from that of the rest in standard errors [k, m].
     """
     count = scores.shape[1]
     sums = np.concatenate([np.zeros((len(scores), 1)), np.cumsum(scores, axis=1)], axis=1)
@@ -100,8 +101,8 @@ def _stretches(scores: np.ndarray) -> Iterator[tuple[int, np.ndarray, np.ndarray
 
 @cache
 def _by_chance(sorted_scores: bytes) -> np.ndarray:
-    """Return how clear the clearest stretch is in each of `ORDERS` random orders of scores."""
+    """Return the clearest segment's distance in each of `ORDERS` random orders of the scores."""
     scores = np.tile(np.frombuffer(sorted_scores), (ORDERS, 1))
     orders = np.random.default_rng(0).permuted(scores, axis=1)
-    clearest: np.ndarray = np.max([clear.max(axis=1) for _, _, clear in _stretches(orders)], axis=0)
+    clearest: np.ndarray = np.max([clear.max(axis=1) for _, _, clear in _segments(orders)], axis=0)
     return clearest

@@ -1,4 +1,4 @@
-"""Past runs → a record of studies: for each class of machine its figures over the runs, and when they changed."""
+"""Past runs → a record of studies: for each machine its figures over the runs, and when they changed."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,14 +9,14 @@ from harness.verdicts.history.change_points import CHANCE, FEWEST, ChangePoint, 
 from harness.verdicts.history.past_runs import PastRun
 
 MOST_LINES = 8
-"""The lines of a chart, those with changes first, then those that vary most."""
+"""The maximum number of lines in a chart: those with changes first, then those that vary most."""
 COLUMNS = ["figure", "unit", "between the commits", "runs", "before", "after", "change (%)", "by chance"]
 
 
 def figures_over_runs(
     runs: Sequence[PastRun], damaged: Sequence[str], settings: dict[str, object], provenance: dict[str, object]
 ) -> Studies:
-    """Return a study for each machine, those with most runs first."""
+    """Return a study for each machine, in descending order of runs."""
     machines: dict[str, list[PastRun]] = {}
     for run in runs:
         machines.setdefault(run.machine, []).append(run)
@@ -36,7 +36,7 @@ def _of_machine(runs: list[PastRun]) -> Iterator[Finding]:
     figures = {name: [run for run in runs if name in run.values] for run in runs for name in run.values}
     values = {name: np.array([run.values[name] for run in own]) for name, own in figures.items()}
     changes = {name: change_points(series) for name, series in values.items()}
-    changed = [name for name, found in changes.items() if found]
+    changed = [name for name, points in changes.items() if points]
     tried = sum(len(series) >= FEWEST for series in values.values())
     if not tried:
         yield Answer(f"No figure has the {FEWEST} runs in which a change can be distinguished from chance.")
@@ -44,7 +44,7 @@ def _of_machine(runs: list[PastRun]) -> Iterator[Finding]:
         expected = f"{CHANCE * tried:.1g} of them would by chance"
         yield Answer(f"{len(changed)} of {tried} figures with at least {FEWEST} runs changed; {expected}.")
     for name in changed:
-        yield Answer(f"{name}: {'; '.join(_in_words(change, figures[name]) for change in changes[name])}.")
+        yield Answer(f"{name}: {'; '.join(_sentence(change, figures[name]) for change in changes[name])}.")
     if changed:
         rows = [_row(name, change, figures[name]) for name in changed for change in changes[name]]
         yield Table("changes", 0, "When figures changed", COLUMNS, rows)
@@ -60,7 +60,7 @@ def _of_machine(runs: list[PastRun]) -> Iterator[Finding]:
 def _panels(
     values: dict[str, np.ndarray], units: dict[str, str], changes: dict[str, list[ChangePoint]]
 ) -> dict[str, list[str]]:
-    """Return the figures of each chart: of one beginning and unit, that are not always the same."""
+    """Return the varying figures of each chart, which share the first part of their names and their unit."""
     panels: dict[str, list[str]] = {}
     for name, series in values.items():
         if len(series) > 1 and np.ptp(series) > 0:
@@ -75,17 +75,16 @@ def _panels(
 
 
 def _percent(change: ChangePoint) -> float | None:
-    """Return the change of what has a size; a difference in dB may have either sign."""
+    """Return the relative change of positive figures; None for others, such as differences in dB."""
     return 100.0 * (change.after / change.before - 1.0) if min(change.before, change.after) > 0.0 else None
 
 
-def _in_words(change: ChangePoint, runs: list[PastRun]) -> str:
+def _sentence(change: ChangePoint, runs: list[PastRun]) -> str:
     percent = _percent(change)
     by = "" if percent is None else f" ({percent:+.1f} %)"
-    between = f"between {runs[change.index - 1].commit} and {runs[change.index].commit}"
-    return f"from {change.before:.4g} to {change.after:.4g}{by} {between}".replace("from -", "from −").replace(
-        "to -", "to −"
-    )
+    commits = f"between {runs[change.index - 1].commit} and {runs[change.index].commit}"
+    sentence = f"from {change.before:.4g} to {change.after:.4g}{by} {commits}"
+    return sentence.replace("from -", "from −").replace("to -", "to −")
 
 
 def _row(name: str, change: ChangePoint, runs: list[PastRun]) -> list[str | float | None]:

@@ -1,4 +1,4 @@
-"""The figures of `gate` and `speed`, run after run: a file with a line of JSON for each, which is only appended to."""
+"""The history of figures of `gate` and `speed`: a file of JSON lines, one per run, which is only appended to."""
 
 from pathlib import Path
 
@@ -10,29 +10,29 @@ from scenes.files.errors import InputError
 
 
 class PastRun(Record, frozen=True):
-    """One run of a command, and its figures by their ids."""
+    """One run of a command, with its figures by id."""
 
     when: str
     """Its end, in UTC: `2026-11-24T15:36:02Z`."""
     command: str
     commit: str
-    """The commit, with `-dirty` if files were changed since."""
+    """The commit, followed by `-dirty` if files had changed since."""
     of_class: str
     """The class of the processor (`harness.machine.processor_class`)."""
     processor: str
     threads: int
     values: dict[str, float]
     units: dict[str, str] = field(default_factory=dict)
-    """The units of the figures that have one."""
+    """The units of figures, for those with a unit."""
 
     @property
     def machine(self) -> str:
-        """Return what figures must have in common to be compared: `avx2, AMD EPYC, 2 threads`."""
+        """Return the machine, on which figures are comparable: `avx2, AMD EPYC, 2 threads`."""
         return f"{self.of_class}, {self.processor}, {self.threads} thread{'s' * (self.threads != 1)}"
 
 
 def append(path: Path, run: PastRun) -> None:
-    """Append a run as one line, on a line of its own even behind one that was cut off; raises `OSError`."""
+    """Append a run as a new line, even after a truncated line; raises `OSError`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+b") as file:
         if file.tell():
@@ -43,9 +43,9 @@ def append(path: Path, run: PastRun) -> None:
 
 
 def read_history(path: Path) -> tuple[list[PastRun], list[str]]:
-    """Return the runs in their order, and a sentence for each line that is none, such as one cut off by a full disk.
+    """Return the runs in their order, and a sentence for each invalid line, such as one that a full disk truncated.
 
-    Raises `InputError` if there is no such file, or no run in it.
+    Raises `InputError` if the file does not exist or holds no run.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; `python -m harness gate` and `nox -s speed` append to one (--history)")

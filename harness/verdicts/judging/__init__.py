@@ -1,1 +1,1 @@
-"""Anybody's results: a table of them judged, and two runs of a plan compared."""
+"""Judgement of any table of results, and comparison of two runs of a plan."""

@@ -1,4 +1,4 @@
-"""Judgement of a table of results: methods that differ, methods that do not, and suspect results; and that in words."""
+"""Judgement of a table of results: distinguished methods, groups, suspect results, and the lines that report them."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -36,7 +36,7 @@ def in_words(record: JudgementRecord, ranking: Ranking) -> str:
 
 
 def number(record: JudgementRecord, value: float | None, sign: str = "") -> str:
-    """Format with two decimals for dB, and four significant digits for anything else."""
+    """Format with two decimals for dB, and with four significant digits otherwise."""
     if value is None:
         return "–"
     text = format(value, f"{sign}.2f" if record.unit else f"{sign}#.4g")
@@ -47,7 +47,7 @@ def suspect_line(record: JudgementRecord, suspect: Suspect) -> str:
     unit = f" {record.unit}" if record.unit else ""
     seed = f", seed {suspect.seed}" if suspect.seed else ""
     value, expected = (number(record, score) + unit for score in (suspect.value, suspect.expected))
-    return f"{suspect.method} on {suspect.scene}{seed}: {value} where method and scene let one expect {expected}"
+    return f"{suspect.method} on {suspect.scene}{seed}: {value}, expected {expected} from method and scene"
 
 
 def without_line(record: JudgementRecord) -> str:
@@ -102,26 +102,27 @@ def _against(record: JudgementRecord, pair: Pair | None) -> str:
 
 
 SUSPECT_DEVIATIONS = 8.0
-"""The robust standard deviations from the fit at which a result is suspect: a table of normal residuals has next to
-none, and one in ten tables of 17 methods and 8 scenes has one if they are of Student's t with four degrees of freedom.
+"""The distance from the fit, in robust standard deviations, at which a result is suspect. Tables with normal residuals
+have almost no suspect; one in ten tables of 17 methods and 8 scenes has one if residuals follow Student's t with four
+degrees of freedom.
 """
 SUSPECT_MARGINS = 10.0
-"""The smallest effects of interest that it must be away as well: in a small table the spread itself is hardly known."""
+"""The minimum distance of a suspect in smallest effects of interest: in a small table the spread is hardly known."""
 SMALLEST_FIT = 3
-"""The number of methods, and of scenes, below which nobody can say which of two results is off."""
+"""The minimum number of methods and of scenes: with two, it is unknown which result is an outlier."""
 POLISHES = 20
 
 
 def judge_files(
     paths: Sequence[Path], metric: str | None, lower: Sequence[str], margin: float | None, baseline: str | None
 ) -> JudgementRecord:
-    """Judge the table in `paths`, and keep the digests of its files; raises `InputError` as its two steps do."""
+    """Judge the table in `paths` with the digests of its files; raises `InputError` as `read_table` and `judge`."""
     table = read_table(paths, metric, lower)
     return judge(table, margin, baseline, {str(path): file_digest(path) for path in paths if path.is_file()})
 
 
 def judge(table: ResultTable, margin: float | None, baseline: str | None, digests: dict[str, str]) -> JudgementRecord:
-    """Judge a table. Raises `InputError` for a baseline that is no method of the table, and an invalid margin."""
+    """Judge a table; raises `InputError` for a baseline that is not in the table, and for an invalid margin."""
     if baseline is not None and baseline not in table.methods:
         raise InputError(f"--baseline {baseline}: no such method; methods of the table: {', '.join(table.methods)}")
     if margin is None:
@@ -151,7 +152,7 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None, digest
 
 
 def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> Ranking:
-    """Compare every pair, or every method with `baseline`; returns the methods from best to worst."""
+    """Compare every pair, or every method with `baseline`; return the methods from best to worst."""
     means = adjusted_means(scene_means(table.values))
     order = [int(place) for place in np.argsort(-means if table.higher_is_better else means, kind="stable")]
     if baseline is None:
@@ -181,7 +182,7 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
 
 
 def scene_means(values: np.ndarray) -> np.ndarray:
-    """Reduce [methods, scenes, seeds] to [methods, scenes], means over the seeds that are there; NaN if none is."""
+    """Return the means [methods, scenes] over the known seeds of [methods, scenes, seeds]; NaN without a seed."""
     there = np.isfinite(values)
     counts = there.sum(axis=2)
     return np.where(counts > 0, np.where(there, values, 0.0).sum(axis=2) / np.maximum(counts, 1), np.nan)
@@ -190,8 +191,7 @@ def scene_means(values: np.ndarray) -> np.ndarray:
 def adjusted_means(cells: np.ndarray) -> np.ndarray:
     """Return each method's mean [methods] over all scenes of `cells` [methods, scenes].
 
-    With missing cells it is that of an additive fit by least squares: a method that lacks a hard scene is not ahead for
-    that.
+    With missing cells it is that of an additive least-squares fit, so that missing a hard scene is not an advantage.
     """
     there = np.isfinite(cells)
     known = np.where(there, cells, 0.0)
@@ -210,7 +210,6 @@ def _pair(method: str, against: str, differences: np.ndarray, family: int, margi
     there = means[np.isfinite(means)]
     if not there.size:
         return Pair(method, against, 0, None, None, None)
-
     like = estimate(paired_difference(there, family), margin) if there.size > 1 else None
     seeded = np.isfinite(differences).sum(axis=1).max() > 1
     table = {str(place): row for place, row in enumerate(differences)}
@@ -219,7 +218,7 @@ def _pair(method: str, against: str, differences: np.ndarray, family: int, margi
 
 
 def _groups(names: list[str], pairs: list[Pair]) -> list[list[int]]:
-    """Return each method's groups: the longest runs of neighbours in which no two methods are distinguished."""
+    """Return each method's groups: the maximal runs of neighbours in which no two methods are distinguished."""
     apart = {frozenset((pair.method, pair.against)) for pair in pairs if pair.distinguished}
     runs: list[tuple[int, int]] = []
     first = 0
@@ -234,7 +233,7 @@ def _groups(names: list[str], pairs: list[Pair]) -> list[list[int]]:
 
 
 def suspects(table: ResultTable, margin: float) -> list[Suspect]:
-    """Return the results that lie far from a fit of method plus scene by medians, the farthest first."""
+    """Return the results far from a fit of method plus scene by medians, the farthest first."""
     values = table.values
     if min(values.shape[:2]) < SMALLEST_FIT:
         return []
@@ -242,23 +241,23 @@ def suspects(table: ResultTable, margin: float) -> list[Suspect]:
     residuals = values - fit[..., None]
     sizes = np.abs(residuals)
     methods, scenes = values.shape[:2]
-    # medians take up a part of the spread, which in a small table is most of it
+    # the fit absorbs a part of the spread, which is large in a small table
     taken = ((methods - 1) * (scenes - 1) / (methods * scenes)) ** 0.5
     of_method = _median(sizes.reshape(methods, -1), 1)[:, None, None]
     of_scene = _median(sizes.transpose(1, 0, 2).reshape(scenes, -1), 1)[None, :, None]
     spread = 1.4826 * np.maximum(np.nanmedian(sizes), np.maximum(of_method, of_scene)) / taken
-    least = np.maximum(SUSPECT_DEVIATIONS * spread, SUSPECT_MARGINS * margin)
+    limit = np.maximum(SUSPECT_DEVIATIONS * spread, SUSPECT_MARGINS * margin)
     rounding = 1e-9 * np.nanmax(np.abs(values))
     far = []
-    for i, j, k in np.argwhere(sizes > np.maximum(least, rounding)):
-        deviation = residuals[i, j, k] / max(spread[i, j, 0], rounding)  # arbitrary without any other spread
+    for i, j, k in np.argwhere(sizes > np.maximum(limit, rounding)):
+        deviation = residuals[i, j, k] / max(spread[i, j, 0], rounding)  # `rounding` only avoids a division by 0
         where = table.methods[i], table.scenes[j], table.seeds[k]
         far.append(Suspect(*where, float(values[i, j, k]), float(fit[i, j]), float(deviation)))
     return sorted(far, key=lambda suspect: -abs(suspect.value - suspect.expected))
 
 
 def polished(cells: np.ndarray) -> np.ndarray:
-    """Return Tukey's median polish: the value expected of each of `cells` [methods, scenes]."""
+    """Return the expected value of each of `cells` [methods, scenes] by Tukey's median polish."""
     residuals = cells.copy()
     for _ in range(POLISHES):
         residuals = residuals - _median(residuals, 1)[:, None]
@@ -267,14 +266,14 @@ def polished(cells: np.ndarray) -> np.ndarray:
 
 
 def _median(values: np.ndarray, axis: int) -> np.ndarray:
-    """Return `nanmedian`, but NaN without a warning if nothing is there."""
+    """Return `nanmedian`, without a warning if all values are missing."""
     there = np.isfinite(values).any(axis=axis, keepdims=True)
     medians = np.nanmedian(np.where(there, values, 0.0), axis=axis, keepdims=True)
     return np.asarray(np.where(there, medians, np.nan).squeeze(axis))
 
 
 def without(table: ResultTable, suspicious: list[Suspect]) -> ResultTable | None:
-    """Return `table` without these results; None if there is none, or if a method would have no result left."""
+    """Return `table` without these results; None if there are none, or if a method would lose all its results."""
     if not suspicious:
         return None
     values = table.values.copy()
@@ -294,13 +293,13 @@ def notes(table: ResultTable, margin: float) -> Iterator[str]:
         yield f"Methods were trained for {min(known):,.0f} to {max(known):,.0f} steps: scores are compared as they are."
     if (np.isfinite(table.values).sum(axis=2) > 1).any():
         yield (
-            "On these scenes: the error comes from seeds alone. On scenes like these: scenes are drawn too, Student's "
+            "On these scenes: the error comes from seeds only. On scenes like these: scenes are drawn too, Student's "
             "t over their means; verdicts and groups are of this kind. Seeds are paired by their names."
         )
     else:
         yield (
-            "One result for each method and scene: how much seeds differ is not known. Nothing is said of these very "
-            "scenes, only of scenes like these."
+            "One result per method and scene: the spread of seeds is not known. Nothing is said about these very "
+            "scenes, only about scenes like these."
         )
     if margin == 0:
         yield f"No smallest effect of interest is known for {table.metric}: sizes stay open (--margin)."

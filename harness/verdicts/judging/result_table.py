@@ -1,4 +1,4 @@
-"""A file of results (CSV, Parquet, JSON, nerfbaselines' own) → one metric by method, scene and seed.
+"""Files of results (CSV, Parquet, JSON, result files of nerfbaselines) → one metric by method, scene and seed.
 
 An ambiguous table is refused with a one-line message.
 """
@@ -18,9 +18,9 @@ from harness.records.metric_table import METRICS, POSSIBLE, PRIMARY
 from scenes.files.errors import InputError
 
 SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
-"""The names that nerfbaselines and our own summary have for the columns `seconds` and `core_seconds`."""
+"""The names of `seconds` and `core_seconds` in nerfbaselines and in the summary of a run."""
 GIVEN = Path("the given table")
-"""What messages call a table that is in memory."""
+"""The name of a table in memory in messages."""
 FORMS = (
     "JSON must be a list of rows {scene, method, psnr, …}, {cells: such rows}, {method, scenes: {scene: {metric: "
     "value}}} or a result file of nerfbaselines"
@@ -29,11 +29,11 @@ FORMS = (
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of one file or several, a list of equal length for each column."""
+    """The rows of one or several files, as columns of equal length."""
 
     columns: dict[str, list[object]]
     stretches: list[tuple[Path, int, int]]
-    """For each file its path, how many rows it has, and the number of the first: line 2 of a file with a head."""
+    """The path of each file, its number of rows, and the number of its first row: line 2 of a file with a header."""
     lower: frozenset[str] = frozenset()
     """The metrics that a file itself declares to be better when lower."""
 
@@ -49,25 +49,24 @@ class Rows:
 
 
 def read_rows(paths: Iterable[Path]) -> Rows:
-    """Read the rows of files, and of all JSON files below folders; raises `InputError` if one is no table."""
-    return _joined([_from_file(file) for path in paths for file in _files(path)])
+    """Read the rows of files, and of all JSON files below folders; raises `InputError` for a file without a table."""
+    return _join([_from_file(file) for path in paths for file in _files(path)])
 
 
 def rows_given(rows: Sequence[Mapping[str, object]]) -> Rows:
-    """Return rows that are in memory; None is a missing value. Raises `InputError` as `read_rows` does."""
+    """Return rows in memory, where None is a missing value, with the errors of `read_rows`."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return _joined([_rows(GIVEN, names, [[row.get(name) for row in rows] for name in names])])
+    return _join([_rows(GIVEN, names, [[row.get(name) for row in rows] for name in names])])
 
 
-def _joined(parts: list[Rows]) -> Rows:
+def _join(parts: list[Rows]) -> Rows:
     for part in parts:
         source = part.stretches[0][0]
-        lacking = [name for name in ("scene", "method") if name not in part.columns]
-        if lacking:
+        if lacking := [name for name in ("scene", "method") if name not in part.columns]:
             known = ", ".join(part.columns) or "none"
             raise InputError(f"{source}: has no column {' and no column '.join(lacking)} (columns: {known})")
         if not len(part):
-            raise InputError(f"{source}: has a head and no rows")
+            raise InputError(f"{source}: has a header and no rows")
     names = dict.fromkeys(name for part in parts for name in part.columns)
     columns = {
         name: [value for part in parts for value in part.columns.get(name) or [None] * len(part)] for name in names
@@ -100,7 +99,7 @@ def _rows(
     first: int = 1,
     lower: frozenset[str] = frozenset(),
 ) -> Rows:
-    """Return rows with column names in lower case, by one name each; raises `InputError` if two are the same."""
+    """Return rows with lower-case column names, synonyms replaced; raises `InputError` if two names are equal."""
     known = [str(name).strip().lower() for name in names]
     known = [SYNONYMS.get(name, name) if SYNONYMS.get(name) not in known else name for name in known]
     twice = next((name for name in known if known.count(name) > 1), None)
@@ -117,11 +116,11 @@ def _from_csv(path: Path) -> Rows:
             mark = max(",;\t", key=head.count)
             lines = list(csv.reader([head], delimiter=mark)) + list(csv.reader(file, delimiter=mark))
     except (csv.Error, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is no CSV file in UTF-8 ({error})") from error
+        raise InputError(f"{path}: is not a CSV file in UTF-8 ({error})") from error
     names, *rows = lines or [[]]
     for place, row in enumerate(rows):
         if row and len(row) != len(names):
-            raise InputError(f"{path}, line {place + 2}: has {len(row)} fields, the head has {len(names)}")
+            raise InputError(f"{path}, line {place + 2}: has {len(row)} fields, the header has {len(names)}")
     while rows and not rows[-1]:
         rows.pop()
     if not all(rows):
@@ -140,7 +139,7 @@ def _from_parquet(path: Path) -> Rows:
     try:
         table = parquet.read_table(path)
     except (ArrowException, OSError) as error:
-        raise InputError(f"{path}: is no Parquet file ({str(error).splitlines()[0]})") from error
+        raise InputError(f"{path}: is not a Parquet file ({str(error).splitlines()[0]})") from error
     return _rows(path, table.column_names, [list(values) for values in table.to_pydict().values()])
 
 
@@ -148,8 +147,8 @@ def _from_json(path: Path) -> Rows:
     try:
         data = load_json(path)
     except (OSError, ValueError) as error:
-        why = f"is no JSON ({error})" if isinstance(error, msgspec.DecodeError) else str(error)
-        raise InputError(f"{path}: {why}; where there is no result, write null") from error
+        why = f"is not JSON ({error})" if isinstance(error, msgspec.DecodeError) else str(error)
+        raise InputError(f"{path}: {why}; write null for a missing result") from error
     metrics = data.get("metrics") if isinstance(data, dict) else None
     declared = [each for each in metrics if isinstance(each, dict)] if isinstance(metrics, list) else []
     lower = frozenset(str(each.get("id")) for each in declared if each.get("ascending") is False)
@@ -176,7 +175,7 @@ def _json_rows(data: Any, path: Path) -> list[Any]:
     if isinstance(data.get("scenes"), dict):
         return _of_method(data)
     for name in ("methods", "cells"):
-        # our own summary lists the names of its methods beside its cells
+        # a run's summary has a list of method names besides its cells
         if isinstance(data.get(name), list) and all(isinstance(each, dict) for each in data[name]):
             return _json_rows(data[name], path)
     return []
@@ -189,7 +188,7 @@ def _of_method(row: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Return the row of a result file of one method on one scene; older ones name their method by the folder alone."""
+    """Return the row of a result file of one method on one scene; older files name the method only by the folder."""
     info: dict[str, Any] = next((data[name] for name in ("nb_info", "info") if isinstance(data.get(name), dict)), {})
     places = [data.get("render_dataset_metadata"), info.get("dataset_metadata")]
     scenes = [place.get("scene") for place in places if isinstance(place, dict)]
@@ -200,17 +199,17 @@ def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
 
 
 KEYS = ("scene", "method", "seed", "steps", "seconds", "core_seconds")
-"""The columns that are no metric."""
+"""The columns that are not metrics."""
 LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
 LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer"}
-"""The metrics that are better when lower, also as parts of a name: `lpips_vgg`."""
+"""The metrics that are better when lower, also as part of a name, as in `lpips_vgg`."""
 HIGHER = {"psnr", "ssim", "iou", "msssim", "accuracy", "f1"}
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
-"""The smallest effect of interest of each metric that has an agreed one."""
+"""The smallest effect of interest of each known metric."""
 MOST_METHODS = 200
 MOST_CELLS = 5_000_000
 LARGEST = 1e12
-"""The limit of scores: no score is larger, and the squares of all that are smaller are finite."""
+"""The limit of scores, whose squares are finite."""
 
 
 @dataclass(frozen=True)
@@ -221,9 +220,9 @@ class ResultTable:
     methods: list[str]
     scenes: list[str]
     seeds: list[str]
-    """The seeds; a single one without a name if the table has no such column."""
+    """The seeds; a single empty name if the table has no such column."""
     values: np.ndarray
-    """The scores, [methods, scenes, seeds], NaN where there is none."""
+    """The scores [methods, scenes, seeds], NaN for a missing one."""
     seconds: list[float | None]
     """The mean training seconds of each method."""
     core_seconds: list[float | None]
@@ -232,16 +231,16 @@ class ResultTable:
 
 
 def read_table(paths: Sequence[Path], metric: str | None = None, lower: Sequence[str] = ()) -> ResultTable:
-    """Read a table; `metric` is psnr, else the first, if not given. Raises `InputError` if it cannot be judged."""
+    """Read a table; `metric` defaults to psnr, else to the first. Raises `InputError` if it cannot be judged."""
     return replace(table_of(read_rows(paths), metric, lower), source=", ".join(map(str, paths)))
 
 
 def table_of(rows: Rows, metric: str | None = None, lower: Sequence[str] = ()) -> ResultTable:
-    """Return one metric of `rows`, as `read_table` does of files."""
+    """Return one metric of `rows`, as `read_table` does for files."""
     source = rows.stretches[0][0]
     metrics = [name for name in rows.columns if name not in KEYS and _holds_numbers(rows.columns[name])]
-    chosen = _chosen(rows, metrics, metric)
-    codes, known = zip(*(_coded(rows, key) for key in ("method", "scene", "seed")), strict=True)
+    chosen = _choose(rows, metrics, metric)
+    codes, known = zip(*(_encode(rows, key) for key in ("method", "scene", "seed")), strict=True)
     shape = tuple(map(len, known))
     if shape[0] > MOST_METHODS:
         raise InputError(f"{source}: {shape[0]} methods are more than the {MOST_METHODS} that are compared in pairs")
@@ -265,11 +264,9 @@ def table_of(rows: Rows, metric: str | None = None, lower: Sequence[str] = ()) -
         many = f"{len(methods)} method{'s' * (len(methods) != 1)}"
         raise InputError(f"{source}: has {many} with results; a comparison needs two")
     if len(scenes) < 2:
-        raise InputError(
-            f"{source}: has {len(scenes)} scene with results; how much scenes differ is not known below two"
-        )
+        raise InputError(f"{source}: has {len(scenes)} scene with results; the spread of scenes is not known below two")
     seconds, core_seconds, steps = ([_mean(each[codes[0] == place]) for place in methods] for each in spent)
-    notes = [f"{name}: no result at all, left out." for name, has in zip(known[0], has_method, strict=True) if not has]
+    notes = [f"{name}: has no result, left out." for name, has in zip(known[0], has_method, strict=True) if not has]
     if others := [name for name in metrics if name != chosen]:
         notes.append(f"Other metrics in the table, not judged here (--metric): {', '.join(others)}.")
     higher, note = _direction(chosen, {name.lower() for name in lower} | rows.lower)
@@ -293,12 +290,12 @@ def _holds_numbers(values: list[object]) -> bool:
     return first is not None and _number(first) is not None
 
 
-def _chosen(rows: Rows, metrics: list[str], asked: str | None) -> str:
+def _choose(rows: Rows, metrics: list[str], metric: str | None) -> str:
     every = rows.columns.keys() - set(KEYS)
-    if asked is not None and asked.lower() not in every:
-        raise InputError(f"--metric {asked}: no such column; metrics of the table: {', '.join(metrics) or 'none'}")
-    if asked is not None:
-        return asked.lower()
+    if metric is not None and metric.lower() not in every:
+        raise InputError(f"--metric {metric}: no such column; metrics of the table: {', '.join(metrics) or 'none'}")
+    if metric is not None:
+        return metric.lower()
     if PRIMARY in every:
         return PRIMARY
     if not metrics:
@@ -308,17 +305,17 @@ def _chosen(rows: Rows, metrics: list[str], asked: str | None) -> str:
 
 
 def _direction(metric: str, lower: set[str]) -> tuple[bool, list[str]]:
-    """Return whether higher is better, and a note if nobody knows."""
-    words = set(metric.replace("-", "_").split("_"))
-    if metric in lower or metric in LOWER or words & LOWER:
+    """Return whether higher is better, and a note if that is a guess."""
+    parts = set(metric.replace("-", "_").split("_"))
+    if metric in lower or metric in LOWER or parts & LOWER:
         return False, []
-    if words & HIGHER:
+    if parts & HIGHER:
         return True, []
-    return True, [f"{metric} is taken to be better when higher; give --lower {metric} where it is not."]
+    return True, [f"{metric} is taken to be better when higher; give --lower {metric} if it is not."]
 
 
-def _coded(rows: Rows, key: str) -> tuple[np.ndarray, list[str]]:
-    """Return for each row the place of its name among the distinct ones, in the order of their first appearance."""
+def _encode(rows: Rows, key: str) -> tuple[np.ndarray, list[str]]:
+    """Return for each row the index of its name among the distinct names, in the order of their first appearance."""
     column = rows.columns.get(key) or [None] * len(rows)
     places: dict[str, int] = {}
     codes = []
@@ -331,14 +328,14 @@ def _coded(rows: Rows, key: str) -> tuple[np.ndarray, list[str]]:
 
 
 def _numbers(rows: Rows, name: str) -> np.ndarray:
-    """Return a column as numbers, NaN where it is empty; raises `InputError` at the first entry that is none."""
+    """Return a column as numbers, NaN for an empty field; raises `InputError` at the first other entry."""
     column = rows.columns.get(name) or [None] * len(rows)
     numbers = [math.nan if value is None or value == "" else _number(value) for value in column]
     if None in numbers:
         first = numbers.index(None)
         raise InputError(
-            f"{rows.where(first)}: {name} is {column[first]!r}, no finite number within ±{LARGEST:g}; leave the field "
-            "empty where there is no result"
+            f"{rows.where(first)}: {name} is {column[first]!r}, not a finite number within ±{LARGEST:g}; leave the "
+            "field empty for a missing result"
         )
     return np.array(numbers, dtype=np.float64)
 
@@ -349,7 +346,7 @@ def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
     if wrong.size:
         first = int(wrong[0])
         raise InputError(
-            f"{rows.where(first)}: {name} is {scores[first]:g}, and lies between {low:g} and {high:g} for any two "
+            f"{rows.where(first)}: {name} is {scores[first]:g}, but lies between {low:g} and {high:g} for any two "
             "images; correct it, or give the column another name"
         )
 

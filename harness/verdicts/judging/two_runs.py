@@ -1,4 +1,4 @@
-"""Two outputs of the same plan, cell by cell: how far another processor, or another try, moves scores and gaps."""
+"""Two outputs of the same plan, cell by cell: how far another processor or another try moves scores and differences."""
 
 import math
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ from scenes.files.errors import InputError
 OF_THE_MACHINE = ("precision", "device", "threads")
 """The settings that a plan leaves to the machine."""
 PLACE = ("processor", "instruction_set", "threads", "waiting", "device", "commit")
-"""The parts of the origin of cells that are shown side by side."""
+"""The parts of the provenance of cells that are compared."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Apart:
     rms: float
     """The root mean square of the differences, dB."""
     mean: float
-    """The mean of second less first, dB."""
+    """The mean of second − first, dB."""
     largest: float
     largest_of: str
 
@@ -62,11 +62,11 @@ class OverAll:
 class TwoRuns:
     origins: dict[str, tuple[list[str], list[str]]]
     identical: int
-    """The number of cells of the same scores to the last bit."""
+    """The number of cells with bit-identical scores."""
     lost: list[str]
-    """The cells that have a score in one output alone."""
+    """The cells that have a score in only one output."""
     timed: list[str]
-    """The methods whose budget is time: they took other numbers of steps, so they are not compared."""
+    """The methods with a budget of time: they took different numbers of steps, so they are not compared."""
     by_method: list[Apart]
     by_scene: list[Apart]
     all: Apart | None
@@ -91,9 +91,9 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
     sides = [[pair[side] for pair in pairs if pair[0].method in methods] for side in (0, 1)]
     origins = {}
     for name in PLACE:
-        ours, theirs = ({str(cell.provenance.get(name, "not recorded")) for cell in side.values()} for side in cells)
-        if ours != theirs:
-            origins[name] = (sorted(ours), sorted(theirs))
+        before, after = ({str(cell.provenance.get(name, "not recorded")) for cell in side.values()} for side in cells)
+        if before != after:
+            origins[name] = (sorted(before), sorted(after))
 
     def apart_by(kind: str) -> list[Apart]:
         names = dict.fromkeys(getattr(cell, kind) for cell, _ in scored)
@@ -101,7 +101,7 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
 
     return TwoRuns(
         origins=origins,
-        identical=sum(ours.scores == theirs.scores for ours, theirs in pairs),
+        identical=sum(before.scores == after.scores for before, after in pairs),
         lost=[f"{_named(pair[0])}: {pair[0].status}, then {pair[1].status}" for pair in pairs if pair not in scored],
         timed=sorted(timed),
         by_method=apart_by("method"),
@@ -113,7 +113,7 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
 
 
 def _over_all(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[OverAll]:
-    found = [
+    rows = [
         {
             (row.method, row.against): row
             for row in compare(side, methods)
@@ -121,15 +121,10 @@ def _over_all(methods: list[str], first: list[CellRecord], second: list[CellReco
         }
         for side in (first, second)
     ]
-    both = [(found[0][pair], found[1][pair]) for pair in found[0] if pair in found[1]]
+    both = {pair: (before, rows[1][pair]) for pair, before in rows[0].items() if pair in rows[1]}
     return [
-        OverAll(
-            ours.method,
-            ours.against,
-            (ours.difference or 0.0, theirs.difference or 0.0),
-            (ours.verdict, theirs.verdict),
-        )
-        for ours, theirs in both
+        OverAll(*pair, (before.difference or 0.0, after.difference or 0.0), (before.verdict, after.verdict))
+        for pair, (before, after) in both.items()
     ]
 
 
@@ -165,30 +160,19 @@ def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
     before, after = (np.array([pair[side].scores["psnr"] for pair in pairs], dtype=np.float64) for side in (0, 1))
     differences = after - before
     worst = int(np.abs(differences).argmax())
-    return Apart(
-        where,
-        len(pairs),
-        math.sqrt(float((differences**2).mean())),
-        float(differences.mean()),
-        float(differences[worst]),
-        _named(pairs[worst][0]),
-    )
+    rms, mean, largest = math.sqrt(float((differences**2).mean())), float(differences.mean()), float(differences[worst])
+    return Apart(where, len(pairs), rms, mean, largest, _named(pairs[worst][0]))
 
 
 def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[Moved]:
     budgets = [budget for budget in budgets_of(first) if budget in budgets_of(second)]
-    return [
-        Moved(
-            found.method,
-            found.against,
-            budget,
-            found.judgement.difference or 0.0,
-            found.judgement.on_these_scenes,
-            found.judgement.scenes_like_these,
-        )
-        for budget in budgets
-        for found in changes(methods, Situation(first, budget), Situation(second, budget))
-    ]
+    moved = []
+    for budget in budgets:
+        for change in changes(methods, Situation(first, budget), Situation(second, budget)):
+            judgement = change.judgement
+            estimates = judgement.on_these_scenes, judgement.scenes_like_these
+            moved.append(Moved(change.method, change.against, budget, judgement.difference or 0.0, *estimates))
+    return moved
 
 
 def as_json(runs: TwoRuns) -> dict[str, object]:
@@ -197,10 +181,10 @@ def as_json(runs: TwoRuns) -> dict[str, object]:
 
 
 def lines_of(runs: TwoRuns) -> list[str]:
-    lines = [f"{name}: {', '.join(ours)} | {', '.join(theirs)}" for name, (ours, theirs) in runs.origins.items()]
+    lines = [f"{name}: {', '.join(before)} | {', '.join(after)}" for name, (before, after) in runs.origins.items()]
     total = runs.all.cells if runs.all else 0
-    lines += [f"{runs.identical} of {total + len(runs.lost)} cells are the same to the last bit", *runs.lost]
-    lines += [f"{name}: trained for a time, so for another number of steps; not compared" for name in runs.timed]
+    lines += [f"{runs.identical} of {total + len(runs.lost)} cells are bit-identical", *runs.lost]
+    lines += [f"{name}: its budget is time, so its steps differ; not compared" for name in runs.timed]
     rows = [*runs.by_method, *runs.by_scene, *([runs.all] if runs.all else [])]
     width = max(map(len, ["test PSNR", *(apart.where for apart in rows)]))
     lines += ["", f"{'test PSNR':<{width}}{'cells':>7}{'RMS dB':>9}{'mean dB':>9}{'largest':>9}"]
@@ -211,18 +195,18 @@ def lines_of(runs: TwoRuns) -> list[str]:
 
 
 def _lines_of_changes(runs: TwoRuns) -> Iterable[str]:
-    before = {(found.method, found.against): found for found in runs.over_all}
-    yield "\nhow much differences of test PSNR changed, second less first (95 %, of all pairs together):"
-    for found in runs.moved:
-        both = before.get((found.method, found.against)) if found.budget == "steps" else None
+    over_all = {(row.method, row.against): row for row in runs.over_all}
+    yield "\nhow much differences of test PSNR changed, second − first (95 %, of all pairs together):"
+    for moved in runs.moved:
+        both = over_all.get((moved.method, moved.against)) if moved.budget == "steps" else None
         values = f" ({both.differences[0]:+.2f} → {both.differences[1]:+.2f} dB)" if both else ""
-        yield f"  {found.method} − {found.against} at equal {found.budget.replace('_', ' ')}{values}"
-        for words, known in (
-            ("on these scenes", found.on_these_scenes),
-            ("scenes like these", found.scenes_like_these),
+        yield f"  {moved.method} − {moved.against} at equal {moved.budget.replace('_', ' ')}{values}"
+        for sense, estimate in (
+            ("on these scenes", moved.on_these_scenes),
+            ("scenes like these", moved.scenes_like_these),
         ):
-            if known is not None and known.simultaneous is not None:
-                low, high = known.simultaneous
-                yield f"    {words:<17} {found.difference:+.3f} dB [{low:+.3f}, {high:+.3f}] {known.verdict.phrase}"
-            elif known is not None:
-                yield f"    {words:<17} {found.difference:+.3f} dB, without an interval"
+            if estimate is not None and estimate.simultaneous is not None:
+                low, high = estimate.simultaneous
+                yield f"    {sense:<17} {moved.difference:+.3f} dB [{low:+.3f}, {high:+.3f}] {estimate.verdict.phrase}"
+            elif estimate is not None:
+                yield f"    {sense:<17} {moved.difference:+.3f} dB, without an interval"

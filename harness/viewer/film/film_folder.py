@@ -1,4 +1,4 @@
-"""The folder of a film: a fresh one, or one of the same film that is resumed; never one that is in use.
+"""The folder of a film: a fresh one, or that of the same film to resume, never one that is in use.
 
 DIR/film.json                     the film's settings, so that another film is not mixed into it
 DIR/<scene>/<method>/0000.png …   frames (`harness.viewer.film.frames`)
@@ -27,14 +27,15 @@ RECORD = "film.json"
 SIDE_BY_SIDE = "side_by_side"
 
 
-def claim(folder: Path, wish: "FilmSpec", out: Path, say: Callable[[str], None]) -> None:
-    """Make the folder this film's, locked by this process. Scenes and methods may come later; everything else must be
-    as it was. If the record is lost, `say` is called: frames know for themselves what they show.
+def claim(folder: Path, spec: "FilmSpec", out: Path, say: Callable[[str], None]) -> None:
+    """Write the film's record into the folder, which this process has locked. A resumed film may get further scenes
+    and methods; all other settings must be the same. A lost record is reported and written again, as `frames.json`
+    names the view of each frame.
 
     Raises `InputError` for a folder with other contents, one with another film, or one that cannot be written.
     """
-    # relative to the folder: a run may be moved with its films
-    now = {**asdict(wish), "run": os.path.relpath(out.resolve(), folder.resolve())}
+    # relative, as a run may be moved with its films
+    now = {**asdict(spec), "run": os.path.relpath(out.resolve(), folder.resolve())}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         remove_leftovers(folder, f"{RECORD}.*")

@@ -1,4 +1,4 @@
-"""Rendering of the missing frames, and pictures side by side and an animation of all frames."""
+"""Rendering of the missing frames; pictures side by side and an animation of all frames."""
 
 import time
 from collections import Counter, defaultdict
@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.playback.cached import CachedMethod
 from harness.viewer.film.film_folder import SIDE_BY_SIDE
-from harness.viewer.film.film_plan import FilmPlan, Part, rendered
+from harness.viewer.film.film_plan import FilmPlan, Part, render_frame
 from harness.viewer.film.frames import write_levels
 from harness.viewer.film.panels import side_by_side, write_animation
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Tally:
-    """The origins of the frames of one method, `there`, `rendered` or `cached`, and seconds."""
+    """The frames of one method and their seconds, by origin: `there`, `rendered` or `cached`."""
 
     frames: Counter[str] = field(default_factory=Counter)
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
@@ -40,10 +40,10 @@ class Tally:
         return ", ".join(parts)
 
 
-def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
-    """Film scene by scene; yields a line for each animation, and for each method at the end. Raises `OSError`."""
+def make_film(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
+    """Film scene by scene; yields a line per animation, and one per method at the end. Raises `OSError`."""
     tallies = {part.method: Tally() for part in plan.parts}
-    total, done = sum(len(part.missing) for part in plan.parts), 0  # the plan knows which frames exist
+    total, done = sum(len(part.missing) for part in plan.parts), 0
     for name in dict.fromkeys(part.take.scene.name for part in plan.parts):
         parts = [part for part in plan.parts if part.take.scene.name == name]
         for part in parts:
@@ -52,25 +52,25 @@ def filmed(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
                 show.part(f"{name} {part.method}", done, total)
         folder = plan.folder / name
         sheets = [_sheet(folder / SIDE_BY_SIDE, parts, number) for number in range(len(parts[0].keys))]
-        file = folder / f"{plan.wish.path}.webp"
+        file = folder / f"{plan.spec.path}.webp"
         size = write_animation(file, sheets, fps)
         yield f"{file}: {len(sheets)} frames, {len(sheets) / fps:.1f} s, {size / 1e3:.0f} kB"
     yield from (tally.line(method, plan.use_cache) for method, tally in tallies.items())
     if plan.use_cache and (failure := plan.store.failure) is not None:
-        yield f"the view cache could not be written ({failure}): frames are whole, another film renders them again"
+        yield f"the view cache could not be written ({failure}): this film is complete, others cannot reuse its views"
 
 
 def _frames(plan: FilmPlan, part: Part, tally: Tally) -> Iterator[int]:
     tally.frames["there"] += len(part.keys) - len(part.missing)
     if not part.missing:
         return
-    cell = plan.run.trained(part.take.scene, part.method, plan.wish.seed, plan.device)
+    cell = plan.run.trained(part.take.scene, part.method, plan.spec.seed, plan.device)
     cached = CachedMethod(cell.learner, plan.store, cell.chunk)
     for number in part.missing:
         camera = part.take.cameras[number]
         began = time.perf_counter()
         hit = cached.lookup(camera) if plan.use_cache else None
-        view = rendered(cell, camera) if hit is None else hit[0]
+        view = render_frame(cell, camera) if hit is None else hit[0]
         origin = "rendered" if hit is None else "cached"
         tally.frames[origin] += 1
         tally.seconds[origin] += time.perf_counter() - began

@@ -1,4 +1,4 @@
-"""The frames to film, those already there, and the estimated cost of the rest."""
+"""The frames of a film, those that exist already, and the estimated cost of the others."""
 
 import time
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from harness.viewer.film.frames import FrameFolder
 from harness.viewer.film.takes import FilmSpec, Take, take_of
 from scenes.files.errors import InputError
 
-BYTES_A_PIXEL = 23
-"""The most bytes per pixel of a frame: 3 in its PNG and 20 in its EXR."""
+BYTES_PER_PIXEL = 23
+"""The maximum of bytes per pixel of a frame: 3 in its PNG and 20 in its EXR."""
 WARM_UP_PIXELS = 4
-"""The width of the picture that pays for what is done once."""
+"""The width of a picture that is rendered before the first timed one."""
 
 
 @dataclass
@@ -30,20 +30,20 @@ class Part:
     keys: list[str]
     missing: list[int]
     cached: int
-    """The number of missing ones that are in the view cache."""
+    """The number of missing frames that are in the view cache."""
 
 
 @dataclass
 class FilmPlan:
     run: FinishedRun
-    wish: FilmSpec
+    spec: FilmSpec
     folder: Path
     device: torch.device
     store: ViewStore
     use_cache: bool
     parts: list[Part]
     seconds: dict[str, float]
-    """Map method → the seconds of rendering a frame, measured on one if any is to be rendered."""
+    """Map method → the seconds of rendering a frame, for methods with frames to render."""
 
     def lines(self) -> list[str]:
         lens, frames = self.parts[0].take.cameras[0], sorted({len(part.keys) for part in self.parts})
@@ -56,27 +56,27 @@ class FilmPlan:
             cost += self.seconds.get(part.method, 0.0) * (len(part.missing) - part.cached)
         measured = ", ".join(f"{method} {1e3 * spent:.0f} ms" for method, spent in self.seconds.items())
         return [
-            f"film: {self.wish.path}, {' or '.join(map(str, frames))} frames of {lens.width} × {lens.height} pixels",
+            f"film: {self.spec.path}, {' or '.join(map(str, frames))} frames of {lens.width} × {lens.height} pixels",
             f"  scenes   {' '.join(dict.fromkeys(part.take.scene.name for part in self.parts))}",
-            f"  methods  {' '.join(dict.fromkeys(part.method for part in self.parts))}, seed {self.wish.seed}",
+            f"  methods  {' '.join(dict.fromkeys(part.method for part in self.parts))}, seed {self.spec.seed}",
             f"  folder   {self.folder}",
             f"  frames   {count}: {count - missing} there, {cached} in the view cache, {missing - cached} to render",
-            f"  estimated cost: {cost:.1f} s of rendering{f' ({measured} a frame)' if measured else ''}, "
-            f"{pixels * BYTES_A_PIXEL / 1e6:.1f} MB of frames at most",
+            f"  estimated cost: {cost:.1f} s of rendering{f' ({measured} per frame)' if measured else ''}, "
+            f"{pixels * BYTES_PER_PIXEL / 1e6:.1f} MB of frames at most",
         ]
 
 
-def planned(
+def plan_film(
     run: FinishedRun,
     scenes: list[str] | None,
     methods: list[str] | None,
-    wish: FilmSpec,
+    spec: FilmSpec,
     folder: Path,
     view_sets: Path,
     disk: Path | None,
     device: torch.device,
 ) -> FilmPlan:
-    """Look at every cell that is filmed, so that any fault is reported first; without `disk` there is no view cache."""
+    """Load every cell of the film, so that faults are reported first; without `disk` there is no view cache."""
     shown = run.shown_methods(methods)
     store = ViewStore(0, disk)
     parts = []
@@ -84,8 +84,8 @@ def planned(
     for scene in run.scenes(scenes):
         take = None
         for method in shown:
-            cell = run.trained(scene, method, wish.seed, device)
-            take = take or take_of(run, cell, wish, view_sets, len(shown))
+            cell = run.trained(scene, method, spec.seed, device)
+            take = take or take_of(run, cell, spec, view_sets, len(shown))
             cached = CachedMethod(cell.learner, store, cell.chunk)
             keys = [cached.key(camera) for camera in take.cameras]
             frames = FrameFolder(folder / scene.name / method)
@@ -93,18 +93,18 @@ def planned(
             unseen = [number for number in missing if cached.lookup(take.cameras[number]) is None]
             parts.append(Part(take, method, frames, keys, missing, len(missing) - len(unseen)))
             if unseen and method not in seconds:
-                rendered(cell, take.cameras[unseen[0]].resized(WARM_UP_PIXELS))
+                render_frame(cell, take.cameras[unseen[0]].resized(WARM_UP_PIXELS))
                 began = time.perf_counter()
-                rendered(cell, take.cameras[unseen[0]])
+                render_frame(cell, take.cameras[unseen[0]])
                 seconds[method] = time.perf_counter() - began
-    return FilmPlan(run, wish, folder, device, store, disk is not None, parts, seconds)
+    return FilmPlan(run, spec, folder, device, store, disk is not None, parts, seconds)
 
 
-def rendered(cell: TrainedCell, camera: Camera) -> View:
-    """Render one view, plainly; raises `InputError` if a pixel is not finite."""
+def render_frame(cell: TrainedCell, camera: Camera) -> View:
+    """Render one view plainly; raises `InputError` if a pixel is not finite."""
     try:
         return render_view(cell.learner, camera.cameras(cell.learner.device), 0, cell.chunk)
     except Diverged as error:
         raise InputError(
-            f"{cell.scene.name}, {cell.cell.method}: {error}; it cannot be filmed here, leave it out with --methods"
+            f"{cell.scene.name}, {cell.cell.method}: {error}; leave the method out with --methods"
         ) from error

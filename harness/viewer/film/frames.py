@@ -1,8 +1,8 @@
-"""One frame as files, and a folder of them that knows which are complete.
+"""One frame as files, and a folder of frames with a list of the complete ones.
 
-FOLDER/0000.png      display colour over white, 8 bit, as the report's pictures
+FOLDER/0000.png      display colour over white, 8 bit, as in the report
 FOLDER/0000.exr      float R G B A, linear and premultiplied, and Z
-FOLDER/frames.json   frame → key of the view and digests of both files, written after them
+FOLDER/frames.json   frame → key of the view and digests of both files, written last
 """
 
 import hashlib
@@ -24,9 +24,9 @@ LISTING = "frames.json"
 def exr_channels(view: View) -> dict[str, np.ndarray]:
     """Return float32 [h, w] by name: R G B linear, premultiplied by A, the opacity; Z, the distance along the unit ray.
 
-    Methods are trained in display colour over white and know no other: the white is subtracted there,
-    `colour − (1 − A)`, the rest is divided by A, decoded to linear light and multiplied by A again. Where A is 0
-    colour is 0. Z is the method's mean distance, which is `far` where a ray hits nothing.
+    Methods are trained in display colour over white, so the white is subtracted there, `colour − (1 − A)`; the rest is
+    divided by A, decoded to linear light and multiplied by A again. Where A is 0 colour is 0. Z is the method's mean
+    distance, which is `far` for a ray without a hit.
     """
     opacity = np.clip(view.opacity.astype(np.float64), 0.0, 1.0)
     alpha = opacity[..., None]
@@ -41,7 +41,7 @@ class FrameFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._listed: dict[str, dict[str, str]] = {}
-        # frames that are not listed are rendered again, which costs time and nothing else
+        # frames that are not listed are rendered again, which only costs time
         with suppress(OSError, ValueError, msgspec.ValidationError):
             self._listed = msgspec.convert(load_json(path / LISTING), dict[str, dict[str, str]])
 
@@ -79,8 +79,8 @@ def as_levels(display: np.ndarray) -> np.ndarray:
 
 def write_levels(file: Path, levels: np.ndarray) -> None:
     """Write uint8 [h, w, 3] as a PNG, atomically; raises `OSError`."""
-    with replacing(file, file.suffix) as beside:
-        write_png(beside, levels / 255.0)
+    with replacing(file, file.suffix) as temporary:
+        write_png(temporary, levels / 255.0)
 
 
 def _digest(file: Path) -> str | None:

@@ -1,4 +1,4 @@
-"""Pictures side by side, each with its name above it, and an animation of them."""
+"""Pictures side by side, each below its name, and an animation of them."""
 
 import io
 from collections.abc import Iterable
@@ -9,13 +9,13 @@ import numpy as np
 from scenes.files.atomic import write_atomically
 
 SMALLEST = 200
-"""The width below which pictures are enlarged by an integer to at least this: every pixel stays a square."""
+"""The minimum width of a picture; narrower ones are enlarged by an integer, so that every pixel stays a square."""
 MARGIN = 8
 HEADER = 24
 GREY = 235
-"""The level behind the panels, so that one over white has an edge."""
+"""The level behind the panels, so that a picture over white has an edge."""
 LARGEST = 16383
-"""The most pixels along a side of a WebP image."""
+"""The maximum side of a WebP image in pixels."""
 
 
 def size_of(count: int, width: int, height: int) -> tuple[int, int]:
@@ -29,7 +29,7 @@ def _enlargement(width: int) -> int:
 
 
 def side_by_side(pictures: dict[str, np.ndarray]) -> np.ndarray:
-    """Put name → uint8 [h, w, 3], all of one size, from left to right: returns uint8 [H, W, 3] of `size_of`."""
+    """Put pictures uint8 [h, w, 3], all of one size, from left to right: returns uint8 [H, W, 3] of `size_of`."""
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = next(iter(pictures.values())).shape[:2]
@@ -48,18 +48,18 @@ def side_by_side(pictures: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def write_animation(file: Path, pictures: Iterable[np.ndarray], fps: int) -> int:
-    """Write frames uint8 [h, w, 3] as an animated WebP that loops; returns its bytes. Raises `OSError`.
+    """Write frames uint8 [h, w, 3] as an animated WebP that loops; returns its size in bytes. Raises `OSError`.
 
-    It is lossless, as a comparison must not show artefacts of a codec as those of a method. Of the lossless animations
-    that Pillow writes WebP is the smaller one: 499 kB against 662 kB as APNG for 40 frames of lego at 400 × 200, and
-    143 kB at quality 80, which is off by 2.6 levels (root mean square).
+    It is lossless, so that no artefact of a codec is taken for one of a method. Of Pillow's lossless formats WebP is
+    the smallest: 40 frames of lego at 400 × 200 take 499 kB, 662 kB as APNG, and 143 kB at quality 80, with errors of
+    2.6 levels (root mean square).
     """
     from PIL import Image
 
     first, *others = (Image.fromarray(picture) for picture in pictures)
     encoded = io.BytesIO()
     # in a lossless file `quality` is the effort of the compressor
-    how = {"lossless": True, "quality": 50, "method": 4}
-    first.save(encoded, "WEBP", save_all=True, append_images=others, duration=round(1000 / fps), loop=0, **how)
+    options = {"lossless": True, "quality": 50, "method": 4}
+    first.save(encoded, "WEBP", save_all=True, append_images=others, duration=round(1000 / fps), loop=0, **options)
     write_atomically(file, encoded.getvalue())
     return len(encoded.getvalue())

@@ -22,7 +22,7 @@ TRUTH = "ground truth"
 
 @dataclass(frozen=True)
 class FilmSpec:
-    """The settings of a film, whatever the scene; None: as the run has it, or the path."""
+    """The settings of a film, the same for all scenes; None: the default of the run or of the path."""
 
     path: str
     """The path, one of `harness.playback.camera_paths.PATHS`, or test."""
@@ -33,7 +33,7 @@ class FilmSpec:
 
     @property
     def name(self) -> str:
-        """Return the settings that are not the defaults, in the name of a folder."""
+        """Return the name of a folder, made of the settings that are not the defaults."""
         parts = {
             "frames": self.frames,
             "px": self.resolution,
@@ -45,7 +45,7 @@ class FilmSpec:
 
 @dataclass(frozen=True)
 class Take:
-    """The views of one scene, for all methods alike."""
+    """The views of one scene, the same for all methods."""
 
     scene: SceneRecord
     cameras: tuple[Camera, ...]
@@ -53,39 +53,39 @@ class Take:
     shown: tuple[int, ...] = ()
 
     def truth_levels(self, number: int) -> dict[str, np.ndarray]:
-        """Return the ground truth of one frame by its name, uint8 [h, w, 3]; nothing if there is none."""
+        """Return the ground truth of one frame by its label, uint8 [h, w, 3]; nothing if there is none."""
         if self.truth is None:
             return {}
         return {TRUTH: as_levels(over_white(self.truth.test.rgba[self.shown[number]]))}
 
 
-def take_of(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path, methods: int) -> Take:
-    """Make a take; raises `InputError` for too large a picture, too many test views, and a missing view set."""
-    take = _test_views(run, cell.scene, wish, view_sets) if wish.path == "test" else _path(run, cell, wish, view_sets)
+def take_of(run: FinishedRun, cell: TrainedCell, spec: FilmSpec, view_sets: Path, methods: int) -> Take:
+    """Make a take; raises `InputError` if the picture is too large, for too many test views, or without a view set."""
+    take = _test_views(run, cell.scene, spec, view_sets) if spec.path == "test" else _path(run, cell, spec, view_sets)
     across, down = size_of(methods + (take.truth is not None), take.cameras[0].width, take.cameras[0].height)
     if max(across, down) > LARGEST:
         raise InputError(
-            f"{methods} methods side by side make {across} × {down} pixels, {LARGEST} are the most along a side; "
+            f"{methods} methods side by side make {across} × {down} pixels; a side has at most {LARGEST}: "
             "choose fewer --methods or a smaller --resolution"
         )
     return take
 
 
-def _path(run: FinishedRun, cell: TrainedCell, wish: FilmSpec, view_sets: Path) -> Take:
+def _path(run: FinishedRun, cell: TrainedCell, spec: FilmSpec, view_sets: Path) -> Take:
     raised = {}
-    if wish.path == "orbit":
-        raised["elevation"] = ELEVATION if wish.elevation is None else float(np.radians(wish.elevation))
+    if spec.path == "orbit":
+        raised["elevation"] = ELEVATION if spec.elevation is None else float(np.radians(spec.elevation))
     radius = run.view_radius(cell.scene, view_sets)
-    poses = PATHS[wish.path](FRAMES if wish.frames is None else wish.frames, radius=radius, **raised)
+    poses = PATHS[spec.path](FRAMES if spec.frames is None else spec.frames, radius=radius, **raised)
     lens = cell.camera(poses[0])
-    if wish.resolution is not None:
-        lens = lens.resized(wish.resolution)
+    if spec.resolution is not None:
+        lens = lens.resized(spec.resolution)
     return Take(cell.scene, tuple(lens.at(pose) for pose in poses))
 
 
-def _test_views(run: FinishedRun, scene: SceneRecord, wish: FilmSpec, view_sets: Path) -> Take:
-    views = run.views(scene, view_sets, wish.resolution, geometry=False)
+def _test_views(run: FinishedRun, scene: SceneRecord, spec: FilmSpec, view_sets: Path) -> Take:
+    views = run.views(scene, view_sets, spec.resolution, geometry=False)
     poses = views.test.camera_to_world
-    shown = evenly_spread(len(poses) if wish.frames is None else wish.frames, poses, "test views")
+    shown = evenly_spread(len(poses) if spec.frames is None else spec.frames, poses, "test views")
     lens = Camera(poses[0], views.width, views.height, views.focal, views.near, views.far)
     return Take(scene, tuple(lens.at(poses[index]) for index in shown), views, tuple(map(int, shown)))

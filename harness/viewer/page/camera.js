@@ -1,12 +1,11 @@
-// Where the camera stands: about a target, z up, angles in radians; the ways in which a user moves it, and the known
-// view that is nearest.
+// The camera: an orbit about a target, z up, angles in radians; how a user moves it, and the nearest known view.
 
 const STEEPEST = 1.55
 const RADIANS_PER_PIXEL = 0.008
 const STEP = Math.PI / 36
 const ZOOM = 1.12
-const REACH = 16 // times nearer and farther than the cameras that are known
-const NEAREST = 1e-3, FARTHEST = 1000 // scene units, which the server renders
+const REACH = 16 // times nearer and farther than the known cameras
+const NEAREST = 1e-3, FARTHEST = 1000 // the limits of the server, in scene units
 
 const clamp = (value, least, most) => Math.min(Math.max(value, least), most)
 
@@ -21,7 +20,7 @@ export function turned(orbit, azimuth, elevation) {
 
 export const zoomed = (orbit, factor) => ({ ...orbit, distance: orbit.distance * factor })
 
-/** Between which distances one may zoom, from the orbits that a scene comes with. */
+/** The limits of the distance, from the orbits of a scene. */
 export function reach(orbits) {
   const distances = orbits.map(orbit => orbit.distance)
   return [Math.max(Math.min(...distances) / REACH, NEAREST), Math.min(Math.max(...distances) * REACH, FARTHEST)]
@@ -29,23 +28,23 @@ export function reach(orbits) {
 
 export const within = (orbit, [least, most]) => ({ ...orbit, distance: clamp(orbit.distance, least, most) })
 
-/** From where the camera looks, as a vector from `centre`. */
+/** The vector from `centre` to the camera. */
 function direction({ azimuth, elevation, distance, target }, centre) {
   const flat = distance * Math.cos(elevation)
   const arm = [flat * Math.cos(azimuth), flat * Math.sin(azimuth), distance * Math.sin(elevation)]
   return arm.map((value, i) => value + target[i] - centre[i])
 }
 
-/** Which of the views is seen from `centre` in the direction nearest to that of `orbit`, and the angle between them; null without views. */
+/** The view whose direction from `centre` is nearest to that of `orbit`, and the angle between both; null without views. */
 export function nearest(views, orbit, centre) {
   const [x, y, z] = direction(orbit, centre)
-  let found = null
+  let best = null
   views.forEach((view, index) => {
     const [u, v, w] = direction(view, centre)
     const degrees = Math.atan2(Math.hypot(y * w - z * v, z * u - x * w, x * v - y * u), x * u + y * v + z * w) * 180 / Math.PI
-    if (!found || degrees < found.degrees) found = { index, degrees }
+    if (!best || degrees < best.degrees) best = { index, degrees }
   })
-  return found
+  return best
 }
 
 export const KEYS = {
@@ -60,7 +59,7 @@ export const KEYS = {
 export const closer = KEYS['+']
 export const farther = KEYS['-']
 
-/** `move(change)` is called with a function of the orbit; `at(row, column)` where the pointer is, and `chosen` on a click. */
+/** Calls `move(change)` with a function of the orbit, `at(row, column)` with the pointer's place, and `chosen` on a click. */
 export function handle(canvas, { move, at, chosen }) {
   const pointers = new Map()
   let moved = 0
@@ -69,8 +68,8 @@ export function handle(canvas, { move, at, chosen }) {
     return [clamp((event.clientY - box.top) / box.height, 0, 1), clamp((event.clientX - box.left) / box.width, 0, 1)]
   }
   const spread = () => {
-    const [one, other] = [...pointers.values()]
-    return Math.hypot(one.x - other.x, one.y - other.y)
+    const [first, second] = [...pointers.values()]
+    return Math.hypot(first.x - second.x, first.y - second.y)
   }
   canvas.addEventListener('pointerdown', event => {
     if (event.button) return
@@ -82,12 +81,12 @@ export function handle(canvas, { move, at, chosen }) {
     at(...place(event))
     const before = pointers.get(event.pointerId)
     if (!before) return
-    const apart = pointers.size === 2 ? spread() : 0
+    const distance = pointers.size === 2 ? spread() : 0
     const [right, down] = [event.clientX - before.x, event.clientY - before.y]
     pointers.set(event.pointerId, { x: event.clientX, y: event.clientY })
     moved += Math.hypot(right, down)
     if (moved < 4) return
-    if (pointers.size === 2) move(orbit => zoomed(orbit, apart / Math.max(spread(), 1)))
+    if (pointers.size === 2) move(orbit => zoomed(orbit, distance / Math.max(spread(), 1)))
     else if (pointers.size === 1) move(orbit => turned(orbit, -RADIANS_PER_PIXEL * right, RADIANS_PER_PIXEL * down))
   })
   const end = event => {

@@ -1,4 +1,4 @@
-// One picture with its figures. Text from the server is put in as text, never as markup.
+// One picture with its figures. Text from the server is inserted as text, never as markup.
 
 const WHITE = [255, 255, 255]
 const VIRIDIS = [[68, 1, 84], [72, 40, 120], [62, 74, 137], [49, 104, 142], [38, 130, 142], [31, 158, 137], [53, 183, 121], [109, 205, 89], [180, 222, 44], [253, 231, 37]]
@@ -16,14 +16,14 @@ const seconds = value => value < 0.001 ? '< 1 ms' : value < 1 ? `${(1000 * value
 const count = value => value.toLocaleString('en').replaceAll(',', ' ')
 export const decibels = value => value == null ? '–' : `${value.toFixed(2)} dB`
 
-/** An element with properties, and what it holds: texts and nodes. */
+/** A new element with properties and children: texts and nodes. */
 export function made(tag, properties = {}, ...children) {
   const node = Object.assign(document.createElement(tag), properties)
   node.append(...children)
   return node
 }
 
-const ROWS = { state: 'State', coarse: 'Coarse', whole: 'Whole', rays: 'Rays', evaluations: 'Evaluations', psnr: 'PSNR, this view', mean: 'PSNR, test mean' }
+const ROWS = { state: 'State', coarse: 'Coarse', whole: 'Complete', rays: 'Rays', evaluations: 'Evaluations', psnr: 'PSNR, this view', mean: 'PSNR, test mean' }
 const TRUTH_ROWS = { state: 'View', views: 'Test views', ceiling: 'PSNR ceiling', floor: 'PSNR floor' }
 const LASTING = ['mean', 'views', 'ceiling', 'floor']
 
@@ -88,7 +88,7 @@ export class Panel {
     this.bar.style.width = state === 'refining' ? `${100 * share}%` : '0'
   }
 
-  /** What a frame of the server says besides its pixels. */
+  /** Shows the header of a frame. */
   read(frame, scored) {
     this.state(frame.state, frame.share)
     this.remark(frame.note)
@@ -102,7 +102,7 @@ export class Panel {
     } else {
       const cached = frame.cached !== null
       if (cached) this.say('state', 'view cache', frame.cached, 'cached')
-      else this.say('state', 'whole', '', 'strong')
+      else this.say('state', 'complete', '', 'strong')
       if (cached) this.say('coarse', '–', 'not needed')
       this.say('whole', seconds(frame.seconds), cached ? '' : `own work ${seconds(frame.work)}`)
       this.root.dataset.cached = frame.cached ?? 'none'
@@ -122,14 +122,14 @@ export class Panel {
     this.remark('')
   }
 
-  /** No more of it will come. */
+  /** Marks an unfinished picture as cancelled. */
   stop(why) {
     if (!['loading', 'coarse', 'refining'].includes(this.root.dataset.state)) return
     this.state('stopped')
-    this.say('state', 'given up', why)
+    this.say('state', 'cancelled', why)
   }
 
-  /** Depths that were hit: the least and the largest. */
+  /** The minimum and maximum of the depths that were hit. */
   depths() {
     let least = Infinity, most = -Infinity
     for (const value of this.filled ? this.depth : []) {
@@ -151,7 +151,7 @@ export class Panel {
     else if (isError) shade = at => ramp(stops, error(at) / LARGEST_ERROR)
     else if (mode === 'opacity') shade = at => ramp(stops, this.opacity[at] / 255)
     else if (mode === 'depth') shade = at => this.depth[at] > 0 ? ramp(stops, (this.depth[at] - near) / (far - near || 1)) : WHITE
-    const context = this.canvas.getContext('2d', { willReadFrequently: true }) // is written by hand alone
+    const context = this.canvas.getContext('2d', { willReadFrequently: true }) // stays in memory: only putImageData draws
     const image = context.createImageData(this.width, this.height)
     image.data.fill(255)
     for (let at = 0; at < this.depth.length; at++) image.data.set(shade(at), 4 * at)

@@ -1,5 +1,5 @@
-// What the page asks of the server: messages as `harness/viewer/wire.py` writes them (length of the header, header, and
-// 12 bytes for each of its pixels), and one render at a time, of which the newest request wins.
+// Requests to the server: messages as `harness/viewer/wire.py` writes them (length of the header, header, and 12 bytes
+// per pixel), and one render at a time, of which the newest request wins.
 
 const BYTES_PER_PIXEL = 12
 const PAUSE = 1000
@@ -15,7 +15,7 @@ function pixelsOf(bytes, count) {
   }
 }
 
-/** Whole messages from the front of `bytes`, and what is left. */
+/** The complete messages at the front of `bytes`, and the remaining bytes. */
 function split(bytes) {
   const messages = []
   let at = 0
@@ -31,17 +31,17 @@ function split(bytes) {
   return [messages, bytes.subarray(at)]
 }
 
-/** What a reader should be told as it is. */
-export class Told extends Error {}
-/** The same question may be answered in a moment. */
-class Busy extends Told {}
+/** An error whose message is for the reader. */
+export class UserError extends Error {}
+/** The server is busy: the same request may succeed in a moment. */
+class Busy extends UserError {}
 
-/** What the network does; a TypeError of `fetch` or of a body is its way to say that there is none. */
+/** Awaits the network; `fetch` and the reading of a body throw a TypeError without a connection. */
 async function reached(promise) {
   try {
     return await promise
   } catch (error) {
-    throw error instanceof TypeError ? new Told('The server does not answer: it has ended, or was stopped.') : error
+    throw error instanceof TypeError ? new UserError('The server does not answer: it has ended, or was stopped.') : error
   }
 }
 
@@ -49,7 +49,7 @@ async function answer(address, options) {
   const response = await reached(fetch(address, options))
   if (response.ok) return response
   const text = await reached(response.text())
-  throw new (response.status === 503 ? Busy : Told)(text.slice(0, 300) || `The server answers ${response.status}.`)
+  throw new (response.status === 503 ? Busy : UserError)(text.slice(0, 300) || `The server answers ${response.status}.`)
 }
 
 export const json = async address => reached((await answer(address)).json())
@@ -59,7 +59,7 @@ export async function picture(address) {
   return message
 }
 
-/** Calls `onMessage` for each message of a render as it arrives; ends early where the signal is aborted. */
+/** Calls `onMessage` for each message of a render as it arrives; ends early if the signal is aborted. */
 async function render(request, signal, onMessage) {
   const response = await answer('/render', {
     method: 'POST', headers: { 'content-type': 'application/json' }, body: JSON.stringify(request), signal,
@@ -86,7 +86,7 @@ export class Asking {
   coarse = new Set()
   controller = new AbortController()
 
-  /** `make()` gives the request for what is wanted now, or null; `receive(message)` gets its answers, `fail(error)` why there are none. */
+  /** `make()` returns the present request, or null; `receive(message)` gets its answers, `fail(error)` an error. */
   constructor(make, receive, fail) {
     Object.assign(this, { make, receive, fail })
   }
@@ -97,7 +97,7 @@ export class Asking {
     else if (now || !this.coarse.size) this.abort()
   }
 
-  /** Nothing of what was asked so far is shown any more. */
+  /** Abandons all requests so far. */
   drop() {
     this.wanted = false
     this.abort()
@@ -108,7 +108,7 @@ export class Asking {
     this.controller.abort()
   }
 
-  /** There is something of this method to look at. */
+  /** Notes that this method has something to show. */
   seen(method) {
     this.coarse.delete(method)
     if (!this.coarse.size && this.wanted) this.abort()
@@ -123,7 +123,7 @@ export class Asking {
       this.controller = new AbortController()
       this.coarse = new Set(request.methods)
       try {
-        // what had been read before it was given up is not of the view that is shown now
+        // messages of an abandoned request may still arrive
         await render(request, this.controller.signal, message => this.current === request && this.receive(message))
       } catch (error) {
         if (error.name === 'AbortError') continue

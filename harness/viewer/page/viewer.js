@@ -1,8 +1,8 @@
-// The page: what is chosen, what is asked of the server, and where its answers go.
+// The page: its state, its requests to the server, and their answers.
 
 import { closer, farther, handle, KEYS, nearest, reach, within } from './camera.js'
 import { decibels, LARGEST_ERROR, made, Panel, RAMPS } from './panel.js'
-import { Asking, json, picture, Told } from './stream.js'
+import { Asking, json, picture, UserError } from './stream.js'
 
 const $ = id => document.getElementById(id)
 const TRUTHS_KEPT = 60
@@ -82,7 +82,7 @@ const receivers = {
     $('said').textContent = [...panels].map(([name, { figures }]) => `${name}: ${figures.state.textContent}, PSNR ${figures.psnr.textContent}`).join('; ')
     document.body.dataset.ended = generation
   },
-  'given up': () => stopped('as many other pages ask; move to ask again'),
+  'given up': () => stopped('too many other pages are open; move to ask again'),
   broken({ note }) {
     complain(note)
     stopped()
@@ -99,11 +99,12 @@ function stopped(why = '') {
   for (const panel of panels.values()) panel.stop(why)
 }
 
-/** What is not the server's word or the network's is a mistake of this page, and is said to be one. */
+/** Shows an error; any other than a `UserError` is a bug of this page. */
 function failed(error) {
   stopped()
-  if (!(error instanceof Told)) console.error(error)
-  complain(error instanceof Told ? error.message : `This page made a mistake: ${error.message}`)
+  const isBug = !(error instanceof UserError)
+  if (isBug) console.error(error)
+  complain(isBug ? `This page has a bug: ${error.message}` : error.message)
 }
 
 const asking = new Asking(request, receive, failed)
@@ -154,7 +155,7 @@ async function showTruth() {
 
 // ---- moving
 
-/** Nodes: where the camera stands, and how far from a view of the ground truth. */
+/** Nodes that describe the camera, and its angle from the nearest view of the ground truth. */
 function place({ scene, view, near, orbit }) {
   const degrees = angle => `${(angle * 180 / Math.PI).toFixed(1)}°`
   const azimuth = ((orbit.azimuth + Math.PI) % (2 * Math.PI)) - Math.PI
@@ -254,7 +255,7 @@ async function choose(name) {
   asking.drop()
   const scene = await json(`/scene.json?scene=${encodeURIComponent(name)}`)
   if (number !== chosen) return
-  asking.drop() // what was asked of the former scene while this one was on its way
+  asking.drop() // requests of the former scene while this one was loading
   page.scene = scene
   page.reach = reach([scene.start, ...scene.views])
   $('title').textContent = scene.title && scene.title !== scene.name ? `${scene.name} – ${scene.title}` : scene.name

@@ -1,1 +1,1 @@
-"""What a run gives besides its page: numbers and plots for a README, all figures in a zip, how to cite it."""
+"""Outputs of a run other than its page: numbers and plots for a README, all figures in a zip, a citation."""

@@ -1,4 +1,4 @@
-"""How to cite a run: a BibTeX entry that names its plan, its commit and the digest of its records."""
+"""The citation of a run: a BibTeX entry that names its plan, its commit and the digest of its records."""
 
 import re
 
@@ -9,26 +9,25 @@ from reports.data.load import Records
 from reports.data.scale import in_a_line
 
 SPECIAL = re.compile(r"[\\{}$&#%_^~]")
-"""What TeX would take for its own."""
+"""The characters that TeX interprets."""
 
 
 def records_digest(records: Records) -> str:
-    """Return 64 hexadecimal digits of all cells of the run, whatever the order in which they were made."""
+    """Return 64 hexadecimal digits that depend on every cell of the run, but not on their order."""
     cells = (*records.cells, *records.extra_cells, *records.guest_cells)
     return digest_of(dict(sorted(digests_of(cells).items())))
 
 
 def bibtex(records: Records) -> str:
-    """Return an entry whose key is the beginning of the digest: two runs have the same if their records are."""
-    digest, run = records_digest(records), records.run
+    """Return an entry whose key is the beginning of the digest, which runs share if their records are the same."""
+    digest, commit = records_digest(records), records.run.provenance.get("commit", "unknown")
     scenes, methods = ", ".join(records.scenes), ", ".join(records.methods)
-    title = f"{{{_tex(headline(records).title)}}}"
-    note = f"{in_a_line(records)}; scenes: {scenes}; methods: {methods}"
+    note = f"{in_a_line(records)}; scenes: {scenes}; methods: {methods}; commit {commit}; records sha256:{digest}"
     fields = {
-        "title": title,
+        "title": f"{{{_tex(headline(records).title)}}}",
         "author": "{The radiance-verdict authors}",
         "howpublished": "Report of radiance-verdict",
-        "note": _tex(f"{note}; commit {run.provenance.get('commit', 'unknown')}; records sha256:{digest}"),
+        "note": _tex(note),
     }
     lines = [f"  {name:<12} = {{{value}}}," for name, value in fields.items()]
     return "\n".join([f"@misc{{radiance-verdict-{digest[:12]},", *lines, "}", ""])
@@ -36,4 +35,4 @@ def bibtex(records: Records) -> str:
 
 def _tex(text: str) -> str:
     plain = text.replace("\u202f", " ").replace("\u00a0", " ").replace("−", "-")
-    return SPECIAL.sub(lambda found: f"\\{found[0]}" if found[0] not in "\\^~" else " ", plain)
+    return SPECIAL.sub(lambda match: f"\\{match[0]}" if match[0] not in "\\^~" else " ", plain)

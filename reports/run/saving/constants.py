@@ -1,4 +1,4 @@
-"""The search for the constants that the paper leaves open: its surface as a picture, its choice as a table.
+"""The search for the constants that the paper does not give: its scores as a picture, its choice as a table.
 
 python -m reports.run.saving.constants RECORD.json PICTURE.png
 """
@@ -27,13 +27,13 @@ COMPARED = (
     *(("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("nerf_matched", "nerf")),
     *(("qnerf_running_mean", "nerf"), ("qnerf_running_mean", "nerf_matched"), ("qnerf_shifted", "nerf")),
 )
-"""The pairs of methods whose difference at the chosen constants is told."""
+"""The pairs of methods whose difference at the chosen constants is stated."""
 Pair = tuple[float, float | None]
 """Unit of density and start, both per half of the longest side of the scene's box."""
 
 
 def means(search: Search, method: str, steps: int) -> dict[Pair, float]:
-    """Map each pair of constants → PSNR on validation views, mean over scenes; pairs that diverged are left out."""
+    """Map each pair of constants → its mean PSNR on validation views over scenes; pairs that diverged are left out."""
     scores: dict[Pair, list[float | None]] = {}
     for row in search["rows"]:
         if (row["method"], row["steps"]) == (method, steps):
@@ -57,8 +57,8 @@ def start_in_words(start: float | None) -> str:
 
 
 def surface(search: Search) -> list[Panel]:
-    """Draw a panel for each method: validation PSNR against the unit of density, a line for each start, and the
-    finalists after all steps.
+    """Draw a panel for each method: validation PSNR against the unit of density, a line for each start, and marks for
+    the pairs that were trained for all steps.
     """
     brief, full = budgets(search)
     every = [
@@ -76,7 +76,6 @@ def surface(search: Search) -> list[Panel]:
 
 
 def _traces(search: Search, method: str, steps: int, kind: Literal["line", "mark"]) -> Iterator[Trace]:
-    """Yield the scores of each start after `steps`, at the units that were trained."""
     starts = list(dict.fromkeys(row["constants"]["start"] for row in search["rows"]))
     scores = means(search, method, steps)
     for place, start in enumerate(starts):
@@ -94,52 +93,48 @@ def drawings(search: Search) -> list[Drawing]:
 
 
 def choice(search: Search) -> str:
-    """Tabulate what was chosen for each method, with its score and the range of all pairs. A search that was stopped
-    has chosen nothing: the best pairs so far, on the scenes where all were trained.
+    """Tabulate the constants of each method, with their score and the range of all pairs. A stopped search has chosen
+    no constants: then they are the best pairs so far.
     """
     brief, full = budgets(search)
-    found = search["chosen"] or {method: best(search, method, brief) for method in methods(search)}
+    chosen = search["chosen"] or {method: best(search, method, brief) for method in methods(search)}
     steps = full if search["chosen"] else brief
     rows = []
-    for method, pair in found.items():
+    for method, pair in chosen.items():
         every = means(search, method, brief).values()
         score = means(search, method, steps)[pair["unit"], pair["start"]]
         shown = (f"{pair['unit']:g}", start_in_words(pair["start"]), number(score))
         rows.append((f"`{method}`", *shown, f"{number(min(every))} to {number(max(every))}"))
     scenes = list(dict.fromkeys(row["scene"] for row in search["rows"]))
     columns = ("method", "unit", "start", f"validation PSNR, dB, {steps} steps", f"all pairs, {brief} steps")
-    state = (
-        ""
-        if search["chosen"]
-        else "**Not finished**: these are the best pairs so far, and no method is made with them. "
-    )
-    told = [words for pair in COMPARED if (words := difference(search, *pair))]
-    one_seed = f"At the chosen constants, on validation views, one seed, 95 %: {'; '.join(told)}.\n\n" if told else ""
+    unfinished = "**Not finished**: these are the best pairs so far, and no method is made with them. "
+    pairs = [words for pair in COMPARED if (words := difference(search, *pair))]
+    one_seed = f"At the chosen constants, on validation views, one seed, 95 %: {'; '.join(pairs)}.\n\n" if pairs else ""
     return (
-        f"{table(columns, rows)}\n\n{one_seed}{state}Means over {listed(scenes)}; seed {search['seed']}, "
-        f"commit {search['provenance']['commit']}. {search['rule']}"
+        f"{table(columns, rows)}\n\n{one_seed}{'' if search['chosen'] else unfinished}Means over {listed(scenes)}; "
+        f"seed {search['seed']}, commit {search['provenance']['commit']}. {search['rule']}"
     )
 
 
 def difference(search: Search, method: str, against: str) -> str:
-    """State by how much two methods differ after all steps with the constants that were chosen for each, on scenes like
-    these: `qnerf − nerf +0.08 dB (−0.17 to +0.34: sign and size open)`; nothing before both are chosen.
+    """State the difference of two methods after all steps with their chosen constants, on scenes like these:
+    `qnerf − nerf +0.08 dB (−0.17 to +0.34: sign and size open)`; nothing before both have constants.
     """
     if not {method, against} <= search["chosen"].keys():
         return ""
     ours, theirs = (chosen_scores(search, name) for name in (method, against))
     paired = {scene: np.array([ours[scene] - theirs[scene]]) for scene in ours}
-    found = judged(paired, "psnr", len(COMPARED))
-    estimate = found.scenes_like_these
+    judgement = judged(paired, "psnr", len(COMPARED))
+    estimate = judgement.scenes_like_these
     if estimate is None or estimate.simultaneous is None:
         return ""
     known = judged_in_words(estimate.simultaneous, estimate.verdict)
-    return f"`{method}` − `{against}` {signed(found.difference)} dB ({known})"
+    return f"`{method}` − `{against}` {signed(judgement.difference)} dB ({known})"
 
 
 def chosen_scores(search: Search, method: str) -> dict[str, float]:
-    wanted, (_, full) = search["chosen"][method], budgets(search)
-    rows = [row for row in search["rows"] if (row["method"], row["steps"], row["constants"]) == (method, full, wanted)]
+    key = (method, budgets(search)[1], search["chosen"][method])
+    rows = [row for row in search["rows"] if (row["method"], row["steps"], row["constants"]) == key]
     return {row["scene"]: row["psnr_val"] for row in rows}
 
 
@@ -150,7 +145,7 @@ def best(search: Search, method: str, steps: int) -> dict[str, float | None]:
 
 
 def on_complete_scenes(search: Search) -> Search:
-    """Return the search without scenes on which some pair is still to be trained."""
+    """Return the search without scenes on which some pair is not yet trained."""
     counts = Counter(row["scene"] for row in search["rows"])
     most = max(counts.values())
     return {**search, "rows": [row for row in search["rows"] if counts[row["scene"]] == most]}

@@ -1,4 +1,4 @@
-"""All figures and tables of a run in one zip: PDF, SVG and PNG; CSV in full precision and LaTeX; how to cite it."""
+"""All figures and tables of a run in a zip: PDF, SVG and PNG; CSV in full precision and LaTeX; a citation."""
 
 import csv
 import io
@@ -33,28 +33,21 @@ FORMATS = ("pdf", "svg", "png")
 DPI = 200
 LONGEST_NAME = 80
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""The date on every file, the earliest that a zip can have: the same run gives the same bytes but for Matplotlib's."""
+"""The date of every file, the earliest that a zip can have, so that the same run gives the same bytes (except in SVG,
+where Matplotlib draws random ids).
+"""
 
 
 def figures(records: Records) -> Iterator[tuple[str, Panel]]:
-    """Yield the panels of the page with the names of their files."""
     drawn = [(figure.name, figure.panels(records)) for figure in FIGURES]
-    for name, panels in (*drawn, *((diagram.name, diagram.panels) for diagram in diagrams(records))):
-        for panel in panels:
-            yield f"{name}-{panel.title}", panel
+    drawn += [(diagram.name, diagram.panels) for diagram in diagrams(records)]
+    yield from ((f"{name}-{panel.title}", panel) for name, panels in drawn for panel in panels)
 
 
 def tables(records: Records, beside: Beside) -> Iterator[Grid]:
-    """Yield the tables of the page that hold the run's own numbers."""
-    targets = records.targets
-    grids: list[Grid | None] = [
-        scores_grid(records),
-        senses_grid(records),
-        *differences_grids(records),
-        further_grid(records),
-    ]
-    grids += [metrics_table.costs_grid(records), separation_grid(records)]
-    if targets is not None:
+    grids: list[Grid | None] = [scores_grid(records), senses_grid(records), *differences_grids(records)]
+    grids += [further_grid(records), metrics_table.costs_grid(records), separation_grid(records)]
+    if (targets := records.targets) is not None:
         grids += [savings_grid(targets, ["all"]), savings_grid(targets, records.scenes), at_risk_grid(targets)]
     grids += [metrics_table.metrics_grid(records), *(grid(records) for _, grid in TABLES.values())]
     grids += [grid for _, grid in chapters(claims(records, beside), in_a_line(records))]
@@ -63,24 +56,24 @@ def tables(records: Records, beside: Beside) -> Iterator[Grid]:
 
 
 def as_csv(grid: Grid) -> str:
-    """Return a table with the exact numbers behind it and, in columns of their own, what belongs to each."""
+    """Return a table with its exact numbers and, in further columns, the parts of each entry."""
     rows = []
     for row in [*grid.rows, *grid.totals]:
         cells: dict[str, float | str | None] = {}
         for title, entry in zip(_titles(grid), row, strict=True):
             cells[title] = entry.text if entry.value is None else entry.value
             cells |= {f"{title}, {name}": part for name, part in entry.parts.items()}
-        # numbers of Python, as colour-science has those of NumPy printed with twelve digits
+        # colour-science makes NumPy print its numbers with only twelve digits
         rows.append({name: float(cell) if isinstance(cell, float) else cell for name, cell in cells.items()})
     text = io.StringIO()
-    written = csv.DictWriter(text, list(dict.fromkeys(name for row in rows for name in row)))
-    written.writeheader()
-    written.writerows(rows)
+    writer = csv.DictWriter(text, list(dict.fromkeys(name for row in rows for name in row)))
+    writer.writeheader()
+    writer.writerows(rows)
     return text.getvalue()
 
 
 def as_latex(grid: Grid) -> str:
-    """Return a table as it is shown, with booktabs."""
+    """Return a table with the texts of the page, for booktabs."""
     rows = [[" ".join(f"{entry.text} {entry.small}".split()) for entry in row] for row in [*grid.rows, *grid.totals]]
     frame = pd.DataFrame(rows, columns=_titles(grid))
     return str(frame.to_latex(index=False, escape=True, caption=grid.caption))
@@ -91,7 +84,7 @@ def _titles(grid: Grid) -> list[str]:
 
 
 def write_export(records: Records, path: Path, beside: Beside = ALONE) -> None:
-    """Write the zip beside its place, then rename it. Raises `OSError`."""
+    """Write the zip atomically. Raises `OSError`."""
     buffer, taken = io.BytesIO(), set[str]()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as zipped, matplotlib.rc_context(STYLE):
 
@@ -114,8 +107,9 @@ def write_export(records: Records, path: Path, beside: Beside = ALONE) -> None:
 
 
 def _free(title: str, taken: set[str]) -> str:
-    """Return a file name for a title that no other one of the zip has."""
+    """Return a file name for a title that is not taken, and add it to the taken names."""
     plain = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:LONGEST_NAME] or "table"
-    name = next(each for each in (plain, *(f"{plain}-{place}" for place in range(2, 1000))) if each not in taken)
+    names = (plain, *(f"{plain}-{place}" for place in range(2, 1000)))
+    name = next(name for name in names if name not in taken)
     taken.add(name)
     return name

@@ -1,4 +1,4 @@
-"""summary.json, every number of the page for those who script against it; and small PNG plots for a README."""
+"""summary.json, which holds every number of the page for scripts, and small PNG plots for a README."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from harness.records.json_record import finite_or_none, plain, write_json
 from harness.records.metric_table import METRICS
 from harness.verdicts.last_doubling import last_doublings
 from reports.claims.claim_list import claims
-from reports.claims.estimands import found_failures
+from reports.claims.estimands import failures_of
 from reports.claims.headline import headline
 from reports.claims.ledger import not_tested
 from reports.claims.psnr_table import tone_of
@@ -34,13 +34,12 @@ CLAIM = (
     *("id", "source", "printed", "measured", "interval", "scale", "verdict"),
     *("statement", "kind", "unit", "how", "note"),
 )
-"""What summary.json tells of a claim: how it was judged, then what explains it."""
+"""The fields of a claim in summary.json."""
 
 
 def summary(records: Records, beside: Beside = ALONE) -> dict[str, object]:
-    """Return plain data, JSON-ready: a number that is not finite is None and the cell's status says why.
-
-    `serving` is None if it was not measured.
+    """Return JSON-ready data: a number that is not finite is None, and the status of the cell says why. `serving` is
+    None if it was not measured.
     """
     run, ledger = records.run, claims(records, beside)
     return {
@@ -58,7 +57,7 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, object]:
         "last_doubling": [asdict(row) for row in last_doublings(records.cells, records.methods)],
         "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells, *records.guest_cells)],
         "comparisons": [plain(comparison) for comparison in (*records.comparisons, *records.extra_comparisons)],
-        "failures": asdict(found_failures(records)),
+        "failures": asdict(failures_of(records)),
         "claims": [{name: getattr(claim, name) for name in CLAIM} for claim in ledger],
         "serving": [{"study": study.info.id, **plain(check)} for study, check in beside.serving.checks()]
         if beside.serving
@@ -73,23 +72,15 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, object]:
 
 
 def _cell(cell: CellRecord) -> dict[str, object]:
-    scores = [*METRICS, "psnr_train", "psnr_ceiling", *(name for name in cell.scores if name not in METRICS)]
-    curve = {
-        "steps": [point.step for point in cell.curve],
-        "seconds": [point.seconds for point in cell.curve],
-        "core_seconds": [point.core_seconds for point in cell.curve],
-        "network_evaluations": [point.network_evaluations for point in cell.curve],
-    }
+    scores = dict.fromkeys([*METRICS, "psnr_train", "psnr_ceiling", *cell.scores])
+    counts = ("seconds", "core_seconds", "network_evaluations")
+    curve: dict[str, object] = {"steps": [point.step for point in cell.curve]}
+    curve |= {name: [getattr(point, name) for point in cell.curve] for name in counts}
     curve |= {name: [finite_or_none(getattr(point, name)) for point in cell.curve] for name in METRICS}
+    own = ("scene", "method", "seed", "status", "reason", "steps", "train_seconds", "train_core_seconds", "costs")
     return {
-        **{
-            name: getattr(cell, name)
-            for name in (
-                *("scene", "method", "seed", "status", "reason"),
-                *("steps", "train_seconds", "train_core_seconds", "costs"),
-            )
-        },
-        **{name: finite_or_none(cell.scores.get(name)) for name in dict.fromkeys(scores)},
+        **{name: getattr(cell, name) for name in own},
+        **{name: finite_or_none(cell.scores.get(name)) for name in scores},
         "curve": curve,
         **{name: getattr(cell, name) for name in ("parameters", "properties", "warnings")},
     }
@@ -99,17 +90,13 @@ def write_summary(records: Records, path: Path, beside: Beside = ALONE) -> None:
     write_json(path, summary(records, beside))
 
 
-def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> list[Path]:
-    """Write psnr.png, error_vs_time.png, work_precision.png, views.png (if they can be drawn) and summary.json.
-
-    Returns the written paths.
-    """
+def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> None:
+    """Write summary.json and, if they can be drawn, psnr.png, error_vs_time.png, work_precision.png and views.png."""
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json", beside)
-    written = [folder / "summary.json"]
     over_time = [diagram for diagram in diagrams(records) if diagram.cost.name in ("seconds", "core_seconds")]
     errors = [panel for diagram in over_time if diagram.name == "rmse_linear-seconds" for panel in diagram.panels]
-    # by the wall and of the processor, side by side where both are known
+    # wall time and processor time, side by side if both are known
     everywhere = [replace(diagram.panels[0], title=diagram.measure.label) for diagram in over_time]
     key = key_of_methods(records)
     for name, drawings, across, size in (
@@ -117,13 +104,10 @@ def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> l
         ("error_vs_time", [(panel, key) for panel in errors if panel.title != EVERYWHERE], 4, (2.5, 2.1)),
         ("work_precision", [(panel, key) for panel in everywhere], 2, (3.4, 2.9)),
     ):
-        written += save_sheet(folder / f"{name}.png", drawings, across, size)
+        save_sheet(folder / f"{name}.png", drawings, across, size)
     with matplotlib.rc_context(STYLE):
-        views = contact(records)
-        if views is not None:
+        if (views := contact(records)) is not None:
             save(views, folder / "views.png")
-            written.append(folder / "views.png")
-    return written
 
 
 def key_of_methods(records: Records) -> Key:
@@ -133,7 +117,7 @@ def key_of_methods(records: Records) -> Key:
 
 
 def psnr_dots(records: Records) -> Panel:
-    """Return a row per scene, a dot for each seed and a bar at their mean; unfinished cells are a cross to the left."""
+    """Draw a row per scene, a dot for each seed and a bar at their mean; unfinished cells are a cross to the left."""
     frame = cells_frame(records)
     done = frame[(frame["status"] == "done") & frame["psnr"].notna()]
     lowest = float(done["psnr"].min()) if len(done) else 0.0
@@ -157,7 +141,6 @@ def psnr_dots(records: Records) -> Panel:
 
 
 def contact(records: Records) -> Figure | None:
-    """Draw ground truth and every method for the first stored view of each scene."""
     rows = []
     for scene in records.scenes:
         seed = seed_shown(records, scene)
@@ -168,8 +151,8 @@ def contact(records: Records) -> Figure | None:
         cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
         renders = [last_render(saved, cells[method], view) if method in cells else None for method in records.methods]
         truth = saved.truth.get(view)
-        halves = [truth.display if truth else None, *(render.colour if render else None for render in renders)]
-        rows.append((scene, [None if half is None else as_picture(half) for half in halves]))
+        displayed = [truth.display if truth else None, *(render.colour if render else None for render in renders)]
+        rows.append((scene, [None if colour is None else as_picture(colour) for colour in displayed]))
     if not rows:
         return None
     names = ["ground truth", *records.methods]

@@ -1,10 +1,10 @@
-"""python -m reports.run.saving.published: the numbers of README.md and docs, written from what is published.
+"""python -m reports.run.saving.published: write the numbers of README.md and docs from the published files.
 
     <!-- numbers: NAME -->
-    what `block(NAME, docs)` makes of docs/*.json
+    the text that `block(NAME, docs)` makes from docs/*.json
     <!-- end -->
 
-A block is empty if a file of it is not published, other than one with ? behind its name.
+A block is empty if one of its files is not published, except files with ? after the name.
 """
 
 import json
@@ -21,7 +21,7 @@ from reports.run.saving.published_cells import Run, judged_again
 
 RUN = ("reduced/summary.json",)
 REPLICATES = "reduced/processors.json?"
-"""The plan of the default run, made again twice (`python -m harness compare`)."""
+"""The plan of the default run, trained twice more (`python -m harness compare`)."""
 BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "scale": (RUN, run_blocks.scale),
     "result": ((*RUN, REPLICATES), run_blocks.result),
@@ -33,13 +33,13 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "failures": (RUN, run_blocks.failed),
     "last doubling": (RUN, run_blocks.doubling),
     "ceiling": ((*RUN, "converged/summary.json"), run_blocks.ceiling),
-    "late verdict": ((*RUN, "converged/summary.json", REPLICATES), run_blocks.beside),
+    "late verdict": ((*RUN, "converged/summary.json", REPLICATES), run_blocks.second_run),
     "late equal time": (("converged/summary.json",), run_blocks.equal_time),
     "twice the steps": (
         ("reduced/halved.json", *RUN, "converged/summary.json", "converged/doubled.json"),
         run_blocks.twice_the_steps,
     ),
-    "under Adam": ((*RUN, "adam/summary.json", REPLICATES), run_blocks.beside),
+    "under Adam": ((*RUN, "adam/summary.json", REPLICATES), run_blocks.second_run),
     "ledger": (RUN, run_blocks.ledger),
     "processors": (("reduced/processors.json", *RUN), run_blocks.processors),
     "GPU": (
@@ -58,7 +58,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "left out": (("left_out.json",), study_blocks.left_out),
     "left out over scenes": (("left_out.json",), study_blocks.left_out_over_scenes),
 }
-"""Name → the files below docs, and what is written of them."""
+"""Name → the files below docs, and the function that makes the text from them."""
 MARKED = re.compile(r"<!-- numbers: ([\w ]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
@@ -82,7 +82,7 @@ def _published(path: Path) -> Run | Studies:
 
 @lru_cache(maxsize=16)
 def _judged(text: str) -> Run:
-    """Return a summary with what the present functions say of its cells, once for all blocks."""
+    """Return a summary as the present functions judge its cells, cached for all blocks."""
     return judged_again(in_two_words(json.loads(text)))
 
 
@@ -91,13 +91,13 @@ def pages(root: Path) -> list[Path]:
 
 
 def rewritten(text: str, docs: Path) -> str:
-    """Return the page with every block as the data have it; raises `KeyError` for a name that no block has."""
+    """Return the page with every block written again; raises `KeyError` for a name that no block has."""
 
-    def replaced(place: re.Match[str]) -> str:
+    def write(place: re.Match[str]) -> str:
         words = block(place[1], docs)
         return f"<!-- numbers: {place[1]} -->\n{words}{chr(10) * bool(words)}<!-- end -->"
 
-    return MARKED.sub(replaced, text)
+    return MARKED.sub(write, text)
 
 
 def main(root: Path = Path()) -> int:

@@ -1,4 +1,4 @@
-"""The cells of a published summary.json as records, so that the functions that judge a run judge what is published."""
+"""The cells of a published summary.json as records, so that the functions that judge runs also judge published runs."""
 
 from typing import Any
 
@@ -17,10 +17,10 @@ Run = dict[str, Any]
 
 
 def judged_again(run: Run) -> Run:
-    """Return the summary with its comparisons of PSNR as the present functions make them of its cells.
+    """Return the summary with its comparisons of PSNR judged again from its cells by the present functions.
 
-    What is published was judged by the version that made it, from the same cells: one that tells p-values judged as
-    this one does, and stays as it is. Other metrics keep what they have.
+    A summary was judged by the version that published it. If it has p-values, that version judged like this one, and
+    the summary is returned unchanged. Comparisons by other metrics are kept.
     """
     estimates = (row[sense] for row in run["comparisons"] for sense in SENSES)
     if any("p" in known for known in estimates if known):
@@ -33,12 +33,11 @@ def judged_again(run: Run) -> Run:
 
 
 def cells_of(run: Run, methods: list[str]) -> list[CellRecord]:
-    """Return the cells of `methods` with what a comparison by PSNR needs: scores, curve, time, and how they ended."""
     return [_cell(row) for row in run["cells"] if row["method"] in methods]
 
 
 def situation(run: Run, methods: list[str], equal_time: bool = False) -> Situation:
-    """Return the cells at equal steps, or at equal core seconds (seconds where no others were counted)."""
+    """Return the cells at equal steps, or at equal core seconds (training seconds if those were not counted)."""
     budgets = headline_budgets([row["budget"] for row in run["comparisons"]])
     return Situation(cells_of(run, methods), budgets[equal_time])
 

@@ -1,4 +1,4 @@
-"""The line that makes one cell of a run again: the same bits on the same kind of processor."""
+"""The command that trains a cell of a run again, with the same bits on the same kind of processor."""
 
 import shlex
 
@@ -11,11 +11,11 @@ DROPPED = {
     *("--device", "--precision", "--verify-omissions", "--tensorboard", "--no-serving", "--quiet", "--lpips"),
     *("--partial", "--keep-every", "--ray-address", "--job"),
 }
-"""What a cell does not depend on, or what its own record says better than the command of the run."""
+"""The options that a cell does not depend on, or that its own record states more precisely."""
 
 
 def replay(records: Records, cell: CellRecord) -> str:
-    """Return the command for a shell; empty for a guest, whose budget is the time that another cell took."""
+    """Return the command for a shell; empty for a guest, whose budget is the measured time of another cell."""
     words = shlex.split(records.run.command)
     if "run" not in words or cell.method in records.run.guests:
         return ""
@@ -30,13 +30,13 @@ def replay(records: Records, cell: CellRecord) -> str:
     if not {"--view-set", "--scene-file"} & {word.partition("=")[0] for word in kept}:
         own = ["--scenes", cell.scene, *own]
     own += ["--device", "cpu" if cell.provenance.get("device", "cpu") == "cpu" else "cuda"]
-    given = {"--threads": cell.provenance.get("threads"), "--precision": value_at(cell.settings, "train", "precision")}
-    own += [word for name, value in given.items() if value is not None for word in (name, str(value))]
+    known = {"--threads": cell.provenance.get("threads"), "--precision": value_at(cell.settings, "train", "precision")}
+    own += [word for name, value in known.items() if value is not None for word in (name, str(value))]
     return shlex.join(["python", "-m", "harness", "run", *kept, *own, "--no-serving"])
 
 
-def beside_it(cell: CellRecord) -> str:
-    """Return what else has to be the same: commit, kind of processor, versions."""
+def conditions(cell: CellRecord) -> str:
+    """Return what else must be the same for the same bits: commit, kind of processor, versions."""
     origin = cell.provenance
     parts = [f"commit {origin['commit']}" if "commit" in origin else "", str(origin.get("processor", ""))]
     packages = origin.get("packages") or {}

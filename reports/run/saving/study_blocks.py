@@ -1,4 +1,4 @@
-"""The blocks of numbers that tell studies and measurements; `published.py` writes them into the pages."""
+"""The blocks of numbers of studies and measurements; `published.py` writes them into the pages."""
 
 from collections import Counter
 from statistics import fmean
@@ -16,7 +16,7 @@ FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.
 
 
 def evidence(record: Studies) -> str:
-    """State the answer of each study, in the words that were made from its figures, and the failing checks."""
+    """State the answer of each study and the failing checks."""
     checks, broken = list(record.checks()), record.broken
     answers = [f"* **{study.info.title}** {study.answers[0]}" for study in record.studies if study.answers]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
@@ -26,25 +26,27 @@ def evidence(record: Studies) -> str:
 
 
 def collapse(record: Studies) -> str:
-    """State how often short trainings ended without a picture, in boxes of several sizes."""
-    return " ".join(answer for study in record.studies if study.info.id == "collapse" for answer in study.answers)
+    return " ".join(_answers(record, "collapse"))
+
+
+def _answers(record: Studies, id: str) -> list[str]:
+    return [answer for study in record.studies if study.info.id == id for answer in study.answers]
 
 
 def frontier(record: Studies) -> str:
-    """State the answers of the frontier, with the mean score of each family at each budget."""
-    said = {
+    by_title = {
         study.info.title: study.answers if study.info.id == "phi" else study.answers[:1] for study in record.studies
     }
-    answers = [f"* **{title.rstrip('?')}.** {' '.join(words)}" for title, words in said.items() if words]
-    means = [found for study in record.studies for found in study.tables if found.id == "over_scenes"]
-    tables = [table(found.columns, (map(str, line) for line in found.rows)) for found in means]
+    answers = [f"* **{title.rstrip('?')}.** {' '.join(words)}" for title, words in by_title.items() if words]
+    means = [means for study in record.studies for means in study.tables if means.id == "over_scenes"]
+    tables = [table(grid.columns, (map(str, line) for line in grid.rows)) for grid in means]
     minutes, made = sum(study.seconds for study in record.studies) / 60, record.provenance
     took = f"It took {minutes:.0f} minutes on {made['cores']} cores ({made['processor']})."
     return "\n\n".join([*tables, "\n".join(answers), took, FRONTIER_PICTURE])
 
 
 def families(searched: Run) -> str:
-    """Tabulate the trials of each family, means over scenes, and the largest gains."""
+    """Tabulate the trials of each family as means over scenes, and state the largest gains."""
     trials, lines, gains = list(dict.fromkeys(row["trial"] for row in searched["rows"])), [], []
     for family, means in searched["means"].items():
         rows = [row for row in searched["rows"] if row["family"] == family]
@@ -62,11 +64,11 @@ def families(searched: Run) -> str:
 
 
 def leaders(record: Studies) -> str:
-    who = [answer for study in record.studies if study.info.id == "front" for answer in study.answers]
     amount = record.settings["amount"]
     scale = f"{counted(len(amount['scenes']), 'scene')}, {counted(len(amount['seeds']), 'seed')}"
     where = f"{scale}, {record.provenance['processor']}: on another machine a core second is another amount of work."
-    return "\n\n".join([f"{' '.join(who)} {where}", FRONTIER_PICTURE.replace("(", "(docs/")])
+    leading = " ".join(_answers(record, "front"))
+    return f"{leading} {where}\n\n{FRONTIER_PICTURE.replace('(', '(docs/')}"
 
 
 def stability(record: Studies) -> str:
@@ -117,7 +119,6 @@ def serving(record: Studies) -> str:
 
 
 def left_out(effects: Run) -> str:
-    """Tabulate the effect of each omission on each scene: verdicts by the complete interval."""
     rows = effects["omissions"]
     titles = {effect["name"]: effect["what"] for effect in reversed(rows)}
     by_cell = {(effect["scene"], effect["name"]): omission(effect) for effect in rows}
@@ -130,7 +131,7 @@ def left_out(effects: Run) -> str:
 
 
 def left_out_over_scenes(effects: Run) -> str:
-    """State what each omission does to PSNR over scenes, judged like the headline: on scenes like these."""
+    """State the effect of each omission on PSNR over scenes, judged like the headline, on scenes like these."""
     words, seeds = [], dict.fromkeys(effects["settings"]["seeds"])
     of_interest = METRICS["psnr"].smallest_of_interest
     for name, what in {row["name"]: row["what"] for row in reversed(effects["omissions"])}.items():
@@ -138,17 +139,17 @@ def left_out_over_scenes(effects: Run) -> str:
         changes = [row["difference"] for row in rows if row["difference"] is not None]
         if len(changes) < 2:
             continue
-        found = paired_difference(np.array(changes))
+        effect = paired_difference(np.array(changes))
         saved = fmean(row["seconds_saved"] for row in rows)
         words.append(
-            f"{what} {signed(found.mean)} dB {interval(found.interval)} on {counted(len(changes), 'scene')} "
-            f"({verdict(found, of_interest).phrase}), {number(saved, 0)} core s saved a cell"
+            f"{what} {signed(effect.mean)} dB {interval(effect.interval)} on {counted(len(changes), 'scene')} "
+            f"({verdict(effect, of_interest).phrase}), {number(saved, 0)} core s saved a cell"
         )
     return f"Left out, over scenes ({counted(len(seeds), 'seed')}): {'; '.join(words)}." if words else ""
 
 
 def omission(effect: Run) -> str:
-    """Format `−0.31 [−0.57, −0.05] dB: inconclusive, 27.7 s saved`; of pictures the change of colour."""
+    """Format `−0.31 [−0.57, −0.05] dB: inconclusive, 27.7 s saved`; an omission in rendering has a change of colour."""
     if effect["difference"] is None:
         return "–"
     ends = f" {interval(effect['interval'])}" if effect["interval"] else ""

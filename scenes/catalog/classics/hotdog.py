@@ -94,9 +94,9 @@ def mustard(phase: float) -> Solid:
     tangent = np.gradient(path, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     out = np.stack([np.zeros_like(x), np.sin(lean), np.cos(lean)], axis=-1)
-    beside = np.cross(tangent, out)
+    sideways = np.cross(tangent, out)
     angle = np.linspace(0, 2 * np.pi, 16, endpoint=False)[:, None]
-    across = np.cos(angle) * beside[:, None] - np.sin(angle) * out[:, None]
+    across = np.cos(angle) * sideways[:, None] - np.sin(angle) * out[:, None]
     return smooth(loft(path[:, None] + radius[:, None, None] * across))
 
 

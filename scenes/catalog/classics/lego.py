@@ -177,7 +177,7 @@ def rear() -> Parts:
 
 
 def blade() -> Parts:
-    """A concave shield with ribs behind, on pierced beams beside the tracks, lifted by two cylinders."""
+    """A concave shield with ribs behind, on pierced beams next to the tracks, lifted by two cylinders."""
     arc = np.radians(np.linspace(232, 136, 24))
     profile = np.c_[9.15 + 2.5 * np.cos(arc), 2.35 + 2.5 * np.sin(arc)]
     shield = strip(profile, 0.3, -5.2, 5.2)

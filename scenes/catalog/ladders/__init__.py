@@ -1,1 +1,1 @@
-"""The ladders of scenes, one difficulty each in five rungs; imports `stress` and `modelling`."""
+"""Ladders of five scenes, each with one growing difficulty; imports `stress` and `modelling`."""

@@ -1,4 +1,4 @@
-"""Ladders: one difficulty each, in five rungs, from a scene that any radiance field can do to one that none can.
+"""Ladders: one difficulty in five rungs, from a scene that any radiance field can learn to a scene that none can.
 
 Rung i of ladder `name` is the scene `name_i`, built by one parametric function (`scenes.catalog.ladders.rungs`).
 """

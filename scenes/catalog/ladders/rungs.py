@@ -17,7 +17,7 @@ RESOLUTION = 40
 
 
 def frequency(name: str, cycles: float) -> Scene:
-    """Make a chequered ball with so many cycles around it, half as many from pole to pole."""
+    """Make a chequered ball with `cycles` cycles around it, and half of that from pole to pole."""
     pixels = chequers(int(cycles), int(2 * cycles), (0.92, 0.75, 0.25), (0.08, 0.15, 0.45))
     return textured_ball(name, f"A chequered ball, {cycles:g} cycles around it", pixels)
 

@@ -1,8 +1,8 @@
 """A ball of even fog whose truth is exact, even where its light scatters many times.
 
-Its albedo is 0 or 1 in each colour, and the sky has one radiance L in all directions. Where the albedo is 1, light is
-in equilibrium: what the fog takes from a ray it gives back, so a ray of transmittance T carries L everywhere, of which
-T L is the sky's own, unseen, and (1 − T) L the fog's. Where the albedo is 0, the fog gives nothing back.
+Its albedo is 0 or 1 in each colour, and the sky has one radiance L in all directions. With albedo 1, light is in
+equilibrium: the fog scatters as much into a ray as out of it, so a ray of transmittance T carries L, of which T L comes
+from the sky, which is not visible, and (1 − T) L from the fog. With albedo 0, the fog scatters nothing.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ SKY = 0.5
 DENSE, THIN = 50.0, 1e-3
 """The optical depths along a diameter."""
 RED, BLACK = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-"""The albedos. Black fog renders quickly however dense it is: nothing scatters."""
+"""The albedos. Black fog of any density renders quickly: nothing scatters."""
 
 
 def density(tau: float) -> float:
@@ -42,8 +42,8 @@ def fog(name: str, title: str, tau: float, albedo: tuple[float, float, float] = 
         depth = np.where(np.isfinite(enter) & (enter > 0), enter, 0.0)
         return Seen(SKY * alpha[:, None] * np.array(albedo), alpha, depth)
 
-    # light that comes in by the skin scatters (2/3) τ times in the mean; of the long paths one in e lasts for another
-    # 0.076 τ² (the slowest mode of diffusion in a ball), so that a thousandth of those few is cut off
+    # light that enters at the surface scatters (2/3) τ times on average; one in e of the long paths lasts for another
+    # 0.076 τ² events (the slowest mode of diffusion in a ball), so a thousandth of these few is cut off
     max_depth = 64 + int(tau**2 / 2) if any(albedo) else 4
     return Scene(name, title, build, max_depth=max_depth, truth=truth)
 

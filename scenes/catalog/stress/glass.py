@@ -1,8 +1,8 @@
 """A glowing core in a ball of clear glass under an even sky.
 
-A ray that misses the core carries the sky's radiance, whatever the glass does to it: nothing is lost. One that enters
-at an impact parameter b passes the centre at b / n, meets the core there, and comes out with the share that Fresnel's
-equations let through, its radiance divided by n²; what they turn back is sky.
+A ray that misses the core carries the sky's radiance, as the glass absorbs nothing. A ray of impact parameter b passes
+the centre at b / n and meets the core there. It carries the core's radiance, divided by n², times the share that
+Fresnel's equations transmit; the rest is the sky's.
 """
 
 import numpy as np

@@ -1,13 +1,14 @@
-"""Extreme light: an emitter a million times as bright as the floor it lights, and light that all but misses it."""
+"""Extreme light: an emitter a million times as bright as the floor that it lights, and light at grazing incidence."""
 
 import math
 
 import numpy as np
 
 from scenes.catalog.stress import geometry
-from scenes.catalog.stress.patterns import chequers, diffuse, fields, floor, glowing, rgb
+from scenes.catalog.stress.patterns import chequers, fields, floor, glowing, rgb
 from scenes.modelling.lighting import towards
 from scenes.modelling.scene import Description, Scene
+from scenes.modelling.surfaces import matte
 from scenes.modelling.truth import Seen
 
 HALF = 0.95
@@ -34,7 +35,7 @@ def hdr(name: str, title: str, ratio: float) -> Scene:
 
     def build() -> Description:
         lamp = {"type": "sphere", "center": list(LAMP), "radius": LAMP_RADIUS, **glowing(rgb(ratio * BRIGHTEST))}
-        return {"lamp": lamp, "floor": floor(HALF, HDR_FLOOR, bsdf=diffuse(fields(pixels)))}
+        return {"lamp": lamp, "floor": floor(HALF, HDR_FLOOR, bsdf=matte(fields(pixels)))}
 
     def truth(o: np.ndarray, d: np.ndarray) -> Seen:
         """A ball of radiance L and radius r, at distance s above the horizon, gives π L (r / s)² cos θ."""
@@ -51,15 +52,15 @@ def hdr(name: str, title: str, ratio: float) -> Scene:
 
 def grazing() -> Description:
     domes = {
-        name: {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": diffuse(rgb(DOME_ALBEDO))}
+        name: {"type": "sphere", "center": list(centre), "radius": radius, "bsdf": matte(rgb(DOME_ALBEDO))}
         for name, (centre, radius) in DOMES.items()
     }
     sun = {"type": "directional", "direction": (-SUN).tolist(), "irradiance": rgb(IRRADIANCE)}
-    return {"sun": sun, "floor": floor(HALF, GRAZING_FLOOR, bsdf=diffuse(fields(GRAZING_PIXELS))), **domes}
+    return {"sun": sun, "floor": floor(HALF, GRAZING_FLOOR, bsdf=matte(fields(GRAZING_PIXELS))), **domes}
 
 
 def shadowed(point: np.ndarray, without: str = "") -> np.ndarray:
-    """Return whether [points] a dome stands before the light."""
+    """Return whether a dome blocks the light, [points]."""
     light = np.broadcast_to(SUN, point.shape)
     others = [dome for name, dome in DOMES.items() if name != without]
     return np.asarray(

@@ -37,9 +37,9 @@ def build() -> Description:
 
 
 def lights(o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return radiance [rays, 3] and distance [rays] of the first thing that glows; 0 and inf if there is none.
+    """Return radiance [rays, 3] and distance [rays] of the first glowing surface; 0 and inf without one.
 
-    The floor glows upwards alone.
+    The floor glows only upwards.
     """
     t = geometry.square(o, d, HEIGHT, HALF)
     texture = geometry.square_texture(FLOOR, geometry.at(o, d, t), HALF)

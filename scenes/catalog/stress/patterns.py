@@ -3,16 +3,17 @@
 import numpy as np
 
 from scenes.modelling.scene import Description
+from scenes.modelling.surfaces import matte
 
 
 def chequers(rows: int, columns: int, first: tuple[float, ...], second: tuple[float, ...]) -> np.ndarray:
-    """Return chequers, float32 [rows, columns, 3]: one pixel per field."""
+    """Return chequers, float32 [rows, columns, 3], one pixel per field."""
     odd = np.indices((rows, columns)).sum(axis=0) % 2
     return np.where(odd[..., None] == 0, np.asarray(first), np.asarray(second)).astype(np.float32)
 
 
 def patchwork(seed: int, rows: int, columns: int, low: float = 0.05, high: float = 0.95) -> np.ndarray:
-    """Return float32 [rows, columns, 3]: every field has a colour of its own, so that no two places look alike."""
+    """Return float32 [rows, columns, 3]: random colours, so that no two fields look alike."""
     return np.random.default_rng(seed).uniform(low, high, (rows, columns, 3)).astype(np.float32)
 
 
@@ -26,10 +27,6 @@ def rgb(*values: float) -> Description:
     return {"type": "rgb", "value": list(values) * (3 if len(values) == 1 else 1)}
 
 
-def diffuse(reflectance: Description) -> Description:
-    return {"type": "diffuse", "reflectance": reflectance}
-
-
 def sky(radiance: float = 1.0) -> Description:
     """Return equal light from everywhere: a convex matte body has its albedo times this as its radiance, exactly."""
     return {"type": "constant", "radiance": rgb(radiance)}
@@ -37,10 +34,10 @@ def sky(radiance: float = 1.0) -> Description:
 
 def glowing(radiance: Description) -> Description:
     """Return the entries of a shape that glows and reflects nothing."""
-    return {"bsdf": diffuse(rgb(0.0)), "emitter": {"type": "area", "radiance": radiance}}
+    return {"bsdf": matte(rgb(0.0)), "emitter": {"type": "area", "radiance": radiance}}
 
 
-BLACK = diffuse(rgb(0.0))
+BLACK = matte(rgb(0.0))
 
 
 def floor(half: float, height: float, **material: Description) -> Description:

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from scenes.catalog.stress import geometry
-from scenes.catalog.stress.patterns import BLACK, diffuse, fields, glowing, patchwork, rgb, sky
+from scenes.catalog.stress.patterns import BLACK, fields, glowing, patchwork, rgb, sky
 from scenes.modelling.scene import Description, Scene
+from scenes.modelling.surfaces import matte
 from scenes.modelling.truth import Seen
 
 RADIUS = 0.9
@@ -52,23 +53,20 @@ def one_colour(value: float) -> np.ndarray:
 
 
 def inside() -> Description:
-    """Describe the hollow ball."""
     return {"room": {"type": "sphere", "radius": ROOM_RADIUS, "flip_normals": True, **glowing(fields(ROOM_PIXELS))}}
 
 
 def inside_truth(o: np.ndarray, d: np.ndarray) -> Seen:
-    """Return what rays see that start inside the hollow ball."""
     _, t = geometry.ball(o, d, geometry.ORIGIN, ROOM_RADIUS)
     return Seen(geometry.ball_texture(ROOM_PIXELS, (o + t[:, None] * d) / ROOM_RADIUS), np.ones(len(o)), t)
 
 
 def furnace() -> Description:
     cube = {"type": "cube", "to_world": np.diag([HALF, HALF, HALF, 1.0]), "flip_normals": True}
-    return {"room": {**cube, **glowing(rgb(*EMISSION)), "bsdf": diffuse(rgb(*ALBEDO))}}
+    return {"room": {**cube, **glowing(rgb(*EMISSION)), "bsdf": matte(rgb(*ALBEDO))}}
 
 
 def furnace_truth(o: np.ndarray, d: np.ndarray) -> Seen:
-    """Return what rays see that start inside the furnace."""
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(d == 0, np.inf, (np.sign(d) * HALF - o) / d).min(axis=-1)
     return Seen(np.broadcast_to(np.array(FURNACE_RADIANCE), o.shape).copy(), np.ones(len(o)), t)

@@ -1,5 +1,5 @@
-"""Detail of about a pixel: straight black wires, of which a pixel shows the share of it that they cover, and a
-chequered square whose fields are one pixel wide at 48 pixels: the Nyquist limit, and beyond where it recedes.
+"""Detail of about a pixel: straight black wires, which cover a share of a pixel, and a chequered square whose fields
+are one pixel wide at 48 pixels: at the Nyquist limit, and beyond it where the square recedes.
 """
 
 import math
@@ -8,8 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from scenes.catalog.stress import geometry
-from scenes.catalog.stress.patterns import BLACK, chequers, diffuse, fields, floor, sky
+from scenes.catalog.stress.patterns import BLACK, chequers, fields, floor, sky
 from scenes.modelling.scene import Description, Scene
+from scenes.modelling.surfaces import matte
 from scenes.modelling.truth import Seen, Truth
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS
 
@@ -25,7 +26,6 @@ def pixel_size(resolution: int) -> float:
 
 
 FIELDS = round(2 * FLOOR_HALF / pixel_size(RESOLUTION))
-"""The number of fields along a side."""
 CHEQUERS = chequers(FIELDS, FIELDS, (0.95, 0.90, 0.80), (0.05, 0.10, 0.20))
 
 
@@ -60,7 +60,6 @@ def wires_truth(width: float) -> Truth:
 
 
 def checker_truth(o: np.ndarray, d: np.ndarray) -> Seen:
-    """Return what rays see from above."""
     t = geometry.square(o, d, 0.0, FLOOR_HALF)
     return Seen.at(t, geometry.square_texture(CHEQUERS, geometry.at(o, d, t), FLOOR_HALF))
 
@@ -74,7 +73,7 @@ SCENES = [
     Scene(
         "checker",
         f"Chequers one pixel wide at {RESOLUTION} pixels: at the Nyquist limit, and beyond it at the back",
-        lambda: {"sky": sky(), "floor": floor(FLOOR_HALF, 0.0, bsdf=diffuse(fields(CHEQUERS)))},
+        lambda: {"sky": sky(), "floor": floor(FLOOR_HALF, 0.0, bsdf=matte(fields(CHEQUERS)))},
         truth=checker_truth,
     ),
 ]

@@ -1,1 +1,1 @@
-"""Posed images as other trainers write and read them."""
+"""Posed images in the formats of other trainers; imports `view_sets` and `files`."""

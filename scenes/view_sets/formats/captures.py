@@ -1,7 +1,7 @@
 """Captures with a camera: a reconstruction by COLMAP (`sparse/0`, binary or text), and LLFF's `poses_bounds.npy`.
 
 Both hold out every eighth view by name for testing, as 3D Gaussian Splatting, mip-NeRF 360 and LLFF's loaders do.
-Poses are taken as they are written, not turned or scaled.
+Poses are used unchanged, neither rotated nor scaled.
 """
 
 import math
@@ -30,19 +30,19 @@ MODELS = {
     3: ("RADIAL", ("f", "cx", "cy", "k1", "k2")),
     4: ("OPENCV", ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")),
 }
-"""COLMAP's number of a model → its name and parameters, for those that are read."""
+"""Map COLMAP's number of a supported model → its name and parameters."""
 OTHERS = {5: ("OPENCV_FISHEYE", 8), 6: ("FULL_OPENCV", 12), 7: ("FOV", 5), 8: ("SIMPLE_RADIAL_FISHEYE", 4),
           9: ("RADIAL_FISHEYE", 5), 10: ("THIN_PRISM_FISHEYE", 12)}  # fmt: skip
-"""The models that are refused, and how many parameters they have."""
+"""Map COLMAP's number of a refused model → its name and number of parameters."""
 LARGEST_BYTES = 1 << 30
 HELD_OUT = 8
 MOST_RANGE = 20.0
 """The ratio of the farthest to the nearest depth above which a scene counts as unbounded."""
 LEAST_POINTS = 50
 OUTLIERS = 0.5
-"""The per cent of points on each side that bounds leave out."""
+"""The percentage of points on each side that bounds exclude."""
 MARGIN = 0.05
-"""The share of its sides that a box of points is widened by on each side."""
+"""The share of its size by which a box of points is widened on each side."""
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -54,18 +54,16 @@ def sparse_folder(path: Path) -> Path | None:
 
 @dataclass(frozen=True)
 class _Posed:
-    """An image of a reconstruction."""
-
     name: str
     camera: int
     camera_to_world: np.ndarray
 
 
 def read_colmap(path: Path, sparse: Path) -> Source:
-    """Read a reconstruction and the folder `images` beside it; distortion is undone.
+    """Read a reconstruction and the folder `images` of `path`; distortion is undone.
 
-    Raises `InputError`, naming file, value and remedy, for what cannot be trusted, for fisheye lenses, and, unless
-    bounds are given, for an unbounded scene.
+    Raises `InputError`, naming file, value and remedy, for invalid data, for fisheye lenses, and, unless bounds are
+    given, for an unbounded scene.
     """
     end = "bin" if (sparse / "cameras.bin").is_file() else "txt"
     tables = {name: sparse / f"{name}.{end}" for name in ("cameras", "images", "points3D")}
@@ -113,7 +111,7 @@ def _capture(
     path: Path, frames: Frames, read: Callable[[Path, int], np.ndarray], depths: np.ndarray,
     bounds: tuple[float, ...] | None, notes: list[str],
 ) -> Source:  # fmt: skip
-    """Return the source of views that are in the order of their names; `depths` [n] are those of what they see."""
+    """Return the source of views in the order of their names; `depths` [n] are those of the points that they see."""
     count = len(frames.files)
     test = list(range(0, count, HELD_OUT))
     train = [number for number in range(count) if number % HELD_OUT]
@@ -122,15 +120,15 @@ def _capture(
     notes = [f"Every eighth view by name, {len(test)} of {count}, is a test view; the others train.", *notes]
     unbounded, channels = "", display_image(frames.files[0]).shape[2]
     if channels == 4:
-        bounds = None  # silhouettes say more than points do
+        bounds = None  # silhouettes bound the object better than points do
     else:
-        notes.append("Images without alpha count as wholly covered, background included.")
+        notes.append("Images without alpha count as fully opaque, background included.")
         near, far = np.percentile(depths[depths > 0], [1.0, 99.0]) if (depths > 0).any() else (1.0, 1.0)
         if far > MOST_RANGE * near:
             bounds = None
             unbounded = f"depths from {near:.3g} to {far:.3g} are an unbounded scene, which no box holds"
     if bounds is not None:
-        notes.append("Bounds are those of what was reconstructed; --bounds says better.")
+        notes.append("Bounds are those of the reconstructed points; --bounds overrides them.")
     return Source(
         name=path.resolve().name,
         frames=lambda split: frames.of(train if split == "train" else test) if split in ("train", "test") else None,
@@ -143,13 +141,13 @@ def _capture(
 
 
 def _through(file: Path, lens: Lens, focal: float, channels: int) -> np.ndarray:
-    """Return straight RGBA of an image as the common pinhole shows it."""
+    """Return straight RGBA of an image, resampled to the common pinhole."""
     pixels = display_rgba(file, channels)
     height, width = pixels.shape[:2]
     if abs(height - width * lens.height / lens.width) > 1.0:
         raise InputError(
             f"{file}: {width} × {height} pixels, its camera has {lens.width} × {lens.height}; give the images that "
-            "were reconstructed, or resized copies of the whole pictures"
+            "were reconstructed, or resized copies of the complete pictures"
         )
     if lens.is_pinhole and lens.fx == focal:
         return pixels
@@ -163,7 +161,7 @@ def _angle(width: float, focal: float, where: str) -> float:
 
 
 def _depths(points: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far points [n, 3] lie in front of a camera; those behind it have negative depths."""
+    """Return the depths of points [n, 3] in front of a camera; those behind it are negative."""
     return (camera_to_world[:3, 3] - points) @ camera_to_world[:3, 2]
 
 
@@ -177,14 +175,14 @@ def _around(points: np.ndarray) -> tuple[float, ...] | None:
 
 def _bytes(file: Path) -> bytes:
     if not file.is_file():
-        raise InputError(f"{file}: missing; export the whole model: cameras, images and points3D")
+        raise InputError(f"{file}: missing; export the complete model: cameras, images and points3D")
     if (size := file.stat().st_size) > LARGEST_BYTES:
         raise InputError(f"{file}: {size} bytes; no more than {LARGEST_BYTES} are read")
     return file.read_bytes()
 
 
 def _lines(file: Path) -> list[list[str]]:
-    """Return the words of each line that is no comment; an empty line is an image without points."""
+    """Return the words of each line that is not a comment; an empty line is an image without points."""
     text = _bytes(file).decode("utf-8")
     return [line.split() for line in text.splitlines() if not line.startswith("#")]
 
@@ -251,7 +249,7 @@ def _pose(name: str, camera: int, numbers: list[float]) -> _Posed:
 
 
 def _points(file: Path) -> np.ndarray:
-    """Return the reconstructed points [n, 3]; none without a file of them."""
+    """Return the reconstructed points [n, 3]; none without such a file."""
     if not file.is_file():
         return np.zeros((0, 3))
     if file.suffix == ".txt":
@@ -265,10 +263,10 @@ def _points(file: Path) -> np.ndarray:
             at += 51 + 8 * track
         if at > len(data):
             raise ValueError("the last point is cut off")
-    found = np.array(points, dtype=np.float64).reshape(-1, 3)
-    if not np.isfinite(found).all():
+    table = np.array(points, dtype=np.float64).reshape(-1, 3)
+    if not np.isfinite(table).all():
         raise InputError(f"{file}: a point is NaN or infinite; export the model again")
-    return found
+    return table
 
 
 def read_llff(path: Path) -> Source:
@@ -282,9 +280,9 @@ def read_llff(path: Path) -> Source:
     if rows.ndim != 2 or rows.shape[1] != 17 or not len(rows) or not np.isfinite(rows).all():
         raise InputError(f"{file}: is {rows.shape}; it must be finite numbers [views, 17]")
     folder = path / IMAGES
-    files = sorted(one.resolve() for one in folder.iterdir() if one.is_file()) if folder.is_dir() else []
+    files = sorted(file.resolve() for file in folder.iterdir() if file.is_file()) if folder.is_dir() else []
     if len(files) != len(rows):
-        raise InputError(f"{folder}: has {len(files)} images, {LLFF} {len(rows)} poses; give one for each, by name")
+        raise InputError(f"{folder}: has {len(files)} images, {LLFF} {len(rows)} poses; give one image per pose")
     matrices, depths = rows[:, :15].reshape(-1, 3, 5), rows[:, 15:]
     height, width, focal = matrices[0, :, 4]
     if np.ptp(matrices[:, :, 4], axis=0).max() > 1e-3 * focal or min(height, width, focal) <= 0:
@@ -292,7 +290,7 @@ def read_llff(path: Path) -> Source:
     if not (depths > 0).all() or not (depths[:, 0] < depths[:, 1]).all():
         raise InputError(f"{file}: depths must be positive, the near one first; make it again")
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
-    # its axes are down, right, backwards
+    # LLFF's axes are down, right, backwards
     poses[:, :3, 0], poses[:, :3, 1] = matrices[:, :, 1], -matrices[:, :, 0]
     poses[:, :3, 2], poses[:, :3, 3] = matrices[:, :, 2], matrices[:, :, 3]
     check_poses(poses, [f"{file}: row {number}" for number in range(len(rows))])

@@ -1,6 +1,6 @@
-"""A view set written as other trainers read it: from any format that can be read to any that can be written.
+"""A view set written in the format of another trainer, from any readable format.
 
-PNGs with alpha are copied byte for byte; other images are written anew. Depth, normals and float colour are dropped.
+PNGs with alpha are copied byte for byte; other images are encoded again. Depth, normals and float colour are dropped.
 """
 
 import os
@@ -24,17 +24,16 @@ from scenes.view_sets.viewpoints import SPLITS
 def export(path: Path, form: str, out: Path) -> list[str]:
     """Write the view set at `path` to `out`, a new folder, or a new file for `npz`. Returns notes for its reader.
 
-    Raises `InputError` for a view set that cannot be read or is not as it was rendered, an `out` that is there already
-    or cannot be written, and for more images than fit one `.npz`. Nothing is left of what could not be finished: it is
-    written beside `out`, then renamed.
+    Raises `InputError` for an unreadable or damaged view set, an `out` that exists or cannot be written, and too many
+    images for one `.npz`. After a failure nothing is left: the output is written under a temporary name, then renamed.
     """
     if os.path.lexists(out):
-        raise InputError(f"--out {out}: is there already; name a new {'file' if form == 'npz' else 'folder'}")
+        raise InputError(f"--out {out}: exists already; name a new {'file' if form == 'npz' else 'folder'}")
     if form == "npz" and out.suffix != ".npz":
         raise InputError(f"--out {out}: a tiny-NeRF file ends in .npz")
     try:
-        with replacing(out) as beside:
-            return _write(path, form, beside)
+        with replacing(out) as temporary:
+            return _write(path, form, temporary)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}); choose another place") from error
 
@@ -56,7 +55,7 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
         """Raise `InputError` for an image that is damaged or of another size, rather than pass the fault on."""
         image = source.pixels(file)
         if image.shape[:2] != (height, width):
-            raise InputError(f"{file}: not {width} × {height} pixels, as the others are; give all one size")
+            raise InputError(f"{file}: not {width} × {height} pixels, as the others are; give all images one size")
         return image
 
     notes = [*source.notes]
@@ -69,7 +68,7 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
             )
         train = len(views["train"].files) if "train" in views else 0
         write_tiny_nerf(out, (pixels(file) for frames in scored for file in frames.files), poses, focal, train, region)
-        return [*notes, *(["A tiny-NeRF file has no val views: they stay behind."] if "val" in views else [])]
+        return [*notes, *(["A tiny-NeRF file has no val views: they are not exported."] if "val" in views else [])]
     out.mkdir()
     names = {split: [f"{split}/r_{number}" for number in range(len(views[split].files))] for split in views}
     for split, frames in views.items():
@@ -85,7 +84,7 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
         listed = {s: ([f"{name}.png" for name in names[s]], frames.camera_to_world) for s, frames in views.items()}
         write_nerfstudio(out / NAME, listed, (width, height), focal, region)
         return notes
-    # all three listings: other readers want a `val` whether anybody validates or not
+    # all three listings: other readers require a `val`, even if they do not use it
     stand_in = "test" if "test" in views else "train"
     for split in SPLITS:
         given = split if split in views else stand_in

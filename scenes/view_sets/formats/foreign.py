@@ -1,4 +1,4 @@
-"""Readers by path, for each of the field's formats of posed images."""
+"""The choice of a reader by path, the tiny-NeRF format, and the defaults of the Blender format."""
 
 import math
 import tokenize
@@ -14,6 +14,7 @@ from scenes.view_sets.formats import captures, nerfstudio
 from scenes.view_sets.formats.nerfstudio import read_nerfstudio
 from scenes.view_sets.formats.transforms import Frames, read_transforms, transforms_file
 from scenes.view_sets.images import display_image
+from scenes.view_sets.pixels import straight_from_premultiplied
 from scenes.view_sets.source import Region, Source, nine_to_one, region_in
 from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, check_poses
 
@@ -29,7 +30,7 @@ _PROBLEMS = (
     OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, SyntaxError,
     TypeError, MemoryError, tokenize.TokenError,
 )  # fmt: skip
-"""The errors that reading a damaged archive may raise; the last ones by numpy, which parses a header as Python."""
+"""The errors of reading a damaged archive; the last ones come from numpy, which parses a header as Python."""
 
 
 def _array(file: Path, name: str, limit: int = LARGEST_SMALL) -> np.ndarray:
@@ -68,7 +69,7 @@ def _numbers(file: Path, name: str) -> list[float]:
 
 
 def read_tiny_nerf(file: Path) -> Source:
-    """Read a tiny-NeRF file. Raises `InputError`, naming file, array and remedy, for what cannot be trusted."""
+    """Read a tiny-NeRF file. Raises `InputError`, naming file, array and remedy, for invalid data."""
     images, cameras = _array(file, "images", LARGEST_BYTES), _array(file, "poses").astype(np.float64)
     if len(images.shape) != 4 or images.shape[3] not in (3, 4) or 0 in images.shape:
         raise InputError(f"{file}: images is {images.shape}; it must be [views, height, width, 3]")
@@ -90,11 +91,11 @@ def read_tiny_nerf(file: Path) -> Source:
     if alpha is not None and alpha.shape != images.shape[:3]:
         raise InputError(f"{file}: alpha is {alpha.shape}; it must be {images.shape[:3]}, as the images are")
     if alpha is None and images.shape[3] == 3:
-        notes.append(f"{file.name} has no alpha: its images count as wholly covered, their background included.")
+        notes.append(f"{file.name} has no alpha: its images count as fully opaque, background included.")
     if "distances" not in names:
-        notes.append(f"Near {NEAR:g} and far {FAR:g} as in the notebook; --near and --far say better.")
+        notes.append(f"Near {NEAR:g} and far {FAR:g} as in the notebook; --near and --far override them.")
     if "bounds" not in names:
-        notes.append("Bounds are found from the cameras; --bounds says better.")
+        notes.append("Bounds are derived from the cameras; --bounds overrides them.")
     # names in the archive, as files of a folder would be named
     frames = Frames(fov, [file.resolve() / "images" / str(number) for number in range(count)], cameras)
     largest = 255.0 if images.dtype.kind in "iu" else 1.0
@@ -109,8 +110,7 @@ def read_tiny_nerf(file: Path) -> Source:
         rgba = colour if colour.shape[2] == 4 else np.concatenate([colour, np.ones((height, width, 1))], axis=-1)
         if alpha is not None:
             covered = np.clip(alpha[number].astype(np.float64), 0.0, 1.0)[..., None]
-            straight = np.where(covered > 0, rgba[..., :3] / np.where(covered > 0, covered, 1.0), 0.0)
-            rgba = np.concatenate([straight, covered], axis=-1)
+            rgba = straight_from_premultiplied(np.concatenate([rgba[..., :3], covered], axis=-1))
         straight_rgba: np.ndarray = np.clip(rgba, 0.0, 1.0)
         return straight_rgba.astype(np.float32)
 
@@ -126,8 +126,8 @@ def read_tiny_nerf(file: Path) -> Source:
 def write_tiny_nerf(
     file: Path, rgba: Iterable[np.ndarray], camera_to_world: np.ndarray, focal: float, train: int, region: Region
 ) -> None:
-    """Write `rgba`, straight images [h, w, 4], the `train` training views first, as many as poses [n, 4, 4]. Colour is
-    written over black, which is what the notebook's renderer shows in empty space.
+    """Write `rgba`, straight images [h, w, 4], one per pose [n, 4, 4], the `train` training views first. Colour is
+    written over black, which the notebook's renderer shows in empty space.
     """
     pairs = [(image[..., :3] * image[..., 3:], image[..., 3]) for image in rgba]
     arrays = {} if region.bounds is None else {"bounds": np.array(region.bounds)}
@@ -193,18 +193,18 @@ def _rgba(file: Path) -> np.ndarray:
         pixels = pixels[..., [0, 0, 0, 1]]
     if pixels.shape[2] != 4:
         raise InputError(
-            f"{file}: {pixels.shape[2]} channels, no alpha; views must be RGBA, because what is not covered is not to "
-            f"be learnt: save them as PNG with an alpha channel, or list them in a {nerfstudio.NAME}, where images "
-            "without alpha count as wholly covered"
+            f"{file}: {pixels.shape[2]} channels, no alpha; views must be RGBA, because alpha excludes the background "
+            f"from training: save them as PNG with an alpha channel, or list them in a {nerfstudio.NAME}, where images "
+            "without alpha count as fully opaque"
         )
     return pixels
 
 
 def source_of(path: Path) -> Source:
-    """Return the reader for a folder in the Blender format, one with `transforms.json`, a reconstruction of COLMAP or
-    LLFF, or a tiny-NeRF file.
+    """Return the reader for a folder in the Blender format, a folder with `transforms.json` or with a reconstruction of
+    COLMAP or LLFF, or a tiny-NeRF file.
 
-    Raises `InputError` for a path that is none of these, or whose contents cannot be trusted.
+    Raises `InputError` for any other path, and for invalid contents.
     """
     if path.is_dir():
         if any(transforms_file(path, split).exists() for split in ("train", "test")):
@@ -220,7 +220,7 @@ def source_of(path: Path) -> Source:
             return captures.read_colmap(path, sparse)
         if (path / captures.LLFF).is_file():
             return captures.read_llff(path)
-        raise InputError(f"{path}: no view set; {KNOWN}")
+        raise InputError(f"{path}: not a view set; {KNOWN}")
     if not path.exists():
         raise InputError(f"{path}: no such folder; {KNOWN}")
     if path.name == nerfstudio.NAME:
@@ -231,7 +231,7 @@ def source_of(path: Path) -> Source:
 
 
 def check_listed(path: Path) -> None:
-    """Check the list of views and their cameras, but read no image. Raises `InputError` as `source_of`."""
+    """Check the list of views and their cameras without reading images. Raises `InputError` as `source_of`."""
     source = source_of(path)
     for split in SPLITS:
         source.frames(split)

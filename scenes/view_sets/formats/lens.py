@@ -1,4 +1,4 @@
-"""A lens that is no pinhole, and its images as a pinhole with square pixels and a centred axis would show them."""
+"""Lenses with distortion, and the resampling of their images to a pinhole with square pixels and a centred axis."""
 
 from dataclasses import dataclass, replace
 
@@ -6,12 +6,13 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from scenes.files.errors import InputError
+from scenes.view_sets.pixels import straight_from_premultiplied
 
 CENTRED = 0.51
-"""The pixels by which an axis may be off the centre: some write the centre of the middle pixel."""
+"""The maximum offset of an axis from the centre, in pixels: some programs write the centre of the middle pixel."""
 SQUARE = 1e-3
 LONGEST = 16.0
-"""The largest focal length that is tried, in focal lengths of the lens."""
+"""The maximum focal length of the search, in focal lengths of the lens."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,6 @@ class Lens:
 
     @property
     def is_pinhole(self) -> bool:
-        """Return whether its images are a centred pinhole's already."""
         straight = not any((self.k1, self.k2, self.p1, self.p2))
         centred = max(abs(self.cx - self.width / 2), abs(self.cy - self.height / 2)) <= CENTRED
         return straight and centred and abs(self.fx - self.fy) <= SQUARE * self.fx
@@ -51,7 +51,7 @@ class Lens:
         return self.fx * column + self.cx, self.fy * row + self.cy
 
     def holds(self, focal: float) -> bool:
-        """Return whether a pinhole of this focal length sees nothing beside the image, and nothing folded over."""
+        """Return whether a pinhole of this focal length sees nothing outside the image, and no folding."""
         half = np.array([0.5 * self.width, 0.5 * self.height]) / focal
         across, down = np.linspace(-half[0], half[0], 65), np.linspace(-half[1], half[1], 65)
         x = np.concatenate([across, across, np.full(65, -half[0]), np.full(65, half[0])])
@@ -64,7 +64,7 @@ class Lens:
     def pinhole_focal(self, where: str) -> float:
         """Return the focal length of the widest centred pinhole whose pixels all lie in the image.
 
-        Raises `InputError`, which names `where`, for a lens that no pinhole fits into.
+        Raises `InputError`, which names `where`, if there is none.
         """
         if self.is_pinhole:
             return self.fx
@@ -77,12 +77,10 @@ class Lens:
         return narrow
 
     def as_pinhole(self, rgba: np.ndarray, focal: float) -> np.ndarray:
-        """Return straight RGBA [h, w, 4] of this lens as the pinhole of that focal length shows it, interpolated."""
+        """Resample straight RGBA [h, w, 4] of this lens to a pinhole of that focal length, linearly."""
         column, row = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         at, down = self.seen_at((column - 0.5 * self.width) / focal, (row - 0.5 * self.height) / focal)
         premultiplied = np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
         places = np.stack([down - 0.5, at - 0.5])
         seen = [map_coordinates(part, places, order=1, mode="nearest") for part in np.moveaxis(premultiplied, -1, 0)]
-        alpha = seen[3][..., None]
-        colour = np.stack(seen[:3], axis=-1) / np.where(alpha > 0, alpha, 1.0)
-        return np.concatenate([colour, alpha], axis=-1).clip(0.0, 1.0).astype(np.float32)
+        return straight_from_premultiplied(np.stack(seen, axis=-1)).clip(0.0, 1.0).astype(np.float32)

@@ -1,9 +1,9 @@
 """`transforms.json` of nerfstudio and instant-ngp: one file for all splits, intrinsics in pixels.
 
-Reading rules are those of nerfstudio's `nerfstudio_dataparser.py` (version 1.1.5, with its default options) as far as
-they concern which view belongs to which split: `train_filenames`, `val_filenames` and `test_filenames`, else evenly
-spread nine tenths of the views, sorted by path, for training. Poses are taken as they are written, not turned or
-scaled; `applied_transform`, `aabb_scale`, `scale`, `offset` and depth maps change nothing here.
+Splits follow nerfstudio's `nerfstudio_dataparser.py` (version 1.1.5, with its default options): `train_filenames`,
+`val_filenames` and `test_filenames`, else evenly spread nine tenths of the views, sorted by path, for training. Poses
+are used unchanged, neither rotated nor scaled; `applied_transform`, `aabb_scale`, `scale`, `offset` and depth maps have
+no effect.
 """
 
 import json
@@ -19,7 +19,7 @@ from scenes.view_sets.viewpoints import SPLITS
 
 NAME = "transforms.json"
 REGION = "view_region"
-"""The key of our own, which others ignore: `bounds` (six numbers), `near`, `far`."""
+"""An additional key, which other programs ignore: `bounds` (six numbers), `near`, `far`."""
 
 
 def write_nerfstudio(
@@ -28,7 +28,7 @@ def write_nerfstudio(
     """Write `transforms.json`.
 
     `views` maps split → paths of images relative to the file's folder, with suffix, and poses [n, 4, 4]; `size` is
-    width and height, `focal` in pixels. Without a `val`, the test views are named for it: nerfstudio wants all three.
+    width and height, `focal` in pixels. Without a `val`, the test views are listed for it: nerfstudio needs all three.
     """
     width, height = size
     listed = {split: paths for split, (paths, _) in views.items() if paths}
@@ -42,9 +42,9 @@ def write_nerfstudio(
         "camera_model": "OPENCV",
         **{"w": width, "h": height, "fl_x": focal, "fl_y": focal, "cx": width / 2, "cy": height / 2},
         **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0),
-        # the object stands upright already, about the origin
+        # the object is upright already, about the origin
         "orientation_override": "none",
-        # instant-ngp maps x to 0.33 x + 0.5: the power of two whose box holds everything seen
+        # instant-ngp maps x to 0.33 x + 0.5: the power of two whose box holds all geometry
         "aabb_scale": next((scale for scale in (1, 2, 4, 8, 16, 32, 64) if 0.33 * farthest <= scale / 2), 128),
         **{f"{split}_filenames": listed.get(split, listed.get("test", listed.get("train", []))) for split in SPLITS},
         REGION: {"bounds": region.bounds, "near": region.near, "far": region.far},
@@ -54,8 +54,8 @@ def write_nerfstudio(
 
 
 def read_nerfstudio(folder: Path) -> Source:
-    """Read the folder's `transforms.json`. Raises `InputError`, naming file, value and remedy, for anything that cannot
-    be trusted or is not a pinhole of square pixels with the optical axis in the middle.
+    """Read the folder's `transforms.json`. Raises `InputError`, naming file, value and remedy, for invalid data and for
+    cameras other than pinholes with square pixels and a centred optical axis.
     """
     file = folder / NAME
     document, frames, cameras = read_listing(file)
@@ -74,12 +74,12 @@ def read_nerfstudio(folder: Path) -> Source:
     first = frames.files[0]
     channels = display_image(first).shape[2]
     if channels == 3:
-        notes.append(f"{first.name} has no alpha: images without alpha count as wholly covered, background included.")
+        notes.append(f"{first.name} has no alpha: images without alpha count as fully opaque, background included.")
     given = document.view_region or ViewRegion()
     box = None if given.bounds is None else tuple(given.bounds)
     region = region_in(f"{file}: {REGION}", box, given.near, given.far)
     if region.bounds is None:
-        notes.append("Bounds, near and far are found from the cameras; --bounds, --near and --far say better.")
+        notes.append("Bounds, near and far are derived from the cameras; --bounds, --near and --far override them.")
     return Source(
         name=folder.resolve().name,
         frames=lambda split: frames.of(splits[split]) if splits.get(split) else None,
@@ -90,15 +90,15 @@ def read_nerfstudio(folder: Path) -> Source:
 
 
 def _pixels(image: Path, shape: float | None, expected: int) -> np.ndarray:
-    """Return pixels, float32 [h, w, 4], of an image whose height over width is `shape` and that has `expected`
-    channels, as the first one; RGB is fully opaque.
+    """Return pixels, float32 [h, w, 4], of an image that must have the ratio `shape` of height to width and `expected`
+    channels, those of the first image.
     """
     pixels = display_rgba(image, expected)
     height, width = pixels.shape[:2]
     if shape is not None and abs(height - shape * width) > max(1.0, shape):  # a pixel of rounding in either side
         raise InputError(
             f"{image}: {width} × {height} pixels, but {NAME} says h / w = {shape:.4g}; give w and h of these "
-            "images, or resized copies of the whole pictures"
+            "images, or resized copies of the complete pictures"
         )
     return pixels
 

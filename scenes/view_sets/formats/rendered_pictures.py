@@ -1,4 +1,4 @@
-"""Pictures that another program rendered of the test views: found in a folder, matched to the views, read.
+"""Pictures of the test views by another program: found in a folder, matched to the views, read.
 
 Known are the folders that 3D Gaussian Splatting (`test/ours_30000/renders/00000.png`), nerfstudio
 (`test/rgb/r_0.jpg`), instant-ngp (`r_0.png`), nerfbaselines (`color/r_0.png`) and NeRF's own code
@@ -17,20 +17,20 @@ from scenes.view_sets.images import display_image
 from scenes.view_sets.pixels import area_average, area_average_straight
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
-BESIDE = ("gt", "gt-rgb", "gt-color", "depth", "accumulation", "normal", "normals", "alpha", "train", "val")
-"""The folders beside the renders, in which nothing is looked for."""
+OTHER_FOLDERS = ("gt", "gt-rgb", "gt-color", "depth", "accumulation", "normal", "normals", "alpha", "train", "val")
+"""The folders next to the renders, which are not searched."""
 
 
 def pictures_in(folder: Path) -> list[Path]:
-    """Return the pictures of a folder, or else of the only one below it that has any; raises `InputError`."""
+    """Return the pictures of a folder, or else of the only subfolder with pictures; raises `InputError`."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: is no folder; give the one with the rendered test views")
+        raise InputError(f"{folder}: is not a folder; give the one with the rendered test views")
     if here := _pictures(folder):
         return here
     below = sorted({file.parent for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES})
-    below = [one for one in below if not set(one.relative_to(folder).parts) & set(BESIDE)]
+    below = [place for place in below if not set(place.relative_to(folder).parts) & set(OTHER_FOLDERS)]
     if len(below) != 1:
-        shown = ", ".join(one.relative_to(folder).as_posix() for one in below[:5])
+        shown = ", ".join(place.relative_to(folder).as_posix() for place in below[:5])
         raise InputError(f"{folder}: {'has pictures in ' + shown if below else 'has no picture'}; name one folder")
     return _pictures(below[0])
 
@@ -40,7 +40,7 @@ def _pictures(folder: Path) -> list[Path]:
 
 
 def of_views(files: Sequence[Path], names: Sequence[str]) -> list[Path]:
-    """Return the picture of each view: by its name, or else by number if there are as many pictures as views.
+    """Return the picture of each view: by its name, or else by number if the counts of pictures and views are equal.
 
     `names` are paths such as `test/r_0`, of which the last part counts. Raises `InputError` where that leaves a view
     without a picture, or with two.
@@ -51,13 +51,13 @@ def of_views(files: Sequence[Path], names: Sequence[str]) -> list[Path]:
     lacking = [stem for stem in stems if stem not in by_stem]
     if not lacking and len(set(stems)) == len(stems):
         return [by_stem[stem] for stem in stems]
-    numbers = {int(found[0]): file for file in files if (found := re.search(r"\d+$", file.stem))}
+    numbers = {int(digits[0]): file for file in files if (digits := re.search(r"\d+$", file.stem))}
     if len(numbers) == len(files) == len(names) and len(lacking) == len(names):
         return [numbers[number] for number in sorted(numbers)]
     missing = f"none is called {lacking[0]}" if lacking else f"names repeat, such as {stems[0]}"
     raise InputError(
         f"{files[0].parent}: {len(files)} pictures for {len(names)} test views, and {missing}; "
-        "give a picture of each view, called as the view or numbered in the order of transforms_test.json"
+        "give a picture of each view, named like the view or numbered in the order of transforms_test.json"
     )
 
 

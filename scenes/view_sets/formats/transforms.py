@@ -1,5 +1,5 @@
-"""Listings of views and cameras, read with suspicion: `transforms_{split}.json`, the Blender format of the field, and
-`transforms.json` of nerfstudio and instant-ngp. What they have in common is read here, by one reader.
+"""Listings of views and cameras, read and checked: `transforms_{split}.json`, the Blender format of the field, and
+`transforms.json` of nerfstudio and instant-ngp, with one reader for both.
 """
 
 import json
@@ -18,11 +18,11 @@ LARGEST_FILE = 50 * 1024 * 1024
 SUFFIXES = (".png", ".jpg", ".jpeg")
 """The suffixes tried in turn if a frame's path has none."""
 SAME_FOCAL = 1e-4
-"""The relative difference between views below which they have one lens: 0.04 pixels at the edge of 800."""
+"""The relative difference below which views have one focal length: 0.04 pixels at the edge of 800."""
 BOTH_FOCAL = 0.01
-"""The relative difference between two statements of one lens below which they are the same."""
+"""The relative difference below which two values of one focal length agree."""
 CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
-"""The models that are a pinhole if no distortion is given."""
+"""The models that are pinholes without distortion parameters."""
 _LENS_ZERO = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4")
 
 Number = Annotated[float, Meta(gt=-1e30, lt=1e30)]
@@ -31,7 +31,7 @@ Row = tuple[Number, Number, Number, Number]
 
 
 class Camera(Struct, frozen=True, kw_only=True):
-    """What other trainers write about a camera; a key that is null says nothing."""
+    """The keys of other trainers for a camera; null is the same as a missing key."""
 
     camera_model: str | None = None
     camera_angle_x: Number | None = None
@@ -70,7 +70,7 @@ class ViewRegion(Struct, frozen=True):
 
 
 class Document(Camera, frozen=True, kw_only=True):
-    """A file of either format; keys at its top hold for all views."""
+    """A file of either format; keys at the top level hold for all views."""
 
     frames: Annotated[list[Frame], Meta(min_length=1)]
     train_filenames: list[str] | None = None
@@ -112,8 +112,8 @@ def read_transforms(folder: Path, split: str) -> Frames:
 
 
 def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, list[Camera]]:
-    """Read a file and check it: every image is there, once, inside the folder, and seen by one pinhole with square
-    pixels. Of a file that gives both, `by_angle` takes the camera's angle, not its focal length.
+    """Read a file and check it: every image exists inside the folder, is listed once, and all have one pinhole with
+    square pixels. If a file gives both, `by_angle` takes the camera's angle instead of its focal length.
 
     Raises `InputError` that names the file, the value and the remedy.
     """
@@ -124,7 +124,7 @@ def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, 
             f"{file}: {error}; it must hold finite numbers, and frames, each with file_path and transform_matrix, four "
             "rows of four"
         ) from error
-    above = {key: value for key in Camera.__struct_fields__ if (value := getattr(document, key)) is not None}
+    shared = {key: value for key in Camera.__struct_fields__ if (value := getattr(document, key)) is not None}
     cameras: dict[Path, Camera] = {}
     angles = []
     for number, frame in enumerate(document.frames):
@@ -132,12 +132,10 @@ def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, 
         image = image_file(file.parent, frame.file_path, where)
         if image in cameras:
             raise InputError(f"{where} names {image}, as a frame before it does; list each image once")
-        for key, value in above.items():
+        for key, value in shared.items():
             if not _same(own := getattr(frame, key), value):
-                raise InputError(
-                    f"{where}: {key} is {shown(own)}, and {shown(value)} for the whole file; keep one of them"
-                )
-        cameras[image] = structs.replace(frame, **above)
+                raise InputError(f"{where}: {key} is {shown(own)}, and {shown(value)} for all frames; keep one of them")
+        cameras[image] = structs.replace(frame, **shared)
         angles.append(_field_of_view(cameras[image], where, by_angle))
         _check_lens(cameras[image], where, angles[-1])
         if abs(math.tan(angles[-1] / 2) - math.tan(angles[0] / 2)) > SAME_FOCAL * math.tan(angles[0] / 2):
@@ -151,7 +149,7 @@ def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, 
 
 
 def _same(own: object, value: object) -> bool:
-    """Return whether what a frame says for itself is nothing, or what its file says for all."""
+    """Return whether the value of a frame is missing, or the value that its file gives for all frames."""
     if isinstance(own, float) and isinstance(value, float):
         return abs(own - value) <= SAME_FOCAL * abs(value)
     return own is None or own == value
@@ -190,7 +188,7 @@ def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def image_file(folder: Path, path: str, where: str) -> Path:
-    """Return the existing file that a frame's path means; refuses what leads out of the folder, by links as well."""
+    """Return the existing file of a frame's path; raises `InputError` if it leads out of the folder, also by a link."""
     if not path or "\0" in path:
         raise InputError(f"{where}: file_path is {shown(path)}; it must be a path inside {folder}")
     relative = path.replace("\\", "/")
@@ -211,7 +209,7 @@ def image_file(folder: Path, path: str, where: str) -> Path:
 
 
 def _field_of_view(camera: Camera, where: str, by_angle: bool) -> float:
-    """Return the horizontal one in radians."""
+    """Return the horizontal field of view in radians."""
     angle = camera.camera_angle_x
     if camera.fl_x is not None and not (by_angle and angle is not None):
         if camera.w is None:
@@ -231,7 +229,7 @@ def _field_of_view(camera: Camera, where: str, by_angle: bool) -> float:
 
 
 def _check_lens(camera: Camera, where: str, fov_x_radians: float) -> None:
-    """Raise `InputError` if other trainers' keys say that the camera is not our pinhole."""
+    """Raise `InputError` if the keys describe any camera but a centred pinhole with square pixels."""
     if camera.camera_model not in (None, *CAMERA_MODELS):
         raise InputError(
             f"{where}: camera_model is {shown(camera.camera_model)}; only {' '.join(CAMERA_MODELS)} are read: "
@@ -251,11 +249,11 @@ def _check_lens(camera: Camera, where: str, fov_x_radians: float) -> None:
         if (length := getattr(camera, size)) is None:
             raise InputError(f"{where}: {centre} without {size}; give {size}, the pixels that {centre} is meant for")
         off = middle - length / 2
-        if abs(off) > 0.51:  # some write the centre of the middle pixel
+        if abs(off) > 0.51:  # some programs write the centre of the middle pixel
             raise InputError(f"{where}: {centre} is {off:+.2f} px off the centre; off-centre lenses are not supported")
     if camera.fl_y is not None:
         if camera.fl_x is None:
-            raise InputError(f"{where}: fl_y without fl_x; give both, or camera_angle_x alone")
+            raise InputError(f"{where}: fl_y without fl_x; give both, or only camera_angle_x")
         if abs(camera.fl_x - camera.fl_y) > 1e-3 * abs(camera.fl_x):
             raise InputError(
                 f"{where}: fl_x {camera.fl_x} and fl_y {camera.fl_y} differ; pixels must be square: resample the images"
@@ -273,6 +271,6 @@ def _check_lens(camera: Camera, where: str, fov_x_radians: float) -> None:
 
 
 def shown(value: object) -> str:
-    """Return what was read for a message, cut if it is long."""
+    """Return a value for a message, cut if it is long."""
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "…"

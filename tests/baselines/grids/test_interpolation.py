@@ -49,7 +49,7 @@ def points(count: int = 300, reach: float = 1.0) -> Tensor:
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 @pytest.mark.parametrize("reach", [1.0, 1.3])
 def test_values_and_gradients_are_those_of_torch_and_the_same_bits_again(kind: Kind, reach: float) -> None:
-    """Beyond the border, too."""
+    """This holds beyond the border, too."""
     x, compiled, again, composed = points(reach=reach), *(features(kind) for _ in range(3))
     ways = ((kind.compiled, compiled), (kind.compiled, again), (kind.composed, composed))
     out = [way(x, *some) for way, some in ways]

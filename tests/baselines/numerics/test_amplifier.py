@@ -73,7 +73,7 @@ def test_listing_2_is_the_printed_code_with_its_gradients(alpha: float, beta: fl
 
 
 def slowly(reading: str, raw: float, alpha: float, mean: float, beta: float) -> float:
-    """One density in double precision, from the formulas alone."""
+    """Return one density in double precision, directly from the formulas."""
     if "listing2" in reading:
         s = 1.0 / (1.0 + math.exp(-raw) * (1.0 - START) / START)
         amplified = mean + alpha * (s - mean) * PHI
@@ -95,7 +95,7 @@ def test_every_reading_is_its_formula_point_by_point(reading: str, alpha: float)
 
 @every_reading
 def test_at_first_a_reading_is_the_identity_whatever_the_mean(reading: str) -> None:
-    """To the last bit about a mean that the field holds; the printed ones subtract it and add it again."""
+    """It is bit-identical about a held mean; the printed readings subtract the mean and add it again."""
     raw = torch.linspace(-40.0, 40.0, 801)
     for mean in (0.0, 0.3, 17.0):
         before, after = made(reading, mean=mean).before_and_after(raw)
@@ -123,7 +123,7 @@ def test_solid_geometry_is_within_reach(reading: str) -> None:
 @every_reading
 @pytest.mark.parametrize("start", [1e-6, 0.012, 0.3, 0.9, 12.5, 1e3])
 def test_a_fresh_field_has_its_start(reading: str, start: float) -> None:
-    """Where the raw output is 0, density is the start, whatever the reading; a bounded one cannot start above 1."""
+    """Where the raw output is 0, density is the start in every reading; a bounded reading cannot start above 1."""
     if start >= 1.0 and AMPLIFIERS[reading](None).bounded:
         with pytest.raises(ValueError, match="a sigmoid lies between 0 and 1"):
             AMPLIFIERS[reading](start)
@@ -149,7 +149,7 @@ def test_as_printed_nothing_is_shifted(reading: str) -> None:
 @every_reading
 @pytest.mark.parametrize("mean", [None, 0.0, 0.5, 1e4])
 def test_sixty_decades_of_raw_density_are_finite_with_finite_gradients(reading: str, mean: float | None) -> None:
-    """At any contrast where the mean is held, α gone to infinity included; as printed at the first one."""
+    """Readings with a held mean are tested at any contrast, also infinite α; the printed readings at the first α."""
     decades = [0.0, *(sign * 10.0**k for k in range(-45, 31, 3) for sign in (1.0, -1.0))]
     for alpha in (1.0 / PHI, -1.0, 0.0, 10.0, 1e3, math.inf) if reading in HELD else (1.0 / PHI,):
         for raw in (torch.tensor(decades), torch.full((500,), 1e30), torch.full((500,), -1e30)):

@@ -1,4 +1,4 @@
-"""What is refused, and how it is named."""
+"""The refusal of invalid rays, with the names in its errors."""
 
 import math
 

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from baselines.numerics.bounds import ray_box
-from baselines.numerics.encoding import fourier_features
 from baselines.numerics.quadrature import midpoint
 from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
 
@@ -110,13 +109,3 @@ def test_ray_box_gives_the_part_of_the_ray_in_the_box(
     t = torch.linspace(near, near + 10.0, 401, dtype=torch.float64)
     in_box = ((everywhere > lower + 1e-9) & (everywhere < upper - 1e-9)).all(-1)
     assert not (in_box & ((t < entry - 1e-9) | (t > leave + 1e-9))).any()
-
-
-@law
-@given(st.lists(st.floats(-1.0, 1.0, width=32), min_size=1, max_size=10), st.integers(0, 9), st.floats(1.1, 2.0))
-def test_sine_and_cosine_lie_on_the_unit_circle(x: list[float], band: int, base: float) -> None:
-    features = fourier_features(torch.tensor(x).unsqueeze(-1), torch.tensor([base**band]))
-    torch.testing.assert_close(features[:, 1] ** 2 + features[:, 2] ** 2, torch.ones(len(x)), rtol=0.0, atol=1e-6)
-    mirrored = fourier_features(-torch.tensor(x).unsqueeze(-1), torch.tensor([base**band]))
-    assert torch.equal(mirrored[:, :2], -features[:, :2])
-    assert torch.equal(mirrored[:, 2], features[:, 2])

@@ -154,7 +154,7 @@ def test_state_of_other_weights_is_refused() -> None:
 
 @pytest.mark.parametrize("shape", [(LARGEST_SIDE + 1, 2), (3, 4, 4, 2)])
 def test_under_soap_tables_of_features_are_trained_by_adam(shape: tuple[int, ...]) -> None:
-    """And the network beside them as if it were alone."""
+    """The network is trained as without the tables."""
     mixed, alone, table = weights((4, 5), shape), weights((4, 5)), weights((4, 5), shape)[1:]
     take(optimiser_of(mixed, OptimiserSettings("soap", BETAS, EVERY)), mixed, range(5))
     take(Soap(alone, BETAS, EVERY), alone, range(5))

@@ -69,7 +69,7 @@ def ahead() -> Tensor:
 
 @pytest.mark.parametrize("scale", [0.02, 0.2])
 def test_a_ball_has_its_opacity_in_the_middle_and_falls_off_as_a_gaussian(scale: float) -> None:
-    """At distance 4 a standard deviation is seen as scale / 4."""
+    """A standard deviation at distance 4 has the size scale / 4 in the picture."""
     out, through, count = drawn(ball(scale, 0.6), ahead(), widened=0.0)
     for ray, away in ((0, 0.0), (3, 0.05)):
         alpha = 0.6 * math.exp(-0.5 * (4.0 * away / scale) ** 2)

@@ -23,6 +23,16 @@ def bash_script() -> str:
     return script("bash", parser())
 
 
+def run_bash(text: str) -> str:
+    """Return what bash prints."""
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("no bash here")
+    done = subprocess.run([bash, "--norc", "-c", text], capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    return done.stdout
+
+
 @pytest.mark.parametrize(
     ("words", "some", "none"),
     [
@@ -37,24 +47,14 @@ def bash_script() -> str:
     ],
 )
 def test_bash_completes(words: str, some: list[str], none: list[str]) -> None:
-    bash = shutil.which("bash")
-    if bash is None:
-        pytest.skip("no bash here")
-    text = ASK.format(script=bash_script(), words=words)
-    done = subprocess.run([bash, "--norc", "-c", text], capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    found = done.stdout.split()
-    assert set(some) <= set(found)
-    assert not set(none) & set(found)
+    completions = set(run_bash(ASK.format(script=bash_script(), words=words)).split())
+    assert set(some) <= completions
+    assert not set(none) & completions
 
 
-def test_harness_is_what_is_completed_and_what_is_run() -> None:
-    bash = shutil.which("bash")
-    if bash is None:
-        pytest.skip("no bash here")
-    text = f'{bash_script()}\ncomplete -p harness\npython() {{ echo "$@"; }}\nharness run "a b"'
-    done = subprocess.run([bash, "--norc", "-c", text], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines() == ["complete -o bashdefault -F _shtab_harness harness", "-m harness run a b"]
+def test_the_function_is_completed_and_runs_the_module() -> None:
+    printed = run_bash(f'{bash_script()}\ncomplete -p harness\npython() {{ echo "$@"; }}\nharness run "a b"')
+    assert printed.splitlines() == ["complete -o bashdefault -F _shtab_harness harness", "-m harness run a b"]
 
 
 @pytest.mark.parametrize("shell", SHELLS)
@@ -65,9 +65,9 @@ def test_every_shell_gets_a_script_with_every_command(shell: str, capsys: pytest
         assert command in text
 
 
-def test_the_parser_that_is_used_is_left_as_it_was() -> None:
-    ours = parser()
-    script("bash", ours)
-    assert ours.prog == "python -m harness"
-    # a choice would refuse with other words than ours, and before a package is looked for
-    assert ours.parse_args(["run", "--methods", "no_such"]).methods == ["no_such"]
+def test_the_parser_is_not_changed() -> None:
+    given = parser()
+    script("bash", given)
+    assert given.prog == "python -m harness"
+    # choices would refuse a method before its package is looked for
+    assert given.parse_args(["run", "--methods", "no_such"]).methods == ["no_such"]

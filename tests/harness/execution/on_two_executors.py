@@ -1,4 +1,4 @@
-"""Tiny groups of cells, and what of a run is the same on every executor."""
+"""Tiny groups of cells, and the parts of their results that are the same on every executor."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from tests.harness.tiny import TRAIN, VIEWS
 from tests.replacing import replace
 
 SLOW_SCORES = ScoreSettings(checkpoints=2, earliest=0.5, chunk=24, train_views=10, stored_views=1)
-"""The end of a cell takes a second: time enough to kill a node between two cells of one group."""
+"""Scoring takes a second, long enough to kill a node between two cells of a group."""
 
 
 def tasks(ball_folder: Path, out: Path, seeds: int, score: ScoreSettings, **changes: Any) -> list[GroupTask]:
@@ -20,13 +20,13 @@ def tasks(ball_folder: Path, out: Path, seeds: int, score: ScoreSettings, **chan
 
 
 def without_place(cell: CellRecord) -> CellRecord:
-    """Nor time."""
+    """Return the cell without provenance and clocks."""
     curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
     return replace(cell, train_seconds=0.0, train_core_seconds=0.0, curve=curve, costs={}, provenance={})
 
 
 def files_of(out: Path) -> dict[str, bytes]:
-    """All but what holds clocks."""
+    """Return the files without clocks."""
     return {
         file.relative_to(out).as_posix(): file.read_bytes()
         for file in out.rglob("*")

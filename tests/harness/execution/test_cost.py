@@ -1,4 +1,4 @@
-"""The estimated cost of a plan."""
+"""The estimated cost of a plan agrees with a recorded run, and names all its parts."""
 
 import json
 import statistics
@@ -48,7 +48,7 @@ def estimated(plan: Plan = PLAN, missing: int = 0, serving: bool = False, **chan
 
 
 RENDERED = 479.0
-"""The seconds that the view sets of the eight scenes took once on two cores; most runs find them in the cache."""
+"""The seconds of rendering the eight scenes once on two cores."""
 
 
 def test_a_run_as_recorded_is_estimated_as_recorded() -> None:
@@ -93,8 +93,8 @@ def test_every_part_of_a_run_is_named_and_they_add_up(monkeypatch: pytest.Monkey
 
 def test_a_machine_that_others_use_and_methods_that_could_not_be_tried_are_named() -> None:
     assert estimated(delayed=1.1).lines[0] == estimated().lines[0]
-    assert estimated(delayed=9.04).lines[0].endswith("now others use this machine, and it takes 9 times as long")
-    assert estimated(untried={"mine": "needs LLVM"}).lines[-1] == "  mine is not in it: needs LLVM"
+    assert estimated(delayed=9.04).lines[0].endswith("now other programs run, and it takes 9 times as long")
+    assert estimated(untried={"mine": "needs LLVM"}).lines[-1] == "  mine is not included: needs LLVM"
 
 
 def test_the_rendering_of_a_scene_of_ones_own_is_not_estimated() -> None:
@@ -125,7 +125,7 @@ def test_methods_are_measured_and_those_that_cannot_run_are_named() -> None:
 
 @pytest.mark.parametrize(("a_call", "a_ray"), [(0.05, 1e-7), (0.0, 1e-4), (0.0, 5e-3), (0.01, 4e-4)])
 def test_what_a_call_takes_is_not_multiplied_by_the_rays(a_call: float, a_ray: float) -> None:
-    """A GPU takes 50 ms for 64 rays and for 4096; a slow processor is not asked for 4096 × 5 ms."""
+    """A GPU takes 50 ms for 64 and for 4096 rays; a slow processor must not be measured for 4096 × 5 ms."""
     now, longest = 0.0, 0.0
 
     def work(rays: int) -> None:

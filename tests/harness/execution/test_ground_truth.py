@@ -1,4 +1,4 @@
-"""The wait for the renderer, which is a script of a few lines here."""
+"""Messages and limits of the renderer, which is a short script here."""
 
 import os
 import signal
@@ -22,7 +22,7 @@ from scenes.files.errors import InputError
 VIEWS = ViewSettings(resolution=8, train=2, val=0, test=2, spp_train=2, spp_test=2)
 RENDERER = """#!/bin/sh
 echo $$ > {pid}
-echo 'what a scene of somebody prints'
+echo 'output of a user scene'
 {lines}
 """
 
@@ -69,7 +69,7 @@ def test_what_takes_longer_than_the_limit_is_ended_and_named(
     now = count()
 
     def monotonic() -> float:
-        """Stands still until all is said, then every beat is a second."""
+        """Stand still until all messages are sent, then advance by a second per call."""
         return float(next(now)) if (tmp_path / "said").exists() else 0.0
 
     renderer(*lines, f"touch {tmp_path / 'said'}", "exec sleep 600")

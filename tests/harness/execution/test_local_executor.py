@@ -1,4 +1,4 @@
-"""Worker processes: results do not depend on how many there are, and a dead one costs no finished cell."""
+"""Worker processes: results do not depend on their number, and a dead worker costs no finished cell."""
 
 import multiprocessing
 import os
@@ -59,11 +59,9 @@ def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tm
 def test_what_a_killed_worker_was_at_is_trained_again_one_method_at_a_time(ball_folder: Path, tmp_path: Path) -> None:
     events = run_locally(tasks(ball_folder, tmp_path, Budget(60, None)), 1)
     seen = [next(events)]
-    assert seen[0].share is not None
     assert seen[0].share < 0.5
     victims = multiprocessing.active_children()
     assert len(victims) == 1
-    assert victims[0].pid is not None
     os.kill(victims[0].pid, signal.SIGKILL)
     seen += list(events)
     cells = {(cell.method, cell.seed): cell for cell in read_cells(tmp_path)}
@@ -92,7 +90,6 @@ def test_a_view_set_that_changed_since_the_run_began_is_not_trained_on(ball_fold
     run_group(replace(first, content="0" * 64), lambda share: None, lambda cell: None)
     cells = list(read_cells(tmp_path))
     assert [cell.status for cell in cells] == ["error", "error"]
-    assert cells[0].reason is not None
     assert cells[0].reason.startswith(f"{ball_folder}: changed since the run began; put it back as it was")
     content = scene_record(first, []).content
     assert content is not None
@@ -173,7 +170,7 @@ def test_a_worker_of_other_sources_trains_nothing(
         (seed, method, "error") for seed in range(2) for method in ("nerf", "qnerf")
     ], "in whichever order the workers refuse"
     assert {cell.reason for cell in cells} == {
-        f"the sources changed while the run was going on (this program {versions()['this program']} instead of "
+        f"the sources changed during the run (this program {versions()['this program']} instead of "
         "before); start it again with --resume"
     }
     assert multiprocessing.active_children() == []

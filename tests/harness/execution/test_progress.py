@@ -1,6 +1,5 @@
-"""What is said while a run goes on."""
+"""The lines that a running command prints."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,12 +7,13 @@ import pytest
 from harness.execution.progress import SPREAD, Lines, RenderProgress, TimeLeft, span
 from harness.plan.group_task import GroupTask
 from harness.plan.profiles import PROFILES
-from harness.plan.schedule import Budget
+
+Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """Its one entry is the time."""
+    """Return a list whose only entry is the time."""
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     return now
@@ -27,9 +27,7 @@ def task(tmp_path: Path, seed: int = 0) -> GroupTask:
     )  # fmt: skip
 
 
-def test_the_start_of_processes_does_not_foretell_the_rest(
-    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_start_of_processes_does_not_foretell_the_rest(clock: list[float], tmp_path: Path, capsys: Capture) -> None:
     show, group = Lines(every_seconds=0.0), task(tmp_path)
     show.start_training(6, 6)
     clock[0] = 30.0
@@ -45,9 +43,7 @@ def test_the_start_of_processes_does_not_foretell_the_rest(
     assert [line.partition(",")[2] for line in said][-1] == " 3.5 to 7 min left"
 
 
-def test_rendering_says_what_is_left_of_all_scenes(
-    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rendering_says_what_is_left_of_all_scenes(clock: list[float], tmp_path: Path, capsys: Capture) -> None:
     show = Lines(every_seconds=0.0)
     show.rendered(RenderProgress("chair", 0, 0, tmp_path), 3)
     for scene in ("lego", "mic"):
@@ -62,9 +58,7 @@ def test_rendering_says_what_is_left_of_all_scenes(
     assert ["left" in line for line in said] == [False, True, True, True, True, False]
 
 
-def test_a_run_says_what_is_left_of_it_from_the_first_line(
-    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_says_what_is_left_of_it_from_the_first_line(clock: list[float], tmp_path: Path, capsys: Capture) -> None:
     show = Lines(every_seconds=0.0)
     show.expect({"rendering": (100.0, 200.0), "training": (600.0, 1200.0), "part": (60.0, 60.0)})
     show.rendered(RenderProgress("lego", 12, 120, doing="view", share=0.1), 1)
@@ -78,18 +72,18 @@ def test_a_run_says_what_is_left_of_it_from_the_first_line(
 
 
 def test_the_pace_so_far_takes_the_place_of_what_was_expected_of_a_phase(
-    clock: list[float], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    clock: list[float], tmp_path: Path, capsys: Capture
 ) -> None:
     show, group = Lines(every_seconds=0.0), task(tmp_path)
     show.expect({"training": (600.0, 1200.0), "part": (60.0, 60.0)})
     show.start_training(len(group.methods), len(group.methods))
-    show.trained(replace(group, budget=Budget(None, 10.0)), 0.0)
+    show.trained(group, 0.0)
     clock[0] = 30.0
-    show.trained(replace(group, budget=Budget(None, 10.0)), 0.5)
+    show.trained(group, 0.5)
     assert capsys.readouterr().out.splitlines()[-1].endswith(f", {span(0.7 * 30 + 60, 1.4 * 30 + 60)} left")
 
 
-def test_what_a_terminal_would_obey_is_written_out(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_terminal_would_obey_is_written_out(capsys: Capture) -> None:
     Lines().line("view set \x1b[31mred\u202e: whole")
     assert capsys.readouterr().out == "view set \\x1b[31mred\\u202e: whole\n"
     Lines().line("long " * 1000)

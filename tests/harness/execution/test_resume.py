@@ -1,4 +1,4 @@
-"""What was finished is never lost, overwritten or trained again."""
+"""Finished cells are never lost, overwritten or trained again."""
 
 import json
 import os
@@ -23,13 +23,13 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(autouse=True)
 def one_core(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As `shell`: a run is gone on with by the same number of threads alone."""
+    """Use one core as `shell` does, since a run resumes only with the same number of threads."""
     monkeypatch.setattr("harness.machine.device.available_cores", lambda: 1)
 
 
 @pytest.fixture(scope="module")
 def finished(ball_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The output of an undisturbed run; not to be changed."""
+    """Return the output of an undisturbed run, which tests must not change."""
     out = tmp_path_factory.mktemp("finished") / "run"
     ran = shell(*TINY, "--view-set", ball_folder, "--out", out)
     assert (ran.returncode, ran.stderr) == (0, "")
@@ -38,7 +38,7 @@ def finished(ball_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 
 def outcome_of(out: Path) -> dict[tuple[str, int], Any]:
-    """All that must be equal to the bit between two runs of one plan: everything but the clock."""
+    """Return all that must be bit-identical between two runs of one plan: everything except clocks."""
     return {
         (cell.method, cell.seed): (
             cell.status,
@@ -137,7 +137,7 @@ def children_of(process: int) -> list[int]:
 
 
 def wait_for(what: Any) -> None:
-    """Gives up after two minutes."""
+    """Wait for at most two minutes."""
     for _ in range(2400):
         if what():
             return
@@ -146,13 +146,13 @@ def wait_for(what: Any) -> None:
 
 
 def in_the_foreground() -> None:
-    """On one core, and open to Ctrl-C: a suite that was started in the background hands on that it is ignored."""
+    """Use one core and accept Ctrl-C, which a suite in the background ignores."""
     on_one_core()
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def ended_midway(how: signal.Signals, ball_folder: Path, out: Path, *more: str) -> tuple[int, str]:
-    """Starts the run, ends it as soon as one cell is finished, waits for its workers; its exit code and complaints."""
+    """Start the run, end it after the first finished cell, wait for its workers; return its exit code and errors."""
     call = command(*TINY, *more, "--view-set", ball_folder, "--out", out)
     process = subprocess.Popen(
         call, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, preexec_fn=in_the_foreground
@@ -197,7 +197,7 @@ def test_an_interrupted_run_says_how_to_go_on(ball_folder: Path, tmp_path: Path)
     run = tmp_path / "run"
     assert said == (
         f"interrupted: {kept} of 20 cells are kept; `python -m reports {run} --partial` reports them; "
-        f"go on with --resume --out {run}\n"
+        f"resume with --resume --out {run}\n"
     )
     if kept >= 2:
         assert read_comparisons(run)

@@ -1,4 +1,4 @@
-"""Jobs by submitit's own executor of this machine, which is Slurm's but for the queue."""
+"""Jobs by submitit's local executor, which acts like Slurm without a queue."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.timeout(900)
 
 @pytest.fixture
 def no_slurm(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Without the programs of a Slurm that the machine may have."""
+    """Hide a Slurm that the machine may have."""
     pytest.importorskip("submitit", reason="the extra `submitit` is not installed")
     with monkeypatch.context() as patch:
         patch.setattr("submitit.SlurmExecutor.affinity", lambda: -1)
@@ -65,13 +65,12 @@ def test_wrong_parameters_are_named(no_slurm: None, tmp_path: Path, given: str, 
 
 def test_parameters_of_jobs_are_no_option_of_another_executor(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--profile", "smoke", "--job", "timeout_min=5"]) == 2
-    assert capsys.readouterr().err == "error: --job timeout_min=5: goes with --executor submitit alone\n"
+    assert capsys.readouterr().err == "error: --job timeout_min=5: is an option of --executor submitit\n"
 
 
 def test_a_node_with_other_packages_trains_nothing(ball_folder: Path, tmp_path: Path) -> None:
     (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
     refusal = SlurmJob(task, tmp_path / "journal", tmp_path / "alive", {**versions(), "torch": "0.1"}, "0123456789ab")()
-    assert refusal is not None
     assert "torch" in refusal
     assert "instead of 0.1" in refusal
     assert not list(read_cells(tmp_path))
@@ -131,7 +130,7 @@ def test_a_killed_job_costs_time_and_changes_no_bit(
 
 
 def _kill(controller: str) -> None:
-    """Kill what a job of this machine runs: the children of its controller."""
+    """Kill the processes of a local job, the children of its controller."""
     children = Path(f"/proc/{controller}/task/{controller}/children").read_text(encoding="ascii").split()
     assert children
     for child in children:

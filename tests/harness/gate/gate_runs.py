@@ -1,4 +1,4 @@
-"""Limits, references and figures that make every gate pass, in the place of what measures them."""
+"""Limits, references and figures that make every gate pass, in place of measurements."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,7 +27,7 @@ MODULES: dict[Kind, Any] = dict(
 
 
 def measured_values(kind: Kind) -> dict[str, list[float]]:
-    """As a renewal gives them for a kind that has limits of its own."""
+    """Return the measurements of a renewal, for a kind with limits."""
     generator = np.random.default_rng(1)
     return {gate.name: (CENTRE + 0.1 * generator.standard_normal(12)).tolist() for gate in gates() if gate.kind == kind}
 
@@ -61,7 +61,7 @@ def limits(tmp_path: Path) -> Path:
 
 
 def sound(gate: Gate, limits: LimitsFile, values: list[float | None] | None = None, why: str = "") -> Check:
-    """Within the limit that its kind has."""
+    """Return the check of values within the limit of the gate's kind, or of the given values."""
     counts = gate.kind == "fairness" or gate.name in ("changed.settings", "worse.headline.statistics")
     limit = NONE_DIFFERS if counts else Limit(CENTRE - 1.0, CENTRE + 1.0)
     return judge(
@@ -74,7 +74,7 @@ def sound(gate: Gate, limits: LimitsFile, values: list[float | None] | None = No
 
 @pytest.fixture
 def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[list[float | None], str]]:
-    """Gates that measure something else than what is sound, by name: their values, and why."""
+    """Return the changes of sound measurements, gate → its values and the reason, which a test fills."""
     changed: dict[str, tuple[list[float | None], str]] = {}
 
     def measure(kind: Kind) -> Any:

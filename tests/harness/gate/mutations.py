@@ -1,4 +1,4 @@
-"""A constant of the program changed by one part in a hundred, and which gates see it.
+"""Mutations, each of which changes a constant of the program by 1 %, and the gates that find them.
 
 `python -m tests.harness.gate.mutations` writes `gates/mutations.json`, which the documentation shows.
 """
@@ -33,29 +33,29 @@ Patch = pytest.MonkeyPatch
 
 @dataclass(frozen=True)
 class Row:
-    """One mutation, and what became of it."""
+    """A mutation, and the gates that find it."""
 
     part: str
     constant: str
     to: str
     found_by: list[str]
     deviation: float
-    """The largest of the first steps in double precision."""
+    """The largest deviation of the first steps in double precision."""
 
 
 def _scaled(patch: Patch, owner: Any, name: str) -> None:
-    """A number of a module."""
+    """Scale a number of a module."""
     patch.setattr(owner, name, MORE * getattr(owner, name))
 
 
 def _result_scaled(patch: Patch, owner: Any, name: str) -> None:
-    """What a function gives."""
+    """Scale the result of a function."""
     usual = getattr(owner, name)
     patch.setattr(owner, name, lambda *given, **named: MORE * usual(*given, **named))
 
 
 def _argument(patch: Patch, owner: Any, name: str, place: int) -> None:
-    """What a function or a constructor is given."""
+    """Scale an argument of a function or a constructor."""
     usual = getattr(owner, name)
 
     def changed(*given: Any, **named: Any) -> Any:
@@ -91,7 +91,7 @@ def _cameras(patch: Patch, side: str) -> None:
 
 
 def _training(patch: Patch, **changed: Any) -> None:
-    """A setting of the default profile."""
+    """Change a setting of the default profile."""
     usual = profiles.PROFILES["reduced"]
     patch.setitem(profiles.PROFILES, "reduced", replace(usual, train=replace(usual.train, **changed)))
 
@@ -190,11 +190,11 @@ MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
         patch, trainer.Trainer, lambda self: setattr(self, "background", self.background / MORE)
     ),
 }
-"""(part of the program, constant, change) → what makes it."""
+"""(part of the program, constant, change) → the function that makes it."""
 
 
 def _held_mean(patch: Patch) -> None:
-    """The default of a parameter."""
+    """Scale the default of a parameter."""
     usual = held_mean.RunningMean.update
     share = MORE * held_mean.MEAN_SHARE
 
@@ -205,12 +205,12 @@ def _held_mean(patch: Patch) -> None:
 
 
 def _depth(patch: Patch) -> None:
-    """Rules hold functions: the one that they call is changed."""
+    """Scale the argument of a function that the rules call, as the rules themselves are bound."""
     _argument(patch, quadrature, "_of_depth", 0)
 
 
 def seen(usual: Courses, key: tuple[str, str, str], names: tuple[str, ...] = tuple(STARTS)) -> Row:
-    """The gates that see one mutation."""
+    """Return a mutation with the gates that find it."""
     settings = early.profile_settings()
     with pytest.MonkeyPatch.context() as patch:
         MUTATIONS[key](patch)

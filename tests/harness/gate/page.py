@@ -1,4 +1,4 @@
-"""The tables of `docs/gate-your-ci.md`, from what was measured: `python -m tests.harness.gate.page` writes them."""
+"""The tables of `docs/gate-your-ci.md`, which `python -m tests.harness.gate.page` writes from measurements."""
 
 import json
 import re
@@ -20,7 +20,7 @@ COLUMNS: dict[Scatter, str] = {"rounding": "same random numbers", "seeds": "othe
 
 
 def tables() -> dict[str, str]:
-    """Name of a marker → what stands between it and its end."""
+    """Return name of a marker → the text between it and its end."""
     mutations = json.loads((ROOT / "gates" / "mutations.json").read_text(encoding="utf-8"))
     rank = json.loads((ROOT / "gates" / "rank.json").read_text(encoding="utf-8"))
     stored = read_stored(ROOT / "gates" / REFERENCES_FILE, References)
@@ -34,7 +34,7 @@ def tables() -> dict[str, str]:
 
 
 def spread_table(stored: References) -> str:
-    """What rounding and other seeds make, what is allowed, and what is found."""
+    """Return the table of scatter, limits and detected losses, for rounding and for other seeds."""
     cells = {key: {score: draws[0] for score, draws in scores.items()} for key, scores in stored.cells.items()}
     usual = Judge.of(stored, cells, has_changed=False)  # type: ignore[arg-type]
     judges = [replace(usual, scatter=scatter) for scatter in COLUMNS]
@@ -62,7 +62,7 @@ def spread_table(stored: References) -> str:
 
 
 def renewal(stored: References, limits: LimitsFile) -> str:
-    """What each renewal took, and of which commit it is."""
+    """Return the table of each renewal's time and commit."""
     facts: dict[str, KindFacts] = dict(stored.kinds.items())
     facts |= {f"speed of {name}": speed.facts for name, speed in stored.speed.items()}
     facts |= dict(limits.kinds.items())
@@ -80,7 +80,7 @@ def slower(stored: References) -> str:
 
 
 def mutation_table(rows: list[dict[str, Any]]) -> str:
-    """Every mutation with the gates that see it."""
+    """Return the table of mutations with the gates that find them."""
     seen = sum(bool(row["found_by"]) for row in rows)
     lines = [
         f"{seen} of {len(rows)} are found:",
@@ -95,7 +95,7 @@ def mutation_table(rows: list[dict[str, Any]]) -> str:
 
 
 def seen_by(names: list[str]) -> str:
-    """How many gates of each kind; a dash where there is none."""
+    """Return the number of gates of each kind; a dash without a gate."""
     counts = {kind: sum(name.startswith(kind) for name in names) for kind in ("changed.double", "changed.single")}
     words = [f"{many} × `{kind}`" for kind, many in counts.items() if many]
     return ", ".join([*words, *(["`changed.settings`"] if "changed.settings" in names else [])]) or "—"

@@ -1,4 +1,4 @@
-"""Has anything changed? The first steps again, in another order of the sums, and with a constant changed by 1 %."""
+"""The first steps: repeated, with another order of sums, and with a constant changed by 1 %."""
 
 import json
 import math
@@ -38,7 +38,7 @@ def farthest(here: Courses, there: Courses, precision: str) -> float:
 
 
 def single_operations(patch: pytest.MonkeyPatch) -> None:
-    """They round to single precision, whatever is asked for."""
+    """Train with single operations, which always round to single precision."""
     usual = early.settings_of_start
 
     def settings(start: Start) -> TrainSettings:
@@ -104,14 +104,13 @@ def test_the_table_is_of_these_mutations_and_few_are_missed() -> None:
 
 @pytest.mark.parametrize("name", ["spread", "renewal", "mutations", "rank"])
 def test_the_page_shows_what_was_measured(name: str) -> None:
-    """`python -m tests.harness.gate.page` writes it there."""
+    """`python -m tests.harness.gate.page` writes it."""
     shown = page.between(name).search(page.PAGE.read_text(encoding="utf-8"))
-    assert shown is not None
     assert page.tables()[name] in shown[0]
 
 
 FULLEST = ("nerf_fine", "qnerf_stirred")
-"""Starts in which most of the program takes part."""
+"""The starts that use most of the program."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The committed limits, on this machine: this code passes, and what is broken on purpose does not."""
+"""This code passes the committed limits on this machine, and deliberately broken code does not."""
 
 from pathlib import Path
 

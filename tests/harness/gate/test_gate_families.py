@@ -1,4 +1,4 @@
-"""The gates of the other families: held to the spread of other seeds, whatever this machine can train."""
+"""The gates of the other families are judged by the spread of seeds; families that cannot run are not available."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Image gates: calibrated on renders drawn from the stored mean and variance, and broken on purpose."""
+"""Image gates: calibrated on simulated renders, and shown deliberately broken ones."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +22,7 @@ GATES = tuple(
 
 
 def truth(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation of one render [size, size, 4]: a disc with a soft rim, on nothing."""
+    """Return mean and standard deviation of a render [size, size, 4]: a disc with a soft rim and no background."""
     generator = np.random.default_rng(seed)
     y, x = np.indices((SIZE, SIZE)) + 0.5
     radius = np.hypot(x - SIZE / 2, y - SIZE / 2)
@@ -35,7 +35,7 @@ def truth(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def renders(seed: int, count: int, stream: int) -> np.ndarray:
-    """Independent normal renders [count, size, size, 4]."""
+    """Return independent normal renders [count, size, size, 4]."""
     mean, deviation = truth(seed)
     return mean + deviation * np.random.default_rng((seed, stream)).standard_normal((count, *mean.shape))
 
@@ -47,7 +47,7 @@ def references() -> dict[str, Reference]:
 
 @pytest.fixture(scope="module")
 def limits(references: dict[str, Reference]) -> dict[str, Limit]:
-    """As a renewal makes them."""
+    """Return limits as a renewal makes them."""
     further = {scene: renders(number, 10 * IMAGE_BATCHES, 2) for number, scene in enumerate(SCENES)}
     values = images.figures_of(further, references)
     return {gate.name: limit_from(gate, values[gate.name]) for gate in GATES}
@@ -59,7 +59,7 @@ def judged(references: dict[str, Reference], limits: dict[str, Limit], shown: Re
 
 
 def failing(checks: dict[str, Check]) -> set[str]:
-    """Which tests fail, for any scene."""
+    """Return the tests that fail on any scene."""
     return {name.rpartition(".")[2] for name, check in checks.items() if check.is_broken}
 
 
@@ -68,7 +68,7 @@ def fresh(stream: int) -> Renders:
 
 
 def with_fireflies(shown: Renders) -> Renders:
-    """White light more in 0.01 % of the pixels of all renders."""
+    """Add white to 0.01 % of the pixels of all renders."""
     generator = np.random.default_rng(7)
     brighter = {}
     for scene, image in shown.items():
@@ -79,7 +79,7 @@ def with_fireflies(shown: Renders) -> Renders:
 
 
 def with_bright_samples(shown: Renders) -> Renders:
-    """0.01 % of all samples are 100 times white: each lightens its pixel by 100 / spp."""
+    """Make 0.01 % of all samples 100 times white: each adds 100 / spp to its pixel."""
     generator = np.random.default_rng(8)
     return {
         scene: image + generator.binomial(SPP, 1e-4, image.shape[:3])[..., None] * np.array([1, 1, 1, 0]) * 100 / SPP
@@ -88,7 +88,7 @@ def with_bright_samples(shown: Renders) -> Renders:
 
 
 def each(change: Callable[[np.ndarray], np.ndarray], scenes: tuple[str, ...] = SCENES) -> Callable[[Renders], Renders]:
-    """The same change of the renders of each of these scenes."""
+    """Return a function that changes the renders of each of these scenes."""
     return lambda shown: {scene: change(image) if scene in scenes else image for scene, image in shown.items()}
 
 
@@ -99,7 +99,7 @@ def with_a_nan(image: np.ndarray) -> np.ndarray:
 
 
 shifted = each(lambda image: np.roll(image, 1, axis=2))
-# the same random numbers in every render: four times the standard error that was meant
+# the same random numbers in every render: four times the intended standard error
 all_alike = each(lambda image: np.repeat(image[:1], len(image), axis=0))
 
 
@@ -137,7 +137,7 @@ def test_a_shift_shows_in_the_pictures(references: dict[str, Reference], tmp_pat
     assert shown.shape == expected.shape == (images.ENLARGED * SIZE, images.ENLARGED * SIZE, 3)
     assert np.allclose(shown, np.roll(expected, images.ENLARGED, axis=1), atol=0.05)
     assert np.abs(difference - 0.5).max() == pytest.approx(0.5)
-    # nothing is there in the corners, and nothing differs
+    # the corners are empty, and do not differ
     assert difference[0, 0] == pytest.approx(0.5, abs=0.003)
 
 
@@ -189,7 +189,7 @@ def test_a_pixel_never_hit_before_may_be_hit_once(references: dict[str, Referenc
     ],
 )
 def test_a_reference_that_nothing_can_be_held_to(mean: np.ndarray, variance: np.ndarray) -> None:
-    with pytest.raises(ValueError, match=r"finite|do not fit"):
+    with pytest.raises(ValueError, match=r"finite|do not match"):
         Reference(mean, variance, 96, 256)
 
 

@@ -1,4 +1,4 @@
-"""`python -m harness gate` with measurements that the test gives: outcomes, files, words and exit codes."""
+"""`python -m harness gate` with given measurements: outcomes, files, messages and exit codes."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -21,6 +21,8 @@ from harness.run_folder.folder_lock import lock_folder
 from tests.harness.gate.gate_runs import CENTRE, LIMITED, MODULES, facts, gate_line, measured_values, references, sound
 from tests.harness.shell import refused
 
+Capture = pytest.CaptureFixture[str]
+Patch = pytest.MonkeyPatch
 FAMILY = len(gates())
 ROOT = Path(__file__).parents[3]
 Measuring = dict[str, tuple[list[float | None], str]]
@@ -30,7 +32,7 @@ def checks_of(out: Path) -> dict[str, Check]:
     return {check.id: check for _, check in read_studies(out / "gate.json").checks()}
 
 
-def test_all_pass(limits: Path, tmp_path: Path, measuring: Measuring, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_pass(limits: Path, tmp_path: Path, measuring: Measuring, capsys: Capture) -> None:
     out = tmp_path / "out"
     assert gate_line(limits, out) == 0
     assert capsys.readouterr().out.count(": pass: ") == FAMILY
@@ -44,9 +46,7 @@ def test_all_pass(limits: Path, tmp_path: Path, measuring: Measuring, capsys: py
     assert sorted(file.name for file in out.iterdir()) == ["gate.json", "junit.xml"]
 
 
-def test_a_failure_says_everything(
-    limits: Path, tmp_path: Path, measuring: Measuring, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_failure_is_reported_everywhere(limits: Path, tmp_path: Path, measuring: Measuring, capsys: Capture) -> None:
     name = "images.lego.bias"
     measuring[name] = ([20.0] * 16, "darker")
     out = tmp_path / "out"
@@ -80,7 +80,7 @@ def test_what_is_no_number_fails_and_is_written_as_none(
 
 
 def test_an_error_in_one_kind_fails_its_gates_and_no_others(
-    limits: Path, tmp_path: Path, measuring: Measuring, monkeypatch: pytest.MonkeyPatch
+    limits: Path, tmp_path: Path, measuring: Measuring, monkeypatch: Patch
 ) -> None:
     def broken(context: GateContext) -> Iterator[Check]:
         yield sound(context.of_kind("images")["images.lego.bias"], context.limits)
@@ -94,15 +94,15 @@ def test_an_error_in_one_kind_fails_its_gates_and_no_others(
 
 
 def test_a_gate_that_is_not_measured_fails(
-    limits: Path, tmp_path: Path, measuring: Measuring, monkeypatch: pytest.MonkeyPatch
+    limits: Path, tmp_path: Path, measuring: Measuring, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr(images, "measure", complete("images")(lambda context: iter(())))
     assert gate_line(limits, tmp_path / "out", "--quiet", "--only", "images.lego.bias", "fairness") == 4
     assert checks_of(tmp_path / "out")["images.lego.bias"].why == "it was not measured"
 
 
-def test_a_reference_image_that_is_missing_is_told_before_anything_is_measured(
-    limits: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_missing_reference_image_is_reported_before_any_measurement(
+    limits: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     measured: list[str] = []
     for kind in KINDS:
@@ -114,7 +114,7 @@ def test_a_reference_image_that_is_missing_is_told_before_anything_is_measured(
 
 
 def test_a_gate_without_a_limit_fails_with_a_remedy(
-    limits: Path, tmp_path: Path, measuring: Measuring, capsys: pytest.CaptureFixture[str]
+    limits: Path, tmp_path: Path, measuring: Measuring, capsys: Capture
 ) -> None:
     data = json.loads(limits.read_text())
     data["kinds"]["images"]["settings"]["spp"] = 64
@@ -132,9 +132,7 @@ def test_a_gate_without_a_limit_fails_with_a_remedy(
     assert checks_of(tmp_path / "out")["images.lego.bias"].value == pytest.approx(CENTRE)
 
 
-def test_both_questions_are_answered_apart(
-    limits: Path, tmp_path: Path, measuring: Measuring, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_both_questions_are_answered_apart(limits: Path, tmp_path: Path, measuring: Measuring, capsys: Capture) -> None:
     name = "changed.double.nerf"
     measuring[name] = ([0.01], "loss of step 3")
     note = "changed, -0.030 ± 0.110 dB: not worse"
@@ -147,35 +145,36 @@ def test_both_questions_are_answered_apart(
 
 
 @pytest.mark.parametrize(
-    ("spoil", "words"),
+    ("name", "spoil", "message"),
     [
-        (lambda file: file.unlink(), "there is no such file; get it back from version control, or make it with"),
-        (lambda file: file.write_text("{"), "get it back from version control"),
-        (lambda file: file.write_text('{"schema": 2}'), "schema 2"),
-        (lambda file: file.write_text(file.read_text().replace('"low": null', '"low": NaN', 1)), "JSON is malformed"),
-        (lambda file: file.write_text(file.read_text().replace('"low": ', '"low": "a", "x": ', 1)), "float"),
-        (
-            lambda file: file.write_text(
-                file.read_text().replace('"limits": {', '"limits": {"a": {"low": null, "high": null}, ')
-            ),
-            "neither",
-        ),
+        ("limits.json", lambda text: None, "there is no such file; get it back from version control, or make it with"),
+        ("limits.json", lambda text: "{", "get it back from version control"),
+        ("limits.json", lambda text: '{"schema": 2}', "schema 2"),
+        ("limits.json", lambda text: text.replace('"low": null', '"low": NaN', 1), "JSON is malformed"),
+        ("limits.json", lambda text: text.replace('"low": ', '"low": "a", "x": ', 1), "float"),
+        ("limits.json", lambda text: text.replace('"limits": {', '"limits": {"a": {"low": null, "high": null}, '),
+         "neither"),
+        (REFERENCES_FILE, lambda text: "{", "truncated"),
+        (REFERENCES_FILE, lambda text: text.replace('"schema": 1', '"schema": 7'), "schema 7"),
+        (REFERENCES_FILE, lambda text: text.replace('"psnr": [20.0', '"psnr": ["a"'), "cells"),
+        (REFERENCES_FILE, lambda text: text.replace('"profiles"', '"known": false, "profiles"'), "known"),
+        (REFERENCES_FILE, lambda text: text.replace("[0.25]", "[NaN]"), "JSON is malformed"),
     ],
-)
-def test_limits_that_cannot_be_read_are_bad_input(
-    spoil: Callable[[Path], object], words: str, limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    spoil(limits)
-    out = tmp_path / "out"
-    message = refused(capsys, "--limits", limits, "--out", out, "--quiet", command="gate")
-    assert words in message
-    assert str(limits) in message
+)  # fmt: skip
+def test_stored_files_that_cannot_be_read_are_bad_input(
+    name: str, spoil: Callable[[str], str | None], message: str, limits: Path, tmp_path: Path,
+    capsys: Capture,
+) -> None:  # fmt: skip
+    file, out = limits.parent / name, tmp_path / "out"
+    content = spoil(file.read_text())
+    file.unlink() if content is None else file.write_text(content)
+    line = refused(capsys, "--limits", limits, "--out", out, "--quiet", command="gate")
+    assert message in line
+    assert str(file) in line
     assert not out.exists()
 
 
-def test_names_that_are_none_and_folders_in_use(
-    limits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unknown_names_and_folders_in_use_are_refused(limits: Path, tmp_path: Path, capsys: Capture) -> None:
     message = refused(
         capsys, "--limits", limits, "--only", "speed", "teapot", "--out", tmp_path / "out", command="gate"
     )
@@ -198,7 +197,7 @@ def test_names_are_chosen_by_their_beginning() -> None:
     assert gate_command.chosen(None) == gates()
 
 
-def test_the_list_names_every_gate(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_list_names_every_gate(capsys: Capture) -> None:
     assert main(["gate", "--list"]) == 0
     printed = capsys.readouterr().out
     assert all(gate.name in printed for gate in gates())
@@ -206,7 +205,7 @@ def test_the_list_names_every_gate(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_renewal_of_images_says_what_changed(
-    limits: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    limits: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     before = read_stored(limits, LimitsFile)
     brighter = {name: [1.2 * value for value in values] for name, values in measured_values("images").items()}
@@ -215,7 +214,6 @@ def test_a_renewal_of_images_says_what_changed(
     monkeypatch.setattr(gate_run, "committed", lambda: "0123456789ab")
     assert gate_line(limits, tmp_path / "out", "--renew", "--only", "images.lego") == 0
     old, new = (file.limits["images.lego.largest"].high for file in (before, read_stored(limits, LimitsFile)))
-    assert old is not None
     assert new == pytest.approx(1.2 * old, rel=1e-3)
     printed = capsys.readouterr().out
     assert f"images.lego.largest:  … {old:.5g} →  … {new:.5g}" in printed
@@ -231,7 +229,7 @@ def test_a_gate_that_is_no_more_leaves_the_file_and_a_line_is_a_gate(limits: Pat
 
 
 def test_the_committed_limits_are_those_that_follow_from_their_measurements() -> None:
-    """A limit that was changed by hand would follow from nothing: it needs a renewal instead."""
+    """A limit must not be changed by hand, but by a renewal."""
     stored = read_stored(ROOT / gate_command.LIMITS, LimitsFile)
     again = stored.renewed("images", {}, stored.kinds["images"])
     for name, limit in again.limits.items():

@@ -1,4 +1,4 @@
-"""Limits of images: how often they fail where nothing changed and what they find, by simulation; what never passes."""
+"""Limits of images: false alarms and power by simulation, and values that never pass."""
 
 import math
 
@@ -15,7 +15,7 @@ MEAN = Gate("images.lego.bias", "brightness", "%", 2)
 LARGEST = Gate("images.lego.largest", "largest", "σ", 16)
 COUNT = Gate("fairness.batches", "batches")
 EASY = 0.002
-"""A level at which a simulation sees alarms."""
+"""A level at which a simulation has alarms."""
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def easy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def alarms(gate: Gate, measured: np.ndarray, new: np.ndarray) -> float:
-    """Share of repetitions in which a limit made of a row of `measured` does not hold for the same row of `new`."""
+    """Return the share of rows for which a limit made from `measured` does not hold for `new`."""
     pairs = zip(measured, new, strict=True)
     checks = [judge(gate, fresh.tolist(), limit_from(gate, row.tolist())) for row, fresh in pairs]
     return float(np.mean([check.is_broken for check in checks]))
@@ -49,11 +49,10 @@ def test_the_largest_alarms_no_more_often_than_it_says(tail: str) -> None:
 
 @pytest.mark.parametrize("many", [3, 8, 12])
 def test_a_change_of_the_stated_size_is_found_in_80_percent(many: int) -> None:
-    """The size that limits state whose sample has the true spread; the limits vary with their own samples."""
+    """The stated size is that of a sample with the true spread; the limits vary with their samples."""
     generator = np.random.default_rng(4)
     exact = np.linspace(-1, 1, many)
     size = limit_from(MEAN, (3 + 0.2 * exact / exact.std(ddof=1)).tolist()).detects
-    assert size is not None
     measured = generator.normal(3, 0.2, (4000, many))
     fresh = generator.normal(3 + size, 0.2, (4000, MEAN.new))
     assert alarms(MEAN, measured, fresh) == pytest.approx(POWER, abs=4 * math.sqrt(POWER * (1 - POWER) / 4000))

@@ -1,4 +1,4 @@
-"""Losses of short trainings: which are found and how often gates fail for nothing, simulated from what is stored."""
+"""Losses of short trainings: power and false alarms, simulated from the stored cells."""
 
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def stored() -> References:
 
 
 class Simulated:
-    """Trainings whose rounding and seeds scatter as the stored ones do, normally; all scores of a cell together."""
+    """Normal trainings with the stored scatter of rounding and seeds; the scores of a cell are correlated."""
 
     def __init__(self, stored: References, generator: np.random.Generator) -> None:
         self.generator = generator
@@ -51,7 +51,7 @@ class Simulated:
             self.seeds[score] = (every - every.mean(axis=-1, keepdims=True)) / np.sqrt(every.shape[-1] - 1)
 
     def rounded(self, cells: Cells) -> Cells:
-        """Each cell is rounded on its own."""
+        """Return the cells with independent rounding."""
         some = next(iter(cells.values()))
         many = next(iter(self.rounding.values())).shape[-1]
         noise = self.generator.standard_normal((*some.shape, many))
@@ -60,14 +60,14 @@ class Simulated:
         }
 
     def trainings(self, many: int) -> Cells:
-        """Trainings with other seeds; all methods of a scene and seed together."""
+        """Return trainings with other seeds; the methods of a scene and seed are correlated."""
         of = next(iter(self.seeds.values()))
         noise = self.generator.standard_normal((of.shape[0], many, of.shape[-1]))
         centre = {score: cells.every_seed.mean(axis=-1, keepdims=True) for score, cells in self.scores.items()}
         return {score: centre[score] + np.einsum("sjk,smk->smj", noise, self.seeds[score]) for score in self.seeds}
 
     def renewed(self) -> tuple[References, Cells]:
-        """References, and the truth without rounding of the gate's seeds."""
+        """Return references, and the truth without rounding for the gate's seeds."""
         truth = self.trainings(len(SEEDS))
         draws = self.rounded({score: np.repeat(value[..., None], DRAWS, axis=-1) for score, value in truth.items()})
         cells = {
@@ -112,7 +112,7 @@ def less(cells: Cells, loss: float, scene: int | None = None, method: int | None
 
 @pytest.mark.slow
 def test_rounding_passes_and_the_stated_losses_are_found(stored: References) -> None:
-    """0.05 dB over all in 95 %, 0.15 dB by one method on one scene in 80 %, whichever it is."""
+    """0.05 dB over all is found in 95 %, 0.15 dB by any one method on any one scene in 80 %."""
     simulated = Simulated(stored, np.random.default_rng(1))
     alarms, over_all, ones = 0, 0, 0
     for repeat in range(REPEATS):

@@ -1,4 +1,4 @@
-"""Errors of weighted means of cells: false alarms and power by simulation, with unequal scatter and alike seeds."""
+"""Errors of weighted means of cells: false alarms and power by simulation, with unequal scatter and shared seeds."""
 
 from collections.abc import Callable
 
@@ -15,18 +15,18 @@ ONE = np.eye(1, SCENES * METHODS, 5).reshape(SCENES, METHODS)
 PAIR = np.tile([1.0, 0.0, -1.0, 0.0], (SCENES, 1)) / SCENES
 WEIGHTS = pytest.mark.parametrize("weights", [ALL, ONE, PAIR], ids=["all", "one", "pair"])
 SCATTER = 0.01 * np.arange(1, SCENES * METHODS + 1).reshape(SCENES, METHODS, 1, 1)
-"""Unequal: the largest is twelve times the smallest."""
+"""Unequal scatter: the largest is twelve times the smallest."""
 SPREAD = 0.1 + 2.0 * SCATTER[::-1, ::-1, :, 0]
 
 
 def seeds(generator: np.random.Generator, many: int) -> np.ndarray:
-    """Trainings with other seeds: half of what a seed does is the same for all methods."""
+    """Return trainings with other seeds; half of a seed's variance is shared by all methods."""
     shared = generator.standard_normal((SCENES, 1, many))
     return np.asarray(SPREAD * (shared + generator.standard_normal((SCENES, METHODS, many))) / np.sqrt(2.0))
 
 
 def rounded(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Stored draws of the rounding, and by how much one more is better than their mean."""
+    """Return stored draws of the rounding, and by how much one more draw is better than their mean."""
     draws = seeds(generator, SEEDS)[..., None] + SCATTER * generator.standard_normal(
         (SCENES, METHODS, SEEDS, DRAWS + 1)
     )
@@ -76,7 +76,7 @@ def test_limits_alarm_as_often_as_they_say_and_find_what_they_say(
 
 
 def test_the_error_of_equal_cells_is_the_closed_form() -> None:
-    """σ √((1 + 1/4) / 48) for the mean of 48 cells against four draws each, and 36 · 4 degrees of freedom at most."""
+    """It is σ √((1 + 1/4) / n) for the mean of n cells with four stored draws each."""
     generator = np.random.default_rng(2)
     draws = generator.standard_normal((SCENES, METHODS, 2000, DRAWS))
     error = scatter.rounding_error(ALL, draws)

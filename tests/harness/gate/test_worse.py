@@ -1,4 +1,4 @@
-"""Is it worse? What is said of new cells, and what is trained for it."""
+"""Judgement of short trainings: the checks of new cells, and the methods that are trained."""
 
 import dataclasses
 from pathlib import Path
@@ -39,7 +39,7 @@ ROUNDING = 0.03
 
 
 def stored_with(generator: np.random.Generator) -> tuple[References, np.ndarray]:
-    """References of cells that differ by 0.3 dB; the truth without rounding."""
+    """Return references whose cells scatter by 0.3 dB, and the truth without rounding."""
     truth = 25.0 + 0.3 * generator.standard_normal(len(KEYS))
     others = [f"{group}/{seed}" for group in GROUPS for seed in OTHER_SEEDS]
 
@@ -53,7 +53,7 @@ def stored_with(generator: np.random.Generator) -> tuple[References, np.ndarray]
 
 
 def compared(stored: References) -> References:
-    """With what the comparer says of them."""
+    """Return the references with the comparison of their cells."""
     return replace(stored, statistics=worse.statistics_of(worse.stored_cells(stored)))
 
 

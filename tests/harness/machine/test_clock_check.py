@@ -1,4 +1,4 @@
-"""Noise and spinning are measured on a made-up machine whose time passes only while something is done."""
+"""Noise and spinning on a simulated machine, whose time passes only during work."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ def test_noise_is_the_spread_of_the_same_work_and_its_waits() -> None:
 
 
 @pytest.mark.parametrize(("spins", "times"), [(True, 7.0), (False, 1.0)])
-def test_threads_that_spin_beside_busy_programs_are_told_by_their_core_seconds(
+def test_threads_that_spin_next_to_busy_programs_are_found_by_their_core_seconds(
     monkeypatch: pytest.MonkeyPatch, spins: bool, times: float
 ) -> None:
     machine, others = Machine(), [0]

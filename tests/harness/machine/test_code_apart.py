@@ -1,4 +1,4 @@
-"""What is said of a run whose cells were made by different code or packages."""
+"""The sentences on runs whose cells were made by different code or packages."""
 
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,14 @@ def plugin(sources: str) -> dict[str, Any]:
 ALIKE = [made("a", "nerf"), made("a", "qnerf"), made("b", "nerf")]
 
 
-def test_cells_that_were_made_alike_need_no_words() -> None:
+def test_cells_of_the_same_code_have_no_sentence() -> None:
     others = [made("b", "qnerf", commit="docs changed"), made("c", "nerf", packages={"torch": "2", "mitsuba": "4"})]
     assert code_apart([]) == code_apart([*ALIKE, *others]) == []
     assert made_elsewhere([*ALIKE, *others], HERE, Path("out")) is None
-    # before the digest was recorded
+    # old records have no digest
     assert code_apart([*ALIKE, made("b", "qnerf", sources=None)]) == []
     assert made_elsewhere([made("b", "qnerf", sources=None)], HERE, Path("out")) is None
-    # a cell that had no chance
+    # a cell that never began
     failed = cells.cell("a", "nerf", 0, [], status="error", provenance={})
     assert code_apart([*ALIKE, failed]) == []
     assert made_elsewhere([failed], HERE, Path("out")) is None
@@ -44,12 +44,12 @@ def test_groups_that_mix_code_are_counted() -> None:
     assert "In 1 of 2 groups of one scene and seed" in sentence
 
 
-def test_records_without_the_digest_are_told_apart_by_their_commit() -> None:
+def test_records_without_the_digest_are_distinguished_by_their_commit() -> None:
     (sentence,) = code_apart([*ALIKE, made("b", "qnerf", sources=None, commit="old")])
     assert "differ in commit new (3 cells), old (1 cells). In 1 of 2" in sentence
 
 
-def test_a_package_of_the_users_own_is_told_apart_of_its_own_method_alone() -> None:
+def test_a_package_of_the_user_matters_only_to_its_own_method() -> None:
     first, second = (made(scene, "mine", plugins=plugin(digest)) for scene, digest in (("a", "aa"), ("b", "bb")))
     (sentence,) = code_apart([*ALIKE, first, second])
     assert "differ in package of mine pack 1.0 (aa) (1 cells), pack 1.0 (bb) (1 cells)" in sentence
@@ -64,6 +64,6 @@ def test_cells_of_other_code_are_named_with_the_remedy() -> None:
     assert sentence == (
         "7 of 10 finished cells were made by other code or packages (c.nerf.0, d.nerf.0, e.nerf.0, f.nerf.0 and 2 "
         "more: sources 11 instead of 22, commit old instead of new; i.nerf.0: torch 1 instead of 2) and are compared "
-        "with the others all the same; to have them anew, remove their records in out/records/cells and go on with "
+        "with the others all the same; to train them again, remove their records in out/records/cells and use "
         "--resume, or name a fresh --out"
     )

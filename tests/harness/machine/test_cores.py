@@ -1,4 +1,4 @@
-"""Cores that two workers never share, GPUs of either vendor, and what is said where clocks are not alike."""
+"""Cores that two workers never share, GPUs of either vendor, and warnings about shared clocks."""
 
 import os
 from argparse import Namespace
@@ -23,7 +23,7 @@ ALL = set(range(8))
 NAME = f"radiance-verdict-test-{os.getpid()}-"
 
 
-def test_whole_cores_come_first_and_their_second_threads_last() -> None:
+def test_unused_cores_come_first_and_their_second_threads_last() -> None:
     assert chosen_cores(1, FOUR, ALL) == [0]
     assert chosen_cores(1, FOUR, ALL - {0}) == [1], "the other thread of a busy core is no core of its own"
     assert chosen_cores(3, FOUR, ALL - {0}) == [1, 2, 3]
@@ -36,7 +36,7 @@ linux = pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="only Li
 
 
 @linux
-def test_what_one_has_taken_no_other_gets_until_it_is_given_back() -> None:
+def test_a_taken_core_is_free_again_only_when_it_is_released() -> None:
     cores = [cpu for core in siblings(list(range(4))) for cpu in core]
     with ExitStack() as first, ExitStack() as second, ExitStack() as third:
         a, b = _taken(first, 2, cores, NAME), _taken(second, 1, cores, NAME)
@@ -48,7 +48,7 @@ def test_what_one_has_taken_no_other_gets_until_it_is_given_back() -> None:
 
 
 @linux
-def test_a_process_is_bound_as_long_as_it_asks_for() -> None:
+def test_a_process_is_bound_within_the_context() -> None:
     before = os.sched_getaffinity(0)
     with own_cores(1, NAME) as cores:
         assert cores is not None
@@ -102,7 +102,7 @@ def test_cells_that_shared_their_cores_are_counted(mine: list[int] | None, monke
     assert sentence.endswith("1 of 2 could not be bound to any, so that their training seconds may be long.")
 
 
-def test_cores_that_one_thread_a_cell_leaves_idle_are_said() -> None:
+def test_idle_cores_are_reported() -> None:
     assert unused_by(Machine("cpu", 1, parsed(["run"]).threads), 2) == "; 1 of 2 cores idle, --threads 2 uses more"
     assert unused_by(Machine("cpu", 3, 1), 8) == "; 5 of 8 cores idle, --threads 2 uses more"
     for busy in (Machine("cpu", 2, 1), Machine("cpu", 1, 2), Machine("cuda", 1, 1), Machine("cpu", 1, 1, "ray")):
@@ -168,7 +168,7 @@ def test_a_quota_of_processor_time_bounds_the_cores(
     assert quota_cores(tmp_path / "cgroup", tmp_path / "own") == cores
 
 
-def test_what_a_quota_shares_is_not_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cores_under_a_quota_are_not_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(64)), raising=False)
     monkeypatch.setattr(os, "sched_setaffinity", lambda *_: pytest.fail("bound"), raising=False)
     for module in ("cores", "device"):

@@ -1,4 +1,4 @@
-"""Where tensors live, and the switches that make a run repeatable."""
+"""The device of tensors, and the switches that make a run repeatable."""
 
 import subprocess
 import sys
@@ -23,9 +23,9 @@ def test_auto_takes_a_gpu_where_there_is_one(
 
 
 @pytest.mark.parametrize(
-    ("cuda", "hip", "built"), [("12.8", None, "CUDA 12.8"), (None, "6.4", "ROCm 6.4"), (None, None, "the CPU alone")]
+    ("cuda", "hip", "built"), [("12.8", None, "CUDA 12.8"), (None, "6.4", "ROCm 6.4"), (None, None, "CPU only")]
 )
-def test_a_missing_gpu_is_told_with_what_torch_was_built_for(
+def test_a_missing_gpu_is_reported_with_the_build_of_torch(
     cuda: str | None, hip: str | None, built: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
@@ -42,7 +42,7 @@ def test_sums_are_repeatable() -> None:
     assert torch.are_deterministic_algorithms_enabled()
     assert torch.is_deterministic_algorithms_warn_only_enabled()
     assert not torch.backends.cuda.matmul.allow_tf32
-    # deterministic mode would fill each new tensor with NaN, in training nothing but time
+    # deterministic mode would fill each new tensor with NaN, which only costs time
     assert not torch.utils.deterministic.fill_uninitialized_memory  # type: ignore[attr-defined]
 
 

@@ -1,4 +1,4 @@
-"""What `doctor` says of machines that are not this one."""
+"""The findings of `doctor` on simulated machines, and on this one."""
 
 import json
 import os
@@ -23,7 +23,7 @@ def probes(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     return table
 
 
-def test_a_line_each_with_what_to_do_and_2_for_what_is_needed(
+def test_each_finding_has_a_line_with_its_remedy_and_a_missing_need_is_exit_code_2(
     probes: dict[str, object], capsys: pytest.CaptureFixture[str]
 ) -> None:
     probes["first"] = lambda: [Finding("disk", "1 GB", "limited", "make room"), Finding("ray", "none", "missing", "do")]
@@ -69,7 +69,7 @@ def test_memory_is_judged_by_workers(monkeypatch: pytest.MonkeyPatch, gigabytes:
 
 
 @pytest.mark.parametrize(("free", "verdict"), [(0.1, "missing"), (1.0, "limited"), (50.0, "ok")])
-def test_disk_is_looked_at_where_a_run_would_write(
+def test_the_disk_is_that_of_the_output_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: float, verdict: str
 ) -> None:
     usage = {tmp_path: SimpleNamespace(free=int(free * 1e9))}

@@ -1,4 +1,4 @@
-"""The class of the processor, by which speed is kept apart."""
+"""The class of the processor, by which speeds are stored."""
 
 import platform
 

@@ -1,4 +1,4 @@
-"""What counts as a source line."""
+"""The count of source lines."""
 
 import pytest
 

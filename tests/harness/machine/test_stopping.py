@@ -1,4 +1,4 @@
-"""Workers end with the one who asked for them, and what is kept is told."""
+"""Workers end with their parent, and their errors reach it."""
 
 import multiprocessing
 import os
@@ -22,16 +22,14 @@ def slept(task: arms.CellTask) -> None:
 
 @pytest.fixture
 def _open_to_ctrl_c() -> Iterator[None]:
-    """A suite that was started in the background is not."""
+    """Restore Ctrl-C, which a suite that was started in the background ignores."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.usefixtures("_open_to_ctrl_c")
-def test_a_pool_in_the_middle_of_a_cell_ends_with_the_one_who_asked(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_pool_in_the_middle_of_a_cell_ends_with_its_parent(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(arms, "kept_cell", slept)
     task = arms.CellTask("lego", "nerf", 0, Path(), tmp_path, planned("smoke"), {})
 
@@ -46,7 +44,7 @@ def test_a_pool_in_the_middle_of_a_cell_ends_with_the_one_who_asked(
     assert multiprocessing.active_children() == []
 
 
-def test_a_child_answers_and_says_what_failed(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_child_returns_its_result_or_error(capfd: pytest.CaptureFixture[str]) -> None:
     assert in_child(divmod, 7, 2) == (3, 1)
     with pytest.raises(ZeroDivisionError):
         in_child(divmod, 1, 0)

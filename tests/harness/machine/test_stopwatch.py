@@ -1,4 +1,4 @@
-"""What is between start and stop counts, and nothing else."""
+"""Only time inside `running` counts."""
 
 import time
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from harness.machine.stopwatch import Stopwatch
 
 
 class Machine:
-    """Its time passes only while something is done."""
+    """A simulated machine whose time passes only during work."""
 
     def __init__(self, device: str = "cpu") -> None:
         self.wall, self.cores = 100.0, 200.0
@@ -22,7 +22,7 @@ class Machine:
         self.cores += cores
 
 
-def test_what_is_outside_does_not_count_and_a_step_that_fails_does() -> None:
+def test_time_outside_does_not_count_and_a_failing_step_does() -> None:
     machine = Machine()
     machine.work(1000.0, 2000.0)
     with machine.watch.running():
@@ -48,8 +48,8 @@ def test_the_clocks_are_of_the_wall_and_of_the_processor() -> None:
     assert watch.core_seconds - spent < 0.05 < watch.seconds
 
 
-def test_launched_work_is_waited_for_before_each_reading(monkeypatch: pytest.MonkeyPatch) -> None:
-    pending = [7.0, 11.0]  # of somebody else before the step, and of the step
+def test_each_reading_waits_for_launched_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    pending = [7.0, 11.0]  # launched before the step, and by the step
     monkeypatch.setattr(torch.cuda, "synchronize", lambda: machine.work(pending.pop(0)))
     machine = Machine("cuda")
     with machine.watch.running():
@@ -57,7 +57,7 @@ def test_launched_work_is_waited_for_before_each_reading(monkeypatch: pytest.Mon
     assert (pending, machine.watch.seconds) == ([], 12.0)
 
 
-def test_the_time_to_make_items_counts_and_not_what_is_done_with_them() -> None:
+def test_the_time_to_make_items_counts_and_the_time_to_use_them_does_not() -> None:
     machine = Machine()
 
     def items() -> Iterator[str]:

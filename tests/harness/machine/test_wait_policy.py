@@ -1,12 +1,8 @@
-"""How threads wait: a user's own choice stays, and is what a record says."""
-
-import subprocess
-import sys
+"""How threads wait: a user's choice stays, and is recorded."""
 
 import pytest
 
 from harness.machine.wait_policy import wait_policy, waits_passively
-from tests.harness.shell import ROOT
 
 
 @pytest.mark.parametrize(
@@ -26,9 +22,3 @@ def test_threads_wait_passively_unless_the_user_says_otherwise(
     assert wait_policy(given) == {"OMP_WAIT_POLICY": policy}
     assert waits_passively(given) is passive
     assert waits_passively({**given, **wait_policy(given)}) is afterwards
-
-
-def test_the_command_sets_it_before_torch_is_imported() -> None:
-    """The library reads it as it is loaded: nothing that the command imports first may load it."""
-    code = "import sys, harness.command.main; sys.exit('torch' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0

@@ -121,11 +121,10 @@ def test_a_package_is_listed_without_being_imported(example: Path) -> None:
 def test_a_method_that_is_named_is_loaded_with_its_parts_and_its_origin(example: Path) -> None:
     assert planned("smoke", methods=["nerf", *EXAMPLES]).methods == ("nerf", *EXAMPLES)
     assert LADDERS["base3"].base == 3.0
-    origin = plugins.origin_of("blobs")
-    assert origin is not None
-    assert (origin["package"], origin["version"]) == ("my-radiance-methods", "1.2")
-    assert origin["entry_point"] == "my_radiance_methods:BLOBS"
-    assert plugins.origin_of("nerf") is None
+    recorded: Any = plugins.origins(["nerf", "blobs"])["plugins"]
+    assert set(recorded) == {"blobs"}
+    assert (recorded["blobs"]["package"], recorded["blobs"]["version"]) == ("my-radiance-methods", "1.2")
+    assert recorded["blobs"]["entry_point"] == "my_radiance_methods:BLOBS"
     assert plugins.title_of("blobs").endswith("(package my-radiance-methods 1.2)")
 
 
@@ -162,6 +161,10 @@ def test_the_documented_package_conforms(example: Path, method: str) -> None:
         (HEAD + "M = Method(replace(NERF, amplifier='loud'), 'x')", "amplifier 'loud' is unknown"),
         (HEAD + "M = Method(replace(NERF, skip='never'), 'x')", "skip 'never' is unknown"),
         (HEAD + "M = Method(replace(NERF, activation='sine'), 'x')", "activation 'sine' is unknown; known: relu"),
+        (HEAD + "M = Method(replace(NERF, loss='cubed'), 'x')", "loss 'cubed' is unknown; known: squared"),
+        (HEAD + "M = Method(replace(NERF, decay='sudden'), 'x')", "decay 'sudden' is unknown; known: exponential"),
+        (HEAD + "M = Method(replace(NERF, learning_rate=0.0), 'x')", "its learning_rate 0.0 is not a positive number"),
+        (HEAD + "M = Method(replace(NERF, warm_up_steps=-1), 'x')", "its warm_up_steps -1 is below 0"),
         (HEAD + "M = Method(replace(NERF, depth=0), 'x')", "its depth 0 is below 1; leave it out for the run's"),
         (HEAD + "M = Method(replace(NERF, quadrature='guess'), 'x')", "quadrature 'guess' is unknown"),
         (HEAD + "M = Method(NERF, 'x', skips={'half': len})", "skip 'half' is taken"),

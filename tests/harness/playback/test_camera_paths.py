@@ -1,4 +1,4 @@
-"""Camera paths: rigid, level, on their sphere, and where they say they are."""
+"""Camera paths: rigid, level, on their sphere, with the documented steps."""
 
 import math
 
@@ -73,6 +73,6 @@ def test_a_walk_goes_step_by_step_and_comes_back_to_the_same_bits() -> None:
 
 @pytest.mark.parametrize("name", PATHS)
 @pytest.mark.parametrize("radius", [0.0, -1.0, math.nan, math.inf])
-def test_a_radius_that_is_none_is_refused(name: str, radius: float) -> None:
+def test_an_impossible_radius_is_refused(name: str, radius: float) -> None:
     with pytest.raises(InputError, match=f"radius {radius}"):
         PATHS[name](2, radius=radius)

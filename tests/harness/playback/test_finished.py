@@ -1,4 +1,4 @@
-"""A finished run gives back what was trained: the same picture to the last bit, or a reason why not."""
+"""A finished run renders the bits of its trained methods, or says why not."""
 
 import json
 import shutil
@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from baselines.catalog import CATALOG
-from baselines.methods.explicit import VoxelSettings
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings
 from harness.playback.run_loader import FinishedRun, from_plain
@@ -25,12 +24,11 @@ from scenes.view_sets.viewpoints import RADIUS
 from tests.harness.ball import DISTANCE, write_ball
 from tests.harness.tiny import CPU, TRAIN
 from tests.harness.trained_runs import SIZE, train_run
-from tests.harness.voxels import drjit_or_skip
+from tests.harness.voxels import SETTINGS, drjit_or_skip
 from tests.replacing import replace
 
 METHODS = ["nerf", "qnerf", "qnerf_running_mean"]
-"""A density of its own point, one that depends on the call, and one with buffers beside its weights."""
-SMALL = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)})
+"""A pointwise density, one that depends on the chunk, and one with buffers in addition to its weights."""
 OTHER_SETTINGS: dict[str, dict[str, Any]] = {
     "fine pass, bfloat16": {"fine_bins": 8, "precision": "bfloat16"},
     "no grid": {"grid": GridSettings(cells=0)},
@@ -49,7 +47,7 @@ RUNS = [
         for name, changes in OTHER_SETTINGS.items()
     ),
     *(
-        pytest.param([name], {"train": SMALL}, id=name, marks=[pytest.mark.slow, pytest.mark.thorough])
+        pytest.param([name], {"train": SETTINGS}, id=name, marks=[pytest.mark.slow, pytest.mark.thorough])
         for name in CATALOG
         if name not in METHODS
     ),
@@ -210,7 +208,7 @@ def test_weights_that_changed_since_they_were_written_are_refused(place: float, 
             ({"views": views}, {}, r"settings\.views")
             for views in ("--help", {"need": [["empty_space"]]}, {"no_need": 7})
         ),
-        ({}, {"views": {"train": 5}}, "ball: views says no number of test"),
+        ({}, {"views": {"train": 5}}, "ball: views lacks the number of test"),
         ({}, {"bounds": [[-1.0, -1.0, 9.0], [1.0, 1.0, 1.0]]}, "ball: bounds"),
     ],
 )
@@ -237,7 +235,7 @@ def test_a_method_that_is_no_more_is_refused(copy: FinishedRun, monkeypatch: pyt
     "settings",
     [
         TrainSettings(),
-        *SMALL.own.values(),
+        *SETTINGS.own.values(),
         *(method.settings for method in CATALOG.values() if method.settings),
         replace(TRAIN, own={}, precision="bfloat16", accelerations=TRAIN.accelerations.without(("grid", "fused"))),
         Budget(steps=None, seconds=1.5),

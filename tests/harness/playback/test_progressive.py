@@ -1,4 +1,4 @@
-"""However a view is rendered in parts, it is the view; and what is not, says so."""
+"""A view rendered in any parts is the plain view; coarse frames and allotted samples differ as stated."""
 
 from typing import Any, get_args
 
@@ -29,7 +29,7 @@ EQUAL = np.full(REGIONS.count, 0.7)
 
 
 def trained(method: str) -> Learner:
-    """Past the grid's first step, so that empty space is left out and the settled number of bins is in use."""
+    """Train past the grid's first step, so that empty space is left out and the final number of bins is used."""
     learner = trainer(method)
     rays, colours = rays_and_colours()
     for _ in range(14):
@@ -73,7 +73,7 @@ def test_any_order_gives_the_plain_picture_to_the_bit_if_a_method_is_not_pointwi
 ) -> None:
     view, _ = filled(CAMERA, refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))
     assert largest_difference(view, plain(nerf)) < ROUNDING
-    assert "which points share a call" in (progressive.why_plain(qnerf) or "")
+    assert "which points share a chunk" in (progressive.why_plain(qnerf) or "")
     assert same_bits(filled(CAMERA, refine(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))[0], plain(qnerf))
 
 
@@ -85,9 +85,9 @@ def test_equal_attention_is_plain_to_the_bit(nerf: Learner, attention: np.ndarra
 
 
 @pytest.mark.parametrize("order", get_args(progressive.Order))
-@pytest.mark.parametrize("rays_a_call", [1, 60, 10_000])
-def test_every_pixel_comes_once_with_one_part_a_region(nerf: Learner, order: Any, rays_a_call: int) -> None:
-    parts = list(refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order, rays_a_call))
+@pytest.mark.parametrize("least_rays", [1, 60, 10_000])
+def test_every_pixel_comes_once_with_one_part_a_region(nerf: Learner, order: Any, least_rays: int) -> None:
+    parts = list(refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order, least_rays))
     assert len(parts) == REGIONS.count
     assert sorted(np.concatenate([done.pixels for done in parts]).tolist()) == list(range(18 * 22))
     shares = np.cumsum([len(done.pixels) for done in parts]) / (18 * 22)
@@ -100,7 +100,7 @@ def test_every_pixel_comes_once_with_one_part_a_region(nerf: Learner, order: Any
 
 
 class Watched:
-    """A learner that notes its calls."""
+    """A learner that records its calls."""
 
     def __init__(self, inner: Learner) -> None:
         self.inner = inner
@@ -119,8 +119,8 @@ class Watched:
 
 def test_the_evaluations_of_all_parts_are_those_of_all_calls(nerf: Learner) -> None:
     whole = nerf.render(CAMERA.rays(CPU), 10_000).network_evaluations
-    for rays_a_call in (1, 100):
-        parts = refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, "attention", rays_a_call)
+    for least_rays in (1, 100):
+        parts = refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, "attention", least_rays)
         assert sum(done.network_evaluations for done in parts) == pytest.approx(whole, rel=0.01)
 
 
@@ -155,7 +155,7 @@ def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learn
 
 
 def slow_allocated(learner: Learner, bins: np.ndarray) -> View:
-    """Every region by itself."""
+    """Render every region separately."""
     canvas, rays = Canvas(18, 22), CAMERA.rays(CPU)
     for region in range(REGIONS.count):
         pixels = REGIONS.pixels(region)

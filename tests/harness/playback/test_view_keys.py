@@ -1,4 +1,4 @@
-"""Everything that a picture depends on changes its key, and nothing else does; under it is the picture itself."""
+"""Everything that a picture depends on changes its key, and nothing else does; the cache returns the same bits."""
 
 import re
 import subprocess
@@ -14,7 +14,6 @@ import pytest
 import torch
 
 from baselines.contract import EVERY_ACCELERATION, Accelerations, Box
-from baselines.methods.explicit import VoxelSettings
 from harness.machine.provenance import PROGRAM
 from harness.playback import cached, keys
 from harness.playback.cached import CachedMethod
@@ -22,14 +21,13 @@ from harness.playback.keys import camera_key, method_digest, plain_calls, switch
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
 from harness.training.checkpoints import load_checkpoint, save_checkpoint
-from harness.training.learner import Job, Learner
-from harness.training.make_learner import learner_for
+from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Trainer
 from tests.harness.ball import pose
 from tests.harness.shell import ROOT
-from tests.harness.tiny import BUDGET, CPU, TRAIN, box, rays_and_colours, trainer
-from tests.harness.voxels import drjit_or_skip
+from tests.harness.tiny import CPU, TRAIN, rays_and_colours, train, trainer
+from tests.harness.voxels import voxels
 
 CALLS = plain_calls(512)
 
@@ -41,22 +39,24 @@ def camera(**changes: Any) -> Camera:
     return Camera(**{**plain, **changes})
 
 
-def trained(method: str = "nerf", **changes: Any) -> Trainer:
-    learner = trainer(method, replace(TRAIN, **changes))
-    for step in range(2):
-        learner.train_on(*rays_and_colours(seed=step))
-    return learner
+def trained(method: str = "nerf") -> Trainer:
+    return train(trainer(method), 2)
+
+
+@pytest.fixture(scope="module")
+def nerf() -> Trainer:
+    """Not to be changed."""
+    return trained()
 
 
 def key(learner: Learner, view: Camera | None = None, calls: str = CALLS) -> str:
     return camera_key(method_digest(learner), view or camera(), calls)
 
 
-def test_the_same_view_has_the_same_key() -> None:
-    learner = trained()
+def test_the_same_view_has_the_same_key(nerf: Trainer) -> None:
     transposed = camera(camera_to_world=pose(0.3, 0.4).T.copy().T)
-    assert key(learner) == key(trained()) == key(learner, transposed)
-    assert re.fullmatch("[0-9a-f]{64}", key(learner)), "a file's name"
+    assert key(nerf) == key(trained()) == key(nerf, transposed)
+    assert re.fullmatch("[0-9a-f]{64}", key(nerf)), "a file's name"
 
 
 def ulp_away(entry: int, towards: float) -> dict[str, Any]:
@@ -77,9 +77,8 @@ def ulp_away(entry: int, towards: float) -> dict[str, Any]:
         {"height": 11},
     ],
 )
-def test_another_pose_or_lens_is_another_view(changes: dict[str, Any]) -> None:
-    learner = trained()
-    assert key(learner, camera(**changes)) != key(learner)
+def test_another_pose_or_lens_is_another_view(changes: dict[str, Any], nerf: Trainer) -> None:
+    assert key(nerf, camera(**changes)) != key(nerf)
 
 
 def trained_further(learner: Trainer) -> None:
@@ -139,25 +138,26 @@ def test_whatever_a_picture_depends_on_is_in_the_key(change: str) -> None:
     assert key(learner) != before
 
 
-def test_each_method_seed_and_division_into_chunks_has_its_own_keys() -> None:
-    learners = [trained(), trained("qnerf"), trained("nerf_matched"), trainer(seed=1), trainer(seed=2)]
+def test_each_method_seed_and_division_into_chunks_has_its_own_keys(nerf: Trainer) -> None:
+    learners = [nerf, trained("qnerf"), trained("nerf_matched"), trainer(seed=1), trainer(seed=2)]
     keys_of_all = [
         key(learner, calls=calls) for learner in learners for calls in (CALLS, plain_calls(513), "region after region")
     ]
     assert len(set(keys_of_all)) == len(keys_of_all)
 
 
-def test_other_sources_another_torch_or_processor_is_another_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    learner = trained()
-    before = key(learner)
+def test_other_sources_another_torch_or_processor_is_another_picture(
+    nerf: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = key(nerf)
     other = {"versions": {**keys.versions(), PROGRAM: "another"}, "processor": "another"}
     for name, value in other.items():
         with monkeypatch.context() as patch:
             patch.setattr(keys, name, lambda value=value: value)
-            assert key(learner) != before
-    assert "torch" in keys.machine(learner)["versions"]
-    torch.set_num_threads(2)  # put back by a fixture
-    assert key(learner) != before
+            assert key(nerf) != before
+    assert "torch" in keys.machine(nerf)["versions"]
+    torch.set_num_threads(2)  # a fixture restores it
+    assert key(nerf) != before
 
 
 ELSEWHERE = """
@@ -233,8 +233,8 @@ def test_every_switch_of_arithmetic_is_in_the_key_whichever_others_were_set(on_g
     assert switches(on_gpu) == before
 
 
-def test_under_another_switch_a_view_is_not_found() -> None:
-    method = CachedMethod(trained(), ViewStore(), 512)
+def test_under_another_switch_a_view_is_not_found(nerf: Trainer) -> None:
+    method = CachedMethod(nerf, ViewStore(), 512)
     method.keep(camera(), rendered(method))
     for other in ON_CPU.values():
         with other():
@@ -262,10 +262,10 @@ def test_the_view_that_is_found_is_bit_for_bit_the_rendered_one_until_the_method
     assert method.lookup(camera()) is None
 
 
-def test_weights_are_hashed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weights_are_hashed_once(nerf: Trainer, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[object] = []
     monkeypatch.setattr(cached, "method_digest", lambda learner: calls.append(learner) or b"")
-    method = CachedMethod(trained(), ViewStore(), 50)
+    method = CachedMethod(nerf, ViewStore(), 50)
     for azimuth in range(5):
         method.lookup(camera(camera_to_world=pose(azimuth, 0.4)))
     assert len(calls) == 1
@@ -281,11 +281,7 @@ VOXEL_FACTS: dict[str, Callable[[Any], None]] = {
 @pytest.mark.parametrize("fact", VOXEL_FACTS)
 def test_whatever_a_picture_of_voxels_depends_on_is_in_the_key(fact: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Their weights are Dr.Jit's and not torch's."""
-    drjit_or_skip()
-    settings = replace(TRAIN, own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)})
-    learner = learner_for(Job("voxels_drjit", box(), settings, BUDGET, 0, CPU))
-    for step in range(3):
-        learner.train_on(*rays_and_colours(seed=step))
+    learner = train(voxels(), 3)
     before = key(learner)
     with monkeypatch.context() as patch:
         patch.setattr(keys, "_drjit", lambda: ["0.0", [1, 2, 3]])

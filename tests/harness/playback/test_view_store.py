@@ -1,4 +1,4 @@
-"""Whatever becomes of the folder or a file in it: a picture is bit for bit the one that was stored, or a miss."""
+"""A stored picture comes back bit-identical or is a miss, under any damage of the folder and its files."""
 
 import hashlib
 import multiprocessing
@@ -21,7 +21,7 @@ SHAPE = (5, 7, 5)
 
 
 def drawn(seed: int) -> np.ndarray:
-    """Random bits but finite, zeros of both signs and denormals among them."""
+    """Return finite numbers of random bits, with zeros of both signs and denormals."""
     value = np.random.default_rng(seed).integers(0, 2**32, SHAPE, dtype=np.uint32).view(np.float32)
     value = np.where(np.isfinite(value), value, np.float32(0.5))
     value.reshape(-1)[:4] = [-0.0, 0.0, 1e-45, np.finfo(np.float32).max]
@@ -41,7 +41,7 @@ def put(store: ViewStore, seed: int) -> None:
 
 
 def place_of(store: ViewStore, seed: int) -> Place | None:
-    """Where the picture is; fails if it is another one."""
+    """Return the place of the picture; fails if another picture comes back."""
     if (hit := store.get(key(seed), SHAPE)) is None:
         return None
     assert (hit[0].dtype, hit[0].tobytes()) == (np.float32, drawn(seed).tobytes())
@@ -159,7 +159,7 @@ def test_a_folder_that_cannot_be_one_is_an_error_that_names_it(tmp_path: Path, w
 
 @contextmanager
 def files_of_at_most(limit: int) -> Iterator[None]:
-    """What is beyond is refused by the system, after what still fits was taken: as on a full disk."""
+    """Let the system refuse bytes beyond the limit after it has taken those before, as on a full disk."""
     resource = pytest.importorskip("resource")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
@@ -184,13 +184,13 @@ def test_a_picture_that_the_disk_refuses_is_kept_in_memory(tmp_path: Path, bound
 
 
 BOUND = 8 * ON_DISK
-"""For two thirds of the keys of a storm: something has to go all the time."""
+"""Room for two thirds of the keys of a storm, so that pictures are evicted all the time."""
 KEYS = 12
 SPAWN = multiprocessing.get_context("spawn")
 
 
 def storm(folder: Path, seed: int, seconds: float, began: Event, counts: SimpleQueue[tuple[int, int]]) -> None:
-    """Put pictures and get them again, in a process of its own."""
+    """Put and get pictures, in a separate process."""
     generator, store = np.random.default_rng(seed), ViewStore(0, folder, BOUND)
     began.set()
     until, steps, hits = time.monotonic() + seconds, 0, 0
@@ -204,7 +204,7 @@ def storm(folder: Path, seed: int, seconds: float, began: Event, counts: SimpleQ
 
 
 def test_processes_at_once_on_one_folder(tmp_path: Path) -> None:
-    """With one more that is killed at some moment; the folder is then as the next user needs it."""
+    """One of three processes is killed; the folder is valid afterwards."""
     counts: SimpleQueue[tuple[int, int]] = SPAWN.SimpleQueue()
     processes = []
     for seed, seconds in enumerate((1.0, 1.0, 60.0)):

@@ -1,4 +1,4 @@
-"""Kept pictures: the same bits back, the same bytes again, and nothing read that was not written."""
+"""Saved renders: bit-identical when read, byte-identical when written again, and refused if changed."""
 
 import errno
 from collections.abc import Callable
@@ -59,7 +59,7 @@ def test_pictures_come_back_bit_for_bit(tmp_path: Path) -> None:
     write_truth(tmp_path / "b.safetensors", truths())
     assert list(map(bits, read_truth(tmp_path / "b.safetensors"))) == list(map(bits, truths()))
     assert [render.step for render in last_of(back)] == [200, 200]
-    assert {file.name for file in tmp_path.rglob("*.*")} == {"a.safetensors", "b.safetensors"}, "nothing is left beside"
+    assert {file.name for file in tmp_path.rglob("*.*")} == {"a.safetensors", "b.safetensors"}, "no other file is left"
 
 
 def test_light_is_clipped_to_what_float16_holds_and_nan_is_refused() -> None:
@@ -85,11 +85,11 @@ def test_every_byte_that_is_changed_is_noticed(tmp_path: Path) -> None:
     path = tmp_path / "a.safetensors"
     small = [Render("v", 1, noise(1, 1, 3), noise(1, 1), noise(1, 1))]
     write_renders(path, small)
-    whole = path.read_bytes()
+    written = path.read_bytes()
     kept = refused = 0
-    for place in range(len(whole)):
+    for place in range(len(written)):
         for flip in (1, 255):
-            path.write_bytes(whole[:place] + bytes([whole[place] ^ flip]) + whole[place + 1 :])
+            path.write_bytes(written[:place] + bytes([written[place] ^ flip]) + written[place + 1 :])
             try:
                 (read,) = read_renders(path)
             except DamagedRecord as error:
@@ -97,8 +97,8 @@ def test_every_byte_that_is_changed_is_noticed(tmp_path: Path) -> None:
             else:
                 kept += 1
                 assert bits(read) == bits(small[0])
-    assert refused > 1.9 * len(whole)
-    assert kept < 0.1 * len(whole)
+    assert refused > 1.9 * len(written)
+    assert kept < 0.1 * len(written)
 
 
 @pytest.mark.parametrize("keep", [0, 7, 8, 100, -1])
@@ -122,7 +122,7 @@ def test_what_is_missing_or_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 
 def rewritten(path: Path, change: Callable[[dict, dict], object]) -> None:
-    """The file with its tensors and listing changed and a digest that fits them."""
+    """Change the tensors and the listing of the file, with a matching digest."""
     listing, tensors = unsealed("pictures", path.read_bytes())
     change(tensors, listing)
     path.write_bytes(sealed("pictures", listing, tensors))

@@ -1,4 +1,4 @@
-"""Records: there and back, whole or not at all, and never a NaN."""
+"""Records: read as written, atomic, and without NaN."""
 
 import json
 import math
@@ -149,12 +149,12 @@ def test_any_cell_comes_back_as_it_was_written(facts: Any, curve: Any, views: An
 
 @pytest.mark.parametrize(("metric", "value"), [("psnr", -5.0), ("psnr", 1e308), ("ssim", 5.0), ("flip", -0.1)])
 def test_scores_that_no_images_have_are_refused(metric: str, value: float, tmp_path: Path) -> None:
-    whole = one_cell()
-    at_the_end = replace(whole, scores={**whole.scores, metric: value})
-    on_the_way = replace(whole, curve=[replace(whole.curve[0], **{metric: value}), *whole.curve[1:]])
-    for record in (at_the_end, on_the_way):
+    cell = one_cell()
+    at_the_end = replace(cell, scores={**cell.scores, metric: value})
+    on_the_curve = replace(cell, curve=[replace(cell.curve[0], **{metric: value}), *cell.curve[1:]])
+    for record in (at_the_end, on_the_curve):
         write_cell(tmp_path, record)
-        with pytest.raises(DamagedRecord, match=f"{metric} .* is no possible score"):
+        with pytest.raises(DamagedRecord, match=f"{metric} .* is not a possible score"):
             list(read_cells(tmp_path))
 
 
@@ -175,7 +175,7 @@ def test_what_a_version_adds_to_a_record_changes_no_digest_of_an_older_one(tmp_p
                      for point in data["curve"]]  # fmt: skip
     assert digest == HELD + digest_of(without_gaps(dict(reversed(data.items()))))
     assert digests_of([replace(cell, costs={"view_seconds": 1.0})]) != {"lego.qnerf.2.json": digest}
-    # by the version before, which digested keys in their order, and those that hold nothing
+    # a former version digested keys in their order, and empty values
     write_comparisons(tmp_path, [], {"lego.qnerf.2.json": digest_of(plain(cell))})
     assert read_comparisons(tmp_path, [cell]) == []
 
@@ -311,7 +311,7 @@ ALL = ["nerf", "nerf_matched", "mine", "other"]
          "nerf", [("mine", "nerf"), ("other", "nerf"), ("other", "mine")]),
     ],
 )  # fmt: skip
-def test_roles_say_who_is_compared_with_whom(
+def test_roles_decide_the_compared_pairs(
     roles: Roles, methods: list[str], baseline: str, pairs: list[tuple[str, str]]
 ) -> None:
     assert roles.among(methods).baseline == baseline
@@ -319,7 +319,7 @@ def test_roles_say_who_is_compared_with_whom(
     assert roles.pairs([]) == []
 
 
-def test_contenders_are_all_others_and_controls_where_there_is_nobody_else() -> None:
+def test_contenders_are_all_others_or_else_the_controls() -> None:
     assert USUAL.contenders(ALL) == ["mine", "other"]
     assert USUAL.contenders(ALL[:2]) == ["nerf_matched"]
     assert USUAL.contenders(ALL[:1]) == []

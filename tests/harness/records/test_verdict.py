@@ -1,4 +1,4 @@
-"""Sign and size of a difference, the phrase that prints them, and records in which one of four words stood instead."""
+"""Sign and size of a difference, their phrase, and records with one of the former verdicts."""
 
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,7 @@ def test_a_former_estimate_has_the_margin_of_what_it_is_part_of() -> None:
 
 @pytest.mark.parametrize("verdict", [{"sign": "open", "size": "open"}, "seen", "within its bound", "inconclusive"])
 def test_verdicts_of_this_version_and_of_other_vocabularies_stay(verdict: Any) -> None:
-    """A claim and an omission may be inconclusive: they have no smallest detectable difference."""
+    """A claim or an omission may be inconclusive too, but has no smallest detectable difference."""
     claim = {"verdict": verdict, "interval": [0.1, 0.2]}
     assert in_two_words([claim]) == [claim]
 
@@ -89,7 +89,6 @@ def test_a_former_word_behind_no_interval_is_left_to_the_reader_to_refuse(pair: 
 def test_records_of_an_earlier_version_are_read() -> None:
     rows = [*read_comparisons(FORMER / "run"), *read_studies(PUBLISHED.parent / "evidence.json").studies[0].effects]
     targets = read_targets(FORMER / "run")
-    assert targets is not None
     verdicts = [each.verdict for each in (*rows, *targets.comparisons)]
     assert len(verdicts) > 3
     assert {type(verdict) for verdict in verdicts} == {Verdict}

@@ -1,4 +1,4 @@
-"""What TensorBoard reads back is what the records hold."""
+"""TensorBoard reads back the numbers of the records."""
 
 import argparse
 from pathlib import Path
@@ -34,9 +34,9 @@ def cell(method: str = "qnerf") -> CellRecord:
 def read_back(folder: Path) -> Any:
     accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
     everything = {"scalars": 0, "images": 0, "histograms": 0, "tensors": 0}
-    found = accumulator.EventAccumulator(str(folder), size_guidance=everything)
-    found.Reload()
-    return found
+    events = accumulator.EventAccumulator(str(folder), size_guidance=everything)
+    events.Reload()
+    return events
 
 
 @pytest.fixture(autouse=True)
@@ -46,10 +46,10 @@ def _tensorboard() -> None:
 
 
 def test_scalars_are_those_of_the_record_on_the_cells_own_clock(tmp_path: Path) -> None:
-    found = read_back(write_board(tmp_path, cell()))
+    board = read_back(write_board(tmp_path, cell()))
 
     def series(tag: str) -> list[tuple[int, float, float]]:
-        return [(one.step, one.wall_time, pytest.approx(one.value)) for one in found.Scalars(tag)]
+        return [(event.step, event.wall_time, pytest.approx(event.value)) for event in board.Scalars(tag)]
 
     assert series("test/psnr") == [(20, 2.0, 20.5), (40, 4.5, 22.25)]
     assert series("test/rmse_linear") == [(20, 2.0, 0.1)], "what is None is left out"
@@ -58,20 +58,20 @@ def test_scalars_are_those_of_the_record_on_the_cells_own_clock(tmp_path: Path) 
     assert series("train/gradient_norm")[2][:2] == (30, 3.25), "halfway between two checkpoints"
     assert [value for *_, value in series("train/alpha")] == [0.61, 0.62, 0.63]
     assert series("end/psnr") == [(40, 4.5, 22.25)]
-    assert not {"train/beta", "end/depth_rmse"} & set(found.Tags()["scalars"])
+    assert not {"train/beta", "end/depth_rmse"} & set(board.Tags()["scalars"])
 
 
 def test_writing_again_replaces(tmp_path: Path) -> None:
     for _ in range(2):
         folder = write_board(tmp_path, cell())
     assert len(list(folder.iterdir())) == 1
-    assert [one.name for one in folder.parent.iterdir()] == ["0"], "nothing half written is left beside"
+    assert [entry.name for entry in folder.parent.iterdir()] == ["0"], "no incomplete folder is left"
 
 
 def test_a_cell_that_diverged_before_its_first_checkpoint_has_a_reason(tmp_path: Path) -> None:
-    found = read_back(write_board(tmp_path, cells.diverged("ball", "nerf", 0)))
-    assert not [tag for tag in found.Tags()["scalars"] if not tag.startswith("train/")]
-    (text,) = found.Tensors("cell/status/text_summary")[0].tensor_proto.string_val
+    board = read_back(write_board(tmp_path, cells.diverged("ball", "nerf", 0)))
+    assert not [tag for tag in board.Tags()["scalars"] if not tag.startswith("train/")]
+    (text,) = board.Tensors("cell/status/text_summary")[0].tensor_proto.string_val
     assert text == b"diverged: not finite at step 7: loss"
 
 
@@ -86,20 +86,19 @@ def test_the_command_writes_every_cell_of_a_run(tmp_path: Path, capsys: pytest.C
 
 def test_a_run_writes_each_cell_as_it_ends_and_those_from_before(tmp_path: Path) -> None:
     write_cell(tmp_path, cell("nerf"))
-    told: list[CellRecord] = []
+    shown: list[CellRecord] = []
     show = Quiet()
-    show.cell = told.append  # type: ignore[method-assign]
-    asked = argparse.Namespace(tensorboard=True)
-    wrapped = also_written(asked, tmp_path, show)
+    show.cell = shown.append  # type: ignore[method-assign]
+    wrapped = also_written(argparse.Namespace(tensorboard=True), tmp_path, show)
     assert board_folder(tmp_path, cell("nerf")).is_dir()
     wrapped.cell(cell("qnerf"))
     wrapped.line("all else goes through")
-    assert told == [cell("qnerf")]
+    assert shown == [cell("qnerf")]
     assert board_folder(tmp_path, cell("qnerf")).is_dir()
     assert also_written(argparse.Namespace(tensorboard=False), tmp_path, show) is show
 
 
-def test_without_the_package_it_is_said_before_anything_is_done(
+def test_a_missing_package_is_reported_before_anything_is_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(board.importlib.util, "find_spec", lambda name: None)

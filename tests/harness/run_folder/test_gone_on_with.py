@@ -1,4 +1,4 @@
-"""What a run that is gone on with says of the part before it, and keeps of it."""
+"""A resumed run keeps the facts of its earlier part, and reports cells of other code."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ TYPED = "run --profile smoke --resolution 8 --methods nerf qnerf --seeds 1 --bud
 Locally = Callable[[list[GroupTask], int], Iterator[Event]]
 
 
-def go_on(out: Path, ball_folder: Path, *more: str, locally: Locally = in_this_process) -> int:
+def run_command(out: Path, ball_folder: Path, *more: str, locally: Locally = in_this_process) -> int:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.execution.run.run_locally", locally)
         patch.setattr("harness.machine.device.available_cores", lambda: 1)
@@ -33,7 +33,7 @@ def go_on(out: Path, ball_folder: Path, *more: str, locally: Locally = in_this_p
 def finished(ball_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Not to be changed."""
     out = tmp_path_factory.mktemp("finished") / "run"
-    assert go_on(out, ball_folder) == 0
+    assert run_command(out, ball_folder) == 0
     return out
 
 
@@ -47,7 +47,7 @@ def cell(out: Path, method: str) -> CellRecord:
     return read_cell(cell_path(out, "ball", method, 0))
 
 
-def test_cells_of_other_code_are_named_and_stand_in_the_record(
+def test_cells_of_other_code_are_reported_and_recorded(
     ball_folder: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     new = cell(out, "nerf").provenance["sources"]
@@ -55,7 +55,7 @@ def test_cells_of_other_code_are_named_and_stand_in_the_record(
     old = cell(out, "qnerf")
     write_cell(out, replace(old, provenance={**old.provenance, "sources": "0123456789abcdef", "commit": "0ld"}))
     cell_path(out, "ball", "nerf", 0).unlink()
-    assert go_on(out, ball_folder, "--resume") == 0
+    assert run_command(out, ball_folder, "--resume") == 0
     printed = capsys.readouterr().out
     assert (
         "1 of 1 finished cells were made by other code or packages (ball.qnerf.0: sources 0123456789abcdef" in printed
@@ -63,25 +63,25 @@ def test_cells_of_other_code_are_named_and_stand_in_the_record(
     (sentence,) = [line for line in read_run(out).not_tested if line.startswith("One code")]
     assert f"sources {new} (1 cells), 0123456789abcdef (1 cells)" in sentence
     assert cell(out, "qnerf").provenance["commit"] == "0ld", "not trained again"
-    cell_path(out, "ball", "qnerf", 0).unlink()  # what the line says to do
-    assert go_on(out, ball_folder, "--resume") == 0
+    cell_path(out, "ball", "qnerf", 0).unlink()  # the remedy of the printed line
+    assert run_command(out, ball_folder, "--resume") == 0
     assert "other code" not in capsys.readouterr().out
     assert not any(line.startswith("One code") for line in read_run(out).not_tested)
 
 
-def test_a_finished_run_of_one_code_is_looked_at_by_another_in_silence(
+def test_resuming_a_finished_run_with_other_code_prints_no_warning(
     ball_folder: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for old in (cell(out, "nerf"), cell(out, "qnerf")):
         write_cell(out, replace(old, provenance={**old.provenance, "sources": "0123456789abcdef"}))
-    assert go_on(out, ball_folder, "--resume") == 0
+    assert run_command(out, ball_folder, "--resume") == 0
     assert "other code" not in capsys.readouterr().out
 
 
 def test_clocks_of_all_parts_are_summed(ball_folder: Path, out: Path) -> None:
     first = read_run(out)
     write_run(out, replace(first, phases={"render": 10.0, "train": 1000.0, "verify": 5.0, "total": 1020.0}))
-    assert go_on(out, ball_folder, "--resume") == 0
+    assert run_command(out, ball_folder, "--resume") == 0
     phases = read_run(out).phases
     assert phases["verify"] == 5.0
     for name, before in (("render", 10.0), ("train", 1000.0), ("total", 1020.0)):
@@ -110,9 +110,9 @@ def test_notices_of_all_parts_are_kept_once(ball_folder: Path, out: Path) -> Non
     assert "notices" not in read_run(out).provenance
     for _ in range(2):
         cell_path(out, "ball", "nerf", 0).unlink()
-        assert go_on(out, ball_folder, "--resume", locally=tells) == 0
+        assert run_command(out, ball_folder, "--resume", locally=tells) == 0
     assert read_run(out).provenance["notices"] == ["a node died", "another"]
-    assert go_on(out, ball_folder, "--resume") == 0
+    assert run_command(out, ball_folder, "--resume") == 0
     assert read_run(out).provenance["notices"] == ["a node died", "another"]
 
 
@@ -123,7 +123,7 @@ MEASURED = LeftOut(
 PLAIN = replace(MEASURED, seconds_saved=None, difference=None, interval=None, clock="", verdict="")
 
 
-def test_what_omissions_cost_is_kept_of_the_same_view_set(finished: Path) -> None:
+def test_measured_costs_of_omissions_are_kept_for_the_same_view_set(finished: Path) -> None:
     run = read_run(finished)
     (scene,) = run.scenes
     before = replace(run, scenes=[replace(scene, left_out=[MEASURED])])
@@ -138,22 +138,22 @@ def test_what_omissions_cost_is_kept_of_the_same_view_set(finished: Path) -> Non
     assert with_measured([scene], None) == [scene]
 
 
-def test_an_omission_that_costs_more_does_so_after_resuming(ball_folder: Path, tmp_path: Path) -> None:
+def test_an_omission_that_costs_more_is_exit_code_3_after_resuming_too(ball_folder: Path, tmp_path: Path) -> None:
     out, forced = tmp_path / "run", ("--no-need", "view_direction")
-    assert go_on(out, ball_folder, *forced) == 0
+    assert run_command(out, ball_folder, *forced) == 0
     run = read_run(out)
     (scene,) = run.scenes
     measured = [replace(row, verdict="costs more", difference=-1.0, interval=(-1.2, -0.8)) for row in scene.left_out]
     assert "view_direction" in {row.name for row in measured}
     write_run(out, replace(run, scenes=[replace(scene, left_out=measured)]))
     for _ in range(2):
-        assert go_on(out, ball_folder, *forced, "--resume") == 3
+        assert run_command(out, ball_folder, *forced, "--resume") == 3
         assert read_run(out).scenes[0].left_out == measured
 
 
-def test_a_record_that_cannot_be_read_is_made_anew(ball_folder: Path, out: Path) -> None:
+def test_a_damaged_record_is_written_again(ball_folder: Path, out: Path) -> None:
     (out / "records/run.json").write_text("{")
     with pytest.raises(DamagedRecord):
         read_run(out)
-    assert go_on(out, ball_folder, "--resume") == 0
+    assert run_command(out, ball_folder, "--resume") == 0
     assert read_run(out).finished

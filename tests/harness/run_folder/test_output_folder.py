@@ -1,4 +1,4 @@
-"""The folder that a run writes to: fresh, or gone on with, never one in use."""
+"""The folder that a run writes to: fresh or resumed, never one in use."""
 
 import json
 from collections.abc import Callable
@@ -43,7 +43,7 @@ def out(tmp_path: Path, plan: Plan) -> Path:
 
 
 def resumed(out: Path, plan: Plan) -> list[str]:
-    """What is said when a run is resumed; its plan is then that of a fresh one."""
+    """Return the printed lines of a resumed run, whose plan is then that of a fresh one."""
     lines: list[str] = []
     with claimed(out, plan, MACHINE, True, lines.append):
         pass
@@ -51,8 +51,8 @@ def resumed(out: Path, plan: Plan) -> list[str]:
     return lines
 
 
-def test_results_are_kept_unless_they_are_gone_on_with(out: Path, plan: Plan) -> None:
-    with pytest.raises(InputError, match="holds results already; name another folder, or go on with --resume"):
+def test_results_are_kept_unless_the_run_is_resumed(out: Path, plan: Plan) -> None:
+    with pytest.raises(InputError, match="holds results already; name another folder, or add --resume"):
         claim(out, plan, MACHINE, resume=False)
     before = sorted(out.rglob("*"))
     release(out)
@@ -65,7 +65,7 @@ def test_results_are_kept_unless_they_are_gone_on_with(out: Path, plan: Plan) ->
     [
         (["letter.txt"], False, "in use by something else"),
         (["letter.txt"], True, "in use by something else"),
-        ([], True, "holds no run to go on with"),
+        ([], True, "holds no run to resume"),
     ],
 )
 def test_a_folder_of_somebody_else_or_without_a_run_is_refused(
@@ -107,7 +107,7 @@ def test_a_machine_with_other_clocks_is_refused_and_a_cluster_is_not(
 
 
 @pytest.mark.parametrize("content", ["", "{", "[1]", '{"seeds": 1'])
-def test_a_plan_that_is_lost_is_what_the_options_say_where_that_fits(out: Path, plan: Plan, content: str) -> None:
+def test_a_lost_plan_is_written_again_from_options_that_match_the_cells(out: Path, plan: Plan, content: str) -> None:
     write_cell(out, replace(diverged("lego", "nerf", 0), settings={"budget": plan.budget.settings()}))
     (out / PLAN).write_text(content)
     other = planned("smoke", scenes=["lego"], budget_steps=7)
@@ -135,9 +135,7 @@ DAMAGE = [*map(machine, (None, [], "cpu", 7)), *map(key_of_digest, ("dagest", "D
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
-def test_a_plan_that_is_damaged_is_said_and_written_again(
-    out: Path, plan: Plan, damage: Callable[[Path], object]
-) -> None:
+def test_a_damaged_plan_is_reported_and_written_again(out: Path, plan: Plan, damage: Callable[[Path], object]) -> None:
     assert not any(PLAN in line for line in resumed(out, plan))
     damage(out / PLAN)
     assert resumed(out, plan)[0].startswith(f"{PLAN}: ")
@@ -145,28 +143,24 @@ def test_a_plan_that_is_damaged_is_said_and_written_again(
         assert (out / "damaged" / "records.plan.json.1" / "letter.txt").read_text() == "mine"
 
 
-@pytest.mark.parametrize("aside", ["speed.json.1", "records.run.json.1"])
-def test_a_record_that_is_missing_is_made_again_where_it_was_moved_aside_and_nowhere_else(
-    tmp_path: Path, aside: str
-) -> None:
-    ours = aside.startswith("speed")
+@pytest.mark.parametrize("quarantined", ["speed.json.1", "records.run.json.1"])
+def test_a_missing_record_is_made_again_only_if_it_was_quarantined(tmp_path: Path, quarantined: str) -> None:
+    is_known = quarantined.startswith("speed")
     (tmp_path / "damaged").mkdir()
-    (tmp_path / "damaged" / aside).write_text("{")
+    (tmp_path / "damaged" / quarantined).write_text("{")
     part = tmp_path / ".speed.json.1234.part"
     part.write_text("{")
     lines: list[str] = []
-    if not ours:
-        with pytest.raises(InputError, match=r"holds no speed\.json to go on with"):
-            gone_on_with(tmp_path, "speed.json", True, load_record, lines.append)
-    else:
+    if is_known:
         assert gone_on_with(tmp_path, "speed.json", True, load_record, lines.append) is None
-    assert lines == (["speed.json: missing: everything in it is measured again"] if ours else [])
-    assert part.exists() != ours, "what a killed writer left in a folder of ours"
+    else:
+        with pytest.raises(InputError, match=r"holds no speed\.json to resume"):
+            gone_on_with(tmp_path, "speed.json", True, load_record, lines.append)
+    assert lines == (["speed.json: missing: everything in it is measured again"] if is_known else [])
+    assert part.exists() != is_known, "leftovers are removed only from a known folder"
 
 
-def test_a_start_that_is_refused_for_want_of_room_leaves_nothing(
-    tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_start_without_disk_space_leaves_nothing(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as nearly_full:
         nearly_full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=LEAST_FREE_BYTES - 1))
         with pytest.raises(InputError, match="make room"):
@@ -183,7 +177,7 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, plan: Plan) 
         claim(tmp_path / "file" / "run", plan, MACHINE, resume=False)
 
 
-def test_a_claim_that_led_to_nothing_is_given_up(tmp_path: Path, plan: Plan) -> None:
+def test_a_claim_without_results_is_released(tmp_path: Path, plan: Plan) -> None:
     claim(tmp_path / "run", plan, MACHINE, resume=False)
     release(tmp_path / "run")
     assert list(tmp_path.iterdir()) == []
@@ -201,7 +195,7 @@ def test_default_folders_are_fresh_each_time(tmp_path: Path, monkeypatch: pytest
     assert names == [stem, f"{stem}-2", f"{stem}-3"]
 
 
-def test_latest_is_what_is_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_latest_is_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("smoke-1", "smoke-2"):
         (tmp_path / "out" / name).mkdir(parents=True)

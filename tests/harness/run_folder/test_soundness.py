@@ -1,4 +1,4 @@
-"""What a run left is checked before it is gone on with; what is damaged is named and moved aside, nothing else."""
+"""The files of a run are checked before it is resumed; only damaged ones are named and quarantined."""
 
 import json
 import shutil
@@ -56,15 +56,15 @@ def files(out: Path) -> dict[str, bytes]:
     return {str(path.relative_to(out)): path.read_bytes() for path in out.rglob("*") if path.is_file()}
 
 
-def test_what_is_sound_is_left_as_it_is(out: Path, plan: Plan) -> None:
+def test_valid_files_are_not_changed(out: Path, plan: Plan) -> None:
     before = files(out)
-    assert said(out, plan) == ["1 finished cells and 1 files of theirs are as they were written"]
+    assert said(out, plan) == ["1 finished cells and their 1 files are valid"]
     assert files(out) == before
 
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.6, 0.97])
 @pytest.mark.parametrize(
-    ("name", "words", "aside"),
+    ("name", "words", "quarantined"),
     [
         ("records/cells/lego.nerf.0.json", "lego, nerf, seed 0 is trained again", 2),
         ("checkpoints/lego.nerf.0.safetensors", "digest does not match", 2),
@@ -73,8 +73,8 @@ def test_what_is_sound_is_left_as_it_is(out: Path, plan: Plan) -> None:
         ("unfinished/lego.qnerf.0.safetensors", ": trained from the start", 1),
     ],
 )
-def test_a_damaged_byte_is_named_and_just_that_is_moved_aside(
-    out: Path, plan: Plan, name: str, words: str, aside: int, place: float
+def test_a_damaged_file_is_named_and_quarantined(
+    out: Path, plan: Plan, name: str, words: str, quarantined: int, place: float
 ) -> None:
     write_unfinished(unfinished_path(out, "lego", "qnerf", 0), Unfinished({"step": 3}, {"weight": np.arange(50.0)}))
     assert len(said(out, plan)) == 1
@@ -85,7 +85,7 @@ def test_a_damaged_byte_is_named_and_just_that_is_moved_aside(
     assert line.startswith(f"{name}: ")
     assert words in line
     assert not (out / name).exists()
-    assert len(list((out / DAMAGED).iterdir())) == aside
+    assert len(list((out / DAMAGED).iterdir())) == quarantined
     assert (out / DAMAGED / f"{name.replace('/', '.')}.1").read_bytes() == data
 
 
@@ -95,7 +95,7 @@ def test_missing_weights_cost_their_cell(out: Path, plan: Plan) -> None:
     assert not cell_path(out, *CELL).exists()
 
 
-def test_a_folder_in_the_place_of_a_file_keeps_what_is_in_it(out: Path, plan: Plan) -> None:
+def test_a_folder_in_place_of_a_file_keeps_its_content(out: Path, plan: Plan) -> None:
     (out / "records/comparisons.json").unlink()
     (out / "records/comparisons.json").mkdir()
     (out / "records/comparisons.json/mine.txt").write_text("mine")
@@ -104,27 +104,27 @@ def test_a_folder_in_the_place_of_a_file_keeps_what_is_in_it(out: Path, plan: Pl
 
 
 @pytest.mark.parametrize("name", ["checkpoints", "records/cells", "records/pictures", "records", "unfinished"])
-def test_a_file_in_the_place_of_a_folder_is_moved_aside(out: Path, plan: Plan, name: str) -> None:
+def test_a_file_in_place_of_a_folder_is_quarantined(out: Path, plan: Plan, name: str) -> None:
     shutil.rmtree(out / name, ignore_errors=True)
     (out / name).write_text("mine")
-    assert said(out, plan)[0] == f"{name}: is no folder; moved aside"
+    assert said(out, plan)[0] == f"{name}: is not a folder; moved to damaged"
     assert not (out / name).exists()
     assert b"mine" in files(out / DAMAGED).values()
 
 
-def test_where_the_place_for_damaged_files_is_a_file_that_is_said(out: Path, plan: Plan) -> None:
+def test_a_file_in_place_of_the_quarantine_is_refused(out: Path, plan: Plan) -> None:
     (out / DAMAGED).write_text("mine")
     (out / checkpoint_name(*CELL)).unlink()
     with pytest.raises(InputError, match=f"{DAMAGED}: is a file, .* remove it"):
         said(out, plan)
 
 
-def test_the_record_of_another_cell_is_not_taken_for_this_one(out: Path, plan: Plan) -> None:
+def test_the_record_of_another_cell_is_damage(out: Path, plan: Plan) -> None:
     cell_path(out, *CELL).rename(cell_path(out, "lego", "qnerf", 0))
     assert "is the record of lego.nerf.0.json" in said(out, plan)[0]
 
 
-def test_what_writers_left_half_written_is_removed(out: Path) -> None:
+def test_incomplete_files_are_removed(out: Path) -> None:
     for part in (".run.json.12.part", "records/cells/.a.json.12.part", "checkpoints/.b.safetensors.7.part"):
         (out / part).write_text("half")
     before = len(files(out))
@@ -134,16 +134,15 @@ def test_what_writers_left_half_written_is_removed(out: Path) -> None:
     assert len(files(out)) == before - 3
 
 
-def test_a_scratch_folder_stays_as_long_as_its_owner_works_in_it(out: Path) -> None:
-    with scratch_folder(out) as ours:
-        (ours / "image").write_text("half")
-        left = subprocess.run(
-            [sys.executable, "-c", KILLED, str(out)], cwd=ROOT, capture_output=True, text=True
-        ).stdout.strip()
-        assert Path(left).is_dir()
+def test_a_scratch_folder_stays_while_its_owner_works_in_it(out: Path) -> None:
+    with scratch_folder(out) as held:
+        (held / "image").write_text("half")
+        killed = subprocess.run([sys.executable, "-c", KILLED, str(out)], cwd=ROOT, capture_output=True, text=True)
+        abandoned = Path(killed.stdout.strip())
+        assert abandoned.is_dir()
         assert sweep(out) == 1
-        assert not Path(left).exists()
-        assert (ours / "image").read_text() == "half"
+        assert not abandoned.exists()
+        assert (held / "image").read_text() == "half"
     assert not list(out.glob(".scratch-*"))
 
 
@@ -156,7 +155,7 @@ with scratch_folder(pathlib.Path(sys.argv[1])) as folder:
 """
 
 
-def test_what_is_kept_of_a_cell_that_has_ended_is_removed(out: Path, plan: Plan) -> None:
+def test_the_snapshot_of_a_finished_cell_is_removed(out: Path, plan: Plan) -> None:
     path = unfinished_path(out, *CELL)
     write_unfinished(path, Unfinished({"step": 3}, {}))
     said(out, plan)
@@ -164,7 +163,7 @@ def test_what_is_kept_of_a_cell_that_has_ended_is_removed(out: Path, plan: Plan)
     assert not (out / DAMAGED).exists()
 
 
-def test_a_digest_is_of_content_and_order_not_of_spaces(tmp_path: Path) -> None:
+def test_a_digest_depends_on_content_and_order_not_on_spaces(tmp_path: Path) -> None:
     path, data = tmp_path / "a.json", {"b": 1.5, "a": [None, "é"]}
     write_record(path, data)
     assert load_record(path) == data
@@ -181,7 +180,7 @@ def test_a_digest_is_of_content_and_order_not_of_spaces(tmp_path: Path) -> None:
     ("changes", "words"),
     [({}, "its digest is missing, so it was changed by hand"), ({"digest": "0" * 64}, "digest does not match")],
 )
-def test_a_digest_that_was_removed_or_replaced_is_damage(out: Path, changes: dict[str, str], words: str) -> None:
+def test_a_removed_or_replaced_digest_is_damage(out: Path, changes: dict[str, str], words: str) -> None:
     path = cell_path(out, *CELL)
     data = json.loads(path.read_text(encoding="utf-8"))
     del data["digest"]

@@ -1,4 +1,4 @@
-"""The one loop that runs studies: what is kept, resumed, refused and said, by commands whose studies are made up."""
+"""The loop that runs studies, tried by commands with scripted studies: what it records, resumes, refuses and prints."""
 
 import json
 import math
@@ -38,7 +38,7 @@ ALL = (EVIDENCE, STABILITY, SPEED)
 
 
 class Script:
-    """Studies that answer at once, and stop or fail where they are told to."""
+    """Studies that answer at once, and stop or fail in a given study."""
 
     def __init__(self, stop_in: str = "", fail_in: str = "", owner: str = "ours") -> None:
         self.stop_in, self.fail_in, self.owner = stop_in, fail_in, owner
@@ -96,10 +96,10 @@ def test_studies_are_done_in_the_order_of_their_catalogue_and_recorded(
     study = record.studies[0]
     assert (study.answers, len(study.checks), study.seconds >= 0) == ([f"{first} is answered"], 1, True)
     bars = study.info.facts.get("bar")
-    assert bars == ("a figure at most 1" if shelf == "stability" else None), "what it must hold is read from its checks"
+    assert bars == ("a figure at most 1" if shelf == "stability" else None), "the limits are read from the checks"
     assert study.series[0].y == [None], "a figure that is not finite is a gap"
     assert study.tables[0].rows == [["b", "not finite (nan)"]]
-    assert [file.name for file in (tmp_path / "out").iterdir()] == [SHELVES[shelf]], "nothing is left behind"
+    assert [file.name for file in (tmp_path / "out").iterdir()] == [SHELVES[shelf]], "no other file remains"
 
 
 def test_a_stopped_run_keeps_complete_studies_and_is_resumed(
@@ -148,11 +148,10 @@ def test_other_options_are_not_resumed(
 ) -> None:
     scripted(monkeypatch)
     assert run(tmp_path / "out", "2") == 0
-    assert (
-        main(["speed", "--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", str(tmp_path / "out")]) == 2
-    )
-    assert "other options" in capsys.readouterr().err
-    assert done(tmp_path / "out") == ["2"]
+    out = tmp_path / "out"
+    said = refused(capsys, "--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", out, command="speed")
+    assert "other options" in said
+    assert done(out) == ["2"]
 
 
 @pytest.mark.parametrize(
@@ -197,19 +196,17 @@ def test_the_former_names_of_the_option_still_work(tmp_path: Path, monkeypatch: 
     [(0.5, "high", "pass"), (1.0, "high", "pass"), (1.5, "high", "fail"), (0.5, "low", "fail"), (1.5, "low", "pass"),
      (None, "high", "fail"), (math.nan, "low", "fail"), (math.inf, "low", "fail"), (-math.inf, "high", "fail")],
 )  # fmt: skip
-def test_a_figure_is_held_to_its_limit(value: float | None, end: Literal["low", "high"], status: str) -> None:
-    found = check("it", value, 1.0) if end == "low" else check("it", value, high=1.0)
-    assert found.status == status
+def test_a_figure_is_compared_with_its_limit(value: float | None, end: Literal["low", "high"], status: str) -> None:
+    outcome = check("it", value, 1.0) if end == "low" else check("it", value, high=1.0)
+    assert outcome.status == status
     if value is not None and not math.isfinite(value):
-        assert (found.value, str(value) in found.why) == (None, True)
+        assert (outcome.value, str(value) in outcome.why) == (None, True)
     assert check("it", 3.0).status == "measured"
 
 
-def test_a_line_says_what_became_of_a_check() -> None:
-    assert (
-        line_of(check("error", 2.1e-7, high=1e-6, subject="midpoint"))
-        == "midpoint: pass: error 2.1e-07 (at most 1e-06)"
-    )
+def test_a_line_holds_status_figure_limits_and_reason_of_a_check() -> None:
+    passed = check("error", 2.1e-7, high=1e-6, subject="midpoint")
+    assert line_of(passed) == "midpoint: pass: error 2.1e-07 (at most 1e-06)"
     missed = check("ratio", 7.4, 10.0, unit="×", why="plain", owner="machine", spread=(7.1, 7.6))
     assert line_of(missed) == "missed: ratio 7.4 × [7.1, 7.6] (at least 10); plain"
     assert line_of(check("share", None, high=0.05, why="nothing to see")) == (
@@ -247,7 +244,7 @@ def test_a_record_comes_back_as_it_was_written(tmp_path: Path) -> None:
         (lambda data: data.update(schema=3), "schema"),
     ],
 )
-def test_what_is_not_a_record_is_refused_by_name(
+def test_an_invalid_record_is_refused_with_the_name_of_the_field(
     change: Callable[[dict[str, object]], object], said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "stability.json"

@@ -1,4 +1,4 @@
-"""The paper's table on paper: counted by hand, and the page of the repository is the one that is printed now."""
+"""The cost of the paper's table: its work is counted by hand, and the published page is up to date."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,14 +30,14 @@ def speed() -> Studies:
     return read_studies(DOCS / "speed.json")
 
 
-def test_the_work_of_a_cell_is_what_a_hand_counts() -> None:
+def test_the_work_of_a_cell_equals_a_count_by_hand() -> None:
     work = work_of(paper_table())
     # encoded position 63, direction 27; 8 × 256 with the position again after the fourth layer; heads 1 and 128-128-3
     three = 256 * 256 * 7 + 256 + 256 * 128 + 128 * 128 + 128 * 3
     two = 63 * 256 * 2
-    a_point = 2 * (3 * three + 2 * two)
-    a_ray = 2 * 2 * 27 * 128
-    step = 1024 * (64 + 192) * a_point + 1024 * a_ray
+    per_point = 2 * (3 * three + 2 * two)
+    per_ray = 2 * 2 * 27 * 128
+    step = 1024 * (64 + 192) * per_point + 1024 * per_ray
     assert work.training == pytest.approx(200_000 * step, rel=1e-12)
     assert work.scoring == pytest.approx((12 * 200 + 4) * 800**2 * step / 1024 / 3, rel=1e-12)
     assert (work.cells, work.groups) == (320, 40)
@@ -45,29 +45,28 @@ def test_the_work_of_a_cell_is_what_a_hand_counts() -> None:
     assert work.decoded == 300 * 800 * 800 * 4 * 4
 
 
-def test_what_is_counted_explains_what_was_measured(speed: Studies) -> None:
-    """Rendering a view of 100 × 100 at 64 samples a ray, by operations and training's rate, against the clock."""
+def test_the_count_agrees_with_a_measurement(speed: Studies) -> None:
+    """The time of a view of 100 × 100 with 64 samples per ray, from operations at the rate of training and measured."""
     plan = paper_table(replace(PROFILES["full"], train=replace(PROFILES["full"].train, fine_bins=0)))
     plan = replace(
         plan,
         views=replace(plan.views, resolution=100, test=1),
         score=replace(plan.score, checkpoints=1, train_views=0),
     )
-    assert work_of(plan).scoring / measured_rate(speed) == pytest.approx(
-        value_of(speed, "rendering.paper.seconds"), rel=0.2
-    )
+    seconds = work_of(plan).scoring / measured_rate(speed)
+    assert seconds == pytest.approx(value_of(speed, "rendering.paper.seconds"), rel=0.2)
 
 
-def test_the_least_shares_are_about_what_an_h100_reached() -> None:
+def test_the_smallest_assumed_shares_are_about_those_of_a_measured_h100() -> None:
     gpu, sheet = read_studies(DOCS / "gpu" / "speed.json"), GPUS["NVIDIA H100 or H200, SXM"]
     rate = value_of(gpu, "matrix.paper.rate")
-    a_sample = rate / value_of(gpu, "training.dense.accelerated.rate")  # both in bfloat16
-    reached = {"bfloat16": rate, "float32": a_sample * value_of(gpu, "training.dense.float32.rate")}
-    for precision, (least, _) in ASSUMED_SHARES.items():
-        assert reached[precision] / sheet[precision] == pytest.approx(least, rel=0.3)
+    per_sample = rate / value_of(gpu, "training.dense.accelerated.rate")  # both in bfloat16
+    reached = {"bfloat16": rate, "float32": per_sample * value_of(gpu, "training.dense.float32.rate")}
+    for precision, (smallest, _) in ASSUMED_SHARES.items():
+        assert reached[precision] / sheet[precision] == pytest.approx(smallest, rel=0.3)
 
 
-def test_the_bag_is_no_finer_than_a_group() -> None:
+def test_work_is_not_divided_below_a_group() -> None:
     work = work_of(paper_table())
     assert [wall_hours(work, 1.0, gpus) for gpus in (1, 8, 39, 40, 64)] == [320, 40, 16, 8, 8]
 
@@ -89,7 +88,7 @@ def test_the_fastest_variant_that_works_renders(speed: Studies) -> None:
         work_of(replace(paper_table(), budget=Budget(None, 60.0)))
 
 
-def test_the_page_of_the_repository_is_printed_again(speed: Studies) -> None:
+def test_the_page_of_the_repository_is_up_to_date(speed: Studies) -> None:
     assert page(speed) == (DOCS / "scaling.md").read_text(encoding="utf-8"), (
         "python -m harness study scaling > docs/scaling.md"
     )

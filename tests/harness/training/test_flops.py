@@ -1,6 +1,7 @@
 """Operations of a network: counted from its shapes, by hand, and by what torch really does."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -18,7 +19,7 @@ POINTS = 24
 
 
 def really_done(method: str, size: NetworkSize) -> int:
-    """By torch, a point, forward, every point on a ray of its own and the network built from single operations."""
+    """Return the operations per point that torch counts in a forward pass of single operations, one ray per point."""
     parts = CATALOG[method].parts
     assert parts is not None
     field = NetworkField(parts, size, BOX, "float32", 0, accelerations=replace(EVERY_ACCELERATION, fused=False))
@@ -50,7 +51,7 @@ def test_learnt_features_by_hand(method: str, features: int, encoder: int) -> No
 
 
 def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> None:
-    """Nobody asks for a gradient of what is encoded, and direction's product is taken once a ray."""
+    """The encoded position needs no gradient, and the direction's multiplication runs once per ray."""
     size, points, rays = NetworkSize(), 1000, 10
     counted = FORWARD_AND_BACKWARD * points * (flops_per_evaluation(field_of("nerf", size)) or 0)
     # the gradient into the encoded position, which enters two layers, and into the encoded direction
@@ -62,14 +63,9 @@ def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> N
     assert FORWARD_AND_BACKWARD == 3
 
 
-class SomeVoxels:
-    def __init__(self, coefficients: int) -> None:
-        self.coefficients = coefficients
-
-
 def test_voxels_are_interpolated_between_eight_and_weighted_by_direction() -> None:
-    assert flops_per_evaluation(SomeVoxels(1)) == 8 * 2 * 4
-    assert flops_per_evaluation(SomeVoxels(4)) == 8 * 2 * 13 + 2 * 3 * 4
+    assert flops_per_evaluation(SimpleNamespace(coefficients=1)) == 8 * 2 * 4
+    assert flops_per_evaluation(SimpleNamespace(coefficients=4)) == 8 * 2 * 13 + 2 * 3 * 4
 
 
 def test_what_is_neither_has_no_count() -> None:

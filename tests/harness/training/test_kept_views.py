@@ -1,4 +1,4 @@
-"""Which pictures a run keeps, what their truth is, and histograms of density by true occupancy."""
+"""The pictures that a run saves, their truth, and histograms of density by true occupancy."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -103,7 +103,7 @@ def test_the_truth_of_posed_pngs_is_display_colour_alone(ball: ViewSet, tmp_path
 
 
 def rendered(ball: ViewSet, folder: Path, rgba: np.ndarray) -> ViewSet:
-    """A view set of ours in which one test view has this linear light."""
+    """Return a rendered view set in which one test view has this linear light."""
     file = folder / "test" / "r_0.exr"
     file.parent.mkdir()
     write_channels(file, {name: rgba[..., i] for i, name in enumerate("RGBA")})
@@ -149,7 +149,7 @@ def test_a_perfect_picture_has_no_error_in_linear_light_but_where_it_is_brighter
 
 
 def learner_of(box: Box, density: Callable[[torch.Tensor], torch.Tensor], gain: float) -> Trainer:
-    """A bounded method whose share of the largest density is known over positions [n, 3], and multiplied by `gain`."""
+    """Return a bounded method with a known share of the largest density at positions [n, 3], amplified by `gain`."""
     learner = Trainer(Job("qnerf", box, TRAIN, BUDGET, 0, CPU))
     limit = learner.field.density_limit
     learner.field.density_before_and_after = lambda p: (limit * density(p), gain * limit * density(p))  # type: ignore
@@ -182,7 +182,7 @@ def test_a_histogram_by_true_occupancy_is_the_closed_form() -> None:
 
 
 def test_a_box_that_is_longer_one_way_keeps_its_axes_apart() -> None:
-    """Matter where x is large alone: a grid with its axes exchanged would find it elsewhere."""
+    """There is geometry only where x is large: a grid with exchanged axes would find it elsewhere."""
     box = Box(torch.tensor([-1.0, -2.0, -3.0]), torch.tensor([1.0, 2.0, 3.0]))
     trained = learner_of(box, lambda p: torch.where(p[:, :1] > 0.5, 0.55, 0.05), 1.0)
     occupied = np.zeros((32, 32, 32), dtype=bool)

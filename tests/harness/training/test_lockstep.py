@@ -1,4 +1,4 @@
-"""All methods of a group in turn: same batches, own clocks, whole records, no one stopped by another."""
+"""All methods of a group in turn: the same batches, separate clocks, complete records."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -55,7 +55,7 @@ def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
 
 
 def without_time(cell: CellRecord) -> CellRecord:
-    """What must be equal to the bit; no clock ever runs twice alike."""
+    """Return the part of a record that must be bit-identical, which times are not."""
     curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
     return replace(cell, train_seconds=0.0, train_core_seconds=0.0, costs={}, curve=curve, provenance={})
 

@@ -1,4 +1,4 @@
-"""A method of a group that fails or diverges, before training, in it or in scoring: the others get the same bits."""
+"""A method that fails or diverges before, in or after training: the other methods of its group are bit-identical."""
 
 import math
 from collections.abc import Callable
@@ -39,7 +39,7 @@ MISDEEDS: dict[str, tuple[Callable[[Trainer], object], str]] = {
     "gradients": (lambda _: torch.set_grad_enabled(False), "does not require grad"),
     "numpy": (lambda _: np.seterr(all="ignore"), "numpy's handling of errors from"),
 }
-"""What a user's method may do in a step, and what its cell says of it."""
+"""A fault of a user's method in a step → its action, and the reason in its record."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""`splats` in training: repeatable to the bit across a relocation and a stop, and never past a NaN."""
+"""`splats` in training: it is bit-identical across a relocation and a stop, and stops at a NaN."""
 
 import tempfile
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""One method in training: repeatable to the bit, never past a NaN, on its own clock."""
+"""One method in training: it is bit-identical when repeated, stops at a NaN, and runs on its own clock."""
 
 import math
 from collections.abc import Callable
@@ -8,13 +8,14 @@ from typing import Any
 import pytest
 import torch
 
+from baselines.composition import LOSSES
 from baselines.methods.repaired import CANDIDATES
 from baselines.numerics.optimisers import Optimiser, optimiser_of
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.schedule import Budget, learning_rate
 from harness.plan.settings import GridSettings
 from harness.training.trainer import LAYER, TRACED, Diverged, Trainer
-from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours, same, train, trainer, weights
+from tests.harness.tiny import BUDGET, CPU, OWN, TRAIN, rays_and_colours, same, train, trainer, weights
 from tests.harness.voxels import voxels
 
 METHODS = ["nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"]
@@ -25,7 +26,7 @@ def learner_of(method: str, budget: Budget = BUDGET) -> Any:
     return voxels(budget=budget) if method == "voxels_drjit" else trainer(method, budget=budget)
 
 
-@pytest.mark.parametrize("method", [*METHODS, *CANDIDATES, "voxels_drjit"])
+@pytest.mark.parametrize("method", ["nerf", "qnerf", *CANDIDATES, "voxels_drjit"])
 def test_the_same_seed_gives_the_same_bits(method: str) -> None:
     first = train(learner_of(method), 22)
     torch.manual_seed(1234)
@@ -179,6 +180,36 @@ def test_the_learning_rate_follows_the_schedule() -> None:
     assert learner.progress == 1.0
 
 
+def test_a_method_has_a_schedule_of_its_own() -> None:
+    own = replace(OWN["nerf"], learning_rate=3e-2, last_learning_rate=1e-4, decay="linear", warm_up_steps=2)
+    rates = train(trainer(settings=replace(TRAIN, own={"nerf": own})), 24).trace["learning_rate"]
+    seen = (0, 19)  # the first step and every twentieth are traced
+    assert rates == [learning_rate(step / 24, step, 3e-2, 1e-4, 2, "linear") for step in seen]
+
+
+LOSS_OF_ERROR = {
+    "squared": lambda error: error**2,
+    "absolute": abs,
+    "huber": lambda error: 0.5 * error**2 if abs(error) <= 0.1 else 0.1 * (abs(error) - 0.05),
+}
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_a_method_has_a_loss_of_its_own(loss: str) -> None:
+    own = {"nerf": replace(OWN["nerf"], loss=loss)}
+    learner = trainer(settings=replace(TRAIN, own=own))
+    rays, colours = rays_and_colours()
+    seen: list[torch.Tensor] = []
+    with pytest.MonkeyPatch.context() as patch:
+        error = learner.error
+        patch.setattr(learner, "error", lambda *pair: seen.extend(pair) or error(*pair))
+        learner.train_on(rays, colours)
+    rendered, truth = seen
+    assert torch.equal(truth, colours)
+    errors = (rendered.detach().double() - truth.double()).flatten().tolist()
+    assert learner.last_loss == pytest.approx(sum(map(LOSS_OF_ERROR[loss], errors)) / len(errors), rel=1e-5)
+
+
 def test_a_budget_ends_with_the_mean_of_its_weights_and_looking_at_it_before_changes_nothing() -> None:
     plain = trainer(settings=replace(TRAIN, average=0.0))
     learner, looked_at = trainer(), trainer()
@@ -287,5 +318,5 @@ def test_the_trace_has_series_of_one_length() -> None:
 
 @pytest.mark.parametrize("bins", [0, -1])
 def test_less_than_one_bin_a_ray_is_refused(bins: int) -> None:
-    with pytest.raises(ValueError, match=f"{bins} bins a ray"):
+    with pytest.raises(ValueError, match=f"{bins} bins per ray"):
         trainer().render(rays_and_colours(8)[0], 8, bins)

@@ -1,4 +1,4 @@
-"""Reduced precision is for matrix products alone, and what training refuses to go on with."""
+"""Reduced precision is only for matrix multiplications; training refuses numbers that are not finite."""
 
 import math
 from dataclasses import replace
@@ -97,7 +97,7 @@ def test_reduced_precision_trains_as_float32_does(precision: Precision) -> None:
 
 
 def gradient_of(precision: Precision, faint: float) -> Tensor:
-    """Of all weights, as the optimiser gets it, where every colour is off by a hair."""
+    """Return the gradient of all weights that the optimiser gets if every colour has the error `faint`."""
     learner = trainer("nerf", replace(TRAIN, precision=precision))
     rays, _ = rays_and_colours(256)
     found: list[Tensor] = []
@@ -154,7 +154,7 @@ def test_the_ray_whose_pixel_is_not_finite_is_named(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("chunk", [16, 1000])
 def test_the_ray_whose_density_is_nan_is_named(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Counted in what was asked for, not in the call."""
+    """Rays are counted over all chunks."""
     learner = trained("float32", 1, "nerf")
     rays, colours = rays_and_colours()
     whole = learner.coarse.density_and_colour
@@ -185,7 +185,7 @@ def test_a_weight_that_a_step_makes_infinite_is_named_at_that_step(monkeypatch: 
 
 
 def test_large_finite_weights_are_no_divergence() -> None:
-    """Their squares overflow, they do not."""
+    """Only their squares overflow."""
     weights = [torch.tensor([1e30, -1e30]), torch.tensor(3.0)]
     assert trainer_module._all_finite(weights)
     assert not trainer_module._all_finite([*weights, torch.tensor([math.nan])])
@@ -202,7 +202,7 @@ def test_the_trace_holds_the_norm_before_and_after_clipping() -> None:
 
 
 def spiked(factor: float, at: int, **changes: float) -> tuple[list[float], list[float]]:
-    """Norms that the optimiser got, and the running mean after each step."""
+    """Return the norms that the optimiser got, and the running mean after each step."""
     learner = trainer("nerf", replace(TRAIN, grid=GridSettings(cells=0), **changes))  # type: ignore[arg-type]
     given: list[float] = []
     usual: list[float] = []

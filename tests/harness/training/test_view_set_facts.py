@@ -1,4 +1,4 @@
-"""A finished cell is gone on beside with the view set alone that it was trained on."""
+"""A run is resumed only with the view set that its finished cells were trained on."""
 
 import shutil
 from collections.abc import Callable
@@ -100,7 +100,7 @@ def test_a_sound_truth_is_never_replaced_by_that_of_other_views(own: Path, tmp_p
     before = file.read_bytes()
     keep_truth(tmp_path, "ball", read_view_set(own), 1)
     write_png(own / "test/r_1.png", np.ones((24, 24, 4)))
-    with pytest.raises(InputError, match=r"own: not the views that .*ball\.safetensors is of"):
+    with pytest.raises(InputError, match=r"own: not the views of .*ball\.safetensors; restore"):
         keep_truth(tmp_path, "ball", read_view_set(own), 1)
     assert file.read_bytes() == before
     file.write_bytes(before[:-1])

@@ -1,4 +1,4 @@
-"""`voxels_drjit` in training: repeatable to the bit, never past a NaN, on its own clock, in the same records."""
+"""`voxels_drjit` in training: it grows by its budget, stops at a NaN, and writes the same records as other methods."""
 
 import json
 import math
@@ -75,7 +75,7 @@ print(json.dumps([warm, steps, one.field.shape[0]]))
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_nothing_is_compiled_on_the_clock_after_the_warm_up(tmp_path: Path) -> None:
-    """In a process and with a kernel cache of its own: both remember what any other test has compiled."""
+    """It runs in another process with an empty kernel cache: both remember what other tests have compiled."""
     drjit_or_skip()
     ran = subprocess.run(
         [sys.executable, "-c", KERNELS], env={**os.environ, "HOME": str(tmp_path)}, capture_output=True, text=True

@@ -1,4 +1,4 @@
-"""Rates of failure against exact sums, and paired comparisons of them."""
+"""Failure rates agree with exact sums; paired comparisons of failures."""
 
 import pytest
 from msgspec.structs import replace
@@ -51,7 +51,7 @@ def test_runs_are_counted_by_how_they_failed_and_other_ends_are_no_runs() -> Non
 
 @pytest.mark.parametrize(("lost", "verdict"), [(5, "open"), (6, "above 0"), (24, "above 0")])
 def test_pairs_decide_of_which_one_alone_failed(lost: int, verdict: str) -> None:
-    """Six of six come by chance in 2 · 2⁻⁶ = 3 %, five of five in 6 %; pairs that failed alike say nothing."""
+    """The chance of six of six is 2 · 2⁻⁶ = 3 %, of five of five 6 %; pairs that failed alike do not count."""
     keys = [(scene, seed) for scene in "abcdefgh" for seed in range(3)]
     cells = [done("nerf", seed, scene) for scene, seed in keys]
     cells += [done("qnerf", seed, scene, place < lost) for place, (scene, seed) in enumerate(keys)]

@@ -115,7 +115,7 @@ def test_against_a_baseline_the_page_has_no_groups_and_no_matrix() -> None:
     result = judge(table_of(drawn(0, effect=0.5)), None, "m0", {})
     page = judgement_page(result)
     assert 'id="pairs"' not in page
-    assert "less m0" in page
+    assert "minus m0" in page
     assert "groups" not in [column.label for column in methods_grid(result, result.given, "").columns]
 
 

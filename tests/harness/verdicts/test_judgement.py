@@ -1,4 +1,4 @@
-"""Groups, intervals and suspect results against slow references, invariants and simulations."""
+"""Groups, intervals and suspect results agree with slow references, invariants and simulations."""
 
 from dataclasses import replace
 from itertools import combinations, pairwise
@@ -14,7 +14,7 @@ from harness.verdicts.judging.result_table import ResultTable
 
 
 def table_of(values: np.ndarray, **more: object) -> ResultTable:
-    """[methods, scenes] or [methods, scenes, seeds]."""
+    """Return the table of values [methods, scenes] or [methods, scenes, seeds]."""
     values = values[..., None] if values.ndim == 2 else values
     methods, scenes, seeds = values.shape
     names = [[f"{kind}{place}" for place in range(many)] for kind, many in (("m", methods), ("s", scenes))]
@@ -149,7 +149,7 @@ def test_few_ordinary_tables_have_a_suspect(methods: int, scenes: int, freedom: 
 def test_small_tables_and_tables_of_equal_numbers_are_judged() -> None:
     two = table_of(drawn(0, methods=2))
     two.values[0, 0] = 3.0
-    assert suspects(two, 0.2) == [], "of two methods nobody can say which is off"
+    assert suspects(two, 0.2) == [], "with two methods it is unknown which is the outlier"
     assert without(two, []) is None
     equal: JudgementRecord = judge(table_of(np.full((3, 4), 30.0)), None, None, {})
     assert [pair.verdict for pair in equal.given.pairs] == [Verdict("open", "smaller than matters")] * 3

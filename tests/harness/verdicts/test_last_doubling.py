@@ -1,4 +1,4 @@
-"""The gain of the last doubling: exact where PSNR is linear in the logarithm of steps."""
+"""The gain of the last doubling is exact if PSNR is linear in the logarithm of steps."""
 
 import math
 
@@ -11,7 +11,7 @@ from tests.harness.cells import cell, checkpoint, diverged
 
 
 def rising(slope: float, scene: str = "lego", method: str = "nerf", seed: int = 0) -> CellRecord:
-    """`slope` dB a doubling, by checkpoints of which none lies at half of the steps."""
+    """Return a cell that gains `slope` dB per doubling, without a checkpoint at half of its steps."""
     curve = [checkpoint(step, 0.01 * step, 20.0 + slope * math.log2(step)) for step in (10, 70, 300, 1000)]
     return cell(scene, method, seed, curve)
 

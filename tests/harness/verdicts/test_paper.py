@@ -1,4 +1,4 @@
-"""The claims of the Q-NeRF paper against the paper's own words, copied here a second time."""
+"""The claims of the Q-NeRF paper agree with the text of the paper, of which this file has a second copy."""
 
 import json
 import re
@@ -74,7 +74,7 @@ def test_table_4_is_the_printed_one_and_its_steps_are_differences():
 
 
 def test_every_number_of_the_text_has_an_entry():
-    """Numbers of abstract, Table 1, §8.1, conclusion and footnotes, as they stand there."""
+    """The numbers of the abstract, Table 1, §8.1, the conclusion and footnotes are as printed."""
     entries = by_id()
     assert (entries["abstract-sloc"].printed, entries["abstract-sloc"].where[0]) == (427, "Abstract")
     assert entries["abstract-faster"].printed == 18

@@ -1,4 +1,4 @@
-"""Who is best, on the front and overtaken: against tables whose answers are known."""
+"""The best method, the Pareto front and crossings of tables with known answers."""
 
 import math
 from itertools import product
@@ -10,7 +10,7 @@ from harness.verdicts.pareto import best_shares, crossing, drawn_means, front_sh
 
 
 def test_shares_of_two_scenes_are_those_of_all_four_equally_likely_draws() -> None:
-    """A is best if the first scene is drawn twice or once, by the mean; B if only the second is."""
+    """A is best by the mean if the first scene is drawn at least once, B if only the second is drawn."""
     table = np.array([[30.0, 20.0], [25.0, 24.0]])
     wins = [
         np.mean([table[0][i] for i in draw]) > np.mean([table[1][i] for i in draw]) for draw in product((0, 1), (0, 1))
@@ -51,10 +51,8 @@ def test_lines_cross_where_the_difference_is_0_on_a_logarithmic_axis() -> None:
     at, (low, high), share = crossing(budgets, flat, rising) or (0.0, (0.0, 0.0), 0.0)
     assert (at, low, high, share) == pytest.approx((4.0, 4.0, 4.0, 1.0))
     halfway = crossing(budgets, flat, rising - 1.0)
-    assert halfway is not None
     assert halfway[0] == pytest.approx(8.0)
     apart = crossing(budgets, flat, np.array([[18.0, 18.0], [19.0, 21.0], [22.0, 22.0]]))
-    assert apart is not None
     assert apart[1][0] < 4.0 < apart[1][1]
 
 

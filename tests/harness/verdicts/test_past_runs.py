@@ -1,4 +1,4 @@
-"""The file of past runs: appended to, read again, and what is cut off costs its own line alone."""
+"""The file of past runs: appended to, read again, and a truncated line spoils only itself."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Intervals, detectable effects and verdicts, held to what they promise by simulation."""
+"""Intervals, detectable effects and verdicts have their stated error rates in simulation."""
 
 import math
 from collections.abc import Callable
@@ -33,7 +33,7 @@ SMALLER: Size = "smaller than matters"
 
 
 def chance(share: float, repetitions: int = REPETITIONS) -> float:
-    """Four standard errors of a share."""
+    """Return four standard errors of a share."""
     return 4 * math.sqrt(share * (1 - share) / repetitions)
 
 
@@ -56,9 +56,8 @@ def test_95_percent_of_intervals_hold_the_truth_and_5_percent_tell_nothing_from_
 @pytest.mark.parametrize("units", [2, 3, 8, 24])
 @pytest.mark.parametrize("family", [1, 8, 48])
 def test_the_difference_that_is_printed_for_the_true_spread_is_found_in_80_percent(units: int, family: int) -> None:
-    """One size for all repetitions: that each finds what it prints itself would say nothing of a true effect."""
+    """All repetitions share one effect, as the size that each of them prints varies."""
     planted = paired_difference(of_spread_1(units), family).smallest_detectable
-    assert planted is not None
     draws = np.random.default_rng(2).normal(planted, 1, (REPETITIONS, units))
     above = [verdict(paired_difference(row, family), 0.2).sign == "above 0" for row in draws]
     assert np.mean(above) == pytest.approx(0.80, abs=chance(0.2))
@@ -100,7 +99,7 @@ def test_the_interval_is_students() -> None:
 
 
 def test_a_whole_family_holds_the_truth_in_95_percent() -> None:
-    """Eight scenes of three seeds each, one interval a scene: independent, so Bonferroni wastes next to nothing."""
+    """Eight scenes of three seeds with one interval per scene are independent, so that Bonferroni is almost exact."""
 
     def misses(pair: tuple[float, float] | None) -> bool:
         return pair is None or pair[0] > 0 or pair[1] < 0
@@ -126,7 +125,7 @@ def test_differences_that_are_not_numbers_are_refused(values: list[float]) -> No
 
 
 def test_a_verdict_is_taken_from_the_simultaneous_interval() -> None:
-    """What a comparison would say by itself does not count."""
+    """The interval of the single comparison does not count."""
     assert verdict(PairedDifference(0.0, (7.0, 8.0), None, 3, (-0.1, 0.1)), 0.2) == Verdict("open", SMALLER)
 
 
@@ -180,7 +179,7 @@ def test_intervals_hold_what_they_are_about(spread_of_scenes: float) -> None:
 
 @pytest.mark.parametrize("estimate", [on_these_scenes, scenes_like_these])
 def test_eight_scenes_find_an_effect_of_the_size_that_they_print(estimate: Callable[[Table], PairedDifference]) -> None:
-    """One size for all: the root mean square of what they print, as their errors vary about the true one."""
+    """All tables share one effect, the root mean square of the printed sizes, as their errors vary."""
     tables = drawn(8, 3, 0.0, many=500)
     sizes = [estimate(table).smallest_detectable or 0.0 for table in tables]
     planted = float(np.sqrt(np.mean(np.square(sizes))))
@@ -198,7 +197,7 @@ def test_what_can_be_detected_is_found_for_all_degrees_of_freedom(freedom: float
 
 
 def test_the_freedom_on_these_scenes_is_satterthwaites() -> None:
-    """Variances of 1 and 4 by three and five seeds: (1/3 + 4/5)² / ((1/3)² / 2 + (4/5)² / 4)."""
+    """Three seeds of variance 1 and five of 4 have (1/3 + 4/5)² / ((1/3)² / 2 + (4/5)² / 4) degrees of freedom."""
     three, five = np.array([-1.0, 0.0, 1.0]), np.array([-2.0, -2.0, 0.0, 2.0, 2.0])
     result = on_these_scenes({"a": three, "b": five, "c": np.full(5, math.nan)})
     assert result.error == pytest.approx(math.sqrt(1 / 3 + 4 / 5) / 2)
@@ -214,7 +213,7 @@ def test_one_noisy_scene_alone_decides_the_freedom() -> None:
 
 @pytest.mark.parametrize("repeated", range(1, 8))
 def test_a_scene_without_repeats_leaves_no_interval_on_these_scenes(repeated: int) -> None:
-    """Eight scenes of one seed and one of two once gave ± 0.001 dB."""
+    """Regression test: seven scenes of one seed and one of two once gave ± 0.001 dB."""
     (table,) = drawn(8, 3, 0.0)
     for scene in list(table)[repeated:]:
         table[scene][1:] = math.nan
@@ -234,7 +233,7 @@ def test_a_scene_without_any_difference_is_no_part() -> None:
 
 
 def test_the_p_value_is_that_of_the_interval() -> None:
-    """It is 5 % for a mean at the interval's end, whatever the freedom, and many at once are what one is."""
+    """It is 5 % for a mean at the interval's end with any freedom, and many at once equal single ones."""
     values = np.random.default_rng(6).normal(0.5, 1.0, (200, 6, 3)) * np.linspace(0.2, 3.0, 6)[:, None]
     for name in ("on_these_scenes", "scenes_like_these"):
         many = getattr(nested, name)(values)

@@ -1,4 +1,4 @@
-"""Tables of results: every form gives the same numbers, and what is ambiguous is refused in one line."""
+"""Tables of results: every form gives the same numbers, and an ambiguous table is refused in one line."""
 
 import csv
 import json
@@ -66,7 +66,7 @@ def test_every_form_gives_the_same_numbers(form: str, tmp_path: Path) -> None:
 
 
 def result_file(method: str, scene: str, psnr: float) -> dict[str, Any]:
-    """As nerfbaselines writes it; the values of every view in `metrics_raw` are none of ours."""
+    """Return a result file as nerfbaselines writes it; the scores by view in `metrics_raw` are not read."""
     where = {"id": "blender", "scene": scene}
     return {
         "nb_info": {"method": method, "total_train_time": 344.5, "dataset_metadata": where},
@@ -113,7 +113,7 @@ def test_which_way_is_better(tmp_path: Path) -> None:
 BAD = {
     "scene,method,psnr\na,x,1\na,y,2\nb,x,3\na,x,4\nb,y,1\n": "line 5: repeats scene and method of {}, line 2; give",
     "scene,method,seed,psnr\na,x,0,1\na,x,0,1\n": "line 3: repeats scene, method and seed of {}, line 2; delete one",
-    "scene,method,psnr\na,x,nan\na,y,2\n": "line 2: psnr is 'nan', no finite number within ±1e+12; leave the field",
+    "scene,method,psnr\na,x,nan\na,y,2\n": "line 2: psnr is 'nan', not a finite number within ±1e+12; leave the field",
     "scene,method,psnr\na,x,inf\na,y,2\n": "line 2: psnr is 'inf'",
     "scene,method,psnr\na,x,2\na,y,-1e308\n": "line 3: psnr is '-1e308'",
     "scene,method,psnr\na,x,1\na,y,26.3 dB\n": "line 3: psnr is '26.3 dB'",
@@ -122,11 +122,11 @@ BAD = {
     "scene,method,psnr\na,x,1\nb,x,2\n": "has 1 method with results; a comparison needs two",
     "scene,method,psnr\na,x,1\nb,y,\n": "has 1 method with results",
     "scene,method,psnr\na,x,1\nb,,2\n": "line 3: has no method",
-    "scene,method,psnr\na,x,1\nb,y\n": "line 3: has 2 fields, the head has 3",
+    "scene,method,psnr\na,x,1\nb,y\n": "line 3: has 2 fields, the header has 3",
     "scene,method,psnr\n\na,x,1\n": "line 2: is empty; delete it",
     "scene,method,PSNR,psnr\na,x,1,1\n": "two columns are called 'psnr'",
     "scene,psnr\na,1\n": "has no column method (columns: scene, psnr)",
-    "scene,method,psnr\n": "has a head and no rows",
+    "scene,method,psnr\n": "has a header and no rows",
     "scene,method,comment\na,x,good\na,y,bad\n": "has no column of numbers",
     "": "has no column scene and no column method",
 }
@@ -145,13 +145,13 @@ def test_what_cannot_be_judged_is_refused_in_a_line(text: str, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("t.json", '[{"scene": "a", "method": "x", "psnr": NaN}]', "is no JSON .*write null"),
+        ("t.json", '[{"scene": "a", "method": "x", "psnr": NaN}]', "is not JSON .*write null"),
         ("t.json", '[{"scene": "a", "method": "x", "psnr": true}]', "row 1: psnr is True"),
         ("t.json", '{"psnr": 3}', "holds no rows; JSON must be"),
         ("t.json", "[1, 2]", "holds no rows"),
-        ("t.json", "{", "is no JSON"),
+        ("t.json", "{", "is not JSON"),
         ("t.parquet", "scene", "t.parquet: "),
-        ("t.csv", "\udcff", "is no CSV file in UTF-8"),
+        ("t.csv", "\udcff", "is not a CSV file in UTF-8"),
     ],
 )  # fmt: skip
 def test_files_that_are_no_table(name: str, text: str, said: str, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Two outputs of one plan: what differs is counted, and other plans are refused in words."""
+"""Two outputs of one plan: differences are measured, and outputs of other plans are refused."""
 
 import json
 from pathlib import Path
@@ -10,14 +10,14 @@ from harness.command.main import main
 from harness.records.cells import CellRecord, write_cell, write_run
 from harness.verdicts.judging.two_runs import two_runs
 from scenes.files.errors import InputError
-from tests.harness.cells import cell, checkpoint, diverged
+from tests.harness.cells import cell, checkpoint, diverged, with_core_seconds
 from tests.harness.records.test_records import one_run
 
 METHODS = ("nerf", "qnerf")
 
 
 def cells_of(gain: float, moved: float = 0.0, instruction_set: str = "AVX512") -> list[CellRecord]:
-    """qnerf `gain` dB above nerf; `moved` by as much on scene a, and by twice that the other way on scene b."""
+    """Return cells with qnerf `gain` dB above nerf, all moved by `moved` on scene a and by −2 `moved` on scene b."""
     return [
         cell(
             scene, method, seed,
@@ -47,7 +47,6 @@ def test_how_far_scores_and_differences_moved(first: Path, tmp_path: Path) -> No
         first, output(tmp_path / "second", cells_of(-1.2, 0.1, "AVX2"), settings={"budget": {"steps": 10}})
     )
     assert result.origins == {"instruction_set": (["AVX512"], ["AVX2"])}
-    assert result.all is not None
     nerf, qnerf = result.by_method
     assert (nerf.rms, nerf.mean) == (pytest.approx(((0.1**2 + 0.2**2) / 2) ** 0.5), pytest.approx(-0.05))
     assert (qnerf.cells, qnerf.largest) == (6, pytest.approx(-2.4))
@@ -57,27 +56,21 @@ def test_how_far_scores_and_differences_moved(first: Path, tmp_path: Path) -> No
     ]  # fmt: skip
     steps = result.moved[0]
     assert steps.difference == pytest.approx(-2.2)
-    assert steps.on_these_scenes is not None
     assert steps.on_these_scenes.verdict.phrase == "below 0, matters"
 
 
 def test_the_same_output_again_differs_in_nothing(first: Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = two_runs(first, first)
     assert (result.identical, result.origins, result.lost) == (12, {}, [])
-    assert result.all is not None
     assert (result.all.rms, [found.difference for found in result.moved]) == (0.0, [0.0, 0.0])
     assert main(["compare", str(first), str(first), "--json", str(first / "x.json")]) == 0
     text = capsys.readouterr().out
-    assert "12 of 12 cells are the same to the last bit" in text
+    assert "12 of 12 cells are bit-identical" in text
     assert json.loads((first / "x.json").read_text())["all"]["rms"] == 0
 
 
 def test_budgets_that_an_older_output_lacks_are_left_out(first: Path, tmp_path: Path) -> None:
-    cells = [
-        replace(cell, curve=[replace(point, core_seconds=2.0) for point in cell.curve], train_core_seconds=2.0)
-        for cell in cells_of(1.0)
-    ]
-    again = two_runs(first, output(tmp_path / "counted", cells))
+    again = two_runs(first, output(tmp_path / "counted", [with_core_seconds(cell, 2.0) for cell in cells_of(1.0)]))
     same = two_runs(first, first)
     assert [found.budget for found in again.moved] == [found.budget for found in same.moved] == ["steps", "seconds"]
     counted = two_runs(tmp_path / "counted", tmp_path / "counted")
@@ -96,7 +89,6 @@ def test_a_method_with_a_budget_of_time_is_named_and_not_compared(first: Path, t
     result = two_runs(first, output(tmp_path / "second", cells))
     assert (result.timed, [apart.where for apart in result.by_method]) == (["qnerf"], ["nerf"])
     assert (result.moved, result.over_all) == ([], [])
-    assert result.all is not None
     assert result.all.rms == 0.0
 
 

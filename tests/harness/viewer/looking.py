@@ -6,7 +6,7 @@ from tests.harness.viewer.site import Site
 
 
 class Looking:
-    """A page, and whatever it complained of or asked another machine for."""
+    """A page, its complaints, and its requests to other machines."""
 
     def __init__(self, browser: Any, site: Site, **context: Any) -> None:
         self.page = browser.new_context(**context).new_page()
@@ -25,7 +25,7 @@ class Looking:
             route.abort()
 
     def ended(self, generation: int = 0) -> int:
-        """Waits for the end of a render after `generation`; the number of that render."""
+        """Wait for the end of a render after `generation`; returns the number of that render."""
         self.page.wait_for_selector("body[data-ended]", state="attached", timeout=60_000)
         while (ended := int(self.page.get_attribute("body", "data-ended"))) <= generation:
             self.page.wait_for_timeout(30)

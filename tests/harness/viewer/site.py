@@ -26,16 +26,16 @@ ORBIT = {"azimuth": 0.7, "elevation": 0.4, "distance": 4.0, "target": [0, 0, 0]}
 
 
 def unpacked(stream: bytes) -> list[tuple[dict[str, Any], bytes]]:
-    """The whole messages of a stream."""
-    found, at = [], 0
+    """Return the complete messages of a stream."""
+    messages, at = [], 0
     while at + 4 <= len(stream):
         length = struct.unpack_from("<I", stream, at)[0]
         header = json.loads(stream[at + 4 : at + 4 + length])
         start, at = at + 4 + length, at + 4 + length + BYTES_PER_PIXEL * header["pixels"]
         if at > len(stream):
             break
-        found.append((header, stream[start:at]))
-    return found
+        messages.append((header, stream[start:at]))
+    return messages
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Site:
     def ask(
         self, method: str, path: str, body: bytes | None = None, **headers: str
     ) -> tuple[int, dict[str, str], bytes]:
-        """Status, headers and body; `host` and others with `_` for `-`."""
+        """Return status, headers and body; names of `headers` have `_` for `-`."""
         line = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
         try:
             line.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
@@ -76,7 +76,7 @@ class Site:
 
 
 def wanted(**changes: Any) -> bytes:
-    """A request that is fine and newer than all before, but for the changes; a value of None leaves the key out."""
+    """Return a valid request, newer than all before, with changes; a value of None leaves the key out."""
     request = {
         "client": "a test",
         "generation": next(generations),
@@ -94,7 +94,7 @@ def served(shown: ShownRun) -> Iterator[Site]:
     listening = bound("127.0.0.1", 0)
     worker = ThreadPoolExecutor(1, initializer=use_threads, initargs=(1,))
     config = config_of(application(shown, worker, hosts_of("127.0.0.1")))
-    config.timeout_graceful_shutdown = 5  # with none, the loop can end before it has closed its connections
+    config.timeout_graceful_shutdown = 5  # with 0, the loop can end before it has closed its connections
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     port = listening.getsockname()[1]
@@ -106,5 +106,5 @@ def served(shown: ShownRun) -> Iterator[Site]:
     thread.join(20)
     assert not thread.is_alive()
     worker.shutdown()
-    # a socket that the loop did not close would warn in whatever test is running when it is collected
+    # a socket that the loop did not close would warn in a later test, when it is collected
     gc.collect()

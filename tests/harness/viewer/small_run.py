@@ -15,7 +15,7 @@ METHODS = {"nerf": HOSTILE, "qnerf": "Q-NeRF as listed", "nerf_matched": "never 
 
 
 def train(folder: Path) -> Path:
-    """The output folder `run`; its view set `ball` is beside it. Titles are hostile."""
+    """Train a run with hostile titles; returns its output folder `run`, next to its view set `ball`."""
     out = train_run(folder, ["nerf", "qnerf"], steps=30, size=SIZE)
     run = read_run(out)
     write_run(out, replace(run, methods=METHODS, scenes=[replace(run.scenes[0], title=HOSTILE)]))
@@ -23,7 +23,7 @@ def train(folder: Path) -> Path:
 
 
 def add_second_scene(out: Path) -> None:
-    """Another name for the same weights and views, of which qnerf's are left out."""
+    """Add a second name for the scene's views and the weights of nerf."""
     run, name = read_run(out), "second"
     scene = run.scenes[0]
     shutil.copy(checkpoint_path(out, scene.name, "nerf", 0), checkpoint_path(out, name, "nerf", 0))

@@ -86,6 +86,6 @@ def test_it_serves_until_it_is_stopped(out: Path, host: str, stop: signal.Signal
     if host == "127.0.0.1":
         assert (process.returncode, errors) == (0, "")
     else:
-        assert errors.startswith("warning: --host 0.0.0.0: whoever reaches this machine")
+        assert errors.startswith("warning: --host 0.0.0.0: everyone who reaches this machine")
         assert "Traceback" not in errors
         assert process.returncode in (0, -signal.SIGTERM)

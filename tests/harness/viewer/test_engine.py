@@ -1,4 +1,4 @@
-"""Coarse at once, every region once, the plain picture in the end; again out of the cache; no more than was taken."""
+"""A coarse frame, every region once, the plain picture at the end; then the cache; no rendering beyond the request."""
 
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,7 @@ def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[Metho
     shown = list(frames(seats, camera, FOVEAL))
     assert [seat.learner.field.pointwise for seat in seats] == [True, False]
     assert {frame.note for frame in of(shown, "nerf")} == {""}
-    assert all("share a call" in frame.note for frame in of(shown, "qnerf"))
+    assert all("share a chunk" in frame.note for frame in of(shown, "qnerf"))
     assert all(frame.note == "" for frame in frames(seats, camera, PLAIN))
 
 
@@ -88,7 +88,7 @@ def test_the_second_time_it_is_out_of_the_cache(seats: list[MethodView], camera:
         assert np.array_equal(frame.colour, first[frame.method].colour)
         assert (frame.rays, frame.evaluations) == (0, 0)
     assert {frame.cached for frame in frames(seats, camera, FOVEAL)} == {"memory"}
-    # what was refined by regions is not the plain picture to the bit, and is not given for it
+    # a picture by regions is not bit-identical with the plain one, and is not returned for it
     assert [frame.method for frame in frames(seats, camera, PLAIN) if frame.cached is not None] == ["qnerf"]
     elsewhere = camera.at(Orbit((0.0, 0.0, 0.0), np.nextafter(0.7, 1.0), 0.4, 4.0311).pose())
     assert {frame.cached for frame in frames(seats, elsewhere, FOVEAL)} == {None}
@@ -129,7 +129,7 @@ def test_psnr_is_that_of_the_whole_picture(seats: list[MethodView], camera: Came
     assert shown[0].psnr is not None
     assert {frame.psnr for frame in shown[1:-1]} == {None}
     assert next(frames(seats[:1], camera, FOVEAL, truth)).psnr == shown[-1].psnr
-    # a truth of another size is no truth for this picture
+    # a truth of another size does not count
     assert next(frames(seats[:1], camera, FOVEAL, truth[:10])).psnr is None
 
 

@@ -1,4 +1,4 @@
-"""Rendering that nobody waits for any more ends after the call of rays that it is at."""
+"""A render that was abandoned ends after its current chunk of rays."""
 
 import socket
 import time
@@ -18,7 +18,7 @@ class Slow:
     def __init__(self, site: Site, patch: pytest.MonkeyPatch) -> None:
         self.calls = 0
         scene = site.shown.scene("ball")
-        seat = site.worker.submit(site.shown.seat, scene, "nerf").result()
+        seat = site.worker.submit(site.shown.method_view, scene, "nerf").result()
         render = seat.learner.render
 
         def slowly(*arguments: Any) -> Any:
@@ -27,7 +27,7 @@ class Slow:
             return render(*arguments)
 
         patch.setattr(seat.learner, "render", slowly)
-        patch.setattr(engine, "refine", lambda *rest: engine_refine(*rest, rays_a_call=1))
+        patch.setattr(engine, "refine", lambda *rest: engine_refine(*rest, least_rays=1))
 
 
 engine_refine = engine.refine

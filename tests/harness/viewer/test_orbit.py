@@ -1,4 +1,4 @@
-"""Cameras about a point, and the way back from a pose."""
+"""Orbits as poses, and poses as orbits."""
 
 import math
 
@@ -33,12 +33,12 @@ def test_beyond_the_pole_it_stays_just_below(elevation: float) -> None:
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.4, 0.2), (2.0, 1.0), (-1.0, -0.3), (-3.1, 1.4)])
 def test_from_a_pose_one_goes_on_without_a_jump(azimuth: float, elevation: float) -> None:
-    """Although the views look at the origin, and the box has its centre elsewhere."""
+    """The views look at the origin, and the centre of the box lies elsewhere."""
     given = pose(azimuth, elevation)
     orbit = orbit_of(given, CENTRE)
     np.testing.assert_allclose(orbit.pose(), given, atol=1e-12)
-    beside = np.linalg.norm(np.cross(given[:3, 2], CENTRE - given[:3, 3]))
-    assert np.linalg.norm(np.array(orbit.target) - CENTRE) == pytest.approx(beside)
+    to_axis = np.linalg.norm(np.cross(given[:3, 2], CENTRE - given[:3, 3]))
+    assert np.linalg.norm(np.array(orbit.target) - CENTRE) == pytest.approx(to_axis)
 
 
 def test_a_camera_that_looks_away_gets_a_target_before_it() -> None:

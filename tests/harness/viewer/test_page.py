@@ -33,7 +33,7 @@ def test_a_trained_scene_is_looked_at(browser: Any, site: Site) -> None:
         assert (look.data(method, "state"), look.data(method, "cached")) == ("whole", "none")
         assert len(set(look.picture(method))) > 20
         assert "own work" in look.figure(method, "coarse")
-    assert "share a call" in page.locator("figure[data-method=qnerf] .note").inner_text()
+    assert "share a chunk" in page.locator("figure[data-method=qnerf] .note").inner_text()
     assert not page.locator("figure[data-method=nerf] .note").is_visible()
 
     # at a test view there is a score, and it is the engine's
@@ -164,7 +164,7 @@ def test_the_former_scene_is_not_shown_under_the_new_one_s_title(
     """Whatever of it arrives late."""
     look = Looking(browser, two)
     refine = engine.refine
-    monkeypatch.setattr(engine, "refine", lambda *rest: refine(*rest, rays_a_call=1))
+    monkeypatch.setattr(engine, "refine", lambda *rest: refine(*rest, least_rays=1))
     look.page.evaluate(
         """() => {
           window.late = []

@@ -1,6 +1,5 @@
-"""Over HTTP, as a page and as somebody else asks."""
+"""The viewer over HTTP: requests of its page and of others."""
 
-import json
 import socket
 from pathlib import Path
 from typing import Any
@@ -9,8 +8,6 @@ import numpy as np
 import pytest
 
 from harness.records.cells import read_cells
-from harness.training.scoring.evaluate import LARGEST_PSNR
-from harness.training.scoring.metrics import psnr
 from harness.viewer import engine, server
 from harness.viewer.server import FILES, TYPES
 from harness.viewer.shown_run import ShownRun
@@ -69,8 +66,8 @@ def test_this_machine_s_own_names_are_fine(site: Site, host: str) -> None:
     ],
 )
 def test_there_is_nothing_else(site: Site, method: str, path: str, status: int) -> None:
-    found, headers, body = site.ask(method, path)
-    assert found == status
+    answered, headers, body = site.ask(method, path)
+    assert answered == status
     assert b"Traceback" not in body
     assert "content-security-policy" in headers
 
@@ -189,7 +186,6 @@ def test_the_ground_truth_is_the_stored_image(site: Site, trained: Path) -> None
     count = SIZE * SIZE
     colour = np.frombuffer(pixels[8 * count : 11 * count], "u1").reshape(SIZE, SIZE, 3)
     assert np.abs(colour / 255.0 - stored).max() <= 0.5 / 255 + 1e-6
-    assert min(psnr(stored, stored), LARGEST_PSNR) == LARGEST_PSNR
 
 
 def test_a_method_without_a_checkpoint_says_so_and_the_others_are_shown(site: Site) -> None:
@@ -212,7 +208,7 @@ def test_an_error_of_ours_is_said_and_the_next_request_is_fine(
         assert "AttributeError" in messages[-1][0]["note"]
     assert "AttributeError" in capsys.readouterr().err
     assert site.messages()[-1][0]["kind"] == "end"
-    assert json.dumps(site.json("/run.json"))
+    assert site.ask("GET", "/run.json")[0] == 200
 
 
 def test_test_views_of_another_rendering_are_no_ground_truth(shown: ShownRun) -> None:

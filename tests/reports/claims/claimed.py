@@ -1,4 +1,4 @@
-"""The claims of a run by their ids."""
+"""The judged claims of a run."""
 
 from harness.records.study import Studies
 from reports.claims.claim_list import claims
@@ -8,4 +8,5 @@ from reports.data.load import Records
 
 
 def claimed(records: Records, evidence: Studies | None = None, serving: Studies | None = None) -> dict[str, Claim]:
+    """Map the id of a claim → the claim as judged on `records` with these studies."""
     return {claim.id: claim for claim in claims(records, Beside(evidence=evidence, serving=serving))}

@@ -48,7 +48,7 @@ def ablation(*effects: Effect) -> Studies:
         *((0.9, {name: other}, UNTESTED) for name, other in (("budget", "seconds"), ("against", "nerf"))),
     ],
 )
-def test_a_part_is_judged_by_the_row_above_it_on_lego_at_equal_steps(whole: Records, difference, changes, verdict):
+def test_a_part_is_judged_against_the_row_above_it_on_lego_at_equal_steps(whole: Records, difference, changes, verdict):
     claim = claimed(whole, ablation(step(LISTING_2, difference, **changes)))[CLAIM]
     assert (claim.printed, claim.verdict) == (0.6, verdict)
     assert claim.runs is None, "the study's runs are not the report's"
@@ -60,7 +60,7 @@ def test_a_part_is_judged_by_the_row_above_it_on_lego_at_equal_steps(whole: Reco
         assert claim.interval == pytest.approx((difference - 0.3, difference + 0.3)), "that of its family"
 
 
-def test_equation_4_stands_beside_and_is_not_judged(whole: Records):
+def test_equation_4_is_in_the_note_and_not_judged(whole: Records):
     claim = claimed(whole, ablation(step(LISTING_2, -2.5), step(EQUATION_4, 0.61, verdict=OPEN)))[CLAIM]
     assert claim.verdict == MISSED
     assert claim.note == f"with the amplifier of Eq. 4: +0.61 [+0.31, +0.91] (sign and size open); {DERIVED}"
@@ -87,19 +87,19 @@ def test_ssim_has_its_own_margin(whole: Records):
         assert (claim.printed, claim.verdict) == (0.006, verdict)
 
 
-def test_what_speaks_against_the_evidence_is_said_and_quick_evidence_judges_nothing(whole: Records):
-    sound = ablation(step(LISTING_2, -2.5))
-    assert claimed(whole, sound)[CLAIM].note == DERIVED
-    assert "the evidence was not finished" in claimed(whole, replace(sound, finished=False))[CLAIM].note
+def test_doubts_about_the_evidence_are_in_the_note_and_quick_evidence_judges_nothing(whole: Records):
+    valid = ablation(step(LISTING_2, -2.5))
+    assert claimed(whole, valid)[CLAIM].note == DERIVED
+    assert "the evidence was not finished" in claimed(whole, replace(valid, finished=False))[CLAIM].note
     checks = [check("share of A/A comparisons", 0.2, high=0.05), check("share of planted effects", 0.9, low=0.8)]
-    doubted = claimed(whole, replace(sound, studies=[*sound.studies, study("calibration", "title", *checks)]))[CLAIM]
+    doubted = claimed(whole, replace(valid, studies=[*valid.studies, study("calibration", "title", *checks)]))[CLAIM]
     assert "1 of 2 checks of calibration failed" in doubted.note
-    quick = claimed(whole, replace(sound, settings={"quick": True}))[CLAIM]
+    quick = claimed(whole, replace(valid, settings={"quick": True}))[CLAIM]
     assert (quick.verdict, quick.measured) == (UNTESTED, None)
 
 
 @pytest.mark.parametrize(("left_out", "needs"), [(0, []), (1, ["1 claim needs"]), (6, ["6 claims need"])])
-def test_what_is_left_untested_of_the_ablation_is_said_and_only_that(whole: Records, left_out: int, needs: list[str]):
+def test_the_untested_claims_of_the_ablation_are_counted(whole: Records, left_out: int, needs: list[str]):
     steps = (("nerf_phi_encoding", "nerf"), LISTING_2, ("qnerf", "nerf_phi_encoding_amplifier"))
     every = [step(pair, 0.1, metric=metric) for pair in steps for metric in ("psnr", "ssim")]
     sentences = summary(whole, Beside(evidence=ablation(*every[left_out:])))["not_tested"]
@@ -107,7 +107,7 @@ def test_what_is_left_untested_of_the_ablation_is_said_and_only_that(whole: Reco
     assert [words for words in sentences if "ablation" in words] == [f"{start} {remedy}" for start in needs]
 
 
-def test_what_is_published_is_judged_by_the_same_evidence(whole: Records, tmp_path):
+def test_published_claims_are_judged_by_the_same_evidence(whole: Records, tmp_path):
     write_published(whole, tmp_path, Beside(evidence=ablation(step(LISTING_2, -2.5))))
     rows = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["claims"]
     row = next(row for row in rows if row["id"] == CLAIM)

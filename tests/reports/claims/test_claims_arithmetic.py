@@ -1,4 +1,4 @@
-"""The paper's own figures: what they give, and that a wrong figure would be found."""
+"""The paper's own figures: their verdicts, and the verdicts of changed figures."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from tests.reports.fake_run import PAPER
 
 
 def judged(whole: Records, name: str, printed: float | None = None, **tables: dict) -> Claim:
-    """The claim alone, with another printed number, or other rows of tables."""
+    """Judge a single claim, with another printed number or other rows of tables."""
     (entry,) = (entry for entry in PAPER.claims if entry.id == name)
     entry = entry if printed is None else replace(entry, printed=printed)
     psnr = {"psnr": tables.pop("psnr")} if "psnr" in tables else {}

@@ -1,4 +1,4 @@
-"""§8 judged: by the spread of the calls, by pictures that would have been stale, by who is first on which scenes."""
+"""The claims of §8: judged by the spread of calls, by stale pictures, and by the scenes on which an order is first."""
 
 import pytest
 
@@ -23,14 +23,14 @@ DISK = hit("disk.warm", 70)
         (fake_serving(settings={"quick": True}), "OUT` without --quick"),
     ],
 )
-def test_what_was_not_measured_is_not_tested_and_the_remedy_is_named(
+def test_unmeasured_claims_are_not_tested_and_name_the_remedy(
     whole: Records, serving: Studies | None, remedy: str
 ) -> None:
     claims = claimed(whole, serving=serving)
-    mine = [claims[name] for name in (RETRIEVAL, KEY, PRIORITY, PHI)]
-    assert {claim.verdict for claim in mine} == {UNTESTED}
-    assert {claim.note for claim in mine} == {f"need `python -m harness study serving {remedy}"}
-    assert f"4 claims {mine[0].note}." in not_tested([], list(claims.values()))
+    own = [claims[name] for name in (RETRIEVAL, KEY, PRIORITY, PHI)]
+    assert {claim.verdict for claim in own} == {UNTESTED}
+    assert {claim.note for claim in own} == {f"need `python -m harness study serving {remedy}"}
+    assert f"4 claims {own[0].note}." in not_tested([], list(claims.values()))
     assert "serving" not in " ".join(not_tested([], list(claimed(whole, serving=fake_serving()).values())))
 
 
@@ -57,18 +57,17 @@ def test_what_was_not_measured_is_not_tested_and_the_remedy_is_named(
     ],
 )
 def test_verdicts(whole: Records, study: str, checks: tuple[Check, ...], name: str, verdict: str) -> None:
-    """“Instant” by the spread of memory and disk, a key by kinds of change, priority by who is earlier."""
     assert claimed(whole, serving=fake_serving(**{study: list(checks)}))[name].verdict == verdict
 
 
-def test_what_misses_the_bar_is_named(whole: Records) -> None:
+def test_hits_that_miss_the_threshold_are_named(whole: Records) -> None:
     claim = claimed(whole, serving=fake_serving())[RETRIEVAL]
     assert claim.measured == (1050.0, 3000.0)
     assert claim.interval == (pytest.approx(1050 / 1.1), pytest.approx(3300))
     assert claim.note == (
         "rendering against a hit of disk.warm: 70.0×; "
         "rendering against a hit of disk.cold: 30.0×; missed: nerf (rendering against a hit of disk.cold); "
-        "its spread reaches across the bar: nerf (rendering against a hit of memory.1)"
+        "its spread includes the threshold: nerf (rendering against a hit of memory.1)"
     )
     assert claim.how.replace("\u202f", " ").endswith("1 000× in memory, 50× on disk")
     measured = claims_grid([claim], "").rows[0][2]

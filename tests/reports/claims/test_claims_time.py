@@ -1,4 +1,4 @@
-"""Table 3 from the record of when a score was reached: what is censored turns no verdict."""
+"""Table 3 from the record of when a score was reached: censored runs change no verdict."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ ONE = TargetComparison(
 
 
 def on_them(pair: tuple[float, float] | None, **changes) -> TargetComparison:
-    """With an interval on these scenes, which alone is asked for; that of scenes like these is wide."""
+    """Return a row with an interval on these scenes, which decides; the interval on scenes like these is wide."""
     return replace(ONE, on_these_scenes=Estimate(pair, pair, 1, OPEN, None, None), **changes)
 
 
@@ -56,7 +56,7 @@ def judged(whole: Records, row: TargetComparison, at_scale: bool = True, target:
         ((4.0, 12.0), {}, "not reproduced", MISSED),
         ((24.0, 30.0), {}, "not reproduced", MISSED),
         (None, {}, "inconclusive", "inconclusive"),
-        # a verdict that the censored runs could turn is none
+        # no verdict that the censored runs could change
         ((4.0, 12.0), {"never": (0, 1)}, "inconclusive", "seen"),
         ((4.0, 12.0), {"earlier": (1, 0)}, "inconclusive", "seen"),
         ((4.0, 12.0), {"never": (1, 0)}, "not reproduced", MISSED),
@@ -75,7 +75,7 @@ def test_a_saving_is_judged_as_a_gain_is(whole: Records, pair, changes, at_scale
     assert judged(whole, row, target=24.0).verdict == elsewhere, "at another target it is another saving"
 
 
-def test_what_was_reached_is_said(whole: Records):
+def test_the_note_states_how_many_runs_reached_the_target(whole: Records):
     finding = judged(whole, replace(SAVED, never=(2, 0), unpaired=1), False, 24.0)
     assert (finding.measured, finding.interval) == (18.0, (14.0, 22.0))
     assert finding.note == (
@@ -84,12 +84,15 @@ def test_what_was_reached_is_said(whole: Records):
     )
 
 
-def test_iterations_and_hours_are_read_from_their_own_axis(whole: Records):
+def test_iterations_and_hours_use_their_own_axis(whole: Records):
     targets = replace(record(), comparisons=[SAVED, replace(on_them((1.0, 5.0)), axis="seconds", saving=3.0)])
-    finding = [saving(Bench(whole, PAPER, None, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")]
-    assert [(each.measured, each.verdict) for each in finding] == [(18.0, "seen"), (3.0, "not seen at this scale")]
-    axes = ("steps", "seconds")
-    assert [each.runs for each in finding] == [Selection("", "qnerf", "nerf", TARGET, axis) for axis in axes]
+    steps, hours = (
+        saving(Bench(whole, PAPER, None, targets), LEDGER[name]) for name in ("abstract-faster", "table3-hours")
+    )
+    assert (steps.measured, steps.verdict, hours.measured, hours.verdict) == (18.0, "seen", 3.0, MISSED)
+    assert (steps.runs, hours.runs) == tuple(
+        Selection("", "qnerf", "nerf", TARGET, axis) for axis in ("steps", "seconds")
+    )
 
 
 def test_times_themselves_are_never_judged(whole: Records):
@@ -100,7 +103,7 @@ def test_times_themselves_are_never_judged(whole: Records):
     assert never == ["drums", "materials", "ship"], "the three of the sentence"
 
 
-def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(records: Records, out: Path):
+def test_without_the_record_of_targets_the_saving_is_not_tested(records: Records, out: Path):
     assert claimed(records)["abstract-faster"].verdict == UNTESTED
     write_targets(out, record())
     assert claimed(read_records(out))["abstract-faster"].measured == 18.0
@@ -117,14 +120,14 @@ def test_the_record_beside_the_run_is_read_and_without_it_nothing_is_tested(reco
         ({"earlier": (0, 1)}, "the true saving is smaller"),
         ({"never": (0, 1)}, "the true saving is larger"),
         ({"earlier": (1, 0)}, "the true saving is larger"),
-        ({"never": (1, 1)}, "the saving is of the time watched alone"),
+        ({"never": (1, 1)}, "the saving covers only the time watched"),
     ],
 )
-def test_on_which_side_the_saving_is_a_bound(changes, words):
+def test_censored_runs_make_the_saving_a_bound(changes, words):
     assert bound(replace(ONE, **changes)) == words
 
 
-def test_where_every_pair_is_lost_nothing_is_settled(whole: Records):
+def test_without_any_pair_the_saving_is_inconclusive(whole: Records):
     lost = replace(ONE, saving=None, pairs=0, unpaired=6)
     finding = judged(whole, lost)
     assert (finding.verdict, finding.measured, finding.note) == ("inconclusive", None, "6 pairs could not be judged")

@@ -1,12 +1,12 @@
-"""Both questions about a difference stand side by side; failures have rates of their own."""
+"""Both questions about a difference are answered side by side; failures have rates."""
 
-from reports.claims.estimands import difference_in_words, found_failures, rates_grid, senses_grid
+from reports.claims.estimands import difference_in_words, failures_of, rates_grid, senses_grid
 from reports.data.load import Records
 from reports.run.saving.publish import summary
 from tests.replacing import replace
 
 
-def test_both_senses_stand_in_one_row(whole: Records):
+def test_both_senses_are_in_one_row(whole: Records):
     grid = senses_grid(whole)
     assert len(grid.rows) == 6, "three pairs of methods, two budgets"
     texts = [entry.text for entry in grid.rows[0]]
@@ -23,7 +23,7 @@ def test_failures_have_rates_and_are_compared(records: Records, whole: Records):
     assert rows["qnerf"][:4] == ["6", "1", "0", "17\u202f%"]
     assert rows["qnerf"][4].splitlines()[0] == "nerf: not distinguished (1 : 0 of 6 pairs, p = 1.000)"
     cells = [replace(cell, warnings=["empty collapse: 0.001"] * (cell.method == "qnerf")) for cell in whole.cells]
-    rate = found_failures(replace(whole, cells=cells)).rates[2]
+    rate = failures_of(replace(whole, cells=cells)).rates[2]
     assert (rate.method, rate.collapsed, rate.rate) == ("qnerf", 6, 1.0)
 
 

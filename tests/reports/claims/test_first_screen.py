@@ -1,4 +1,4 @@
-"""The question, the answer, how sure, and what was not tested: each made from figures."""
+"""The first screen: the question, the answer, its certainty, and what was not tested."""
 
 import pytest
 
@@ -38,13 +38,13 @@ def test_the_question_is_the_papers_and_the_lines_are_its_claims(whole: Records)
     average = screen.lines[0]
     assert (average.verdict, average.mark) == ("not seen at this scale", "✕")
     assert "qnerf − nerf_matched: " in average.note
-    # beside it as numbers, with the unit
+    # the numbers for saved files, with the unit
     assert (average.printed.value, average.printed.parts) == (1.5, {"unit": "dB"})
     assert average.measured.value == pytest.approx(0.81, abs=0.005)
     assert average.measured.parts == pytest.approx({"low": 0.76, "high": 0.86}, abs=0.005)
 
 
-def test_what_was_not_tested_of_them_is_a_line_a_cause(whole: Records):
+def test_its_untested_claims_have_a_line_per_cause(whole: Records):
     assert shown(whole).untested == [
         "3 claims need the ablation study: `nox -s evidence -- --out out/latest`.",
         "1 claim needs the paper’s settings on its own pictures (docs/full-setting.md).",
@@ -52,13 +52,13 @@ def test_what_was_not_tested_of_them_is_a_line_a_cause(whole: Records):
     ]
     lines = {line.words: line for line in shown(whole, ablation(step(LISTING_2, -2.5))).lines}
     assert len(lines) == 3
-    # another scale than the run's stands below its verdict
+    # a scale other than the run's is in the note
     assert lines["then the amplifier"].note.endswith("lego; 3 seeds; 500 steps")
     assert lines["weights of Table 1, counted"].note.endswith("the paper’s network")
     assert "profile reduced" not in lines["PSNR gain, average"].note
 
 
-def test_without_the_papers_numbers_or_methods_the_question_is_the_runs(whole: Records, tmp_path):
+def test_without_the_papers_numbers_or_methods_the_question_is_about_the_run(whole: Records, tmp_path):
     bare = shown(replace(whole, run=replace(whole.run, claims=[])))
     assert (bare.lines, bare.untested, bare.tally) == ([], [], "")
     assert bare.question == "How does qnerf compare with nerf?"
@@ -83,7 +83,7 @@ def test_how_sure(records: Records, whole: Records, tmp_path):
     assert sure == [
         "qnerf − nerf = +0.81 dB after equal steps (95\u202f% interval +0.69 to +0.93; 2 scenes × 3 seeds). "
         "The verdict is on scenes like these.",
-        "On these scenes alone, the interval is +0.76 to +0.86 dB (above 0, matters).",
+        "On only these scenes, the interval is +0.76 to +0.86 dB (above 0, matters).",
         "The sign of a true difference below 0.40 dB could have stayed open (power 80 %).",
     ], "the power is that of the comparison in the headline"
     assert "was not checked in this run" in unchecked
@@ -92,7 +92,7 @@ def test_how_sure(records: Records, whole: Records, tmp_path):
     assert shown(alone).sure[0].endswith("chair × 3 seeds). The verdict is on these scenes.")
 
 
-def test_the_calibration_is_told_with_what_does_not_hold() -> None:
+def test_checks_of_the_calibration_that_do_not_hold_are_stated() -> None:
     broken = check("share of A/A comparisons that are called better or worse", 0.0504, high=0.05)
     sentences = calibration(calibrated(broken, check("spread", 0.21, 0.1, 0.3, "dB")))
     assert sentences == [
@@ -101,7 +101,7 @@ def test_the_calibration_is_told_with_what_does_not_hold() -> None:
     ]
 
 
-def test_the_page_opens_with_all_of_it(whole: Records):
+def test_the_page_begins_with_the_first_screen(whole: Records):
     evidence = calibrated(check("share of planted effects that are found", 0.746, low=0.8))
     text = page(whole, Beside(evidence=evidence))
     top = text[: text.index("<nav")]

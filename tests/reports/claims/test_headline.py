@@ -1,4 +1,4 @@
-"""The words that a reader takes home."""
+"""The title and the sentences of the result."""
 
 import pytest
 
@@ -15,7 +15,7 @@ MORE, SMALL = Verdict("above 0", "matters"), Verdict("open", "smaller than matte
 
 
 def decided(records: Records, **verdicts: Verdict) -> Records:
-    """The same run with verdicts set by `rival_budget`."""
+    """Return the run with verdicts of qnerf set by `rival_budget`."""
     changed = [
         replace(row, verdict=verdicts.get(f"{row.against}_{row.budget}", row.verdict)) if row.method == "qnerf" else row
         for row in records.comparisons
@@ -28,7 +28,7 @@ def outcome(verdict: Verdict, *differences: float, against: str = "nerf", by_sce
 
 
 @pytest.mark.parametrize(
-    ("found", "told"),
+    ("difference", "words"),
     [
         (outcome(MORE, 0.81), "qnerf gains 0.81 dB over nerf, more than the 0.2 dB that matter"),
         (outcome(BELOW, -0.1), "qnerf loses 0.10 dB to nerf, less than the 0.2 dB that matter"),
@@ -43,10 +43,7 @@ def outcome(verdict: Verdict, *differences: float, against: str = "nerf", by_sce
             "the sign of qnerf − nerf is open (+0.12 to +0.14 dB in three runs), and so is whether it reaches the "
             "0.2 dB that matter",
         ),
-        (
-            outcome(ABOVE, 0.137, 0.12, 0.14),
-            "qnerf gains 0.12 to 0.14 dB (three runs) over nerf (size open)",
-        ),
+        (outcome(ABOVE, 0.137, 0.12, 0.14), "qnerf gains 0.12 to 0.14 dB (three runs) over nerf (size open)"),
         (
             outcome(OPEN, -3.0, by_scene=(-2.0, -4.0)),
             "qnerf is 3.00 dB below nerf on both scenes; two scenes are too few to predict others",
@@ -57,12 +54,12 @@ def outcome(verdict: Verdict, *differences: float, against: str = "nerf", by_sce
         ),
     ],
 )
-def test_a_difference_is_told_with_sign_and_size(found: Outcome, told: str) -> None:
-    assert clause(found) == told
+def test_a_clause_has_sign_and_size(difference: Outcome, words: str) -> None:
+    assert clause(difference) == words
 
 
 @pytest.mark.parametrize(
-    ("vs_control", "told"),
+    ("vs_control", "words"),
     [
         (None, ""),
         (outcome(MORE, 0.5, against="nerf_matched"),
@@ -74,30 +71,30 @@ def test_a_difference_is_told_with_sign_and_size(found: Outcome, told: str) -> N
          "which has the same bandwidth, may do as well"),
     ],
 )  # fmt: skip
-def test_the_control_stands_behind_the_baseline(vs_control: Outcome | None, told: str) -> None:
-    found = outcome(MORE, 0.81)
-    assert title_of(found, vs_control, "nerf_matched") == clause(found) + told
+def test_the_control_follows_the_baseline(vs_control: Outcome | None, words: str) -> None:
+    vs_baseline = outcome(MORE, 0.81)
+    assert title_of(vs_baseline, vs_control, "nerf_matched") == clause(vs_baseline) + words
 
 
-def test_differences_of_which_nothing_is_known_share_a_clause() -> None:
-    found = outcome(OPEN, 0.137, 0.12), outcome(OPEN, -0.3, against="nerf_matched")
+def test_open_differences_share_a_clause() -> None:
+    both = outcome(OPEN, 0.137, 0.12), outcome(OPEN, -0.3, against="nerf_matched")
     pairs = "qnerf − nerf (+0.12 to +0.14 dB in two runs) and qnerf − nerf_matched (−0.30 dB)"
-    assert title_of(*found, "nerf_matched").startswith(f"signs and sizes of {pairs} are open: nerf_matched, which")
+    assert title_of(*both, "nerf_matched").startswith(f"signs and sizes of {pairs} are open: nerf_matched, which")
     few = outcome(OPEN, -3.0, by_scene=(-2.0, -4.0))
-    for others in (found[:1], (few, found[1]), (outcome(SMALL, 0.0), found[1])):
+    for others in (both[:1], (few, both[1]), (outcome(SMALL, 0.0), both[1])):
         assert clauses(others) == "; ".join(map(clause, others))
 
 
 def test_a_gain_of_the_control_itself_is_that_of_bandwidth() -> None:
-    found = replace(outcome(MORE, 0.3), method="nerf_matched")
-    assert title_of(found, None, "nerf_matched") == f"{clause(found)}: bandwidth alone makes this difference"
-    assert title_of(None, found) == ""
+    gain = replace(outcome(MORE, 0.3), method="nerf_matched")
+    assert title_of(gain, None, "nerf_matched") == f"{clause(gain)}: bandwidth alone makes this difference"
+    assert title_of(None, gain) == ""
 
 
 RISING = "; training was not finished (twice the steps brought 0.3 dB)"
 
 
-def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole: Records):
+def test_the_headline_names_both_rivals_and_the_change_from_steps_to_time(whole: Records):
     records = decided(whole, nerf_steps=ABOVE, nerf_seconds=ABOVE, nerf_matched_steps=SMALL, nerf_matched_seconds=BELOW)
     shown = headline(records)
     assert shown.title.startswith("qnerf gains 0.81 dB over nerf (size open);")
@@ -111,7 +108,7 @@ def test_the_headline_names_both_rivals_and_where_time_changes_the_verdict(whole
 
 
 def test_a_change_from_steps_to_time_is_judged_as_one(whole: Records):
-    """Words that differ or agree play no part: it is the change itself that has an interval."""
+    """The verdicts at steps and at time do not matter: the change has its own interval."""
     same = {f"{rival}_{budget}": ABOVE for rival in ("nerf", "nerf_matched") for budget in ("steps", "seconds")}
     records = decided(whole, **same)
     shown = headline(records)
@@ -129,21 +126,21 @@ def test_a_change_from_steps_to_time_is_judged_as_one(whole: Records):
     assert headline(slow).sentences[-1] != shown.sentences[-1]
 
 
-def test_a_further_contender_has_a_sentence_of_its_own(whole: Records) -> None:
-    def named(rows: list, name: str) -> list:
-        return [*rows, *(replace(row, method=name) for row in rows if row.method == "qnerf")]
+def test_further_contenders_share_a_sentence(whole: Records) -> None:
+    further = ("first", "second", "third")
 
-    names = [*whole.methods, *(further := ["first", "second", "third"])]
+    def repeated(rows: list) -> list:
+        return rows + [replace(row, method=name) for name in further for row in rows if row.method == "qnerf"]
+
+    names = [*whole.methods, *further]
     run = replace(whole.run, methods=dict.fromkeys(names, ""), settings={**whole.run.settings, "methods": names})
-    cells, comparisons = whole.cells, whole.comparisons
-    for name in further:
-        cells, comparisons = named(cells, name), named(comparisons, name)
-    means, told, *_ = headline(replace(whole, run=run, cells=cells, comparisons=comparisons)).sentences
+    several = replace(whole, run=run, cells=repeated(whole.cells), comparisons=repeated(whole.comparisons))
+    means, others, *_ = headline(several).sentences
     assert all(name in means for name in names)
-    assert told.startswith("At equal steps, first ")
-    assert told.count("nerf_matched") == 2
-    assert "second" in told
-    assert "third" not in told
+    assert others.startswith("At equal steps, first ")
+    assert others.count("nerf_matched") == 2
+    assert "second" in others
+    assert "third" not in others
     assert not any(words.startswith("At equal steps") for words in headline(whole).sentences)
 
 
@@ -161,29 +158,29 @@ def test_lost_cells_are_in_the_title(records: Records, whole: Records):
     assert never.title == "qnerf did not finish a single run: nothing can be said of its quality"
 
 
-def test_other_casts(whole: Records, tmp_path):
-    def played(*names: str):
+def test_other_methods_and_roles(whole: Records, tmp_path):
+    def headline_of(*names: str):
         methods = {name: METHODS[name] for name in names}
-        return headline(fake_records(tmp_path / "_".join(names), methods=methods))
+        return headline(fake_records(tmp_path / "_".join(names), methods=methods, seeds=2))
 
-    two = played("nerf", "qnerf")
-    assert "bandwidth" not in two.title
-    assert not any("bandwidth" in sentence for sentence in two.sentences)
-    assert played("nerf").title == "Only nerf was run: there is nothing to compare it with"
-    methods = {"nerf": "", "nerf_matched": "", "qnerf_theorem": "", "qnerf": ""}
-    run = replace(whole.run, methods=methods)
-    cast = replace(whole, run=run)
-    assert (cast.baseline, cast.control, cast.contenders) == ("nerf", "nerf_matched", ["qnerf_theorem", "qnerf"])
-    cast = replace(whole, run=replace(run, roles=Roles("qnerf")))
-    assert (cast.baseline, cast.control, cast.contenders) == ("qnerf", None, ["nerf", "nerf_matched", "qnerf_theorem"])
+    two = headline_of("nerf", "qnerf")
+    assert not any("bandwidth" in sentence for sentence in (two.title, *two.sentences))
+    assert headline_of("nerf").title == "Only nerf was run: there is nothing to compare it with"
+    run = replace(whole.run, methods={"nerf": "", "nerf_matched": "", "qnerf_theorem": "", "qnerf": ""})
+    records = replace(whole, run=run)
+    roles = records.baseline, records.control, records.contenders
+    assert roles == ("nerf", "nerf_matched", ["qnerf_theorem", "qnerf"])
+    records = replace(whole, run=replace(run, roles=Roles("qnerf")))
+    roles = records.baseline, records.control, records.contenders
+    assert roles == ("qnerf", None, ["nerf", "nerf_matched", "qnerf_theorem"])
 
 
-@pytest.mark.parametrize(("encoding", "asked"), [("phi", True), ("base2", False), (None, False)])
-def test_a_bandwidth_control_is_asked_for_where_the_encoding_differs(whole: Records, encoding, asked: bool) -> None:
+@pytest.mark.parametrize(("encoding", "missing"), [("phi", True), ("base2", False), (None, False)])
+def test_a_missing_bandwidth_control_is_named_if_the_encoding_differs(whole: Records, encoding, missing: bool) -> None:
     own = {"nerf": {"encoding": "base2"}, "qnerf": {"encoding": encoding} if encoding else {"planes": 3}}
     train = {**whole.run.settings["train"], "own": own}
     methods = {name: METHODS[name] for name in ("nerf", "qnerf")}
     run = replace(whole.run, methods=methods, settings={**whole.run.settings, "train": train})
     cells = [cell for cell in whole.cells if cell.method in methods]
-    told = headline(replace(whole, run=run, cells=cells)).sentences
-    assert any("No method with the bandwidth of qnerf was run" in sentence for sentence in told) is asked
+    sentences = headline(replace(whole, run=run, cells=cells)).sentences
+    assert any("No method with the bandwidth of qnerf was run" in sentence for sentence in sentences) is missing

@@ -1,4 +1,4 @@
-"""Verdicts from figures and intervals, and how often they are right: simulated studies with a known truth."""
+"""Verdicts from figures and intervals, and their error rate in simulated studies with a known truth."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from harness.verdicts.statistics import on_one_scene, on_these_scenes
 from reports.claims.ledger import half_unit, judge_all, judge_figures, judge_gain, judge_level, seeds_that_settle
 
 PAIR_SD = 0.248
-"""dB, as published, of a paired difference about its scene's true one."""
+"""The published standard deviation in dB of a paired difference about the true difference of its scene."""
 STUDIES = 400
 
 
@@ -28,7 +28,7 @@ def test_rounding_of_printed_numbers():
         (1.5, 0.2, (9.9, 10.1), "not reproduced", "not seen at this scale"),
         (1.5, 0.2, (-5.0, -0.1), "not reproduced", "not seen at this scale"),
         (1.5, 0.2, None, "inconclusive", "inconclusive"),
-        # one that is smaller than its margin still has a direction
+        # a gain that is smaller than its margin still has a sign
         (0.002, 0.005, (-0.002, -0.001), "not reproduced", "not seen at this scale"),
         (0.002, 0.005, (-0.002, 0.001), "inconclusive", "inconclusive"),
         (0.002, 0.005, (0.001, 0.004), "reproduced", "seen"),
@@ -47,7 +47,7 @@ def test_a_printed_gain_against_an_interval(printed, margin, measured, at_scale,
         (1.5, "at least", (0.1, 1.49), "not reproduced"),
         (1.5, "at most", (-9.0, 1.4), "reproduced"),
         (1.5, "at most", (1.6, 1.7), "not reproduced"),
-        # a loss, such as a smaller error, is no gain that must lie above 0
+        # a loss, such as a smaller error, need not lie above 0
         (-0.05, "at most", (-0.08, -0.06), "reproduced"),
         (-0.05, "", (-0.052, -0.049), "reproduced"),
         ((1.2, 1.8), "", (1.1, 1.9), "reproduced"),
@@ -60,7 +60,7 @@ def test_bounds_losses_and_ranges(printed, bound, measured, verdict):
         assert judge_level(printed, 0.2, measured, bound) == verdict
 
 
-def test_a_printed_level_is_judged_from_both_sides_and_of_several_one_refutes():
+def test_a_printed_level_is_judged_on_both_sides_and_one_part_refutes_a_statement():
     verdicts = {
         (32.9, 33.1): "reproduced", (32.7, 33.1): "inconclusive", (31.0, 32.7): "not reproduced",
         (33.3, 35.0): "not reproduced", None: "inconclusive",
@@ -84,7 +84,7 @@ def test_a_printed_level_is_judged_from_both_sides_and_of_several_one_refutes():
         (32.5, 0.05, 32.449, (32.449, 32.449), "not reproduced"),
     ],
 )
-def test_a_printed_result_against_what_it_is_made_of(printed, rounding, computed, reachable, verdict):
+def test_a_printed_result_against_its_figures(printed, rounding, computed, reachable, verdict):
     assert judge_figures(printed, rounding, computed, reachable) == verdict
 
 

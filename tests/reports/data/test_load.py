@@ -1,4 +1,4 @@
-"""Records are read whole, in order, or refused with a message that names the file."""
+"""Records are read completely, in order, or refused with a message that names the file."""
 
 import json
 import shutil
@@ -62,7 +62,7 @@ def test_damaged_comparisons_are_named(out):
 def test_targets_of_a_method_that_the_run_has_not_are_refused(out):
     curve = ReachCurve("nerv", "all", "steps", [100.0], [0.5], [2])
     write_targets(out, TargetsRecord(24.0, False, "nerf", "24 dB, because.", [], [curve], []))
-    with pytest.raises(DamagedRecord, match=r"targets\.json: a curve is of 'nerv', which is no method of the run"):
+    with pytest.raises(DamagedRecord, match=r"targets\.json: a curve is of 'nerv', which is not a method of the run"):
         read_records(out)
 
 

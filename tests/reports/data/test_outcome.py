@@ -1,4 +1,4 @@
-"""What stands next to a mean: changes, a robust estimate that disagrees, and cells that lie off, in words."""
+"""The text next to a mean: changes, a robust estimate that disagrees, and outliers."""
 
 import numpy as np
 import pytest
@@ -22,16 +22,14 @@ ROW = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.15, None, OPEN, None
         (Robust(0.0, None), False),
     ],
 )
-def test_a_robust_estimate_is_told_where_it_disagrees_in_sign_or_by_the_margin(
-    robust: Robust | None, differs: bool
-) -> None:
+def test_a_robust_estimate_is_stated_if_it_disagrees(robust: Robust | None, differs: bool) -> None:
     row = replace(ROW, robust=robust)
     assert robust_differs(row) == differs
     assert bool(robust_in_words(row)) == bool(list(doubts(row))) == differs
     assert not robust_differs(replace(row, difference=None))
 
 
-def test_one_bad_cell_is_named_and_the_mean_of_the_others_is_told() -> None:
+def test_one_bad_cell_and_the_robust_estimate_are_stated() -> None:
     flagged = [Flagged("chair", 1, -2.7, 0.31)]
     row = replace(ROW, difference=-0.1, robust=Robust(0.3, (0.21, 0.4)), flagged=flagged)
     assert list(doubts(row)) == [
@@ -41,10 +39,10 @@ def test_one_bad_cell_is_named_and_the_mean_of_the_others_is_told() -> None:
     assert list(doubts(None)) == []
 
 
-def test_a_change_is_told_with_its_interval_and_the_scenes_that_go_along() -> None:
+def test_a_change_is_stated_with_its_interval_and_its_scenes() -> None:
     moved = np.array([-0.3, -0.4, -0.5, 0.1])
     tables = [{str(k): np.full(3, value) for k, value in enumerate(side)} for side in (np.zeros(4), moved)]
-    found = change_of("qnerf", "nerf", *tables, paired=True)
-    assert change_in_words(found) == (
+    change = change_of("qnerf", "nerf", *tables, paired=True)
+    assert change_in_words(change) == (
         "qnerf − nerf changes by −0.28 dB [−0.69, +0.14], on 3 of 4 scenes in that direction: sign and size open"
     )

@@ -1,4 +1,4 @@
-"""A drawing as it stands in a page among others."""
+"""A drawing in a page with other drawings."""
 
 import re
 

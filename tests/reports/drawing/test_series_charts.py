@@ -1,4 +1,4 @@
-"""Lines of a record in charts: nothing is dropped in silence, and no two lines of a chart look alike."""
+"""Lines of a record in charts: nothing is dropped silently, and no two lines of a chart look alike."""
 
 import math
 

@@ -9,7 +9,7 @@ from tests.replacing import replace
 
 
 def with_properties(records: Records, **by_method: dict[str, list[float | None]]) -> Records:
-    """The same run whose cells have these properties, the values of a list in turn."""
+    """Return the run with these properties of its cells, the values of a list in turn."""
     cells = []
     for place, cell in enumerate(records.cells):
         own = by_method.get(cell.method, {})
@@ -45,7 +45,7 @@ def test_the_thinnest_cell_decides_whether_it_limits(
     assert f"an opacity of {'0.9899' if limits else '0.9900'} to 0.9999;" in line
 
 
-def test_the_page_has_the_lines_beside_the_headline(whole: Records, whole_page: str) -> None:
+def test_the_page_has_the_lines_below_the_headline(whole: Records, whole_page: str) -> None:
     text = page(with_properties(whole, qnerf=bounded(25.0, 0.38)))
     assert text.index("<h1>") < text.index("<dt>Ceiling</dt>") < text.index("<dt>Scale</dt>")
     assert "<dt>Ceiling</dt>" not in whole_page

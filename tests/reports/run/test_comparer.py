@@ -1,4 +1,4 @@
-"""The picture comparer in a real browser: what it shows, how it is moved about, and how it reads by keys alone."""
+"""The picture comparer in a real browser: its pictures and numbers, zoom and pan, its address, and its keys."""
 
 import json
 import re
@@ -36,25 +36,26 @@ def records(tmp_path_factory) -> Records:
 
 @pytest.fixture(scope="module")
 def address(records, tmp_path_factory) -> str:
-    found = picture_data(records)
-    return write_comparer_page(tmp_path_factory.mktemp("page") / "page.html", found.data, found.inline).as_uri()
+    made = picture_data(records)
+    return write_comparer_page(tmp_path_factory.mktemp("page") / "page.html", made.data, made.inline).as_uri()
 
 
 def pictures(records: Records, scene: str) -> tuple[Truth, dict[str, Render]]:
-    """The first view, and what each method made of it at the end."""
-    found = kept(records, scene)
-    last = [one for name in METHODS for one in found.renders[name, 0] if (one.view, one.step) == ("r_12", 1600)]
-    return found.truth["r_12"], dict(zip(METHODS, last, strict=True))
+    """Return the truth of the first view, and the last render of each method."""
+    saved = kept(records, scene)
+    renders = {name: {(render.view, render.step): render for render in saved.renders[name, 0]} for name in METHODS}
+    return saved.truth["r_12"], {name: own["r_12", 1600] for name, own in renders.items()}
 
 
 def test_every_panel_shows_its_pictures_bytes_without_complaint(browser, address, records):
     view, noise = ready(browser, address)
     assert noise == []
     truth, last = pictures(records, "lego")
-    for name, picture in {"truth": truth.display, **{name: one.colour for name, one in last.items()}}.items():
+    colours = {"truth": truth.display, **{name: render.colour for name, render in last.items()}}
+    for name, picture in colours.items():
         for column, row in ((0, 0), (20, 25), (47, 13)):
             assert shown(view, f"{name}-colour", column, row) == bytes_of(picture, column, row), name
-    first, second = (np.round(255 * np.clip(one.astype(float), 0, 1)) for one in (truth.display, last["nerf"].colour))
+    first, second = (np.round(255 * np.clip(colours[name].astype(float), 0, 1)) for name in ("truth", "nerf"))
     error = np.mean(((first - second) / 255) ** 2)
     assert f"PSNR {-10 * np.log10(error):.2f} dB (record " in view.inner_text('[data-panel="nerf-colour"] .said')
 
@@ -75,7 +76,7 @@ def test_the_numbers_of_a_pixel_are_those_of_the_data(browser, address, records)
     assert light == pytest.approx(truth.linear[23, 24].tolist(), rel=1e-3)
 
 
-def test_the_signed_error_says_what_it_weighs_and_its_rmse_is_that_of_the_psnr(browser, address):
+def test_the_signed_error_states_its_weights_and_its_rmse_is_that_of_the_psnr(browser, address):
     view, _ = ready(browser, address, "at=pictures&compare.map=colour+signed&compare.pixel=20,25")
     title = "Signed error of luma (0.2126 R + 0.7152 G + 0.0722 B)"
     assert view.inner_text('.maplegend[data-map="signed"] b') == title
@@ -103,11 +104,11 @@ def test_maps_of_light_are_offered_where_the_truth_is_brighter_than_white(browse
     assert view.locator('[data-panel="nerf-colour"]').count() == 1, "lego's light fits a display"
 
 
-def test_pictures_beside_the_page_are_loaded_when_they_are_looked_at(browser, records, tmp_path):
-    found = picture_data(records, budget=1000)
-    address = write_comparer_page(tmp_path / "page.html", found.data, found.inline, beside=True).as_uri()
+def test_pictures_in_files_are_loaded_when_they_are_shown(browser, records, tmp_path):
+    made = picture_data(records, budget=1000)
+    address = write_comparer_page(tmp_path / "page.html", made.data, made.inline, beside=True).as_uri()
     (tmp_path / "report_pictures").mkdir()
-    (tmp_path / "report_pictures/0_lego.js").write_text(found.files["report_pictures/0_lego.js"], encoding="utf-8")
+    (tmp_path / "report_pictures/0_lego.js").write_text(made.files["report_pictures/0_lego.js"], encoding="utf-8")
     view, noise = ready(browser, address)
     assert shown(view, "qnerf-colour", 8, 9) == bytes_of(pictures(records, "lego")[1]["qnerf"].colour, 8, 9)
     assert noise == [address.replace("page.html", "report_pictures/0_lego.js")]
@@ -125,13 +126,13 @@ def report(pictured, tmp_path_factory) -> str:
     return path.as_uri()
 
 
-def test_the_runs_behind_a_figure_are_seen(browser, report, pictured):
+def test_the_pictures_of_the_runs_behind_a_figure_are_shown(browser, report, pictured):
     view, noise = opened(browser, f"{report}#runs.open=1&scene=drums&method=nerf&seed=1")
     noise.remove(report)
     until(view, "document.querySelectorAll('#runs canvas[data-drawn]').length === 2")
     drums = kept(read_records(pictured), "drums")
-    seen = view.evaluate("""[...document.querySelectorAll('#runs canvas')].map(one =>
-        [...one.getContext('2d').getImageData(13, 17, 1, 1).data].slice(0, 3))""")
+    seen = view.evaluate("""[...document.querySelectorAll('#runs canvas')].map(canvas =>
+        [...canvas.getContext('2d').getImageData(13, 17, 1, 1).data].slice(0, 3))""")
     last = drums.renders["nerf", 1][0]
     expected = [bytes_of(picture, 13, 17) for picture in (drums.truth["r_12"].display, last.colour)]
     assert (last.view, seen) == ("r_12", expected)
@@ -146,7 +147,7 @@ def test_the_page_of_a_run_has_it(browser, report, pictured):
     assert noise == []
     assert "No picture of step 9999 was kept; shown is the nearest, step 1600." in view.inner_text(".notes")
     assert view.locator("[data-chosen] .who").inner_text() == "qnerf"
-    last = next(one for one in kept(read_records(pictured), "chair").renders["qnerf", 0] if one.step == 1600)
+    last = next(render for render in kept(read_records(pictured), "chair").renders["qnerf", 0] if render.step == 1600)
     height, width = last.colour.shape[:2]
     assert view.get_by_role("combobox", name="View").input_value() == last.view
     assert shown(view, "qnerf-colour", 13, 17, width, height) == bytes_of(last.colour, 13, 17)
@@ -159,7 +160,7 @@ def test_the_page_of_a_run_has_it(browser, report, pictured):
 
 def test_zoom_and_pan_are_locked_over_all_panels(browser, address):
     view, _ = ready(browser, address, "at=pictures&compare.map=colour+delta_e")
-    boxes = [one.bounding_box() for one in view.locator(".stage canvas").all()]
+    boxes = [canvas.bounding_box() for canvas in view.locator(".stage canvas").all()]
     assert len(boxes) == 8
     view.mouse.click(boxes[0]["x"] + 50, boxes[0]["y"] + 60)
     view.mouse.wheel(0, -600)
@@ -171,18 +172,18 @@ def test_zoom_and_pan_are_locked_over_all_panels(browser, address):
     until(view, "location.hash.includes('compare.zoom=')")
     times, width = 2**2.5, boxes[0]["width"]
     assert float(asked(view, "compare.zoom")) == pytest.approx(times, abs=0.001)
-    # What was clicked stays under the wheel and goes along with the drag, so that it is now 90 from the left.
+    # The clicked pixel stays under the wheel and follows the drag, so that it is now 90 from the left.
     assert float(asked(view, "compare.x")) == pytest.approx(50 / width + (width / 2 - 90) / (width * times), abs=1e-3)
     assert not view.evaluate("document.querySelector('.probe').scrollLeft")
     pixels = []
-    for box in (view_box.bounding_box() for view_box in view.locator(".stage canvas").all()):
+    for box in (canvas.bounding_box() for canvas in view.locator(".stage canvas").all()):
         view.mouse.move(box["x"] + 90, box["y"] + 95)
         settle(view)
         pixels.append(view.inner_text(".probe thead th:first-child"))
     assert len(set(pixels)) == 1
     assert pixels[0] != "pixel 19, 20"
     column, row = map(int, pixels[0].removeprefix("pixel ").split(","))
-    assert asked(view, "compare.pixel") == f"{column},{row}", "what was clicked and what the drag brought there"
+    assert asked(view, "compare.pixel") == f"{column},{row}", "the clicked pixel is where the drag moved it"
     view.locator(".stage canvas").first.dblclick()
     settle(view)
     until(view, "!location.hash.includes('compare.zoom')")
@@ -202,25 +203,22 @@ def test_an_address_restores_everything(browser, address):
         settle(view)
     until(view, "location.hash.includes('compare.zoom')")
     again, _ = ready(browser, *address_of(view).split("#"))
-    pictures = "[...document.querySelectorAll('.stage canvas')].map(one => one.toDataURL())"
-    for what in (
-        pictures,
-        "document.querySelector('.probe').innerText",
-        "document.querySelector('.controls').innerText",
-    ):
-        assert again.evaluate(what) == view.evaluate(what)
+    pictures = "[...document.querySelectorAll('.stage canvas')].map(canvas => canvas.toDataURL())"
+    texts = (f"document.querySelector('{place}').innerText" for place in (".probe", ".controls"))
+    for state in (pictures, *texts):
+        assert again.evaluate(state) == view.evaluate(state)
     assert again.evaluate(pictures)[0] != again.evaluate(pictures)[1]
     assert again.inner_text(".probe thead").count("A against B") == 2
 
 
 @pytest.fixture(scope="module")
 def hostile(records, tmp_path_factory) -> str:
-    found = picture_data(records)
-    text = json.dumps(found.data)
+    made = picture_data(records)
+    text = json.dumps(made.data)
     for name, other in zip((*METHODS, "lego"), (*HOSTILE, "__proto__ & Söhne"), strict=True):
         text = text.replace(json.dumps(name), json.dumps(other))
     data = {**json.loads(text), "left_out": ["<script>alert(3)</script> was left out."]}
-    return write_comparer_page(tmp_path_factory.mktemp("hostile") / "page.html", data, found.inline).as_uri()
+    return write_comparer_page(tmp_path_factory.mktemp("hostile") / "page.html", data, made.inline).as_uri()
 
 
 def test_names_are_text_and_never_markup(browser, hostile):
@@ -235,11 +233,11 @@ def test_names_are_text_and_never_markup(browser, hostile):
     assert noise == []
 
 
-def test_all_of_it_has_names_and_is_reached_by_keys(browser, address):
+def test_every_control_has_a_name_and_is_reached_by_keys(browser, address):
     view, noise = ready(browser, address, "at=pictures&compare.mode=wipe&compare.map=signed")
     nameless = """[...document.querySelectorAll('#comparer :is(button, select, input, canvas, [role])')]
-        .filter(one => !(one.ariaLabel || one.labels?.length || one.textContent.trim() || one.role === 'status'))"""
-    assert view.evaluate(f"{nameless}.map(one => one.outerHTML)") == []
+        .filter(e => !(e.ariaLabel || e.labels?.length || e.textContent.trim() || e.role === 'status'))"""
+    assert view.evaluate(f"{nameless}.map(node => node.outerHTML)") == []
     view.evaluate("document.activeElement.blur()")
     reached = []
     for _ in range(60):

@@ -1,4 +1,4 @@
-"""The surface of the search for constants, as a picture and as a table."""
+"""The search for constants as a picture and as a table."""
 
 import json
 from pathlib import Path
@@ -22,11 +22,11 @@ def search(**changes: Any) -> dict[str, Any]:
     ]
     rows += [row(PAIRS[1], "a", 40, 30.0), row(PAIRS[1], "b", 40, 34.0)]
     rows += [row((100.0, None), "a", 10, 99.0), row((100.0, None), "b", 10, None)]
-    said = {"seed": 1000, "provenance": {"commit": "abc"}, "rule": "The best is chosen."}
-    return {"rows": rows, "chosen": {"nerf": {"unit": 25.0, "start": None}}, **said, **changes}
+    about = {"seed": 1000, "provenance": {"commit": "abc"}, "rule": "The best is chosen."}
+    return {"rows": rows, "chosen": {"nerf": {"unit": 25.0, "start": None}}, **about, **changes}
 
 
-def test_the_choice_stands_beside_the_range_of_means_without_what_diverged_on_a_scene() -> None:
+def test_the_choice_has_the_range_of_means_without_pairs_that_diverged_on_a_scene() -> None:
     assert means(search(), "nerf", 10) == dict(zip(PAIRS, (21.0, 22.0, 23.0), strict=True))
     assert "| `nerf` | 25 | as printed | 32.00 | 21.00 to 23.00 |" in choice(search())
     assert choice(search()).endswith("Means over a and b; seed 1000, commit abc. The best is chosen.")
@@ -44,27 +44,25 @@ def test_a_line_for_each_start_and_marks_for_the_finalists() -> None:
 
 
 def test_the_difference_at_the_constants_of_each_is_judged_over_scenes() -> None:
-    own = {"nerf": PAIRS[1], "qnerf": PAIRS[0]}
     gains = dict(zip("abcd", (0.1, 0.3, 0.5, 0.7), strict=True))
-    rows = [{**row(PAIRS[1], scene, 40, 30.0), "method": "nerf"} for scene in gains]
-    rows += [{**row(PAIRS[0], scene, 40, 30.0 + gain), "method": "qnerf"} for scene, gain in gains.items()]
-    rows += [{**row(PAIRS[1], scene, 40, 99.0), "method": "qnerf"} for scene in gains]
-    chosen = {method: {"unit": unit, "start": start} for method, (unit, start) in own.items()}
-    told = difference(search(rows=rows, chosen=chosen), "qnerf", "nerf")
+    rows = [row(PAIRS[1], scene, 40, 30.0) for scene in gains]
+    rows += [row(PAIRS[0], scene, 40, 30.0 + gain) | {"method": "qnerf"} for scene, gain in gains.items()]
+    rows += [row(PAIRS[1], scene, 40, 99.0) | {"method": "qnerf"} for scene in gains]
+    made = search(rows=rows, chosen={"nerf": {"unit": 25.0, "start": None}, "qnerf": {"unit": 1.0, "start": None}})
     # Student's t of 3 degrees of freedom at 1 - 0.05 / (2 · 6), times the standard error of four scenes
     half = 6.23154 * np.std(list(gains.values()), ddof=1) / 2
-    assert told == f"`qnerf` − `nerf` +0.40 dB (−{half - 0.4:.2f} to +{half + 0.4:.2f}: sign and size open)"
-    assert difference(search(rows=rows, chosen=chosen), "qnerf_shifted", "nerf") == ""
+    expected = f"`qnerf` − `nerf` +0.40 dB (−{half - 0.4:.2f} to +{half + 0.4:.2f}: sign and size open)"
+    assert difference(made, "qnerf", "nerf") == expected
+    assert difference(made, "qnerf_shifted", "nerf") == ""
 
 
 def test_a_search_that_was_stopped_shows_the_best_so_far_on_complete_scenes() -> None:
     part = search(chosen={})
     part["rows"] = [line for line in part["rows"] if line["steps"] == 10 and line["constants"]["unit"] < 100]
     part["rows"].remove(next(line for line in part["rows"] if line["scene"] == "b"))
-    told = choice(on_complete_scenes(part))
-    assert "| `nerf` | 25 | 0.3 | 22.00 | 20.00 to 22.00 |" in told
-    assert "**Not finished**" in told
-    assert "Means over a; seed" in told
+    text = choice(on_complete_scenes(part))
+    for words in ("| `nerf` | 25 | 0.3 | 22.00 | 20.00 to 22.00 |", "**Not finished**", "Means over a; seed"):
+        assert words in text
 
 
 def test_the_command_draws_the_record(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
-"""Learning curves and work–precision diagrams: every seed, means, a band both ways, what ended early."""
+"""Learning curves and work–precision diagrams: seeds, means, bands, and runs that ended early."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,7 @@ NEUTRAL = {"flops_per_evaluation": 50.0, "rays_per_step": 2048.0}
 
 
 def full(cell):
-    """Two round checkpoints. A seed's PSNR is one dB above that of the seed before, its errors are twice as large."""
+    """Give a cell two round checkpoints; each seed has 1 dB more PSNR and twice the errors of the seed before."""
     factor = 2.0**cell.seed
     curve = [
         Checkpoint(step, time + cell.seed, 100 * step, psnr=float(step + cell.seed), rmse_linear=size * factor,
@@ -38,13 +39,16 @@ def simple(tmp_path, change=full, **options) -> Records:
 
 
 def diagram(records: Records, measure: str = "rmse_linear", cost: str = "seconds") -> Diagram:
-    return next(one for one in diagrams(records) if (one.measure.name, one.cost.name) == (measure, cost))
+    return next(made for made in diagrams(records) if made.name == f"{measure}-{cost}")
 
 
-def frame(*points: tuple[str, int, int, float, float], method: str = "nerf", status: str = "done") -> pd.DataFrame:
-    """Checkpoints of one method as (scene, seed, step, x, y)."""
-    made = pd.DataFrame(points, columns=["scene", "seed", "step", "x", "y"])
-    return made.assign(method=method, status=status)
+def frame(*points: tuple[str, int, int, float, float]) -> pd.DataFrame:
+    """Return finished checkpoints of nerf from (scene, seed, step, x, y)."""
+    return pd.DataFrame(points, columns=["scene", "seed", "step", "x", "y"]).assign(method="nerf", status="done")
+
+
+def named(traces: Iterable[Trace], label: str) -> Trace:
+    return next(trace for trace in traces if trace.label == label)
 
 
 def test_convergence_against_steps(tmp_path):
@@ -64,13 +68,13 @@ def test_convergence_against_steps(tmp_path):
     )
 
 
-def test_convergence_against_seconds_takes_the_mean_clock_and_all_scenes_come_first(tmp_path, records: Records):
+def test_convergence_against_seconds_uses_the_mean_clock_and_all_scenes_come_first(tmp_path, records: Records):
     (panel,) = convergence(simple(tmp_path, with_diverged=False), "seconds")
     assert Trace("nerf mean", BLUE, "line", (1.5, 2.5), (10.5, 20.5)) in panel.traces
     assert [panel.title for panel in convergence(records, "step")] == ["all scenes (mean)", "chair", "drums"]
 
 
-def test_a_cell_that_diverged_at_once_draws_nothing_and_breaks_nothing(tmp_path):
+def test_a_cell_without_checkpoints_draws_nothing(tmp_path):
     def emptied(cell):
         return replace(cell, curve=[]) if cell.status == "diverged" else cell
 
@@ -79,15 +83,15 @@ def test_a_cell_that_diverged_at_once_draws_nothing_and_breaks_nothing(tmp_path)
 
 
 def test_a_mean_histogram_is_of_finished_runs_at_one_step(tmp_path):
-    """The last checkpoint of the diverged run is an early one; the first seed has one more than the second."""
+    """The first seed has one more checkpoint than the second; the diverged run has only early ones."""
 
-    def told_apart(cell):
+    def with_densities(cell):
         share = 0.1 * (cell.seed + 1)
         density = {"edges": [0.0, 0.5, 1.0], "before": [share, 1 - share], "after": [1.0, 0.0]}
         curve = [replace(point, density=density) for point in cell.curve[: 6 - cell.seed]]
         return replace(cell, curve=curve if cell.method == "qnerf" else [])
 
-    (panel,) = density_histograms(simple(tmp_path, told_apart, seeds=3))
+    (panel,) = density_histograms(simple(tmp_path, with_densities, seeds=3))
     assert panel.alt.startswith(f"{panel.title}: share of points")
     assert panel.title == "chair: step 800, 2 seeds"
     assert panel.traces[0].y == pytest.approx((0.15, 0.85))
@@ -118,31 +122,28 @@ def test_differences_with_intervals_and_printed_values(whole: Records):
 def test_a_seed_is_drawn_as_it_is(tmp_path, measure, cost, x, y):
     (panel,) = diagram(simple(tmp_path), measure, cost).panels
     assert (panel.x_scale, panel.y_scale) == ("log", "log")
-    trace = next(one for one in panel.traces if one.label == "nerf seed 0")
+    trace = named(panel.traces, "nerf seed 0")
     assert (trace.kind, trace.x) == ("thin", x)
     assert trace.y == pytest.approx(y)
 
 
 def test_means_and_bands_are_geometric(tmp_path):
     (panel,) = diagram(simple(tmp_path, with_diverged=False)).panels
-    mean = next(one for one in panel.traces if one.label == "nerf mean")
+    mean, band = (named(panel.traces, f"nerf {what}") for what in ("mean", "spread"))
     assert mean.y == pytest.approx((0.04 * 2**0.5, 0.01 * 2**0.5))
     assert mean.x == pytest.approx((2**0.5, 6**0.5))
-    band = next(one for one in panel.traces if one.label == "nerf spread")
     logs = np.log([[1.0, 2.0], [0.04, 0.08]])
     sd = logs.std(axis=1, ddof=1)
     assert min(band.x) == pytest.approx(math.exp(logs[0].mean() - sd[0]))
     assert max(band.y) == pytest.approx(math.exp(logs[1].mean() + sd[1]))
 
 
-def test_a_run_that_diverged_stays_in_sight_and_out_of_the_mean(tmp_path):
+def test_a_diverged_run_is_shown_and_not_in_the_mean(tmp_path):
     made = diagram(simple(tmp_path))
     (panel,) = made.panels
-    assert [one.label for one in panel.traces if one.kind == "cross"] == ["qnerf seed 1 diverged"]
-    cross = panel.traces[-2]
-    assert (cross.x, cross.y) == ((2.0,), (0.08,))
-    mean = next(one for one in panel.traces if one.label == "qnerf mean")
-    assert mean.y == pytest.approx((0.04, 0.01)), "of the seed that finished"
+    (cross,) = [trace for trace in panel.traces if trace.kind == "cross"]
+    assert (cross.label, cross.x, cross.y) == ("qnerf seed 1 diverged", (2.0,), (0.08,))
+    assert named(panel.traces, "qnerf mean").y == pytest.approx((0.04, 0.01)), "of the seed that finished"
     assert made.notes == [["✕ qnerf: 1 of 2 runs did not finish; the mean is of the others"]]
     assert "qnerf seed 1 diverged" in panel.alt
 
@@ -151,13 +152,11 @@ def test_over_all_scenes_a_seed_ends_where_its_first_scene_ended(tmp_path):
     records = simple(tmp_path, scenes=("chair", "drums"))
     first = diagram(records).panels[0]
     assert first.title == "all scenes"
-    cross = next(one for one in first.traces if one.kind == "cross")
-    assert (cross.label, cross.x) == ("qnerf seed 1 diverged", (2.0,))
-    assert next(one for one in first.traces if one.label == "qnerf seed 1").x == (2.0,)
-    assert len(next(one for one in first.traces if one.label == "qnerf mean").x) == 2
+    assert named(first.traces, "qnerf seed 1 diverged").x == named(first.traces, "qnerf seed 1").x == (2.0,)
+    assert len(named(first.traces, "qnerf mean").x) == 2
 
 
-def test_means_are_geometric_and_stand_where_all_scenes_and_all_seeds_have_a_checkpoint(whole: Records):
+def test_means_are_geometric_over_checkpoints_of_all_scenes_and_of_all_seeds(whole: Records):
     points = frame(("chair", 0, 1, 1.0, 0.1), ("drums", 0, 1, 4.0, 0.4), ("chair", 0, 2, 9.0, 0.1))
     (mean,) = over_scenes(points, whole, log=True).to_dict("records")
     assert (mean["step"], mean["status"]) == (1, "done")
@@ -170,10 +169,10 @@ def test_means_are_geometric_and_stand_where_all_scenes_and_all_seeds_have_a_che
 def test_one_seed_has_no_band():
     points = frame(*(("chair", 0, step, float(step), 1 / step) for step in (1, 2)))
     traces = traces_of(points, {"nerf": KNOWN["nerf"]}, "chair", "ssim", log=True)
-    assert [one.kind for one in traces] == ["thin", "line"]
+    assert [trace.kind for trace in traces] == ["thin", "line"]
 
 
-def test_nothing_that_no_logarithm_has_reaches_a_line(tmp_path):
+def test_an_error_of_0_is_not_drawn_on_a_logarithmic_axis(tmp_path):
     def perfect(cell):
         return replace(cell, curve=[replace(point, ssim=1.0, rmse_linear=0.0) for point in cell.curve])
 
@@ -187,18 +186,17 @@ def test_the_noise_floor_follows_from_the_ceiling(records: Records):
     floor = chair.traces[-1]
     assert (floor.kind, floor.colour, floor.y[0]) == ("floor", INK.light, floors["chair"])
     assert everywhere.traces[-1].y[0] == pytest.approx(math.sqrt(floors["chair"] * floors["drums"]))
-    assert not any(one.kind == "floor" for one in diagram(records, "ssim", "seconds").panels[1].traces)
+    assert not any(trace.kind == "floor" for trace in diagram(records, "ssim", "seconds").panels[1].traces)
 
 
 def test_hulls_against_slow_reference():
-    """A point is a corner where a line through it has all others on one side."""
-    generator = np.random.default_rng(7)
-    points = [tuple(map(float, one)) for one in generator.normal(size=(20, 2))]
+    """A corner is the farthest point in some direction."""
+    points = [tuple(map(float, point)) for point in np.random.default_rng(7).normal(size=(20, 2))]
     angles = np.linspace(0, 2 * math.pi, 20_000)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     corners = {points[place] for place in np.argmax(np.array(points) @ directions.T, axis=0)}
-    found = hull(points)
-    assert set(found) == corners
-    area = sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(found, found[1:] + found[:1], strict=True)) / 2
+    made = hull(points)
+    assert set(made) == corners
+    area = sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(made, made[1:] + made[:1], strict=True)) / 2
     assert area > 0, "anticlockwise"
     assert hull([(0.0, 0.0)] * 4) == [(0.0, 0.0)]

@@ -1,4 +1,4 @@
-"""A method of another family is a sentence, a curve and a row of costs, and is in no other table and no verdict."""
+"""A guest, a method of another family, has a sentence, a curve and a row of costs, and no other entry or verdict."""
 
 import math
 
@@ -32,7 +32,7 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Records:
     own = fake_records(tmp_path_factory.mktemp("visited") / "run", change=invited, change_cell=with_cores)
     for place, scene in enumerate(own.scenes):
         (cell,) = [cell for cell in own.cells_of(scene, "nerf") if cell.seed == 0]
-        curve = [replace(point, step=point.step + place) for point in cell.curve]  # no two scenes end at one step
+        curve = [replace(point, step=point.step + place) for point in cell.curve]  # scenes end at different steps
         scores = {**cell.scores, "psnr": 30.0 + place}
         write_cell(own.out, replace(cell, method="splats", scores=scores, curve=curve, files={}))
     return read_records(own.out)
@@ -53,11 +53,10 @@ def test_the_first_screen_says_what_it_reaches_in_nerfs_core_seconds(
 ) -> None:
     ours = [cell.scores["psnr"] or 0.0 for cell in visited.cells if (cell.method, cell.seed) == ("nerf", 0)]
     assert guests(visited) == (
-        f"splats reaches 30.50 dB in as many core seconds as nerf, which reaches {sum(ours) / 2:.2f} dB (2 scenes, "
-        "20 core seconds a cell; one seed, not judged)"
+        f"splats reaches 30.50 dB with the same core seconds as nerf, which reaches {sum(ours) / 2:.2f} dB (2 scenes, "
+        "20 core seconds per cell; one seed, not judged)"
     )
-    beside = Beside()
-    assert first_screen(visited, claims(visited, beside), beside).guests == guests(visited)
+    assert first_screen(visited, claims(visited), Beside()).guests == guests(visited)
     assert guests(whole) == ""
     assert "splats</" in page(visited)
     assert "<dt>Other methods</dt>" not in whole_page

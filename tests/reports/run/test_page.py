@@ -1,4 +1,4 @@
-"""report.html: whole, self-contained, escaped, and silent about what is not there."""
+"""report.html: complete, self-contained and escaped, without empty sections."""
 
 import html
 import re
@@ -14,11 +14,11 @@ from tests.replacing import replace
 from tests.reports.fake_run import EIGHT, fake_records, write_fake_run
 
 HOSTILE = "<script>alert('$\\frac$')</script>"
-"""Markup, and what Matplotlib would set as a formula that it cannot read."""
+"""Markup, and a formula that Matplotlib cannot parse."""
 
 
 def foreign_scripts(text: str) -> list[str]:
-    """Script elements that could run and are not the text whose digest stands in the page's policy."""
+    """Return the scripts that could run and do not match the digest in the page's policy."""
     elements = re.findall(r"<script([^>]*)>(.*?)</script>", text, re.DOTALL | re.IGNORECASE)
     running = [body for attributes, body in elements if 'type="application/' not in attributes]
     allowed = html.unescape(re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1])
@@ -26,12 +26,12 @@ def foreign_scripts(text: str) -> list[str]:
 
 
 def without_code(text: str) -> str:
-    """The page without the script that runs in it; what is data stays."""
+    """Return the page without its script; script elements that hold data stay."""
     return re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
 
 
 class Outline(HTMLParser):
-    """Ids, links and tags of a page; an unclosed or crossing tag fails."""
+    """The ids, links and tags of a page; an unclosed or crossing tag fails."""
 
     VOID = frozenset({"meta", "link", "img", "input", "br", "path", "use", "rect", "wbr"})
 
@@ -67,7 +67,7 @@ def test_the_content_policy_forbids_everything_else(pictured_page):
     assert foreign_scripts(pictured_page.replace("</body>", "<script>alert(1)</script></body>")) == ["alert(1)"]
 
 
-def test_diverged_cells_stand_on_the_first_screen_and_in_every_section_of_scores(pictured_page):
+def test_diverged_cells_are_on_the_first_screen_and_in_every_section_of_scores(pictured_page):
     top = pictured_page[: pictured_page.index("<nav")]
     assert "1 of 18 cells did not finish" in top
     assert "drums · qnerf · seed 2: diverged, not finite at step 412: density_head.weight" in top
@@ -154,7 +154,7 @@ def test_a_failed_write_leaves_no_half_page(records, tmp_path, monkeypatch):
     monkeypatch.setattr("reports.run.run_page._page", broken)
     with pytest.raises(OSError, match="No space"):
         write_page(records, tmp_path / "report.html")
-    assert [one.name for one in tmp_path.iterdir() if "report" in one.name] == ["report.html"]
+    assert [path.name for path in tmp_path.iterdir() if "report" in path.name] == ["report.html"]
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == "old"
 
 

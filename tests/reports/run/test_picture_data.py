@@ -1,4 +1,4 @@
-"""What the page is given of the pictures: decoded as the script decodes it, within its budget, nothing lost unsaid."""
+"""The picture data of the page: it decodes as in the script, fits its budget, and states what was left out."""
 
 import base64
 import html
@@ -20,7 +20,7 @@ from tests.reports.fake_run import write_fake_run
 
 
 def decoded(ref: dict[str, Any], text: str, width: int, height: int) -> np.ndarray:
-    """Value by value, as the interface of the page states it: [height, width, channels]."""
+    """Decode value by value, as the interface of the page states it, to [height, width, channels]."""
     raw = zlib.decompress(base64.b64decode(text, validate=True))
     many = ref["bits"] // 8
     assert len(raw) == ref["channels"] * many * width * height
@@ -33,13 +33,15 @@ def decoded(ref: dict[str, Any], text: str, width: int, height: int) -> np.ndarr
                 before = place - 1 if column else place - width if row else None
                 plane[place] = (plane[place] + (0 if before is None else plane[before])) % 256
         planes.append(plane)
-    found = np.zeros((height, width, ref["channels"]))
+    picture = np.zeros((height, width, ref["channels"]))
     for channel in range(ref["channels"]):
         own = planes[channel * many : (channel + 1) * many]
-        levels = [sum(byte << (8 * (many - 1 - k)) for k, byte in enumerate(one)) for one in zip(*own, strict=True)]
+        levels = [
+            sum(byte << (8 * (many - 1 - k)) for k, byte in enumerate(bytes_)) for bytes_ in zip(*own, strict=True)
+        ]
         values = ref["low"] + np.array(levels) / (2 ** ref["bits"] - 1) * (ref["high"] - ref["low"])
-        found[..., channel] = (np.exp(values) - 1e-4 if ref.get("log") else values).reshape(height, width)
-    return found
+        picture[..., channel] = (np.exp(values) - 1e-4 if ref.get("log") else values).reshape(height, width)
+    return picture
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 5), (5, 1), (7, 4)])
@@ -66,7 +68,7 @@ def test_light_is_within_a_thousandth_from_black_to_the_largest_half() -> None:
     assert decoded(flat.ref, flat.text, 2, 2) == pytest.approx(np.full((2, 2, 3), 0.25))
 
 
-def test_equal_pictures_have_one_name() -> None:
+def test_equal_pictures_share_an_id() -> None:
     one, same, other = (packing.display(np.full((2, 2), value)) for value in (0.2, 0.2, 0.9))
     assert one.id == same.id != other.id
     assert re.fullmatch(r"px[0-9a-f]{12}", one.id)
@@ -77,11 +79,15 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_fake_run(tmp_path_factory.mktemp("data") / "run", size=12, hdr=("drums",))
 
 
-def test_everything_that_was_kept_is_in_a_small_page(out: Path) -> None:
+def test_every_saved_picture_is_in_a_small_page(out: Path) -> None:
     records = read_records(out)
-    found = picture_data(records)
-    data = found.data
-    assert (data["left_out"], data["beside"], found.files) == ([], "", {})
+    made = picture_data(records)
+    data = made.data
+
+    def shown(ref: dict[str, Any]) -> np.ndarray:
+        return decoded(ref, made.inline[ref["id"]], 12, 12)
+
+    assert (data["left_out"], data["beside"], made.files) == ([], "", {})
     assert (data["methods"], data["variables"]["qnerf"]) == (records.methods, "--qnerf")
     for scene in data["scenes"]:
         own = kept(records, scene["name"])
@@ -90,18 +96,16 @@ def test_everything_that_was_kept_is_in_a_small_page(out: Path) -> None:
         for view in scene["views"]:
             truth = own.truth[view["name"]]
             assert view["hdr"] == (scene["name"] == "drums")
-            shown = decoded(view["truth"]["display"], found.inline[view["truth"]["display"]["id"]], 12, 12)
-            assert shown == pytest.approx(truth.display.astype(float), abs=0.51 / 255)
+            assert shown(view["truth"]["display"]) == pytest.approx(truth.display.astype(float), abs=0.51 / 255)
             assert (view["truth"]["linear"] is None) != view["hdr"]
             if view["hdr"]:
-                light = decoded(view["truth"]["linear"], found.inline[view["truth"]["linear"]["id"]], 12, 12)
-                assert light == pytest.approx(truth.linear.astype(float), rel=1e-3, abs=1e-6)
+                linear = truth.linear.astype(float)
+                assert shown(view["truth"]["linear"]) == pytest.approx(linear, rel=1e-3, abs=1e-6)
         for row in scene["renders"]:
             name = scene["views"][row["view"]]["name"]
             renders = own.renders[row["method"], row["seed"]]
-            (render,) = (one for one in renders if (one.view, one.step) == (name, row["step"]))
-            depth = decoded(row["depth"], found.inline[row["depth"]["id"]], 12, 12)[..., 0]
-            assert depth == pytest.approx(render.depth.astype(float), abs=0.01)
+            (render,) = (render for render in renders if (render.view, render.step) == (name, row["step"]))
+            assert shown(row["depth"])[..., 0] == pytest.approx(render.depth.astype(float), abs=0.01)
             assert row["last"] == (row["step"] == renders[-1].step)
             assert row["seconds"] > 0
             assert (row["psnr"] is not None) == (row["last"] and name == "r_12")
@@ -111,36 +115,35 @@ def test_everything_that_was_kept_is_in_a_small_page(out: Path) -> None:
     assert json.dumps(data, allow_nan=False)
 
 
-def test_what_does_not_fit_is_left_out_by_importance_and_said(out: Path) -> None:
+def test_pictures_over_the_budget_are_left_out_by_importance_and_counted(out: Path) -> None:
     records = read_records(out)
-    whole = picture_data(records)
-    before = sum(map(len, whole.inline.values()))
+    complete = picture_data(records)
+    before = sum(map(len, complete.inline.values()))
     counts = []
     for budget in (before - 1, int(0.9 * before), int(0.6 * before)):
-        found = picture_data(records, budget)
-        assert sum(map(len, found.inline.values())) <= budget
-        rows = [row for scene in found.data["scenes"] for row in scene["renders"]]
-        left = [int(said.split()[0]) for said in found.data["left_out"]]
+        made = picture_data(records, budget)
+        assert sum(map(len, made.inline.values())) <= budget
+        rows = [row for scene in made.data["scenes"] for row in scene["renders"]]
+        left_out = made.data["left_out"]
         assert len(rows) < 78
-        counts.append(len(rows) + sum(left))
-        assert any(said.endswith(f"{IMPORTANCE[4]}.") for said in found.data["left_out"])
+        counts.append(len(rows) + sum(int(sentence.split()[0]) for sentence in left_out))
+        assert any(sentence.endswith(f"{IMPORTANCE[4]}.") for sentence in left_out)
         assert {(row["method"], row["seed"]) for row in rows} >= {(method, 0) for method in records.methods}
         used = {ref["id"] for row in rows for ref in (row["colour"], row["opacity"], row["depth"])}
-        assert used <= set(found.inline)
-    assert set(counts) == {sum(len(scene["renders"]) for scene in whole.data["scenes"])}
+        assert used <= set(made.inline)
+    assert set(counts) == {sum(len(scene["renders"]) for scene in complete.data["scenes"])}
 
 
 def test_pictures_of_a_large_run_lie_in_files(out: Path) -> None:
     records = read_records(out)
-    found = picture_data(records, budget=1000)
-    assert found.inline == {}
-    assert list(found.files) == [f"{FOLDER}/0_chair.js", f"{FOLDER}/1_drums.js"]
-    assert FOLDER in found.data["beside"]
+    made = picture_data(records, budget=1000)
+    assert made.inline == {}
+    assert list(made.files) == [f"{FOLDER}/0_chair.js", f"{FOLDER}/1_drums.js"]
+    assert FOLDER in made.data["beside"]
     texts = {}
-    for text in found.files.values():
-        match = re.fullmatch(r"reportPictures\((\{.*\})\);\n", text, re.DOTALL)
-        texts |= json.loads(match[1])
-    for scene in found.data["scenes"]:
+    for text in made.files.values():
+        texts |= json.loads(re.fullmatch(r"reportPictures\((\{.*\})\);\n", text, re.DOTALL)[1])
+    for scene in made.data["scenes"]:
         for row in scene["renders"]:
             assert row["colour"]["file"].endswith(f"_{scene['name']}.js")
             assert decoded(row["colour"], texts[row["colour"]["id"]], 12, 12).shape == (12, 12, 3)
@@ -155,12 +158,12 @@ def test_a_page_says_where_its_pictures_are(out: Path, tmp_path: Path, monkeypat
     text = html.unescape(page(records))
     assert "'self'" not in text[: text.index("<style")]
     assert text.count('type="application/octet-stream"') > 30
-    found = picture_data(records, budget=1000)
-    monkeypatch.setattr("reports.run.run_page.picture_data", lambda records: found)
+    made = picture_data(records, budget=1000)
+    monkeypatch.setattr("reports.run.run_page.picture_data", lambda records: made)
     write_page(records, tmp_path / "report.html")
     assert sorted(file.name for file in (tmp_path / FOLDER).iterdir()) == ["0_chair.js", "1_drums.js"]
     text = html.unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert found.data["beside"] in text
+    assert made.data["beside"] in text
     assert "'self'" in text[: text.index("<style")]
     monkeypatch.setattr("reports.run.run_page.picture_data", lambda records: None)
     write_page(records, tmp_path / "report.html")

@@ -1,4 +1,4 @@
-"""Views beside the truth, as print shows them."""
+"""The still pictures of views next to the truth."""
 
 import base64
 import io
@@ -22,7 +22,7 @@ def pixels(uri: str) -> np.ndarray:
 def test_views_of_a_run(pictured):
     shown = views(read_records(pictured))
     assert [(view.scene, view.view, view.seed) for view in shown] == [("chair", "r_12", 0), ("drums", "r_12", 0)]
-    assert [one.method for one in shown[0].methods] == ["nerf", "nerf_matched", "qnerf"]
+    assert [method.method for method in shown[0].methods] == ["nerf", "nerf_matched", "qnerf"]
     assert "mean ΔE₀₀" in shown[0].methods[0].caption
     assert delta_e(np.zeros((2, 3, 3)), np.ones((2, 3, 3))) == pytest.approx(np.full((2, 3), 100.0), abs=0.01)
     found = kept(read_records(pictured), "chair")
@@ -32,7 +32,7 @@ def test_views_of_a_run(pictured):
     assert pixels(shown[0].methods[0].render)[..., :3] == pytest.approx(last.colour.clip(0, 1), abs=0.6 / 255)
 
 
-def test_a_diverged_method_says_so_where_its_picture_would_be(tmp_path):
+def test_a_diverged_method_has_its_reason_in_place_of_a_picture(tmp_path):
     (shown,) = views(fake_records(tmp_path / "run", scenes=("chair",), seeds=1, pictures=True, with_diverged=True))
     lost = shown.methods[2]
     assert (lost.render, lost.failed, lost.caption) == (None, True, "not finite at step 412: density_head.weight")

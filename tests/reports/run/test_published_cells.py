@@ -1,4 +1,4 @@
-"""A published summary is judged by the functions that judge a run, from its own cells."""
+"""The functions that judge a run also judge a published summary, from its cells."""
 
 import json
 from typing import Any
@@ -18,12 +18,11 @@ def published(name: str) -> dict[str, Any]:
     return in_two_words(json.loads((ROOT / "docs" / name / "summary.json").read_text(encoding="utf-8")))
 
 
-def test_differences_are_those_that_were_published_and_verdicts_those_of_today() -> None:
+def test_differences_are_the_published_ones_and_verdicts_those_of_this_version() -> None:
     run = published("reduced")
     again = judged_again(run)
     names = ("scene", "method", "against", "metric", "budget")
-    before = {tuple(row[name] for name in names): row for row in run["comparisons"]}
-    after = {tuple(row[name] for name in names): row for row in again["comparisons"]}
+    before, after = ({tuple(row[name] for name in names): row for row in of["comparisons"]} for of in (run, again))
     assert before.keys() == after.keys()
     for key, row in before.items():
         assert after[key]["difference"] == pytest.approx(row["difference"], abs=1e-9)
@@ -38,7 +37,7 @@ def test_differences_are_those_that_were_published_and_verdicts_those_of_today()
 
 def test_early_and_late_are_compared_by_their_change() -> None:
     early, late = (situation(published(name), METHODS) for name in ("reduced", "converged"))
-    found = change("qnerf", "nerf", early, late)
-    assert found.seeds_paired
-    assert found.judgement.pairs == len(cells_of(published("reduced"), ["qnerf"]))
-    assert found.judgement.difference == pytest.approx(found.after - found.before)
+    known = change("qnerf", "nerf", early, late)
+    assert known.seeds_paired
+    assert known.judgement.pairs == len(cells_of(published("reduced"), ["qnerf"]))
+    assert known.judgement.difference == pytest.approx(known.after - known.before)

@@ -1,6 +1,4 @@
-"""The published headline: what it says of each contender, and that it says what all replicates share."""
-
-from typing import Any
+"""The published headline states a result for each contender, in words that all replicates share."""
 
 import pytest
 
@@ -16,24 +14,21 @@ def published(*pairs: tuple[str, str]) -> Run:
     return {"comparisons": rows, "scenes": [{"scene": name} for name in "abcd"], "headline": "nothing"}
 
 
-def replicate(verdict: dict[str, str]) -> dict[str, Any]:
-    return {"method": "qnerf_repaired", "against": "nerf", "differences": [0.4], "verdicts": [verdict]}
-
-
 def test_every_contender_has_its_clause_and_one_that_was_not_run_has_none() -> None:
-    told = answer(published(*PAIRS), {})
+    title = answer(published(*PAIRS), {})
     clauses = ["Qnerf gains 0.50 dB over nerf", "qnerf_repaired gains 0.50 dB over nerf, more"]
-    assert all(words in told for words in [*clauses, "qnerf_repaired gains 0.50 dB over nerf_matched, more"])
+    assert all(words in title for words in [*clauses, "qnerf_repaired gains 0.50 dB over nerf_matched, more"])
     assert "repaired" not in answer(published(*PAIRS[:2]), {})
     assert answer(published(*PAIRS[2:]), {}) == "nothing"
 
 
 @pytest.mark.parametrize(
-    ("verdict", "told"),
+    ("verdict", "clause"),
     [
         (ABOVE, "qnerf_repaired gains 0.50 dB over nerf, more than the 0.2 dB that matter"),
         (OPEN, "the sign of qnerf_repaired − nerf is open (+0.40 to +0.50 dB in two runs)"),
     ],
 )
-def test_words_that_a_replicate_does_not_repeat_are_not_said(verdict: dict[str, str], told: str) -> None:
-    assert told in answer(published(*PAIRS), {"over_all": [replicate(verdict)]})
+def test_words_that_a_replicate_does_not_repeat_are_not_said(verdict: dict[str, str], clause: str) -> None:
+    row = {"method": "qnerf_repaired", "against": "nerf", "differences": [0.4], "verdicts": [verdict]}
+    assert clause in answer(published(*PAIRS), {"over_all": [row]})

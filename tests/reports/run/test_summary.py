@@ -1,4 +1,4 @@
-"""summary.json: the schema that others script against."""
+"""summary.json: its schema, which scripts rely on, and its numbers."""
 
 import json
 import math
@@ -17,16 +17,14 @@ COMPARISON = {
 }  # fmt: skip
 
 
-def strict(text: str):
-    def refuse(word: str):
-        raise AssertionError(f"{word} in JSON")
-
-    return json.loads(text, parse_constant=refuse)
+def written(records, folder) -> dict:
+    write_summary(records, folder / "summary.json")
+    text = (folder / "summary.json").read_text(encoding="utf-8")
+    return json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in JSON"))
 
 
 def test_schema(records, tmp_path):
-    write_summary(records, tmp_path / "summary.json")
-    data = strict((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    data = written(records, tmp_path)
     assert {"schema", "profile", "provenance", "cells", "comparisons", "claims", "left_out"} <= set(data)
     assert set(data["cells"][0]) >= CELL
     assert set(data["cells"][0]["curve"]) >= {"steps", "seconds", "core_seconds", "psnr", "rmse_linear"}
@@ -43,7 +41,7 @@ def test_numbers_are_those_of_the_records(records):
     assert first["curve"]["steps"] == [50, 100, 200, 400, 800, 1600]
     assert first["curve"]["core_seconds"] == [point.core_seconds for point in records.cells[0].curve]
     gains = {row["method"]: row["gain"] for row in data["last_doubling"]}
-    # of a fake run, log steps reach 4/5 of the way at half: 3.2 dB × 0.2^1.4
+    # at half of the steps, a fake run has 4/5 of the logarithm of its steps: 3.2 dB × 0.2^1.4
     assert gains == pytest.approx(dict.fromkeys(records.methods, 3.2 * 0.2**1.4), abs=1e-3)
     lost = data["cells"][-1]
     assert (lost["status"], lost["reason"]) == ("diverged", "not finite at step 412: density_head.weight")
@@ -52,6 +50,5 @@ def test_numbers_are_those_of_the_records(records):
 
 def test_a_number_that_is_not_finite_becomes_null(records, tmp_path):
     wild = replace(records.cells[0], scores={"psnr": math.inf, "ssim": math.nan})
-    write_summary(replace(records, cells=[wild, *records.cells[1:]]), tmp_path / "summary.json")
-    first = strict((tmp_path / "summary.json").read_text(encoding="utf-8"))["cells"][0]
+    first = written(replace(records, cells=[wild, *records.cells[1:]]), tmp_path)["cells"][0]
     assert (first["psnr"], first["ssim"]) == (None, None)

@@ -1,4 +1,4 @@
-"""When runs reached a score: every run that did not stays in sight, and the record alone computes."""
+"""When runs reached a score: the page shows the record, including every run that did not reach it."""
 
 from harness.records.targets import Reach, ReachCurve, TargetComparison, TargetsRecord
 from harness.records.verdict import OPEN
@@ -23,7 +23,7 @@ REACHES = [
 RECORD = TargetsRecord(24.0, False, "nerf", "24 dB, because.", REACHES, [CURVE], [SAVING])
 
 
-def test_the_curve_begins_at_0_and_marks_who_never_got_there(records: Records):
+def test_the_curve_begins_at_0_and_marks_runs_that_never_reached_the_target(records: Records):
     assert [share_at(CURVE, time) for time in (50.0, 100.0, 199.0, 200.0, 9e9)] == [0.0, 0.25, 0.25, 0.5, 0.5]
     (panel,) = reach_panels(replace(records, targets=RECORD), ["all"])
     curve, below, lost = panel.traces
@@ -35,18 +35,19 @@ def test_the_curve_begins_at_0_and_marks_who_never_got_there(records: Records):
     assert panel.alt == "all scenes: share of runs at 24 dB against training step. nerf 50% by 800."
 
 
-def test_who_is_lost_is_told_from_who_ended_below(records: Records):
-    assert [is_lost(one) for one in REACHES] == [False, False, False, True]
+def test_lost_runs_are_distinguished_from_runs_that_ended_below(records: Records):
+    assert [is_lost(reach) for reach in REACHES] == [False, False, False, True]
     assert notes(RECORD) == [
         "nerf: of 4 runs, 1 ended below it, 1 diverged or failed, 1 had it by the first checkpoint."
     ]
     made = targets(records.cells, records.methods)
     statuses = {(cell.scene, cell.method, cell.seed): cell.status for cell in records.cells}
     assert sum(map(is_lost, made.reaches)) == 3, "one run, on three axes"
-    assert all((statuses[one.scene, one.method, one.seed] != "done") == is_lost(one) for one in made.reaches)
+    for reach in made.reaches:
+        assert is_lost(reach) == (statuses[reach.scene, reach.method, reach.seed] != "done")
 
 
-def test_savings_stand_with_interval_verdict_and_everything_that_is_less_than_a_time():
+def test_savings_have_interval_verdict_and_the_number_of_censored_runs():
     grid = savings_grid(RECORD, ["all"])
     ((method, steps, seconds),) = grid.rows
     assert (method.text, method.small) == ("qnerf", "against nerf")
@@ -65,15 +66,14 @@ def test_savings_stand_with_interval_verdict_and_everything_that_is_less_than_a_
 
 
 def test_a_pair_without_a_saving_is_a_row():
-    nothing = replace(
-        SAVING, saving=None, interval=None, smallest_detectable=None, pairs=0, never=(0, 0), earlier=(0, 0)
-    )
-    grid = savings_grid(replace(RECORD, comparisons=[nothing]), ["all"])
+    lost = {"saving": None, "interval": None, "smallest_detectable": None}
+    unpaired = replace(SAVING, **lost, pairs=0, never=(0, 0), earlier=(0, 0))
+    grid = savings_grid(replace(RECORD, comparisons=[unpaired]), ["all"])
     assert (grid.rows[0][1].text, grid.rows[0][1].small) == ("–", "sign and size open\n1 pair not judged")
     assert savings_grid(replace(RECORD, comparisons=[]), ["all"]) is None
 
 
-def test_where_there_is_no_target_the_section_says_why(records: Records, whole_page: str):
+def test_without_a_target_the_section_says_why(records: Records, whole_page: str):
     bare = replace(records, targets=TargetsRecord(None, False, "nerf", "No target: nothing has a score.", [], [], []))
     assert target_title(bare.targets) == "Time to a target"
     assert "No target: nothing has a score." in page(bare)

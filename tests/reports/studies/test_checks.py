@@ -1,4 +1,4 @@
-"""Checks → words, rows and cells: the gravest wins, ours stands first, what occurs once stands beside."""
+"""Checks → texts, rows and cells: the worst outcome wins, and broken checks come first."""
 
 import math
 
@@ -6,12 +6,12 @@ import pytest
 from msgspec import structs
 
 from harness.records.study import Check, check
-from reports.studies.check_words import checks_grid, described, outcome, repetitions, spread_of, tone_of
-from reports.studies.matrix import cell, groups, miniature, strain
+from reports.studies.check_words import checks_grid, describe, outcome, repetitions, spread_of, tone_of
+from reports.studies.matrix import groups, miniature, strain, worst_of
 from tests.reports.fake_studies import fake_studies, study
 
 
-def one(status="pass", owner="ours", value=1e-7, limit=1e-6, subject="a", what="", **more) -> Check:
+def trial(status="pass", owner="ours", value=1e-7, limit=1e-6, subject="a", what="", **more) -> Check:
     return Check(what, value, **{"high": limit, **more}, subject=subject, owner=owner, status=status)
 
 
@@ -22,15 +22,15 @@ def target(value, unit="×", goal=10.0, **more) -> Check:
 @pytest.mark.parametrize(
     ("given", "tone", "said"),
     [
-        (one(), "passes", "✓ passes"),
-        (one("fail"), "fails", "✕ fails"),
-        (one("fail", "paper"), "property", "◆ fails: a property of that form"),
-        (one("fail", "usual"), "property", "◆ fails: a property of that form"),
-        (one("pass", "paper"), "passes", "✓ passes"),
-        (one("measured"), "measured", "• measured"),
-        (one("inconclusive"), "unsettled", "? inconclusive"),
-        (one("not_available", value=None), "absent", "○ not available"),
-        (one("not_applicable", "paper", None), "spared", "· not applicable"),
+        (trial(), "passes", "✓ passes"),
+        (trial("fail"), "fails", "✕ fails"),
+        (trial("fail", "paper"), "property", "◆ fails: a property of that form"),
+        (trial("fail", "usual"), "property", "◆ fails: a property of that form"),
+        (trial("pass", "paper"), "passes", "✓ passes"),
+        (trial("measured"), "measured", "• measured"),
+        (trial("inconclusive"), "unsettled", "? inconclusive"),
+        (trial("not_available", value=None), "absent", "○ not available"),
+        (trial("not_applicable", "paper", None), "spared", "· not applicable"),
         (target(11.2), "passes", "✓ met, 12 % above"),
         (target(10.0), "passes", "✓ met"),
         (target(34.0), "passes", "✓ met, a factor of 3.4 above"),
@@ -57,11 +57,11 @@ def test_what_became_of_a_check(given, tone, said):
         (check("a", None, low=80, unit="%"), "a: no figure, wanted ≥ 80 %"),
         (check("a", 3.0), "a: 3"),
         (check("", 3e-7, high=2.5e-7, subject="b"), "b: 3.00·10⁻⁷, wanted ≤ 2.5·10⁻⁷"),
-        (one(what="refused", value=None, limit=None), "a: refused"),
+        (trial(what="refused", value=None, limit=None), "a: refused"),
     ],
 )
 def test_a_check_in_a_line(given, said):
-    assert described(given).replace("\u202f", " ") == said
+    assert describe(given).replace("\u202f", " ") == said
 
 
 @pytest.mark.parametrize(
@@ -74,35 +74,35 @@ def test_a_check_in_a_line(given, said):
         ((11.0, 11.0), 1, "measured once", ""),
     ],
 )
-def test_repetitions_are_told_and_whether_all_of_them_meet_a_target(spread, repeats, said, each):
-    found = target(11.0, spread=spread, repeats=repeats)
-    assert (spread_of(found), repetitions(found)) == (said, each)
+def test_the_range_of_repetitions_and_whether_all_meet_a_target(spread, repeats, said, each):
+    measured = target(11.0, spread=spread, repeats=repeats)
+    assert (spread_of(measured), repetitions(measured)) == (said, each)
     assert repetitions(target(9.0, spread=(8.0, 11.0), repeats=3)) == "reached in the best repetition"
 
 
-def test_rows_are_broken_first_and_columns_of_nothing_are_left_out():
-    one = study("Q1", "t", check("first", 1.0), check("second", 3.0, high=2.0))
-    grid = checks_grid("", [(one, found) for found in one.checks])
+def test_broken_rows_come_first_and_empty_columns_are_left_out():
+    case = study("Q1", "t", check("first", 1.0), check("second", 3.0, high=2.0))
+    grid = checks_grid("", [(case, row) for row in case.checks])
     assert [column.label for column in grid.columns] == ["figure", "measured", "wanted", "outcome"]
     assert [row[0].text for row in grid.rows] == ["second", "first"]
-    grid = checks_grid("", [(one, one.checks[0])], lambda study: study.info.title)
+    grid = checks_grid("", [(case, case.checks[0])], lambda study: study.info.title)
     assert [(row[0].text, row[0].link) for row in grid.rows] == [("t", "study-Q1")]
 
 
-def test_of_several_outcomes_the_gravest_is_shown_and_all_are_told():
-    found = [one(value=9e-7), one("fail", value=2e-6), one("fail", value=5e-6, what="colour"), one(value=1e-9)]
-    made = cell(found)
-    assert (made.tone, made.text, made.small) == ("fails", "5.0·10⁻⁶", "2 of 4")
-    assert len(made.title.splitlines()) == 4
-    assert cell(found[:1] + found[3:]).text == "9.0·10⁻⁷"
-    assert cell(found[:1] + found[3:]).small == "worst of 2"
-    assert cell(found[:1]).small == ""
-    assert cell([one("fail", "paper", 1e30), one("fail", "ours", 2e-6)]).tone == "fails"
+def test_of_several_outcomes_the_worst_is_shown_and_all_are_listed():
+    checks = [trial(value=9e-7), trial("fail", value=2e-6), trial("fail", value=5e-6, what="colour"), trial(value=1e-9)]
+    cell = worst_of(checks)
+    assert (cell.tone, cell.text, cell.small) == ("fails", "5.0·10⁻⁶", "2 of 4")
+    assert len(cell.title.splitlines()) == 4
+    passing = worst_of(checks[:1] + checks[3:])
+    assert (passing.text, passing.small) == ("9.0·10⁻⁷", "worst of 2")
+    assert worst_of(checks[:1]).small == ""
+    assert worst_of([trial("fail", "paper", 1e30), trial("fail", "ours", 2e-6)]).tone == "fails"
 
 
 def test_a_figure_that_is_not_finite_is_the_worst_and_says_so():
     lost = check("error", math.nan, high=1.0, subject="a", owner="usual")
-    made = cell([one("fail", "usual", 5.0), lost])
+    made = worst_of([trial("fail", "usual", 5.0), lost])
     assert (made.tone, made.text) == ("property", "not finite")
     assert strain(lost) == math.inf
 
@@ -111,11 +111,11 @@ def test_no_outcome_is_lost_in_the_matrix_or_its_miniature():
     record = fake_studies("stability", failing=True)
     rows = [row for group in groups(record) for row in group.rows]
     for case, row in zip(record.studies, rows, strict=True):
-        titles = [found.title for found in [*row.cells, *row.others] if found]
+        titles = [cell.title for cell in [*row.cells, *row.others] if cell]
         assert sum(len(title.split("\n")) for title in titles) == len(case.checks)
         assert row.failed == (case.info.id == "A2")
     (drawn,) = miniature(record)
-    kinds = {(case.info.id, found.subject, found.owner) for case, found in record.checks()}
+    kinds = {(case.info.id, check.subject, check.owner) for case, check in record.checks()}
     assert sum(len(trace.x) for trace in drawn.traces) == len(kinds)
     assert len(drawn.rows) == sum(bool(case.checks) for case in record.studies)
     assert miniature(fake_studies("stability", studies=[])) == []

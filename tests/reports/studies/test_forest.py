@@ -1,4 +1,4 @@
-"""Effects → forests: every difference is on the axis, no interval makes it useless, figures stand in their rows."""
+"""Effects → forests: every difference is on the axis, no interval makes it useless, each row has its figures."""
 
 import pytest
 
@@ -13,7 +13,7 @@ def an_effect(difference: float | None, alone=None, together=None, name: str = "
     return effect(name, "", difference, interval=alone, simultaneous=together, **{"verdict": OPEN, **more})
 
 
-def test_an_axis_holds_zero_every_difference_and_the_band_but_no_monstrous_interval():
+def test_an_axis_holds_zero_every_difference_and_the_band_but_no_huge_interval():
     effects = [an_effect(0.3, (-90.0, 90.0), (-900.0, 900.0)), an_effect(-1.0, (-1.1, -0.9), (-1.2, -0.8))]
     low, high = limits_of(effects, 0.2)
     assert -2.0 < low < -1.0 < 0.0 < 0.3 < high < 1.0
@@ -30,8 +30,8 @@ def test_a_row_has_its_marks_its_figures_and_its_verdict():
     ]
     (drawn,) = forests(rows, {"psnr": 0.2}).values()
     traces = {trace.label: (trace.x, trace.y, trace.x_high) for trace in drawn.traces}
-    assert traces["interval alone"] == ((0.1,), (0.0,), (0.5,))
-    assert traces["interval of all together"] == ((-0.2,), (0.0,), (0.8,))
+    assert traces["own interval"] == ((0.1,), (0.0,), (0.5,))
+    assert traces["simultaneous interval"] == ((-0.2,), (0.0,), (0.8,))
     assert traces["difference, sign known"][:2] == ((0.9,), (1.0,))
     assert traces["difference, sign open"][:2] == ((0.3,), (0.0,))
     assert traces["±0.2\u202fdB, the smallest effect of interest"][0] == (-0.2, 0.2, 0.2, -0.2)
@@ -40,7 +40,7 @@ def test_a_row_has_its_marks_its_figures_and_its_verdict():
     assert "part (Eq. 4; 1 pair not judged) +0.90    ▲= above 0, smaller than matters" in drawn.alt
 
 
-def test_parts_stand_before_methods_and_single_scenes_in_the_table_alone():
+def test_parts_come_before_methods_and_single_scenes_only_in_the_table():
     methods = [an_effect(0.1, name="qnerf", against="nerf")]
     parts = [an_effect(0.1, name=f"{scene} part", scene=scene) for scene in ("lego", "all")]
     alone = [an_effect(0.1, metric="ssim", scene=scene) for scene in ("lego", "ship")]
@@ -58,7 +58,7 @@ def test_parts_stand_before_methods_and_single_scenes_in_the_table_alone():
         ([1, 12], "all of a family of 1 to 12 comparisons hold together in 95 % of repetitions"),
     ],
 )
-def test_families_are_said_as_they_are(families, said):
+def test_the_key_states_the_sizes_of_the_families(families, said):
     assert said in forest_key([an_effect(0.1, family=family) for family in families])
 
 

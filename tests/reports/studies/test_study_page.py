@@ -1,7 +1,8 @@
-"""The page of a shelf: what must pass first, every finding in sight or folded, nothing read from elsewhere."""
+"""The page of a shelf: what must pass first, every finding visible or folded, no file read from elsewhere."""
 
 import html
 import re
+from pathlib import Path
 from typing import Any
 
 import matplotlib.image
@@ -11,20 +12,22 @@ from msgspec.structs import replace
 
 from harness.records.study import Answer, Check, Series, Studies, Table
 from reports.data.studies_load import find_studies
-from reports.studies.study_page import headline, sentences, shelf_shown, study_page
+from reports.studies.study_page import headline, sentences, shelf_shown
+from reports.studies.study_page import study_page as page_of
 from scenes.files.errors import DamagedRecord
 from tests.reports.fake_studies import fake_studies, study, write_fake_studies
 from tests.reports.run.test_page import Outline, without_code
+from tests.reports.studies.test_checks import trial
 
 EMPTY = {shelf: Studies(shelf, {}, {}, finished=True) for shelf in ("evidence", "stability", "speed")}
 
 
-def one(status="pass", owner="ours", value=1e-7, subject="a") -> Check:
-    return Check("", value, high=1e-6, subject=subject, owner=owner, status=status)
+def study_page(record: Studies, out: Path) -> str:
+    return page_of(shelf_shown(record, out))
 
 
 def seen(text: str) -> str:
-    """What a reader reads."""
+    """Return the text that a reader sees."""
     words = re.sub(r"<style.*?</style>|<[^>]*>", " ", without_code(text), flags=re.DOTALL)
     return re.sub(r"\s+", " ", html.unescape(words))
 
@@ -43,10 +46,10 @@ def with_findings(shelf: str, *findings: Any) -> Studies:
         (fake_studies("evidence", failing=True), "2 of 3 checks of the evidence hold"),
         (fake_studies("evidence"), "All 3 checks of the evidence hold"),
         (fake_studies("speed"), "3 of 7 speed targets are met, 2 without a figure"),
-        (of(one("fail", "paper")), "Numerical stability: nothing of this harness was tried"),
-        (of(one()), "The one stability check of this harness passes"),
-        (of(one(), one("fail")), "1 of 2 stability checks of this harness passes"),
-        (of(one(), one("inconclusive")), "1 of 2 stability checks of this harness passes, 1 inconclusive"),
+        (of(trial("fail", "paper")), "Numerical stability: nothing of this harness was tried"),
+        (of(trial()), "The one stability check of this harness passes"),
+        (of(trial(), trial("fail")), "1 of 2 stability checks of this harness passes"),
+        (of(trial(), trial("inconclusive")), "1 of 2 stability checks of this harness passes, 1 inconclusive"),
         (EMPTY["evidence"], "Evidence without a check"),
     ],
 )
@@ -54,15 +57,15 @@ def test_the_headline_counts_what_must_pass(record, said):
     assert headline(record) == said
 
 
-def test_the_sentences_say_what_is_open_and_what_is_a_property():
-    said = sentences(of(one(), one("inconclusive"), one("fail", "paper"), one("not_available", value=None)))
+def test_the_sentences_state_what_is_open_and_what_is_a_property():
+    said = sentences(of(trial(), trial("inconclusive"), trial("fail", "paper"), trial("not_available", value=None)))
     assert said[0].startswith("1 case with 4 checks and 1 subject, in 12 s")
     assert said[1:] == [
         "Inconclusive: 1 check; each says why.",
-        "The paper’s forms as printed fail 1 of 1 checks; these are properties of theirs, not failures.",
+        "The paper’s forms as printed fail 1 of 1 checks; these are properties of those forms, not failures.",
         "Not tried: 1 not available here; each says why.",
     ]
-    machine = "on AMD EPYC 9R14 with 2 cores and 2 threads, with units for bfloat16 matrix products"
+    machine = "on AMD EPYC 9R14 with 2 cores and 2 threads, with units for bfloat16 matrix multiplications"
     assert machine in sentences(fake_studies("speed"))[0]
 
 
@@ -72,11 +75,11 @@ def test_an_empty_record_is_a_page_and_a_study_without_anything_too(shelf, tmp_p
     assert "Why?" in study_page(with_findings("evidence"), tmp_path)
 
 
-def test_what_is_quick_unfinished_or_broken_is_said_first(tmp_path):
+def test_quick_unfinished_and_broken_records_are_announced_first(tmp_path):
     assert 'class="alert"' not in study_page(fake_studies("evidence", charts=False), tmp_path)
     broken = fake_studies("evidence", failing=True, charts=False, finished=False, settings={"quick": True})
     text = study_page(broken, tmp_path)
-    for said in ("A quick run.", "This run was not finished.", "What is ours must pass, and 1 check does not."):
+    for said in ("A quick run.", "This run was not finished.", "Our own code must pass, and 1 check does not."):
         assert said in text[: text.index("<main>")]
 
 
@@ -88,12 +91,12 @@ def test_every_check_is_in_the_details_with_its_reason(tmp_path):
         own = seen(text[start : text.index("</details>", start)])
         for words in study_of.info.facts.values():
             assert words in own, words
-        for found in study_of.checks:
-            for words in filter(None, (found.subject, found.what, found.why)):
+        for check in study_of.checks:
+            for words in filter(None, (check.subject, check.what, check.why)):
                 assert words in own, (study_of.info.id, words)
 
 
-def test_a_few_findings_are_in_sight_and_the_others_unfold(tmp_path):
+def test_a_few_findings_are_visible_and_the_others_folded(tmp_path):
     findings = [Answer(f"Finding {place}.") for place in range(9)]
     said = seen(study_page(with_findings("evidence", *findings), tmp_path))
     assert said.index("Finding 4.") < said.index("4 more findings") < said.index("Finding 5.")
@@ -103,8 +106,8 @@ def test_lines_stand_in_their_study_or_where_a_shelf_has_them_in_chapters(tmp_pa
     line = Series("p", 1, "a", "x", "y", [1.0, 2.0], [1.0, 2.0])
     shown = {shelf: shelf_shown(with_findings(shelf, line), tmp_path) for shelf in EMPTY}
     titles = {
-        shelf: [part.title for part in one.sections if 'class="plot"' in "".join(part.parts) and part.name != "matrix"]
-        for shelf, one in shown.items()
+        shelf: [part.title for part in made.sections if 'class="plot"' in "".join(part.parts) and part.name != "matrix"]
+        for shelf, made in shown.items()
     }
     assert titles == {"evidence": ["One"], "stability": ["Rounding: error against optical depth"], "speed": ["One"]}
 
@@ -118,7 +121,7 @@ def test_a_table_of_numbers_is_set_to_the_right_and_a_gap_is_a_dash(tmp_path):
 
 def test_pictures_outside_of_the_folder_are_not_read(tmp_path):
     inner = write_fake_studies(tmp_path / "inner", "stability")
-    pictured = next(one for one in fake_studies("stability").studies if one.pictures)
+    pictured = next(case for case in fake_studies("stability").studies if case.pictures)
     paths = ["../inner/stability/whole.png", "../../etc/passwd", str(inner / "stability" / "whole.png"), "stability"]
     stray = [replace(pictured.pictures[0], path=path) for path in paths]
     text = study_page(with_findings("stability", *stray), tmp_path / "outer")
@@ -141,11 +144,11 @@ def test_a_report_without_studies_has_no_trace_of_them(whole_page):
 
 def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_path):
     record = fake_studies("stability")
-    found = find_studies(write_fake_studies(tmp_path, record), "stability")
-    assert [one for _, one in found.checks()] == [one for _, one in record.checks()]
-    lost = [line for study_of in found.studies for line in study_of.series if None in line.y]
+    read = find_studies(write_fake_studies(tmp_path, record), "stability")
+    assert [check for _, check in read.checks()] == [check for _, check in record.checks()]
+    lost = [line for study_of in read.studies for line in study_of.series if None in line.y]
     assert [(line.name, line.y[:2]) for line in lost] == [("log_space", [None, None])]
-    assert found.studies[1].tables[0].rows[0][2] == "not finite (nan)"
+    assert read.studies[1].tables[0].rows[0][2] == "not finite (nan)"
     assert find_studies(tmp_path / "stability", "stability") is None
 
 

@@ -1,4 +1,4 @@
-"""Which files an XML scene depends on, by Mitsuba's rules, and that reading one always comes to an end."""
+"""The files that an XML scene depends on, by Mitsuba's rules; reading always ends."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def files_of(file: Path) -> set[str]:
 @pytest.mark.parametrize(
     ("files", "depends"),
     [
-        # Mitsuba looks beside the outermost file, wherever the name stands
+        # Mitsuba searches the folder of the outermost file, also for names in an included file
         ({"top.xml": BALL + '<include filename="sub/a.xml"/>', "sub/a.xml": OBJ.format("m.obj"), "m.obj": "1"},
          {"sub/a.xml", "m.obj"}),
         ({"top.xml": BALL + '<include filename="sub/b.xml"/>', "sub/b.xml": '<include filename="c.xml"/>',
@@ -59,20 +59,19 @@ def test_a_link_and_its_target_are_one_file(tmp_path: Path) -> None:
 
 
 def test_includes_that_double_are_read_once_and_too_many_are_refused(tmp_path: Path) -> None:
-    levels = {f"{i}.xml": f'<include filename="{i + 1}.xml"/>' * 2 for i in range(7)}
-    assert (
-        len(files_of(written(tmp_path, {"top.xml": BALL + '<include filename="0.xml"/>', **levels, "7.xml": ""}))) == 9
-    )
-    more = {f"{i}.xml": f'<include filename="{i + 1}.xml"/>' * 2 for i in range(13)}
-    with pytest.raises(InputError, match="more than 1000 files"):
-        files_of(written(tmp_path, {"top.xml": BALL + '<include filename="0.xml"/>', **more, "13.xml": ""}))
-    deep = {f"{i}.xml": f'<include filename="{i + 1}.xml"/>' for i in range(16)}
-    with pytest.raises(InputError, match="15 levels deep"):
-        files_of(written(tmp_path, {"top.xml": BALL + '<include filename="0.xml"/>', **deep, "16.xml": ""}))
+    def chain(levels: int, times: int) -> Path:
+        files = {f"{i}.xml": f'<include filename="{i + 1}.xml"/>' * times for i in range(levels)}
+        top = {"top.xml": BALL + '<include filename="0.xml"/>'}
+        return written(tmp_path, {**top, **files, f"{levels}.xml": ""})
+
+    assert len(files_of(chain(7, 2))) == 9
+    for levels, times, message in ((13, 2, "more than 1000 files"), (16, 1, "15 levels deep")):
+        with pytest.raises(InputError, match=message):
+            files_of(chain(levels, times))
 
 
 @pytest.mark.parametrize(
-    ("files", "said"),
+    ("files", "message"),
     [
         ({"top.xml": BALL + '<include filename="top.xml"/>'}, "top.xml includes top.xml"),
         ({"top.xml": BALL + '<include filename="a.xml"/>', "a.xml": '<include filename="top.xml"/>'}, "a.xml includes"),
@@ -82,12 +81,12 @@ def test_includes_that_double_are_read_once_and_too_many_are_refused(tmp_path: P
         ({"top.xml": BALL + '<include filename="a.xml"/>', "a.xml": "<"}, "top.xml: includes .*a.xml: not well"),
     ],
 )  # fmt: skip
-def test_circles_and_bad_includes_are_refused_by_name(tmp_path: Path, files: dict[str, str], said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_circles_and_bad_includes_are_refused_by_name(tmp_path: Path, files: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         files_of(written(tmp_path, files))
 
 
-@pytest.mark.parametrize(("said", "depth"), [("²", 8), ("12", 12), ("999999999999", 64), ("-1", 8), ("1", 2)])
-def test_the_depth_of_light_paths(tmp_path: Path, said: str, depth: int) -> None:
-    text = BALL + f'<integrator type="path"><integer name="max_depth" value="{said}"/></integrator>'
+@pytest.mark.parametrize(("value", "depth"), [("²", 8), ("12", 12), ("999999999999", 64), ("-1", 8), ("1", 2)])
+def test_the_depth_of_light_paths(tmp_path: Path, value: str, depth: int) -> None:
+    text = BALL + f'<integrator type="path"><integer name="max_depth" value="{value}"/></integrator>'
     assert xml_scene(written(tmp_path, {"top.xml": text}), "mine").max_depth == depth

@@ -69,7 +69,7 @@ def test_the_digest_follows_the_file_and_what_it_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("<scene", "not well-formed"),
         ("", "not well-formed"),
@@ -81,8 +81,8 @@ def test_the_digest_follows_the_file_and_what_it_names(tmp_path: Path) -> None:
         (BALL.replace("<emitter", '<include filename="mine.xml"/><emitter'), "includes mine.xml"),
     ],
 )
-def test_a_file_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(InputError, match=said) as caught:
+def test_a_file_that_is_no_scene(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         scene_from_file(written(tmp_path, text))
     assert "mine.xml" in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -92,7 +92,7 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("SCENE = 3", "no SCENE"),
         ("x = 1", "no SCENE"),
@@ -105,7 +105,7 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:
         ("raise KeyboardInterrupt", "mine.py: raises KeyboardInterrupt"),
         (
             f"{IMPORT}import random\nSCENE = Scene('a', 'b', lambda: {{'x': random.random()}})",
-            "gives something else each time",
+            "gives a different result each time",
         ),
         ("open('none.txt')", "FileNotFoundError in line 1: .*none.txt"),
         (f"{IMPORT}def build():\n    return open('/')\nSCENE = Scene('a', 'b', build)", "IsADirectoryError in line 3"),
@@ -113,9 +113,9 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:
         (f"{IMPORT}SCENE = Scene('a', 'b', dict, near=7.0)", "near 7.0"),
     ],
 )
-def test_python_that_is_no_scene(tmp_path: Path, text: str, said: str) -> None:
+def test_python_that_is_no_scene(tmp_path: Path, text: str, message: str) -> None:
     file = written(tmp_path, text, "mine.py")
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         scene_from_file(file)
 
 
@@ -194,20 +194,20 @@ def test_both_examples_are_rendered_where_they_are_said_to_be(
 ) -> None:
     folder = rendered(EXAMPLES / "my_scene.xml", tmp_path, capsys)
     assert rendered(EXAMPLES / "my_scene.xml", tmp_path, capsys) == folder
-    found = read_view_set(folder)
-    assert found.name == "my_scene"
-    assert np.abs(found.bounds).max() < VISIBLE_RADIUS + 0.1
+    result = read_view_set(folder)
+    assert result.name == "my_scene"
+    assert np.abs(result.bounds).max() < VISIBLE_RADIUS + 0.1
     manifest = json.loads((folder / "view_set.json").read_text())
     change = manifest["normalised"]
     placed = np.array(change["rotation"]) * change["scale"]
     centre = placed @ [-1.2, 1.0, 0.0] + change["shift"]
-    assert found.test.depth is not None
-    assert found.test.normal is not None
+    assert result.test.depth is not None
+    assert result.test.normal is not None
     for pose, rgba, depth, normal in zip(
-        found.test.camera_to_world, found.test.rgba, found.test.depth, found.test.normal, strict=True
+        result.test.camera_to_world, result.test.rgba, result.test.depth, result.test.normal, strict=True
     ):
         x, y, z = (centre - pose[:3, 3]) @ pose[:3, :3]
-        row, column = int(12 + found.focal * y / z), int(12 - found.focal * x / z)
+        row, column = int(12 + result.focal * y / z), int(12 - result.focal * x / z)
         assert rgba[row, column, 0] > 2 * rgba[row, column, 1]  # the red ball is where it was put
         distance = float(np.linalg.norm(centre - pose[:3, 3]))
         assert depth[row, column] == pytest.approx(distance - change["scale"], abs=0.02)
@@ -240,12 +240,12 @@ ROUGH: dict[str, tuple[str, str]] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ROUGH)
 def test_what_mitsuba_refuses_is_one_line(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    text, said = ROUGH[name]
+    text, message = ROUGH[name]
     file = written(tmp_path, text, name)
     command = ["render", "--scene-file", str(file), "--resolution", "8", "--train", "1", "--test", "0"]
     assert main([*command, "--view-sets", str(tmp_path / "cache"), "--variant", "scalar_rgb", "--spp-train", "2"]) == 2
     err = capfd.readouterr().err.strip()
-    assert re.search(said, err), err
+    assert re.search(message, err), err
     assert str(file) in err
     assert "\n" not in err
     assert list((tmp_path / "cache").iterdir()) == []

@@ -1,4 +1,4 @@
-"""Whatever happens to a writer, what bears a name is what was there before or all that is written now."""
+"""After any failure of a writer, a file is unchanged or complete."""
 
 import errno
 import os
@@ -80,15 +80,15 @@ def test_what_bears_the_temporary_name_goes_and_no_link_is_followed(tmp_path: Pa
 
 def test_a_folder_gets_its_name_with_all_that_is_in_it_or_not_at_all(tmp_path: Path) -> None:
     for number in range(2):
-        with replacing(tmp_path / "set", ".exr") as beside:
-            assert (beside.parent, beside.suffix) == (tmp_path, ".exr")
-            beside.mkdir()
-            (beside / "a").write_text("new")
+        with replacing(tmp_path / "set", ".exr") as temporary:
+            assert (temporary.parent, temporary.suffix) == (tmp_path, ".exr")
+            temporary.mkdir()
+            (temporary / "a").write_text("new")
             if number:
                 (tmp_path / "set" / "a").unlink()
         assert [one.relative_to(tmp_path).as_posix() for one in tmp_path.rglob("*")] == ["set", "set/a"]
-    with pytest.raises(OSError, match="not empty") as caught, replacing(tmp_path / "set") as beside:
-        beside.mkdir()
+    with pytest.raises(OSError, match="not empty") as caught, replacing(tmp_path / "set") as temporary:
+        temporary.mkdir()
     assert caught.value.filename == str(tmp_path / "set")
     assert list(tmp_path.iterdir()) == [tmp_path / "set"]
 
@@ -119,7 +119,7 @@ def test_leftovers_of_this_version_and_of_those_before_are_known(tmp_path: Path)
 @pytest.mark.parametrize("device", ["/dev/null", "/dev/stdin"])
 def test_a_device_is_not_replaced(device: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if not Path(device).is_char_device():
-        pytest.skip(f"{device} is no device here")
+        pytest.skip(f"{device} is not a device here")
     monkeypatch.setattr(Path, "replace", None)  # should it come so far, nothing is lost
     with pytest.raises(OSError, match="is a device, which no file replaces"):
         write_atomically(Path(device), "text")

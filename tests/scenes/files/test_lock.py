@@ -1,4 +1,4 @@
-"""A lock on a file: one holder at a time among threads and processes, none that is dead, and no link followed."""
+"""A lock on a file: one holder at a time among threads and processes, released when it dies; no link is followed."""
 
 import errno
 import os
@@ -31,16 +31,16 @@ def test_another_holder_of_the_same_process_is_waited_for_and_read(tmp_path: Pat
 
 def test_a_process_that_was_forked_meanwhile_does_not_keep_the_lock(tmp_path: Path) -> None:
     lock = acquire(tmp_path / "lock")
-    ours, theirs = os.pipe()
+    reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
-        os.read(ours, 1)
+        os.read(reading, 1)
         os._exit(0)
     try:
         lock.release()
         acquire(tmp_path / "lock").release()
     finally:
-        os.write(theirs, b"x")
+        os.write(writing, b"x")
         os.waitpid(child, 0)
 
 

@@ -1,4 +1,4 @@
-"""Temporary folders of view sets: one in work is left alone whoever looks, one that was left behind is known."""
+"""Temporary folders of view sets: a folder in work is not touched, an abandoned folder is recognised."""
 
 import os
 import signal
@@ -22,14 +22,14 @@ with working_folder(pathlib.Path(sys.argv[1]), "lego") as partial:
 """
 
 
-def test_another_process_of_whatever_name_and_number_is_left_alone_while_it_lives(tmp_path: Path) -> None:
+def test_the_folder_of_a_living_process_is_kept(tmp_path: Path) -> None:
     holder = subprocess.Popen(
         [sys.executable, "-c", HOLDER, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     assert holder.stdout is not None
     assert holder.stdin is not None
     partial = Path(holder.stdout.readline().strip())
-    # in a container of its own it has another host's name and a number that is nobody's here: neither is asked
+    # in a container it has another host name and an unknown process number: neither is used
     remove_stale(tmp_path)
     assert abandoned(tmp_path, "lego") == []
     assert partial.is_dir()

@@ -1,4 +1,4 @@
-"""A signal ends a command whatever its main thread is doing, and whatever it has started."""
+"""A signal ends a command during any work of its main thread, and its child processes."""
 
 import os
 import signal
@@ -21,13 +21,13 @@ while True:
     except KeyboardInterrupt:  # before it got there
         pass
 """
-"""Half an hour in a library that no signal reaches, once a line was said."""
+"""Half an hour in a library that no signal reaches, after a line of output."""
 LATE = "interrupted: what is finished is kept; give the command again"
 
 
 @contextmanager
 def python(code: str, in_order: float = 0.05) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A process that has come so far that it has said a line, and that; what is left of it and its children ends."""
+    """Yield a process and its first line of output; at the end it and its children are killed."""
     first = f"import hashlib; import scenes.files.stopping as s; s.IN_ORDER_SECONDS = {in_order}"
     process = subprocess.Popen(
         [sys.executable, "-c", f"{first}\n{code}"],
@@ -39,12 +39,12 @@ def python(code: str, in_order: float = 0.05) -> Iterator[tuple[subprocess.Popen
             assert process.stdout is not None
             yield process, process.stdout.readline()
         finally:
-            with suppress(ProcessLookupError):  # nobody is left, as it should be
+            with suppress(ProcessLookupError):  # no process is left, as intended
                 os.killpg(process.pid, signal.SIGKILL)
 
 
 def open_to_ctrl_c() -> None:
-    """A suite that was started in the background hands on that it is ignored."""
+    """A test run in the background of a shell ignores SIGINT, and its children inherit that."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
@@ -52,10 +52,10 @@ def open_to_ctrl_c() -> None:
 def test_a_library_that_is_at_work_for_long_is_ended(number: signal.Signals) -> None:
     with python(f"s.stop_on_signals(); SAID = 'ready'\n{LONG}") as (process, _):
         process.send_signal(number)
-        _, said = process.communicate(timeout=60)
+        _, message = process.communicate(timeout=60)
     assert process.returncode == STOPPED
-    assert said.startswith(LATE)
-    assert said.count("\n") == 1
+    assert message.startswith(LATE)
+    assert message.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -82,9 +82,9 @@ runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)
     with python(code) as (process, ready):
         assert ready == "ready\n"
         process.send_signal(signal.SIGTERM)
-        _, said = process.communicate(timeout=60)
+        _, message = process.communicate(timeout=60)
     assert process.returncode == STOPPED
-    assert said.startswith(LATE)
+    assert message.startswith(LATE)
 
 
 @pytest.mark.skipif(not Path(f"/proc/self/task/{os.getpid()}/children").exists(), reason="children are not told here")

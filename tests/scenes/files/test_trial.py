@@ -6,7 +6,7 @@ from scenes.files.trial import how_it_ends
 
 
 @pytest.mark.parametrize(
-    ("code", "said"),
+    ("code", "message"),
     [
         ("print(arguments)", ""),
         ("raise ValueError(3)", ""),
@@ -18,6 +18,6 @@ from scenes.files.trial import how_it_ends
         ("assert arguments == ['one', 'two words']; import os; os._exit(1)", "ends the process with exit code 1"),
     ],
 )
-def test_how_it_ends(code: str, said: str, capfd: pytest.CaptureFixture[str]) -> None:
-    assert how_it_ends(code, "one", "two words") == said
+def test_how_it_ends(code: str, message: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert how_it_ends(code, "one", "two words") == message
     assert capfd.readouterr() == ("", "")

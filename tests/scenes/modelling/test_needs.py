@@ -78,11 +78,11 @@ def test_what_follows_from_the_kinds_of_shapes(name: str, description: Descripti
     ],
 )
 def test_what_follows_from_the_optical_depth(description: Description, bin_is_stiff: bool, ray_is_opaque: bool) -> None:
-    found = needs(description, BOX)
-    assert found["fine_pass"].needed == bin_is_stiff
-    assert found["linear_quadrature"].needed == bin_is_stiff
-    # what lies behind opaque matter is what can be left out
-    assert found["behind_opaque"].needed == (not ray_is_opaque)
+    result = needs(description, BOX)
+    assert result["fine_pass"].needed == bin_is_stiff
+    assert result["linear_quadrature"].needed == bin_is_stiff
+    # samples behind opaque geometry can be left out
+    assert result["behind_opaque"].needed == (not ray_is_opaque)
 
 
 @pytest.mark.parametrize(
@@ -110,6 +110,6 @@ def test_a_manifest_keeps_them() -> None:
     def read(rows: object) -> object:
         return needs_of(SimpleNamespace(rendered={"needs": rows}))  # type: ignore[arg-type]
 
-    found = needs(fog(50.0), BOX, 0.02)
-    assert read(json.loads(json.dumps(as_rows(found)))) == found
+    result = needs(fog(50.0), BOX, 0.02)
+    assert read(json.loads(json.dumps(as_rows(result)))) == result
     assert read({"view_direction": True}) == read(None) == {}

@@ -12,8 +12,8 @@ from scenes.catalog.stress.scales import TINY, described, unit
 from scenes.files.errors import InputError
 from scenes.modelling.normalise import Similarity, box_of, check_scale, normalised, to_unit
 from scenes.modelling.scene import Description, Scene
-from scenes.rendering.render import LoadedScene
 from scenes.rendering.variant import Variant
+from tests.scenes.loading import load
 
 TURN = np.array([[0.0, -2.0, 0.0, 5.0], [2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, -1.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -42,8 +42,7 @@ def test_boxes_are_those_worked_out_by_hand(entry: Description, low: list[float]
 
 def test_boxes_are_mitsubas(scalar: Variant) -> None:
     description = described(Similarity(0.7, (0.1, -0.2, 0.3)))
-    loaded = LoadedScene(description, scalar, 4, 4, 4)
-    assert box_of(description) == pytest.approx(loaded.box(), abs=1e-5)
+    assert box_of(description) == pytest.approx(load(description, scalar, 4).box(), abs=1e-5)
 
 
 @given(st.floats(1e-4, 1e4), st.tuples(*[st.floats(-1e5, 1e5)] * 3))
@@ -70,9 +69,9 @@ def test_only_what_is_far_from_unit_scale_is_changed() -> None:
     usual = Scene("unit", "t" * 20, unit)
     assert normalised(usual)[1] is None
     for change in (TINY, Similarity(1e4, (1e5, 0.0, 0.0)), Similarity(1.0, (50.0, 0.0, 0.0))):
-        found = normalised(Scene("other", "t" * 20, lambda change=change: described(change)))[1]  # type: ignore[misc]
-        assert found is not None
-        assert found.scale * change.scale == pytest.approx(1.0, rel=1e-3)
+        result = normalised(Scene("other", "t" * 20, lambda change=change: described(change)))[1]  # type: ignore[misc]
+        assert result is not None
+        assert result.scale * change.scale == pytest.approx(1.0, rel=1e-3)
     void = {"sky": {"type": "constant"}}
     assert normalised(Scene("void", "t" * 20, lambda: void)) == (void, None)
 
@@ -98,5 +97,5 @@ def test_a_point_has_no_scale() -> None:
 def test_rendering_as_it_is_is_refused(scalar: Variant) -> None:
     for change in (TINY, Similarity(1.0, (1e3, 0.0, 0.0)), Similarity(1e4, (0.0, 0.0, 0.0))):
         with pytest.raises(InputError, match=r"units long.*normalise"):
-            LoadedScene(described(change), scalar, 4, 4, 4)
+            load(described(change), scalar, 4)
     check_scale(np.array([[-1.0] * 3, [1.0] * 3]))

@@ -10,14 +10,14 @@ from scenes.__main__ import main
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Scene
 from scenes.rendering import noise_study
-from scenes.rendering.noise_study import again, errors_of, noise_again
+from scenes.rendering.noise_study import errors_of, rerender, rerender_noise
 from scenes.rendering.render import RenderError
 from scenes.rendering.variant import Variant
 from scenes.view_sets.manifest import read_manifest
 
 GREY = 0.2
 SLOPE = 1.055 / 2.4 * GREY ** (1 / 2.4 - 1)
-"""Of the display curve there."""
+"""The slope of the display curve at `GREY`."""
 SIGMA = 0.02
 POSE = np.eye(4)
 
@@ -27,10 +27,10 @@ class Grey:
 
     def __init__(self, level: float = GREY, sigma: float = SIGMA) -> None:
         self.level, self.sigma = level, sigma
-        self.asked: list[tuple[int, int]] = []
+        self.calls: list[tuple[int, int]] = []
 
     def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
-        self.asked.append((spp, seed))
+        self.calls.append((spp, seed))
         noise = np.random.default_rng(seed).normal(0.0, self.sigma / spp**0.5, (64, 64, 4))
         noise[..., 3] = 0.0
         return np.array([self.level, self.level, self.level, 1.0]) + noise
@@ -39,23 +39,23 @@ class Grey:
 def test_the_noise_of_one_image_is_what_was_put_in() -> None:
     renderer = Grey()
     stored = (renderer.colour(POSE, 8, 1) + renderer.colour(POSE, 8, 2)) / 2
-    found, halves = noise_again(renderer, stored, POSE, 16, 2, "test/r_0")
+    noise, halves = rerender_noise(renderer, stored, POSE, 16, 2, "test/r_0")
     # variance of a variance: 2 / n of its square, here with 2 × 12288 values
-    assert found == pytest.approx((SLOPE * SIGMA) ** 2 / 16, rel=0.05)
+    assert noise == pytest.approx((SLOPE * SIGMA) ** 2 / 16, rel=0.05)
     assert halves == pytest.approx((SLOPE * SIGMA) ** 2 / 16, rel=0.05)
 
 
 def test_every_render_has_random_numbers_of_its_own() -> None:
     renderer = Grey()
-    noise_again(renderer, Grey().colour(POSE, 4, 1), POSE, 7, 3, "test/r_0")
-    noise_again(renderer, Grey().colour(POSE, 4, 1), POSE, 7, 3, "test/r_1")
-    assert [spp for spp, _ in renderer.asked] == [4] * 12
-    assert len({seed for _, seed in renderer.asked}) == 12
+    rerender_noise(renderer, Grey().colour(POSE, 4, 1), POSE, 7, 3, "test/r_0")
+    rerender_noise(renderer, Grey().colour(POSE, 4, 1), POSE, 7, 3, "test/r_1")
+    assert [spp for spp, _ in renderer.calls] == [4] * 12
+    assert len({seed for _, seed in renderer.calls}) == 12
 
 
 def test_what_lies_above_white_has_no_noise() -> None:
     stored = Grey(level=3.0).colour(POSE, 4, 1)
-    assert noise_again(Grey(level=3.0), stored, POSE, 16, 1, "test/r_0") == (0.0, 0.0)
+    assert rerender_noise(Grey(level=3.0), stored, POSE, 16, 1, "test/r_0") == (0.0, 0.0)
 
 
 def test_the_variance_of_the_reference_is_taken_off() -> None:
@@ -80,7 +80,7 @@ def test_test_views_of_a_view_set_are_rendered_again(
     stored_once: Path, tiny_scene: Scene, scalar: Variant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(noise_study, "scene_named", lambda name: tiny_scene)
-    rows = list(again(stored_once, 1, scalar))
+    rows = list(rerender(stored_once, 1, scalar))
     manifest = read_manifest(stored_once)
     assert [row.view for row in rows] == ["test/r_0", "test/r_1"]
     assert [row.stored for row in rows] == [manifest["views"][row.view]["noise_mse"] for row in rows]
@@ -95,18 +95,18 @@ def test_test_views_of_a_view_set_are_rendered_again(
 def test_wrong_input_is_named(
     tmp_path: Path, scalar: Variant, render_tiny: Callable[..., Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(InputError, match="not a view set of ours"):
-        next(again(tmp_path, 1, scalar))
+    with pytest.raises(InputError, match="not a rendered view set"):
+        next(rerender(tmp_path, 1, scalar))
     with pytest.raises(InputError, match="--repeats 0"):
-        next(again(tmp_path, 0, scalar))
+        next(rerender(tmp_path, 0, scalar))
     without = render_tiny(tmp_path, counts={"train": 1, "val": 0, "test": 0})
     with pytest.raises(InputError, match="has no test views"):
-        next(again(without, 1, scalar))
-    for arguments, said in (
+        next(rerender(without, 1, scalar))
+    for arguments, message in (
         ([], "name view sets with --folders or scenes with --scenes"),
         (["--scenes", "lego", "--spp", "0"], "--spp 0"),
         (["--scenes", "lego", "--reference-spp", "1"], "--reference-spp 1"),
         (["--scenes", "nothing"], "unknown scene 'nothing'"),
     ):
         assert main(["noise", *arguments, "--variant", "scalar_rgb"]) == 2
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Which points lie inside: closed forms, thin things, solids one in another, and the file beside a view set."""
+"""Which points lie inside: closed forms, thin shapes, nested solids, and the file in a view set."""
 
 import json
 from dataclasses import replace
@@ -36,9 +36,9 @@ def test_points_are_the_middles_of_equal_cells() -> None:
 
 
 def test_a_box_holds_the_points_between_its_sides() -> None:
-    found = within(box(1.0, 0.6, 0.8).moved(0.1, 0.2, 0.3))
+    result = within(box(1.0, 0.6, 0.8).moved(0.1, 0.2, 0.3))
     expected = (np.abs(points() - (0.1, 0.2, 0.3)) < (0.5, 0.3, 0.4)).all(axis=-1)
-    assert np.array_equal(found, expected)
+    assert np.array_equal(result, expected)
     assert 0 < expected.sum() < expected.size
 
 
@@ -52,10 +52,10 @@ def test_a_box_on_the_grid_itself_is_not_torn() -> None:
 
 
 def test_a_turned_ball_of_triangles_is_nearly_a_sphere() -> None:
-    found = within(ball(0.7, 48).turned(33.0, (1.0, 2.0, 0.5)).moved(0.0, 0.1, 0.1))
+    result = within(ball(0.7, 48).turned(33.0, (1.0, 2.0, 0.5)).moved(0.0, 0.1, 0.1))
     radius = np.linalg.norm(points() - (0.0, 0.1, 0.1), axis=-1)
-    assert found[radius < 0.69].all()
-    assert not found[radius > 0.7].any()
+    assert result[radius < 0.69].all()
+    assert not result[radius > 0.7].any()
 
 
 def test_which_way_a_solid_faces_does_not_matter_and_a_cavity_is_hollow() -> None:
@@ -68,16 +68,16 @@ def test_which_way_a_solid_faces_does_not_matter_and_a_cavity_is_hollow() -> Non
 
 
 def test_what_has_a_rim_has_no_inside_and_leaves_its_neighbour_alone() -> None:
-    whole = cylinder(0.4, 1.0)
-    open_ = Solid(whole.vertices, whole.faces[1:])
-    assert within(whole).any()
+    complete = cylinder(0.4, 1.0)
+    open_ = Solid(complete.vertices, complete.faces[1:])
+    assert within(complete).any()
     assert not within(open_).any()
     apart = ball(0.3).moved(0.6, 0.0, 0.6)
     assert np.array_equal(within(merged([open_, apart])), within(apart))
 
 
 def test_a_seam_is_no_rim() -> None:
-    """Every triangle with vertices of its own, as a flat-shaded or textured mesh has them."""
+    """Every triangle has separate vertices, as in a flat-shaded or textured mesh."""
     solid = ball(0.6)
     torn = Solid(solid.vertices[solid.faces].reshape(-1, 3), np.arange(3 * len(solid.faces)).reshape(-1, 3))
     assert within(solid).any()
@@ -88,10 +88,10 @@ def test_shapes_of_a_description() -> None:
     shift = np.array([[0.5, 0, 0, 0.2], [0, 0.5, 0, 0], [0, 0, 0.5, 0.1], [0, 0, 0, 1]])
     sphere = {"type": "sphere", "to_world": shift, "center": [0.2, 0.0, 0.0], "radius": 1.2, "bsdf": GREY}
     light = {"light": {"type": "constant"}, "floor": {"type": "rectangle", "bsdf": GREY}}
-    found = inside({"type": "scene", "ball": sphere, **light}, BOX, False)
+    result = inside({"type": "scene", "ball": sphere, **light}, BOX, False)
     expected = np.linalg.norm(points() - (0.3, 0.0, 0.1), axis=-1) < 0.6
-    assert found is not None
-    assert np.array_equal(found, expected)
+    assert result is not None
+    assert np.array_equal(result, expected)
     cube = inside({"cube": {"type": "cube", "to_world": shift}}, BOX, False)
     assert np.array_equal(cube, (np.abs(points() - (0.2, 0.0, 0.1)) < 0.5).all(axis=-1))
     lamp = {**mesh(ball(0.5), GREY), "emitter": {"type": "area"}}
@@ -115,19 +115,19 @@ def manifest_of(folder: Path) -> dict[str, Any]:
 def test_the_file_comes_back_and_is_bound_to_its_view_set(tmp_path: Path) -> None:
     write_ball(tmp_path, size=8, train=1, test=1)
     views = read_view_set(tmp_path)
-    assert read_occupancy(views) is None, "of a view set that is not ours nothing is known"
+    assert read_occupancy(views) is None, "unknown for a view set of another program"
     order = order_of({"ball": mesh(ball(0.6), GREY)})
     views = replace(views, rendered=manifest_of(tmp_path), bounds=BOX)
     assert read_occupancy(views) is None, "rendered before there was such a file"
     with_occupancy(tmp_path, order)
-    found = read_occupancy(views)
-    assert found is not None
-    assert found.shape == (CELLS,) * 3
-    assert np.array_equal(found, inside(order.description, BOX, False))
+    result = read_occupancy(views)
+    assert result is not None
+    assert result.shape == (CELLS,) * 3
+    assert np.array_equal(result, inside(order.description, BOX, False))
     before = (tmp_path / NAME).read_bytes()
     with_occupancy(tmp_path, order)
     assert (tmp_path / NAME).read_bytes() == before
-    assert read_occupancy(replace(views, bounds=2 * BOX)) is None, "another box was asked for"
+    assert read_occupancy(replace(views, bounds=2 * BOX)) is None, "for another box"
     with pytest.raises(DamagedViewSet, match="delete it"):
         read_occupancy(replace(views, rendered={**views.rendered, "digest": "cd34"}))
 
@@ -138,15 +138,15 @@ def test_a_damaged_file_is_refused_and_made_again(text: str, tmp_path: Path) -> 
     views = replace(read_view_set(tmp_path), rendered=manifest_of(tmp_path), bounds=BOX)
     order = order_of({"ball": mesh(ball(0.6), GREY)})
     with_occupancy(tmp_path, order)
-    whole = (tmp_path / NAME).read_text()
-    place = whole.index("inside") + 12
-    other = "B" if whole[place] == "A" else "A"
-    for damaged in (text, whole[:place] + other + whole[place + 1 :]):
+    complete = (tmp_path / NAME).read_text()
+    place = complete.index("inside") + 12
+    other = "B" if complete[place] == "A" else "A"
+    for damaged in (text, complete[:place] + other + complete[place + 1 :]):
         (tmp_path / NAME).write_text(damaged)
         with pytest.raises(DamagedViewSet, match=NAME):
             read_occupancy(views)
         with_occupancy(tmp_path, order)
-        assert (tmp_path / NAME).read_text() == whole
+        assert (tmp_path / NAME).read_text() == complete
 
 
 def test_an_unknown_shape_leaves_no_file(tmp_path: Path) -> None:

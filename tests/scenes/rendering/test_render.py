@@ -1,4 +1,4 @@
-"""Mitsuba's rays are ours, its radiance is the known one, and the noise that we state is the noise there is."""
+"""Mitsuba's rays are those of the harness, its radiance is the known one, and the stated noise is the true noise."""
 
 import math
 from collections.abc import Callable
@@ -9,10 +9,11 @@ import pytest
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Description
 from scenes.modelling.solids import ball, box, mesh
-from scenes.rendering.render import LoadedScene, RenderedView, RenderError, even_spp, render_views, seed_from
+from scenes.rendering.render import RenderedView, RenderError, even_spp, render_views, seed_from
 from scenes.rendering.variant import Variant
 from scenes.view_sets.pixels import display_from_linear, over_white
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, all_poses, poses_on_sphere
+from tests.scenes.loading import load
 
 WHITE_SKY = {"type": "constant", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
 
@@ -34,7 +35,7 @@ def seen(scalar: Variant) -> Callable[..., RenderedView]:
         seed: int = 0, width: int | None = None,
     ) -> RenderedView:  # fmt: skip
         description = {"sky": WHITE_SKY, **shapes}
-        scene = LoadedScene(description, scalar, max_depth, width or size, size)
+        scene = load(description, scalar, size, width, max_depth)
         pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))[0] if pose is None else pose
         return next(render_views(scene, pose[None], spp, [seed], ["view"]))
 
@@ -77,7 +78,7 @@ def test_depth_is_the_distance_along_the_unit_ray(seen: Callable[..., RenderedVi
     steep = (np.abs(np.gradient(np.where(hit, expected, np.nan))) > 0.03).any(axis=0)
     calm = hit & ~steep & np.isfinite(np.gradient(np.where(hit, expected, np.nan))).all(axis=0)
     assert np.abs(view.depth - expected)[calm].max() < 1e-3
-    assert abs((view.depth - expected)[calm].mean()) < 1e-4  # Mitsuba's near plane alone would be 1e-3
+    assert abs((view.depth - expected)[calm].mean()) < 1e-4  # Mitsuba's near plane would add 1e-3
     assert (view.depth[view.rgba[..., 3] == 0] == 0).all()
     point = pose[:3, 3] + direction[5::10, 5::10] * view.depth[..., None]
     normal = point / np.linalg.norm(point, axis=-1, keepdims=True)
@@ -90,9 +91,9 @@ def test_a_convex_body_under_a_uniform_sky_has_its_albedo_as_radiance(
     seen: Callable[..., RenderedView], albedo: float
 ) -> None:
     view = seen({"ball": sphere(0.9, grey(albedo))}, spp=128)
-    whole = view.rgba[..., 3] == 1
-    assert whole.sum() > 50
-    assert view.rgba[whole][:, :3].mean() == pytest.approx(albedo, abs=0.004)
+    complete = view.rgba[..., 3] == 1
+    assert complete.sum() > 50
+    assert view.rgba[complete][:, :3].mean() == pytest.approx(albedo, abs=0.004)
     assert (view.rgba[view.rgba[..., 3] == 0] == 0).all()
 
 
@@ -142,16 +143,16 @@ def test_half_covered_pixels_have_half_the_alpha(seen: Callable[..., RenderedVie
 
 
 def test_the_stated_variance_is_the_variance(scalar: Variant, description: Description) -> None:
-    scene = LoadedScene(description, scalar, 4, 16, 16)
+    scene = load(description, scalar, 16)
     pose = all_poses("test")[:1]
     truth = next(render_views(scene, pose, 16384, [99], ["truth"]))
     views = list(render_views(scene, np.repeat(pose, 40, 0), 8, range(40), [str(n) for n in range(40)]))
     stated = np.mean([view.variance for view in views], axis=0)
-    found = np.mean([(view.rgba - truth.rgba) ** 2 for view in views], axis=0)
+    result = np.mean([(view.rgba - truth.rgba) ** 2 for view in views], axis=0)
     for channel in range(4):
-        assert found[..., channel].sum() / stated[..., channel].sum() == pytest.approx(1.0, abs=0.1)
+        assert result[..., channel].sum() / stated[..., channel].sum() == pytest.approx(1.0, abs=0.1)
     noisy = stated[..., 0] > stated[..., 0].max() / 10
-    assert np.quantile(found[noisy][:, 0] / stated[noisy][:, 0], [0.05, 0.95]) == pytest.approx([0.7, 1.4], abs=0.35)
+    assert np.quantile(result[noisy][:, 0] / stated[noisy][:, 0], [0.05, 0.95]) == pytest.approx([0.7, 1.4], abs=0.35)
     shown = over_white(display_from_linear(truth.rgba))
     error = np.mean([np.mean((over_white(display_from_linear(view.rgba)) - shown) ** 2) for view in views])
     assert error / np.mean([view.noise_mse for view in views]) == pytest.approx(1.0, abs=0.15)
@@ -172,14 +173,14 @@ def test_the_same_seed_gives_the_same_image_and_another_does_not(seen: Callable[
 def test_passes_add_up_to_the_same_mean(
     scalar: Variant, description: Description, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = LoadedScene(description, scalar, 4, 12, 12)
+    scene = load(description, scalar, 12)
     pose = all_poses("test")[3]
-    whole = scene.colour(pose, 1024, 1)
+    complete = scene.colour(pose, 1024, 1)
     monkeypatch.setattr("scenes.rendering.render.LARGEST_WAVEFRONT", 12 * 12 * 64)
     scene._vectorised = True
     assert scene._passes(1024) == (16, 64)
     assert scene.actual_spp(2048) == 2048
-    assert np.abs(scene.colour(pose, 1024, 2) - whole).mean() < 0.01
+    assert np.abs(scene.colour(pose, 1024, 2) - complete).mean() < 0.01
 
 
 def test_sample_counts_fit_the_strata() -> None:
@@ -196,7 +197,7 @@ def test_sample_counts_fit_the_strata() -> None:
 def test_poses_that_mitsuba_would_show_as_background_are_refused(
     scalar: Variant, description: Description, matrix: np.ndarray
 ) -> None:
-    scene = LoadedScene(description, scalar, 4, 8, 8)
+    scene = load(description, scalar, 8)
     poses = np.stack([all_poses("test")[0], matrix])
     with pytest.raises(InputError, match="second"):
         next(render_views(scene, poses, 4, [0, 1], ["first", "second"]))
@@ -208,7 +209,7 @@ def test_poses_that_mitsuba_would_show_as_background_are_refused(
 def test_an_image_that_is_not_finite_is_never_stored(scalar: Variant, radiance: float) -> None:
     sky = {"type": "constant", "radiance": {"type": "rgb", "value": [radiance, 1.0, 1.0]}}
     try:
-        scene = LoadedScene({"sky": sky, "ball": sphere(0.9, grey(0.5))}, scalar, 4, 8, 8)
+        scene = load({"sky": sky, "ball": sphere(0.9, grey(0.5))}, scalar, 8)
     except RuntimeError:
         return  # Mitsuba itself refuses
     with pytest.raises(RenderError, match=r"view: .* not finite"):
@@ -216,10 +217,10 @@ def test_an_image_that_is_not_finite_is_never_stored(scalar: Variant, radiance: 
 
 
 def test_the_box_holds_all_shapes(scalar: Variant, description: Description) -> None:
-    bounds = LoadedScene(description, scalar, 4, 8, 8).bounds()
+    bounds = load(description, scalar, 8).bounds()
     assert bounds == pytest.approx(np.array([[-1.021, -1.021, -0.721], [1.021, 1.021, 0.621]]), abs=1e-5)
     with pytest.raises(RenderError, match="no shape"):
-        LoadedScene({"sky": WHITE_SKY}, scalar, 4, 8, 8).bounds()
+        load({"sky": WHITE_SKY}, scalar, 8).bounds()
 
 
 @pytest.mark.parametrize(
@@ -231,7 +232,7 @@ def test_the_box_holds_all_shapes(scalar: Variant, description: Description) -> 
 )
 def test_what_a_description_cannot_say_is_refused(scalar: Variant, entry: Description) -> None:
     with pytest.raises(RenderError, match=r"checkerboard|colour"):
-        LoadedScene({"sky": WHITE_SKY, "thing": entry}, scalar, 4, 8, 8)
+        load({"sky": WHITE_SKY, "thing": entry}, scalar, 8)
 
 
 def test_what_glows_is_seen_only_where_the_scene_says_so(scalar: Variant) -> None:
@@ -239,7 +240,7 @@ def test_what_glows_is_seen_only_where_the_scene_says_so(scalar: Variant) -> Non
     lamp = {"lamp": {**sphere(0.8, grey(0.0)), "emitter": glow}}
     pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))
     for shown in (False, True):
-        scene = LoadedScene(lamp, scalar, 3, 9, 9, emitters_seen=shown)
+        scene = load(lamp, scalar, 9, max_depth=3, emitters_seen=shown)
         view = next(render_views(scene, pose, 4, [0], ["view"]))
         expected = [0.3, 0.2, 0.1, 1.0] if shown else [0.0] * 4
         assert view.rgba[4, 4] == pytest.approx(expected, abs=1e-6)
@@ -247,14 +248,14 @@ def test_what_glows_is_seen_only_where_the_scene_says_so(scalar: Variant) -> Non
 
 
 def test_a_lamp_that_is_hidden_is_in_no_depth_and_no_normal(scalar: Variant) -> None:
-    """A lamp between the camera and a ball, and beside it: geometry is that of the ball alone, wherever colour is."""
+    """A lamp between the camera and a ball: depth and normals are those of the ball."""
     thing = {"ball": sphere(0.4, grey(0.6)), "sky": WHITE_SKY}
     glow = {"type": "area", "radiance": {"type": "rgb", "value": [3.0, 3.0, 3.0]}}
     pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))
     lamp = {**sphere(0.3, grey(0.0), tuple((0.3 * pose[0, :3, 3]).tolist())), "emitter": glow}
     lit, plain = (
-        next(render_views(LoadedScene(one, scalar, 3, 15, 15), pose, 8, [0], ["view"]))
-        for one in ({**thing, "lamp": lamp}, thing)
+        next(render_views(load(shapes, scalar, 15, max_depth=3), pose, 8, [0], ["view"]))
+        for shapes in ({**thing, "lamp": lamp}, thing)
     )
     assert np.array_equal(lit.depth, plain.depth)
     assert np.array_equal(lit.normal, plain.normal)
@@ -267,6 +268,6 @@ def test_instances_beside_a_lamp_are_refused(scalar: Variant) -> None:
     lamp = {"lamp": {**sphere(0.3, grey(0.0), (0, 0, 2)), "emitter": {"type": "area"}}}
     group = {"group": {"type": "shapegroup", "ball": sphere(0.4, grey(0.5))}}
     placed = {"placed": {"type": "instance", "of": {"type": "ref", "id": "group"}}}
-    LoadedScene({**group, **placed, "sky": WHITE_SKY}, scalar, 3, 4, 4)
-    with pytest.raises(InputError, match="instances beside a shape that glows"):
-        LoadedScene({**group, **placed, **lamp}, scalar, 3, 4, 4)
+    load({**group, **placed, "sky": WHITE_SKY}, scalar, 4)
+    with pytest.raises(InputError, match="instances and a glowing shape"):
+        load({**group, **placed, **lamp}, scalar, 4)

@@ -13,8 +13,8 @@ def test_renders_are_independent_and_a_stream_gives_the_same_again(tmp_path: Pat
         (tmp_path / folder).mkdir()
         sizes = ["--resolution", "12", "--spp", "4", "--count", "3", "--variant", "scalar_rgb"]
         assert main(["repeats", str(tmp_path / folder), "materials", "--stream", stream, *sizes]) == 0
-        found: np.ndarray = np.load(tmp_path / folder / "materials.npy")
-        return found
+        result: np.ndarray = np.load(tmp_path / folder / "materials.npy")
+        return result
 
     first, again, other = renders("a", "gate"), renders("b", "gate"), renders("c", "renewal")
     assert first.shape == (3, 12, 12, 4)

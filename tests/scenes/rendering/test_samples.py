@@ -1,4 +1,4 @@
-"""The number of samples that a noise target takes: closed forms, limits, and one that is rendered."""
+"""The number of samples for a noise target: closed forms, limits, and one rendering."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -23,12 +23,12 @@ def at_pilots(a: float, b: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("a", "b"), [(2e-3, 0.0), (0.0, 3e-2), (4e-3, 1e-2), (0.0, 0.0)])
-def test_the_curve_goes_through_both_and_is_found_again(a: float, b: float) -> None:
+def test_the_curve_goes_through_both_points(a: float, b: float) -> None:
     assert noise_curve(*at_pilots(a, b)) == pytest.approx((a, b), abs=1e-12)
 
 
 @pytest.mark.parametrize("few", [0.0, 1e-3, 4.1e-3, 1.0], ids=["rising", "flat", "almost 1/n", "falling fast"])
-def test_what_is_no_such_curve_keeps_the_larger_number(few: float) -> None:
+def test_noise_off_the_curve_keeps_the_value_at_more_samples(few: float) -> None:
     a, b = noise_curve(few, 1e-3)
     assert min(a, b) >= 0.0
     assert at_pilots(a, b)[1] == pytest.approx(1e-3)
@@ -49,7 +49,7 @@ def test_what_is_no_such_curve_keeps_the_larger_number(few: float) -> None:
         (NoiseTarget(40.0, most=4), 0.0, 0.0, 4),
     ],
 )
-def test_the_least_number_that_is_enough(target: NoiseTarget, a: float, b: float, spp: int) -> None:
+def test_the_smallest_sufficient_number(target: NoiseTarget, a: float, b: float, spp: int) -> None:
     assert samples_for(target, *at_pilots(a, b)) == spp
 
 
@@ -57,11 +57,11 @@ class Noisy:
     """A scene whose views are grey with Gaussian noise of variance `of[x of the camera]` / samples."""
 
     def __init__(self, *of: float) -> None:
-        self.of, self.asked = of, list[tuple[float, int]]()
+        self.of, self.calls = of, list[tuple[float, int]]()
 
     def colour(self, camera: np.ndarray, spp: int, seed: int) -> np.ndarray:
         place = int(camera[0, 3])
-        self.asked.append((place, spp))
+        self.calls.append((place, spp))
         noise = np.random.default_rng(seed).normal(0.0, (self.of[place] / spp) ** 0.5, (32, 32, 4))
         return np.full((32, 32, 4), [0.2, 0.2, 0.2, 1.0]) + noise * [1.0, 1.0, 1.0, 0.0]
 
@@ -84,9 +84,9 @@ def test_each_target_has_its_own_views_and_equal_ones_share() -> None:
         {"train": cameras(*[0] * 40), "val": cameras(), "test": cameras(1)},
     )
     assert numbers["train"] == numbers["val"] < numbers["test"]
-    assert set(facts) == {"train", "test"}, "an empty split is not told of"
-    assert sorted(set(scene.asked)) == [(place, n // 2) for place in (0, 1) for n in PILOT_SPP]
-    assert len(scene.asked) == 2 * len(PILOT_SPP) * (PILOT_VIEWS + 1), "a split of one view has one"
+    assert set(facts) == {"train", "test"}, "an empty split has no facts"
+    assert sorted(set(scene.calls)) == [(place, n // 2) for place in (0, 1) for n in PILOT_SPP]
+    assert len(scene.calls) == 2 * len(PILOT_SPP) * (PILOT_VIEWS + 1), "a split of one view has one"
     # noise of display colour: variance / samples times the squared slope of sRGB at 0.2
     slope = 1.055 / 2.4 * 0.2 ** (1 / 2.4 - 1)
     for split, variance in (("train", 1e-4), ("test", 1e-3)):
@@ -104,7 +104,7 @@ def test_no_view_is_rendered_where_there_is_no_choice() -> None:
     )
     assert numbers == {"train": 17, "val": 4, "test": 3}
     assert "pilot_mse" not in facts["test"]
-    assert scene.asked == []
+    assert scene.calls == []
 
 
 def test_a_render_that_is_not_finite_is_refused() -> None:
@@ -113,15 +113,15 @@ def test_a_render_that_is_not_finite_is_refused() -> None:
 
 
 def test_a_view_set_has_the_ceiling_and_says_how_it_was_chosen(render_tiny: Render, tmp_path: Path) -> None:
-    asked = {"train": NoiseTarget(35.0, 1024), "val": 4, "test": NoiseTarget(42.0, 1024)}
-    manifest = read_manifest(render_tiny(tmp_path, spp=asked))
+    targets = {"train": NoiseTarget(35.0, 1024), "val": 4, "test": NoiseTarget(42.0, 1024)}
+    manifest = read_manifest(render_tiny(tmp_path, spp=targets))
     noise = {
         split: np.mean([facts["noise_mse"] for name, facts in manifest["views"].items() if name.startswith(split)])
         for split in ("train", "test")
     }
     for split, mse in noise.items():
         assert 4 < manifest["spp"][split] < 1024
-        assert -10 * np.log10(mse) == pytest.approx(asked[split].ceiling_db, abs=1.5)
+        assert -10 * np.log10(mse) == pytest.approx(targets[split].ceiling_db, abs=1.5)
     assert set(manifest["noise_target"]) == {"train", "test"}
     assert manifest["noise_target"]["test"]["ceiling_db"] == 42.0
     numbers = {"train": manifest["spp"]["train"], "val": 4, "test": manifest["spp"]["test"]}
@@ -129,8 +129,8 @@ def test_a_view_set_has_the_ceiling_and_says_how_it_was_chosen(render_tiny: Rend
     assert plain["digest"] == manifest["digest"], "the images are the same"
     assert plain["files"]["test/r_0.exr"] == manifest["files"]["test/r_0.exr"]
     folders = {path.name for path in tmp_path.iterdir()}
-    assert len(folders) == 2, "which the cache does not know before"
-    render_tiny(tmp_path, spp=asked | {"test": NoiseTarget(42.0, 1023)})
+    assert len(folders) == 2, "the cache does not know the chosen numbers in advance"
+    render_tiny(tmp_path, spp=targets | {"test": NoiseTarget(42.0, 1023)})
     assert len(list(tmp_path.iterdir())) == 3
 
 

@@ -55,14 +55,14 @@ def test_a_forced_variant_that_fails_is_bad_input(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize(
-    ("code", "said"), [("import os; os.abort()", "killed by signal 6"), ("import time; time.sleep(60)", "no answer")]
+    ("code", "message"), [("import os; os.abort()", "killed by signal 6"), ("import time; time.sleep(60)", "no answer")]
 )
 def test_an_abort_kills_the_probe_alone_and_one_that_hangs_is_given_up(
-    monkeypatch: pytest.MonkeyPatch, code: str, said: str
+    monkeypatch: pytest.MonkeyPatch, code: str, message: str
 ) -> None:
     monkeypatch.setattr(variant, "_PROBE", code)
     monkeypatch.setattr(variant, "PROBE_SECONDS", 60.0 if "abort" in code else 0.5)
-    assert said in (variant.probe("llvm_ad_rgb", "/lib") or "")
+    assert message in (variant.probe("llvm_ad_rgb", "/lib") or "")
 
 
 def test_a_library_that_is_no_llvm_fails_the_probe_and_scalar_really_renders(tmp_path: Path) -> None:

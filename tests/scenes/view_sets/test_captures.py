@@ -1,4 +1,4 @@
-"""COLMAP and LLFF folders: poses as they were written, distortion undone, and what cannot be trained on refused."""
+"""COLMAP and LLFF folders: poses are unchanged, distortion is undone, and invalid captures are refused."""
 
 import math
 import shutil
@@ -16,6 +16,7 @@ from scenes.view_sets.formats.captures import MODELS, OTHERS
 from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.formats.lens import Lens
 from scenes.view_sets.images import write_png
+from scenes.view_sets.source import Region
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import FOV_X_RADIANS, ball_view, pose
 
@@ -31,7 +32,7 @@ def write_colmap(
     folder: Path, camera: tuple[str, tuple[float, ...]] = PINHOLE, points: np.ndarray = ON_BALL, binary: bool = True,
     alpha: bool = True, image: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Path:  # fmt: skip
-    """As COLMAP's `model_converter` writes it; names are not in the order of the poses' ids."""
+    """Write the files of COLMAP's `model_converter`; names are not in the order of the poses' ids."""
     sparse = folder / "sparse" / "0"
     sparse.mkdir(parents=True)
     (folder / "images").mkdir()
@@ -98,7 +99,7 @@ LENSES = {
 
 
 def ideal(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
-    """The direction that each pixel of the lens sees, found by hand: fixed-point iteration of Brown's model."""
+    """Return the direction that each pixel of the lens sees, by fixed-point iteration of Brown's model."""
     column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
     u, v = (column - lens.cx) / lens.fx, (row - lens.cy) / lens.fy
     x, y = u.copy(), v.copy()
@@ -114,7 +115,7 @@ def ideal(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("model", LENSES)
 def test_distortion_is_undone(tmp_path: Path, model: str) -> None:
-    """What a picture shows is linear in the tangents of directions: the pinhole must show the same plane."""
+    """The colours are linear in the tangents of directions: the pinhole must show the same plane."""
     names = next(names for name, names in MODELS.values() if name == model)
     numbers = dict(zip(names, LENSES[model], strict=True))
     focal = numbers.pop("f", None)
@@ -160,18 +161,18 @@ def test_an_unbounded_scene_is_refused_unless_bounds_are_given(tmp_path: Path, m
     folder = make(tmp_path / "c")
     with pytest.raises(InputError, match=r"unbounded scene, which no box holds.*--bounds"):
         read_view_set(folder)
-    box = np.array([[-1.1] * 3, [1.1] * 3])
-    np.testing.assert_array_equal(read_view_set(folder, bounds=box).bounds, box)
+    box = (*[-1.1] * 3, *[1.1] * 3)
+    np.testing.assert_array_equal(read_view_set(folder, region=Region(box)).bounds.ravel(), box)
 
 
-def test_far_points_matter_nothing_where_the_object_is_cut_out(tmp_path: Path) -> None:
+def test_far_points_have_no_effect_with_alpha(tmp_path: Path) -> None:
     views = read_view_set(write_colmap(tmp_path / "c", points=FAR_AWAY))
     assert 1.0 < np.abs(views.bounds).max() < 2.0
 
 
 def test_without_alpha_bounds_are_those_of_the_points(tmp_path: Path) -> None:
     views = read_view_set(write_colmap(tmp_path / "c", alpha=False))
-    assert any("Bounds are those of what was reconstructed" in note for note in views.notes)
+    assert any("Bounds are those of the reconstructed points" in note for note in views.notes)
     assert 1.0 < np.abs(views.bounds).max() < 1.2
 
 
@@ -212,11 +213,11 @@ REFUSED: dict[str, tuple[Callable[[Path], Any], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_trusted_is_refused(tmp_path: Path, case: str) -> None:
-    change, said = REFUSED[case]
+def test_invalid_data_is_refused(tmp_path: Path, case: str) -> None:
+    change, message = REFUSED[case]
     folder = write_colmap(tmp_path / "c", binary=False)
     change(folder)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         read_view_set(folder)
 
 
@@ -231,15 +232,15 @@ def test_fisheyes_are_refused_by_name(tmp_path: Path, model: str) -> None:
 @pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "points3D.bin"])
 def test_a_file_that_is_cut_off_is_refused_wherever_it_is_cut(tmp_path: Path, name: str) -> None:
     file = write_colmap(tmp_path / "c") / "sparse" / "0" / name
-    whole = file.read_bytes()
-    for length in (0, 4, 8, 20, len(whole) // 2, len(whole) - 50, len(whole) - 1):
-        file.write_bytes(whole[: max(0, length)])
+    complete = file.read_bytes()
+    for length in (0, 4, 8, 20, len(complete) // 2, len(complete) - 50, len(complete) - 1):
+        file.write_bytes(complete[: max(0, length)])
         with pytest.raises(InputError, match="damaged or cut off"):
             source_of(tmp_path / "c")
 
 
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "message"),
     [
         (np.zeros((3, 16)), "it must be finite numbers"),
         (np.full((COUNT, 17), np.nan), "it must be finite numbers"),
@@ -247,8 +248,8 @@ def test_a_file_that_is_cut_off_is_refused_wherever_it_is_cut(tmp_path: Path, na
         (np.array([{"a": 1}]), "cannot be read"),
     ],
 )
-def test_other_arrays_are_refused(tmp_path: Path, rows: np.ndarray, said: str) -> None:
+def test_other_arrays_are_refused(tmp_path: Path, rows: np.ndarray, message: str) -> None:
     folder = write_llff(tmp_path / "l")
     np.save(folder / "poses_bounds.npy", rows)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         read_view_set(folder)

@@ -1,4 +1,4 @@
-"""What we write, others read by their own rules, and so do we: round trips."""
+"""Exported view sets are read by the rules of other programs, and here: round trips."""
 
 import json
 import math
@@ -17,7 +17,7 @@ from scenes.view_sets.view_set import read_view_set
 from scenes.view_sets.viewpoints import all_poses
 from tests.scenes.captures import as_load_blender, capture
 
-# --- by the rules of others, stated again
+# --- by the rules of other programs
 
 
 def as_nerfstudio(folder: Path, split: str) -> tuple[list[Path], np.ndarray, dict[str, float]]:
@@ -36,22 +36,22 @@ def as_nerfstudio(folder: Path, split: str) -> tuple[list[Path], np.ndarray, dic
 
 
 def test_nerfstudio_finds_views_and_lens(ball: Path, studio: Path) -> None:
-    ours = read_view_set(ball)
-    for split, mine in (("train", ours.train), ("test", ours.test), ("val", ours.test)):
+    own = read_view_set(ball)
+    for split, mine in (("train", own.train), ("test", own.test), ("val", own.test)):
         files, poses, lens = as_nerfstudio(studio, split)
         assert np.array_equal(poses, mine.camera_to_world)
         for file, rgba in zip(files, mine.rgba, strict=True):
             assert np.array_equal(read_image(file), rgba)
-        assert lens["fl_x"] == lens["fl_y"] == pytest.approx(ours.focal, rel=1e-14)
+        assert lens["fl_x"] == lens["fl_y"] == pytest.approx(own.focal, rel=1e-14)
         assert (lens["cx"], lens["cy"], lens["w"], lens["h"]) == (6.0, 6.0, 12.0, 12.0)
 
 
 def test_the_original_loader_finds_all_three_splits(ball: Path, tmp_path: Path) -> None:
-    said = export(ball, "blender", tmp_path / "blender")
-    assert any("no val views" in line for line in said)
-    found = as_load_blender(tmp_path / "blender")
+    message = export(ball, "blender", tmp_path / "blender")
+    assert any("no val views" in line for line in message)
+    result = as_load_blender(tmp_path / "blender")
     for split, source in (("train", "train"), ("val", "test"), ("test", "test")):
-        files, poses, angle = found[split]
+        files, poses, angle = result[split]
         meta = json.loads((ball / f"transforms_{source}.json").read_text())
         assert np.array_equal(poses, [frame["transform_matrix"] for frame in meta["frames"]])
         assert angle == meta["camera_angle_x"]
@@ -102,19 +102,19 @@ def test_our_own_rendered_sets_come_with_both(view_set: Path) -> None:
     (view_set / "view_set.json").unlink()
     for listing in view_set.glob("transforms_*.json"):
         listing.unlink()
-    found = read_view_set(view_set)
-    assert np.array_equal(found.train.camera_to_world, before.train.camera_to_world)
-    assert found.val.names == before.val.names
-    assert np.array_equal(found.bounds, before.bounds)
-    assert found.focal == pytest.approx(before.focal, rel=1e-12)
+    result = read_view_set(view_set)
+    assert np.array_equal(result.train.camera_to_world, before.train.camera_to_world)
+    assert result.val.names == before.val.names
+    assert np.array_equal(result.bounds, before.bounds)
+    assert result.focal == pytest.approx(before.focal, rel=1e-12)
 
 
 def test_what_is_no_view_set_and_no_place_to_export_to(tmp_path: Path, ball: Path) -> None:
     (tmp_path / "a.txt").write_text("x")
-    for path, said in ((tmp_path / "a.txt", "not a view set"), (tmp_path / "none", "no such folder")):
-        with pytest.raises(InputError, match=said):
+    for path, message in ((tmp_path / "a.txt", "not a view set"), (tmp_path / "none", "no such folder")):
+        with pytest.raises(InputError, match=message):
             read_view_set(path)
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         export(ball, "blender", tmp_path / "a.txt")
     with pytest.raises(InputError, match=r"ends in \.npz"):
         export(ball, "npz", tmp_path / "a.tiny")
@@ -125,7 +125,7 @@ def test_what_is_no_view_set_and_no_place_to_export_to(tmp_path: Path, ball: Pat
 @pytest.mark.parametrize(("form", "name"), [("nerfstudio", "new"), ("blender", "new"), ("npz", "new.npz")])
 def test_a_set_that_is_damaged_leaves_nothing_behind(view_set: Path, tmp_path: Path, form: str, name: str) -> None:
     (tmp_path / "out").mkdir()
-    shutil.copy(view_set / "test/r_0.png", view_set / "test/r_1.png")  # a whole image, but of another view
+    shutil.copy(view_set / "test/r_0.png", view_set / "test/r_1.png")  # a valid image, but of another view
     with pytest.raises(InputError, match=r"test/r_1\.png.*checksum"):
         export(view_set, form, tmp_path / "out" / name)
     (view_set / "view_set.json").unlink()

@@ -1,4 +1,4 @@
-"""The hull of silhouettes: it holds what was seen, little else, and one bad mask takes nothing away."""
+"""The hull of silhouettes: it holds the visible object and little else, and one bad mask has no effect."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ ALPHAS = [silhouette(camera) for camera in POSES]
 
 
 def distances(cells: int = CELLS) -> np.ndarray:
-    """From the middle of each cell of `BOX` to that of the ball."""
+    """Return the distance from the middle of each cell of `BOX` to the centre of the ball."""
     axis = (np.arange(cells) + 0.5) / cells * 3.0 - 1.5
     return np.linalg.norm(np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1) - CENTRE, axis=-1)
 
@@ -57,13 +57,13 @@ def test_what_no_view_judges_is_kept() -> None:
     assert np.array_equal(carved(BOX, np.zeros((4, 4, 4), bool)), BOX)
 
 
-def test_a_view_does_not_judge_what_lies_beside_its_picture() -> None:
-    """Views cut to a strip leave more than whole ones, and never less."""
-    whole = hull(BOX, ALPHAS, POSES, FOCAL, cells=50)
+def test_a_view_does_not_judge_cells_outside_its_picture() -> None:
+    """Views cut to a strip leave more than complete views, and never less."""
+    complete = hull(BOX, ALPHAS, POSES, FOCAL, cells=50)
     for strip in (np.s_[35:65, :], np.s_[:, 35:65]):
         kept = hull(BOX, [alpha[strip] for alpha in ALPHAS], POSES, FOCAL, cells=50)
-        assert (kept | ~whole).all()
-        assert kept.sum() > whole.sum()
+        assert (kept | ~complete).all()
+        assert kept.sum() > complete.sum()
 
 
 def test_images_without_transparency_leave_the_whole_box() -> None:

@@ -1,4 +1,4 @@
-"""Images in a file are what the same images in memory are, to the bit; a disk that refuses them is named."""
+"""Images in a file are bit-identical to images in memory; a disk that refuses them is named."""
 
 import gc
 import resource
@@ -49,11 +49,11 @@ def test_what_is_read_can_be_changed_and_an_image_that_is_not_there_or_of_anothe
 def open_files(folder: Path) -> int:
     """How many files in `folder` this process holds open, with a name or without."""
     gc.collect()
-    found = 0
+    result = 0
     for link in Path("/proc/self/fd").iterdir():
-        with suppress(FileNotFoundError):  # the one that lists them
-            found += str(link.readlink()).startswith(f"{folder}/")
-    return found
+        with suppress(FileNotFoundError):  # the descriptor that lists them
+            result += str(link.readlink()).startswith(f"{folder}/")
+    return result
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no /proc to see open files in")

@@ -58,9 +58,9 @@ def test_channels_round_trip_bit_for_bit(tmp_path: Path) -> None:
     channels["R"][0, 0] = 1e30
     channels["V.A"][0, 1] = 1e-30
     write_channels(tmp_path / "d.exr", channels)
-    found = read_channels(tmp_path / "d.exr")
-    assert set(found) == set(channels)
-    assert all(np.array_equal(found[name], channels[name]) for name in channels)
+    result = read_channels(tmp_path / "d.exr")
+    assert set(result) == set(channels)
+    assert all(np.array_equal(result[name], channels[name]) for name in channels)
 
 
 def chunk(kind: bytes, body: bytes) -> bytes:
@@ -77,21 +77,21 @@ def png_claiming(width: int, height: int) -> bytes:
 def test_truncated_files_are_refused(
     tmp_path: Path, suffix: str, kept: float, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    whole, cut = tmp_path / f"whole.{suffix}", tmp_path / f"cut.{suffix}"
+    complete, cut = tmp_path / f"whole.{suffix}", tmp_path / f"cut.{suffix}"
     rgba = random_rgba(40, 40)
     if suffix == "png":
-        write_png(whole, rgba)
+        write_png(complete, rgba)
     else:
-        write_channels(whole, {name: rgba[..., i] for i, name in enumerate("RGBA")})
-    data = whole.read_bytes()
+        write_channels(complete, {name: rgba[..., i] for i, name in enumerate("RGBA")})
+    data = complete.read_bytes()
     cut.write_bytes(data[: int(kept * len(data))])
     with pytest.raises(InputError, match=f"cut.{suffix}"):
         read_image(cut)
-    assert capfd.readouterr() == ("", "")  # one clear message: libraries print nothing beside it
+    assert capfd.readouterr() == ("", "")  # one clear message: libraries print nothing
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "empty"),
         (b"hello", "not an image"),
@@ -100,12 +100,12 @@ def test_truncated_files_are_refused(
         (png_claiming(0, 5), "bad.png"),
     ],
 )
-def test_what_is_no_image_is_refused_by_name(tmp_path: Path, content: bytes, said: str) -> None:
+def test_other_files_are_refused_by_name(tmp_path: Path, content: bytes, message: str) -> None:
     file = tmp_path / "bad.png"
     file.write_bytes(content)
     with pytest.raises(InputError, match=r"bad\.png") as caught:
         read_image(file)
-    assert re.search(said, str(caught.value))
+    assert re.search(message, str(caught.value))
 
 
 def test_a_flipped_bit_is_noticed(tmp_path: Path) -> None:
@@ -120,10 +120,10 @@ def test_a_flipped_bit_is_noticed(tmp_path: Path) -> None:
 def test_a_damaged_header_is_refused_or_read(tmp_path: Path) -> None:
     file = tmp_path / "a.exr"
     write_channels(file, {name: random_rgba(4, 4)[..., i] for i, name in enumerate("RGBA")})
-    whole = file.read_bytes()
+    complete = file.read_bytes()
     refused = 0
     for place in range(0, 400, 3):
-        file.write_bytes(whole[:place] + bytes([whole[place] ^ 0x80]) + whole[place + 1 :])
+        file.write_bytes(complete[:place] + bytes([complete[place] ^ 0x80]) + complete[place + 1 :])
         try:
             read_channels(file)
         except InputError as error:

@@ -1,4 +1,4 @@
-"""`transforms.json` of others: pixels and rays, splits, alpha, the region found, refusals."""
+"""`transforms.json` of other programs: pixels and rays, splits, alpha, the derived region, refusals."""
 
 import math
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from tests.scenes.captures import Edit, capture, edit
 
 
 def test_a_known_point_is_seen_where_opencv_projects_it(tmp_path: Path) -> None:
-    """u = fl_x · X / Z + cx from the image's corner, with OpenCV's axes: our rays go through pixel centres at + 0.5."""
+    """u = fl_x · X / Z + cx from the image's corner, with OpenCV's axes: rays go through pixel centres at + 0.5."""
     import torch
 
     from harness.training.batches import Cameras
@@ -36,89 +36,86 @@ def test_a_known_point_is_seen_where_opencv_projects_it(tmp_path: Path) -> None:
         image = np.zeros((8, 16, 4))
         image[math.floor(v), math.floor(u)] = 1.0
         write_png(folder / "images" / f"frame_{i:05d}.png", image)
-    found = read_view_set(folder)
-    cameras = Cameras.of(found.train.camera_to_world, found.width, found.height, found.focal, 1.0, 9.0)
-    for i, name in enumerate(found.train.names):
+    result = read_view_set(folder)
+    cameras = Cameras.of(result.train.camera_to_world, result.width, result.height, result.focal, 1.0, 9.0)
+    for i, name in enumerate(result.train.names):
         column, row, u, v = pixels[int(name.rsplit("_", 1)[1])]
-        assert np.argwhere(found.train.rgba[i][..., 3] > 0).tolist() == [[row, column]]
+        assert np.argwhere(result.train.rgba[i][..., 3] > 0).tolist() == [[row, column]]
         rays = cameras.all_rays(i)
         away = torch.as_tensor(point, dtype=torch.float32) - rays.origins
         nearest = torch.linalg.cross(away, rays.directions).norm(dim=-1).argmin()
         assert divmod(int(nearest), 16) == (row, column)
-        # half a pixel off would be found: the ray misses the point by just what u and v are off the centre
+        # half a pixel off would be noticed: the ray misses the point by the distance of (u, v) from the centre
         miss = torch.linalg.cross(away, rays.directions).norm(dim=-1)[nearest] / away[nearest].norm() * focal
         off = np.hypot(u - column - 0.5, v - row - 0.5)
         assert float(miss) == pytest.approx(off, abs=0.12 * off + 2e-3)
-    assert tuple(size) == (found.width, found.height)
+    assert tuple(size) == (result.width, result.height)
 
 
-# --- captures of others: splits, alpha, region
+# --- captures of other programs: splits, alpha, region
 
 
 def test_a_capture_without_splits_alpha_and_region(tmp_path: Path) -> None:
     poses = all_poses("train")[:21]
-    found = read_view_set(capture(tmp_path / "desk", 21, poses))
+    result = read_view_set(capture(tmp_path / "desk", 21, poses))
     # nerfstudio's default: ceil(0.9 n) by linspace over the sorted names, the rest is evaluated on
     trained = np.linspace(0, 20, 19, dtype=int)
-    assert found.train.names == tuple(f"images/frame_{i:05d}" for i in trained)
-    assert found.test.names == tuple(f"images/frame_{i:05d}" for i in range(21) if i not in trained)
-    assert np.array_equal(found.test.camera_to_world, poses[[i for i in range(21) if i not in trained]])
-    assert all((rgba[..., 3] == 1).all() for rgba in found.train.rgba)
-    assert found.focal == pytest.approx(20.0, rel=1e-12)
-    said = " ".join(found.notes)
-    for words in ("19 of 21 views", "no alpha", "found from the cameras"):
-        assert words in said
+    assert result.train.names == tuple(f"images/frame_{i:05d}" for i in trained)
+    assert result.test.names == tuple(f"images/frame_{i:05d}" for i in range(21) if i not in trained)
+    assert np.array_equal(result.test.camera_to_world, poses[[i for i in range(21) if i not in trained]])
+    assert all((rgba[..., 3] == 1).all() for rgba in result.train.rgba)
+    assert result.focal == pytest.approx(20.0, rel=1e-12)
+    message = " ".join(result.notes)
+    for words in ("19 of 21 views", "no alpha", "derived from the cameras"):
+        assert words in message
 
 
-@pytest.mark.parametrize(("channels", "said"), [(3, "has alpha, but the first"), (4, "has no alpha, but the first")])
-def test_alpha_in_some_views_alone_is_refused(tmp_path: Path, channels: int, said: str) -> None:
+@pytest.mark.parametrize(("channels", "message"), [(3, "has alpha, but the first"), (4, "has no alpha, but the first")])
+def test_alpha_in_only_some_views_is_refused(tmp_path: Path, channels: int, message: str) -> None:
     folder = capture(tmp_path / "desk", 12, all_poses("train")[:12], channels)
     write_png(folder / "images/frame_00004.png", np.full((8, 16, 7 - channels), 0.5))
-    with pytest.raises(InputError, match=f"frame_00004.png: {said}"):
+    with pytest.raises(InputError, match=f"frame_00004.png: {message}"):
         read_view_set(folder)
 
 
-def test_the_region_found_holds_every_ray_and_is_the_same_for_every_split(tmp_path: Path) -> None:
+def test_the_derived_region_holds_every_ray_and_is_the_same_for_every_split(tmp_path: Path) -> None:
     poses = all_poses("train")[:21].copy()
     poses[:, :3, 3] = 10 * poses[:, :3, 3] + [100.0, 50, -20]
     folder = capture(tmp_path / "far", 21, poses)
-    found, tested = read_view_set(folder), read_view_set(folder, splits=("test",), test_count=1)
-    assert np.array_equal(found.bounds, tested.bounds)
-    assert (found.near, found.far) == (tested.near, tested.far)
-    assert np.allclose(found.bounds.mean(axis=0), [100, 50, -20], atol=1e-6)
-    half = (found.bounds[1] - found.bounds[0]) / 2
+    result, tested = read_view_set(folder), read_view_set(folder, splits=("test",), test_count=1)
+    assert np.array_equal(result.bounds, tested.bounds)
+    assert (result.near, result.far) == (tested.near, tested.far)
+    assert np.allclose(result.bounds.mean(axis=0), [100, 50, -20], atol=1e-6)
+    half = (result.bounds[1] - result.bounds[0]) / 2
     # the corner ray passes the centre at 40.311 · sin of its angle
     assert half == pytest.approx(np.full(3, 40.3112887 * math.sin(math.atan(math.hypot(0.4, 0.2)))), rel=1e-6)
     away = np.linalg.norm(poses[:, :3, 3] - [100, 50, -20], axis=1)
-    assert found.near <= (away - half.max()).min()
-    assert found.far >= away.max()
+    assert result.near <= (away - half.max()).min()
+    assert result.far >= away.max()
 
 
 @pytest.mark.parametrize(
-    ("turn", "said"),
+    ("turn", "message"),
     [
-        (
-            lambda poses: np.repeat(poses[:1], 10, axis=0) + np.eye(4)[3] * np.arange(10)[:, None, None] * 0.0,
-            "--bounds",
-        ),
+        (lambda poses: np.repeat(poses[:1], 10, axis=0), "--bounds"),
         (lambda poses: poses @ np.diag([-1.0, 1, -1, 1]), "look away"),
     ],
 )
 def test_cameras_that_look_at_nothing_in_common(
-    tmp_path: Path, turn: Callable[[np.ndarray], np.ndarray], said: str
+    tmp_path: Path, turn: Callable[[np.ndarray], np.ndarray], message: str
 ) -> None:
     folder = capture(tmp_path / "walk", 10, turn(all_poses("train")[:10]))
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         read_view_set(folder)
-    found = read_view_set(folder, region=Region((-5, -5, -5, 5, 5, 5), 0.1, 20))
-    assert (found.near, found.far, found.bounds.tolist()) == (0.1, 20, [[-5] * 3, [5] * 3])
+    result = read_view_set(folder, region=Region((-5, -5, -5, 5, 5, 5), 0.1, 20))
+    assert (result.near, result.far, result.bounds.tolist()) == (0.1, 20, [[-5] * 3, [5] * 3])
     assert read_view_set(folder, region=Region((-1, -1, -1, 1, 1, 1))).far > 4
 
 
-def test_what_the_user_says_overrules_the_file(studio: Path, ball: Path) -> None:
+def test_the_user_s_region_overrides_the_file(studio: Path, ball: Path) -> None:
     for folder in (studio, ball):
-        found = read_view_set(folder, region=Region(far=9.0))
-        assert (found.near, found.far) == (2.0, 9.0)
+        result = read_view_set(folder, region=Region((-1, -2, -3, 1, 2, 3), far=9.0))
+        assert (result.near, result.far, result.bounds.tolist()) == (2.0, 9.0, [[-1, -2, -3], [1, 2, 3]])
 
 
 @pytest.mark.parametrize(
@@ -127,6 +124,7 @@ def test_what_the_user_says_overrules_the_file(studio: Path, ball: Path) -> None
         ((0, 0, 0, 1, 1, 0), None, None),
         ((0, 0, 0), None, None),
         ((-1e300, 0, 0, 1, 1, 1), None, None),
+        ((*[math.nan] * 3, 1, 1, 1), None, None),
         (None, -1, None),
         (None, 3, 2),
         (None, 1e-300, 1.0),
@@ -134,12 +132,12 @@ def test_what_the_user_says_overrules_the_file(studio: Path, ball: Path) -> None
         (None, None, math.inf),
     ],
 )
-def test_a_region_that_is_none(region: tuple[Any, Any, Any]) -> None:
+def test_an_invalid_region_is_refused(region: tuple[Any, Any, Any]) -> None:
     with pytest.raises(InputError, match=r"bounds|near"):
         Region(*region)
 
 
-def test_intrinsics_a_frame_and_val_for_test(tmp_path: Path) -> None:
+def test_intrinsics_per_frame_and_val_for_test(tmp_path: Path) -> None:
     def move(data: dict[str, Any]) -> None:
         names = sorted(frame["file_path"] for frame in data["frames"])
         data["train_filenames"], data["val_filenames"] = names[:7], names[7:]
@@ -147,10 +145,10 @@ def test_intrinsics_a_frame_and_val_for_test(tmp_path: Path) -> None:
         for frame in data["frames"]:
             frame.update(lens)
 
-    found = read_view_set(edit(capture(tmp_path / "a", 10, all_poses("train")[:10]), move))
-    assert len(found.train.names) == 7
-    assert sorted(found.test.names) == [f"images/frame_{i:05d}" for i in (7, 8, 9)]
-    assert any("val views are the test views" in note for note in found.notes)
+    result = read_view_set(edit(capture(tmp_path / "a", 10, all_poses("train")[:10]), move))
+    assert len(result.train.names) == 7
+    assert sorted(result.test.names) == [f"images/frame_{i:05d}" for i in (7, 8, 9)]
+    assert any("val views are the test views" in note for note in result.notes)
 
 
 def set_frame(**more: Any) -> Edit:
@@ -158,7 +156,7 @@ def set_frame(**more: Any) -> Edit:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (lambda data: data.update(camera_model=["OPENCV"]), "camera_model"),
         (lambda data: data.update(fl_x=-3.0), r"`float` > 1e-06 .*fl_x"),
@@ -178,8 +176,8 @@ def set_frame(**more: Any) -> Edit:
         (lambda data: data.update(view_region=3), "`int` .*view_region"),
     ],
 )
-def test_what_cannot_be_trusted_is_refused(studio: Path, change: Edit, said: str) -> None:
-    with pytest.raises(InputError, match=said) as caught:
+def test_invalid_data_is_refused(studio: Path, change: Edit, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         read_view_set(edit(studio, change))
     assert str(studio) in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""Transfer functions against their definition, resizing against a loop that says what is meant."""
+"""Transfer functions are compared with their definition, resizing with a simple loop."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_resizing_and_compositing_commute() -> None:
     assert np.abs(over_white(area_average_straight(rgba, 4)) - area_average(over_white(rgba), 4)).max() < 1e-6
 
 
-def test_hits_are_averaged_over_hits_alone() -> None:
+def test_averages_of_hits_exclude_misses() -> None:
     depth = np.array([[4.0, 0.0], [2.0, 0.0]])[..., None]
     coverage = np.array([[1.0, 0.0], [0.5, 0.0]])
     assert area_average_hits(depth, coverage, 1)[0, 0, 0] == pytest.approx((4 + 1) / 1.5)

@@ -1,4 +1,4 @@
-"""Cameras that see nothing are told before training, with the likely cause."""
+"""Cameras that see nothing are refused before training, with the likely cause."""
 
 import re
 from dataclasses import replace
@@ -46,8 +46,8 @@ def with_poses(views: ViewSet, poses: np.ndarray) -> ViewSet:
 
 def test_shares_are_those_of_closed_forms() -> None:
     views = ball_seen()
-    found = sight(replace(views, bounds=np.array([[-1e3] * 3, [1e3] * 3])))
-    assert (found.rays, found.covered) == (1.0, 1.0)
+    result = sight(replace(views, bounds=np.array([[-1e3] * 3, [1e3] * 3])))
+    assert (result.rays, result.covered) == (1.0, 1.0)
     # one camera on an axis sees the near side of the box as a square: rays of pixels within it meet the box
     on_axis = np.eye(4)
     on_axis[2, 3] = RADIUS
@@ -69,10 +69,10 @@ def test_shares_are_those_of_closed_forms() -> None:
 )
 def test_cameras_that_see_nothing_are_refused(wrong, cause) -> None:  # type: ignore[no-untyped-def]
     views = wrong(ball_seen())
-    with pytest.raises(InputError, match="0% of the covered pixels see the box") as told:
+    with pytest.raises(InputError, match="0% of the covered pixels see the box") as sentence:
         cautions(views, sight(views))
-    assert cause in str(told.value)
-    assert str(told.value).startswith("ball: ")
+    assert cause in str(sentence.value)
+    assert str(sentence.value).startswith("ball: ")
 
 
 def test_a_box_beside_the_object_is_refused_though_rays_meet_it() -> None:
@@ -93,14 +93,14 @@ def test_inverted_poses_are_named(axes: np.ndarray, cause: str) -> None:
 
 def test_a_box_that_cuts_the_object_is_a_caution() -> None:
     views = replace(ball_seen(), bounds=np.array([[-0.3] * 3, [0.3] * 3]))
-    (told,) = cautions(views, sight(views))
-    assert re.match("only [0-9]+% of the covered pixels see the box -0.3", told)
+    (sentence,) = cautions(views, sight(views))
+    assert re.match("only [0-9]+% of the covered pixels see the box -0.3", sentence)
 
 
-def test_without_alpha_only_rays_are_told() -> None:
+def test_without_alpha_only_rays_count() -> None:
     views = ball_seen()
-    whole = replace(views, train=replace(views.train, rgba=stack(*[np.ones((SIZE, SIZE, 4))] * 8)))
-    assert sight(whole).covered is None
+    complete = replace(views, train=replace(views.train, rgba=stack(*[np.ones((SIZE, SIZE, 4))] * 8)))
+    assert sight(complete).covered is None
     nothing = replace(views, train=replace(views.train, rgba=stack(*[np.zeros((SIZE, SIZE, 4))] * 8)))
     with pytest.raises(InputError, match="no training view has a covered pixel; save the object's silhouette"):
         cautions(nothing, sight(nothing))
@@ -108,14 +108,14 @@ def test_without_alpha_only_rays_are_told() -> None:
     assert cautions(rendered, sight(rendered)) == ["no training view has a covered pixel"]
 
 
-def test_repeated_cameras_are_told() -> None:
+def test_repeated_cameras_are_a_caution() -> None:
     views = replace(ball_seen(), repeated_views=("test: r_0 has the camera of train: r_1", "another"))
-    (told,) = cautions(views, sight(views))
-    assert told == "cameras repeat: test: r_0 has the camera of train: r_1, and 1 more"
+    (sentence,) = cautions(views, sight(views))
+    assert sentence == "cameras repeat: test: r_0 has the camera of train: r_1, and 1 more"
 
 
 @pytest.mark.parametrize("albedo", [0.8, 0.3])
-def test_premultiplied_colours_are_suspected_of_bright_objects_alone(albedo: float) -> None:
+def test_premultiplied_colours_are_suspected_only_of_bright_objects(albedo: float) -> None:
     views = ball_seen()
     edge = np.zeros((SIZE, SIZE, 4))
     edge[4:-4, 4:-4] = [albedo, 0.5 * albedo, 0.0, 1.0]

@@ -1,4 +1,4 @@
-"""The `.npz` of the tiny-NeRF notebook, and files that only look like it."""
+"""The `.npz` of the tiny-NeRF notebook, and invalid files of that kind."""
 
 import io
 import zipfile
@@ -25,24 +25,24 @@ def tiny(file: Path, count: int = 12, **change: Any) -> Path:
 
 
 def test_the_notebook_s_file(tmp_path: Path) -> None:
-    found = read_view_set(tiny(tmp_path / "tiny_nerf_data.npz", 106))
+    result = read_view_set(tiny(tmp_path / "tiny_nerf_data.npz", 106))
     images = np.load(tmp_path / "tiny_nerf_data.npz")["images"]
-    assert (found.name, found.near, found.far) == ("tiny_nerf_data", 2.0, 6.0)
-    assert len(found.train.names) == 100
-    assert found.test.names == tuple(f"images/{i}" for i in range(100, 106))
-    assert np.array_equal(found.test.rgba[1][..., :3], images[101])
-    assert (found.test.rgba[1][..., 3] == 1).all()
-    assert found.focal == pytest.approx(8.3, rel=1e-12)
-    assert "no alpha" in " ".join(found.notes)
-    assert found.bounds[1].max() > 1.5
+    assert (result.name, result.near, result.far) == ("tiny_nerf_data", 2.0, 6.0)
+    assert len(result.train.names) == 100
+    assert result.test.names == tuple(f"images/{i}" for i in range(100, 106))
+    assert np.array_equal(result.test.rgba[1][..., :3], images[101])
+    assert (result.test.rgba[1][..., 3] == 1).all()
+    assert result.focal == pytest.approx(8.3, rel=1e-12)
+    assert "no alpha" in " ".join(result.notes)
+    assert result.bounds[1].max() > 1.5
 
 
 def test_any_order_of_reading_and_compressed(tmp_path: Path) -> None:
     data = dict(np.load(tiny(tmp_path / "a.npz", 106)))
     np.savez_compressed(tmp_path / "b.npz", **data)
-    found = read_view_set(tmp_path / "b.npz", train_count=3, splits=("test", "train"))
-    for i, name in enumerate(found.train.names):
-        assert np.array_equal(found.train.rgba[i][..., :3], data["images"][int(name.rpartition("/")[2])])
+    result = read_view_set(tmp_path / "b.npz", train_count=3, splits=("test", "train"))
+    for i, name in enumerate(result.train.names):
+        assert np.array_equal(result.train.rgba[i][..., :3], data["images"][int(name.rpartition("/")[2])])
 
 
 def bomb(file: Path) -> None:
@@ -72,7 +72,7 @@ def flipped(file: Path) -> None:
 
 
 def unparsable(file: Path) -> None:
-    """Numpy reads such a header with Python's tokenizer, whose error is none of numpy's."""
+    """Numpy reads such a header with Python's tokenizer, which has other exceptions."""
     head = io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": "<f4", "fortran_order": False, "shape": (12, 6, 6, 3)})
     with zipfile.ZipFile(file, "w") as archive:
@@ -80,7 +80,7 @@ def unparsable(file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (unparsable, "images cannot be read"),
         (bomb, "more than .* bytes"),
@@ -104,8 +104,8 @@ def unparsable(file: Path) -> None:
         (lambda file: tiny(file, alpha=np.zeros(3)), "alpha is"),
     ],
 )
-def test_a_tiny_file_that_cannot_be_trusted(tmp_path: Path, make: Callable[[Path], Any], said: str) -> None:
+def test_an_invalid_tiny_file_is_refused(tmp_path: Path, make: Callable[[Path], Any], message: str) -> None:
     make(tmp_path / "bad.npz")
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_view_set(tmp_path / "bad.npz")
     assert str(tmp_path / "bad.npz") in str(caught.value)

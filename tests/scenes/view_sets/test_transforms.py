@@ -1,4 +1,4 @@
-"""`transforms_*.json` of others: what is read, and what is refused with one clear message."""
+"""`transforms_*.json` of other programs: what is read, and what is refused with one clear message."""
 
 import copy
 import json
@@ -109,19 +109,14 @@ FRAME_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("change", "said"), [row[1:] for row in FRAME_DAMAGE], ids=[row[0] for row in FRAME_DAMAGE])
-def test_bad_frames_are_refused(folder: Path, change: dict[str, Any], said: str) -> None:
+@pytest.mark.parametrize(("change", "message"), [row[1:] for row in FRAME_DAMAGE], ids=[row[0] for row in FRAME_DAMAGE])
+def test_bad_frames_are_refused(folder: Path, change: dict[str, Any], message: str) -> None:
     (folder / "train" / "link.png").symlink_to(folder.parent / "outside.png")
-
-    def apply(data: dict[str, Any]) -> None:
-        data["frames"][0].update(change)
-
-    edit(folder, apply)
-    with pytest.raises(InputError, match=said) as caught:
+    edit(folder, lambda data: data["frames"][0].update(change))
+    with pytest.raises(InputError, match=message) as caught:
         read_transforms(folder, "train")
     assert "frame" in str(caught.value)
     assert "transforms_train.json" in str(caught.value)
-    assert len(str(caught.value)) < 1000 or "x" * 100 in str(caught.value)
 
 
 HEAD_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
@@ -140,7 +135,7 @@ HEAD_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
     ("oblong pixels", {"fl_x": 100.0, "fl_y": 90.0}, "square"),
     ("oblong pixels by angle", {"camera_angle_y": 0.5, "w": 4, "h": 4}, "camera_angle_y.*square"),
     ("vertical angle without a size", {"camera_angle_y": 0.6911112070083618}, "camera_angle_y without w and h"),
-    ("vertical focal length alone", {"fl_y": 90.0}, "fl_y without fl_x"),
+    ("only a vertical focal length", {"fl_y": 90.0}, "fl_y without fl_x"),
     ("centre without a size", {"cx": 2.0}, "cx without w"),
     ("centre without a height", {"cy": 2.0, "w": 4}, "cy without h"),
     ("no width", {"cx": 2.0, "w": 0}, r"`float` > 1e-06 .*\.w`"),
@@ -152,16 +147,16 @@ HEAD_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("change", "said"), [row[1:] for row in HEAD_DAMAGE], ids=[row[0] for row in HEAD_DAMAGE])
-def test_bad_heads_are_refused(folder: Path, change: dict[str, Any], said: str) -> None:
+@pytest.mark.parametrize(("change", "message"), [row[1:] for row in HEAD_DAMAGE], ids=[row[0] for row in HEAD_DAMAGE])
+def test_bad_heads_are_refused(folder: Path, change: dict[str, Any], message: str) -> None:
     edit(folder, lambda data: data.update(change))
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         read_transforms(folder, "train")
     assert "transforms_train.json" in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "not valid JSON"),
         (b"{", "not valid JSON"),
@@ -175,9 +170,9 @@ def test_bad_heads_are_refused(folder: Path, change: dict[str, Any], said: str) 
         (b'{"camera_angle_x": 0.6, "camera_angle_x": 0.7, "frames": []}', "'camera_angle_x' is given twice"),
     ],
 )
-def test_bad_json_is_refused(folder: Path, content: bytes, said: str) -> None:
+def test_bad_json_is_refused(folder: Path, content: bytes, message: str) -> None:
     (folder / "transforms_train.json").write_bytes(content)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         read_transforms(folder, "train")
 
 

@@ -91,7 +91,7 @@ def test_test_subsets_have_as_many_azimuths_as_views(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", [-1, 101])
-def test_a_count_that_cannot_be_had_is_refused(count: int) -> None:
+def test_an_invalid_count_is_refused(count: int) -> None:
     with pytest.raises(InputError, match="100"):
         camera_to_world("train", count=count)
 
@@ -144,20 +144,18 @@ def test_looking_at_the_origin_is_standing_on_the_sphere(azimuth: float, elevati
         ([4, 0, 0], [0, 0, 0], [0, 1], "up"),
     ],
 )
-def test_ways_to_look_that_are_none_are_refused(
-    origin: list[float], target: list[float], up: list[float], message: str
-) -> None:
+def test_undefined_views_are_refused(origin: list[float], target: list[float], up: list[float], message: str) -> None:
     with pytest.raises(InputError, match=message):
         look_at(np.array(origin), np.array(target), np.array(up))
 
 
 @pytest.mark.parametrize("radians", [0.0, -0.1, np.pi, 4.0, np.inf, np.nan])
-def test_a_field_of_view_that_is_none_is_refused(radians: float) -> None:
+def test_an_invalid_field_of_view_is_refused(radians: float) -> None:
     with pytest.raises(InputError, match=r"the lens: .*between 0.0017 and π"):
         check_field_of_view(radians, "the lens")
 
 
-def test_repeated_views_are_found_whatever_the_sign_of_zero() -> None:
+def test_repeated_views_are_found_for_any_sign_of_zero() -> None:
     poses = all_poses("test")[[3, 9, 3, 4, 9]].copy()
     poses[2][np.abs(poses[2]) < 1e-12] = -0.0
     assert repeated(poses) == [(0, 2), (1, 4)]

@@ -10,7 +10,7 @@ from harness.records.study import Series, Table, check
 from harness.studies.evidence.ceilings import noise_rows
 from harness.studies.evidence.contrasts import listed
 from harness.studies.evidence.evidence_context import EvidenceContext
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.power_laws import fitted_power
 from harness.training.scoring.metrics import psnr_from_mse
 from scenes.catalog.entries import CLASSICS
@@ -20,12 +20,12 @@ SPP = (1, 4, 16, 64, 256)
 REFERENCE_SPP = 2048
 REPEATS = 2
 FITTED_FROM = 4
-"""The fewest samples per pixel of the fit: with one, colours brighter than white are clipped one by one, and the error
-is not noise alone.
+"""The minimum number of samples per pixel in the fit: with a single sample, colours brighter than white are clipped
+sample by sample, and the error is not only noise.
 """
 SLOPE = -0.5
 SLOPE_BAR = 0.1
-"""The amount by which the error of a scene may fall more slowly than Monte Carlo must."""
+"""How much more slowly than independent samples the error of a scene may fall."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Noise:
     seconds: list[float]
     """Medians, without compilation."""
     rmse: list[float | None]
-    """The error in linear light over white; None if the reference is no better than the render."""
+    """The error in linear light over white; None if the reference is not better than the render."""
     psnr: list[float | None]
-    """The ceiling in dB that its noise is for display colour over white."""
+    """The ceiling in dB that this noise sets for display colour over white."""
 
     @property
     def by_samples(self) -> float | None:
@@ -48,8 +48,8 @@ class Noise:
 
     @property
     def by_seconds(self) -> float | None:
-        """Return the slope of log RMSE on log seconds, over renders that take at least twice as long as the shortest:
-        below that, time is overhead.
+        """Return the slope of log RMSE on log seconds, over renders that take at least twice as long as the shortest;
+        below that, most of the time is overhead.
         """
         return self._slope(self.seconds, 2.0 * min(self.seconds))
 
@@ -67,7 +67,7 @@ def noise_of(scene: str, rows: Sequence[dict[str, Any]]) -> Noise:
     """Read what `python -m scenes noise --scenes` printed. Raises `ValueError` if an error is not finite."""
     for row in rows:
         if not all(math.isfinite(error) for errors in row["mse"].values() for error in errors):
-            raise ValueError(f"{scene} with {row['spp']} samples a pixel: an error is not finite: {row['mse']}")
+            raise ValueError(f"{scene} with {row['spp']} samples per pixel: an error is not finite: {row['mse']}")
     linear, display = ([statistics.fmean(row["mse"][light]) for row in rows] for light in ("linear", "display"))
     return Noise(
         scene,
@@ -91,33 +91,33 @@ def ground_truth_work(context: EvidenceContext) -> Iterator[Found]:
     floor = {name: math.sqrt(rows[name][0]["reference_mse"]["linear"]) for name in scenes}
     worst = max(floor, key=lambda name: floor[name])
     yield (
-        f"The reference has {sample['reference_spp']} samples; its own RMSE, {floor[worst]:.1e} on {worst} at most, is "
-        "taken off in squares."
+        f"The reference has {sample['reference_spp']} samples; its own mean square error, RMSE {floor[worst]:.1e} at "
+        f"most ({worst}), is subtracted."
     )
     yield from charts(noises, floor)
-    yield tabled(noises, floor)
+    yield table_of(noises, floor)
 
 
 def sentences(noises: Sequence[Noise], how: str) -> Iterator[Found]:
     by_samples = {noise.scene: noise.by_samples for noise in noises}
     by_spp = {scene: slope for scene, slope in by_samples.items() if slope is not None}
     by_time = {noise.scene: slope for noise in noises if (slope := noise.by_seconds) is not None}
-    what, high = "slowest fall of the error with samples a pixel", SLOPE + SLOPE_BAR
+    what, high = "slowest fall of the error with samples per pixel", SLOPE + SLOPE_BAR
     if not by_spp:
-        yield f"No slope: the error does not stand clear of the reference's ({how})."
+        yield f"No slope: the error is not clearly above the reference's ({how})."
         yield check(what, None, high=high, why="no slope")
         return
     flat = [scene for scene in by_samples if scene not in by_spp]
-    none = f"; no slope of {listed(flat)}" if flat else ""
+    none = f"; no slope for {listed(flat)}" if flat else ""
     steeper = sum(slope < SLOPE - SLOPE_BAR for slope in by_spp.values())
     yield (
-        f"The error falls as samples to the {_span(by_spp)}; independent samples would give −0.5, and the strata of "
-        f"the sampler make {steeper} of {len(by_spp)} scenes clearly steeper ({how}){none}."
+        f"The error falls as samples to the power {_span(by_spp)}; independent samples would give −0.5, and the "
+        f"sampler's strata make {steeper} of {len(by_spp)} scenes clearly steeper ({how}){none}."
     )
     if by_time:
         yield (
-            f"With time it falls to the {_span(by_time)}, once a render takes twice as long as the shortest; below "
-            "that, time is overhead and more samples cost next to nothing."
+            f"It falls as time to the power {_span(by_time)}, once a render takes twice as long as the shortest; below "
+            "that, most of the time is overhead, and more samples cost almost nothing."
         )
     slow = max(by_spp, key=lambda name: by_spp[name])
     why = f"fitted slope of log RMSE, {FITTED_FROM} samples and more, {slow}{none}"
@@ -131,7 +131,7 @@ def _span(slopes: dict[str, float]) -> str:
 
 def charts(noises: Sequence[Noise], floor: dict[str, float]) -> Iterator[Series]:
     spp = [float(count) for count in noises[0].spp]
-    time, samples, error = "seconds a view", "samples a pixel", "RMSE, linear light"
+    time, samples, error = "seconds per view", "samples per pixel", "RMSE, linear light"
     for noise in noises:
         yield Series("Noise against time", 0, noise.scene, time, error, noise.seconds, noise.rmse)
         yield Series("Noise against samples", 0, noise.scene, samples, error, spp, noise.rmse)
@@ -143,8 +143,8 @@ def charts(noises: Sequence[Noise], floor: dict[str, float]) -> Iterator[Series]
         yield Series(panel, 0, "largest noise of a reference", label, error, [min(x), max(x)], worst)
 
 
-def tabled(noises: Sequence[Noise], floor: dict[str, float]) -> Table:
-    rows: list[list[str | float | None]] = [
+def table_of(noises: Sequence[Noise], floor: dict[str, float]) -> Table:
+    rows: Rows = [
         [noise.scene, noise.by_samples, noise.by_seconds, floor[noise.scene], *noise.seconds, *noise.psnr]
         for noise in noises
     ]

@@ -22,7 +22,7 @@ from harness.plan.seeds import generator_for
 from harness.playback.run_loader import FinishedRun
 from harness.records.study import Series, Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.power_laws import fitted_power
 from harness.studies.trained_context import folder_of
 from harness.training.scoring.evaluate import cameras_of
@@ -33,10 +33,10 @@ MEASURES = ("colour", "opacity")
 
 
 class EmptyOutside:
-    """A field without density outside of its box, whose integral along a ray is the same, cut to the box or not."""
+    """A field without density outside its box: its integral along a ray is the same if the ray is cut to the box."""
 
     def __init__(self, inner: RadianceField, box: Box) -> None:
-        # points on a face are the first and last ones of a ray that is cut to the box, and rounding moves them
+        # the first and last points of a ray that is cut to the box lie on a face, and rounding moves them
         margin = 1e-5 * (box.upper - box.lower).max()
         self.lower, self.upper = box.lower - margin, box.upper + margin
         self.inner, self.pointwise = inner, inner.pointwise
@@ -69,8 +69,9 @@ class Sampler:
     early_stop: bool = False
     random: bool = False
     two_passes: bool = False
-    """Whether a second pass is made: a quarter of the points spread evenly, half as many fenceposts as there are points
-    drawn where those saw something, and a second pass over both: as many evaluations as one pass over all.
+    """Whether a second pass is made. A quarter of the points are spread evenly; half as many fenceposts as there are
+    points are drawn where the first ones saw something; the second pass takes both. The evaluations are those of one
+    pass over all points.
     """
 
 
@@ -86,7 +87,7 @@ SAMPLERS = (
 
 @dataclass(frozen=True)
 class Frame:
-    """The rays to render; `near_to_far` is in its rays."""
+    """The rays to render, with near and far, and what they are rendered with."""
 
     field: RadianceField
     rays: Rays
@@ -96,10 +97,8 @@ class Frame:
     chunk: int
 
     @torch.no_grad()
-    def rendered(self, rule: str, sampler: Sampler, samples: int) -> tuple[dict[str, Tensor], int]:
-        """Return display colour [rays, 3] and opacity [rays] by name, and the network evaluations, with about `samples`
-        points per ray.
-        """
+    def render(self, rule: str, sampler: Sampler, samples: int) -> tuple[dict[str, Tensor], int]:
+        """Return display colour [rays, 3], opacity [rays] and the evaluations, with about `samples` points per ray."""
         bins = max(1, samples // QUADRATURES[rule].stride)
         sampling = Sampling(
             bins=max(1, bins // 4) if sampler.two_passes else bins,
@@ -137,12 +136,12 @@ class Line:
         return f"{self.rule} ({self.sampler})"
 
     def cost_of(self, target: float, unit: str) -> float | None:
-        """Return the least `seconds` or `evaluations` at which the error of colour is no more than `target`."""
+        """Return the smallest `seconds` or `evaluations` at which the error of colour is at most `target`."""
         pairs = zip(getattr(self, unit), self.error["colour"], strict=True)
         return min((cost for cost, error in pairs if error <= target), default=None)
 
     def order(self, measure: str, floor: float) -> float | None:
-        """Return the order, fitted over the finer half of the errors well above the reference's own."""
+        """Return the order of convergence, fitted to the finer half of the errors well above the reference's own."""
         clear = [(n, e) for n, e in zip(self.samples, self.error[measure], strict=True) if e > 3.0 * floor]
         finer = clear[len(clear) // 2 :] if len(clear) >= 6 else clear[-3:]
         return -fitted_power(*zip(*finer, strict=True))[0] if len(finer) >= 3 else None
@@ -152,7 +151,7 @@ def rms(difference: Tensor) -> float:
     return float(difference.double().square().mean().sqrt())
 
 
-def measured_lines(
+def measure_lines(
     frame: Frame,
     rules: Iterable[str],
     samplers: Iterable[Sampler],
@@ -161,18 +160,18 @@ def measured_lines(
     rounds: int,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[Line]:
-    """Measure every rule with every sampler at each of `samples`, timed in turns: all of them once, then all again, …
+    """Measure every rule with every sampler at each of `samples`, in turns: all of them once, then all again, …
 
-    `reference` has `MEASURES`. Raises `ValueError` if an error is not finite, which a least error would hide or be.
+    `reference` has `MEASURES`. Raises `ValueError` if an error is not finite, as `min` could hide it.
     """
     lines = [(Line(rule, sampler.name), sampler) for rule, sampler in product(rules, samplers)]
     for line, sampler in lines:
-        frame.rendered(line.rule, sampler, min(samples))  # allocations, off the clock
+        frame.render(line.rule, sampler, min(samples))  # allocates, off the clock
     taken: dict[tuple[str, int], list[float]] = defaultdict(list)
     for number, (line, sampler), count in product(range(rounds), lines, samples):
         watch = Stopwatch(frame.background.device, clock)
         with watch.running():
-            pictures, evaluations = frame.rendered(line.rule, sampler, count)
+            pictures, evaluations = frame.render(line.rule, sampler, count)
         taken[str(line), count].append(watch.seconds)
         if number == 0:
             line.samples.append(count)
@@ -193,18 +192,18 @@ REFERENCE_SAMPLES = 4096
 TARGETS = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4)
 NAMED_TARGETS = (1e-2, 1e-3)
 OWN_ERROR = 1e-4
-"""The largest error of the reference itself: a tenth of the smallest error that a sentence names as reached."""
+"""The limit of the reference's own error: a tenth of the smallest error that a sentence names as reached."""
 ROUNDS = 3
 STRIDE = 3
-"""The stride of pixels: every third along both axes shows all parts of a view in a ninth of its rays."""
+"""The stride of pixels: every third along both axes covers all parts of a view with a ninth of its rays."""
 BY_RULE, BY_SAMPLER = "box", "midpoint"
-"""The rule or sampler that stays the same when the other is varied."""
+"""The sampler and the rule that are kept while the other is varied."""
 
 
 def trained_field(context: EvidenceContext) -> tuple[Trainer, ViewSet]:
-    """Return `METHOD` as `TRAINING` leaves it, and its views.
+    """Return `METHOD` as trained by `TRAINING`, and its views.
 
-    It renders with float32 matrix multiplications, whatever the training used: their rounding is not examined here.
+    It renders with float32 matrix multiplications even if the training did not: their rounding is not examined here.
     """
     context.trained(TRAINING)
     run = FinishedRun.of(folder_of(context.out, TRAINING))
@@ -234,24 +233,24 @@ def rendering_work(context: EvidenceContext) -> Iterator[Found]:
     samples, machine = SAMPLES[:3] if context.quick else SAMPLES, context.machine
     use_threads(machine.workers * machine.threads)  # nothing else is measured meanwhile
     try:
-        reference, coarser = (frame.rendered("midpoint", sampler, count)[0] for count in (finest, finest // 2))
-        lines = measured_lines(frame, QUADRATURES, SAMPLERS, samples, reference, ROUNDS)
+        reference, coarser = (frame.render("midpoint", sampler, count)[0] for count in (finest, finest // 2))
+        lines = measure_lines(frame, QUADRATURES, SAMPLERS, samples, reference, ROUNDS)
     finally:
         use_threads(machine.threads)
     own = {name: rms(reference[name] - coarser[name]) for name in MEASURES}
     yield from sentences(lines, f"{size} ({METHOD}, checkpoint of the training {TRAINING})", len(rays))
     yield check(
-        f"own error of the reference of {finest} samples a ray",
+        f"own error of the reference of {finest} samples per ray",
         own["colour"],
         high=OWN_ERROR,
         why=f"RMS difference of display colour from the rendering with half as many; opacity {own['opacity']:.1e}",
     )
     yield from _charts(lines, own, len(rays), size)
-    yield tabled(lines, own, len(rays))
+    yield table_of(lines, own, len(rays))
 
 
 def fastest(lines: Sequence[Line], target: float) -> tuple[Line, float] | None:
-    """Return the line that reaches an error of colour in the least seconds, and these; None if none does."""
+    """Return the line that reaches an error of colour first, and its seconds; None if none does."""
     costs = [(line, seconds) for line in lines if (seconds := line.cost_of(target, "seconds")) is not None]
     return min(costs, key=lambda pair: pair[1], default=None)
 
@@ -262,7 +261,9 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
         if best := fastest(lines, target):
             line, seconds = best
             work = (line.cost_of(target, "evaluations") or 0.0) / rays
-            first.append(f"{line} reaches an error of {target:g} first ({seconds:.3g} s, {work:.3g} evaluations a ray)")
+            first.append(
+                f"{line} reaches an error of {target:g} first ({seconds:.3g} s, {work:.3g} evaluations per ray)"
+            )
         else:
             first.append(f"none reaches an error of {target:g}")
     yield f"Of all rules and samplers, {' and '.join(first)}: a frame is {frame_words}."
@@ -285,18 +286,18 @@ def sentences(lines: Sequence[Line], frame_words: str, rays: int) -> Iterator[st
             colour, opacity = (min(min(line.error[name]) for line in of_rule) for name in MEASURES)
             yield (
                 f"{rule}, the paper's rule as printed, never comes below {colour:.2g} (colour) and {opacity:.2g} "
-                "(opacity), whatever the samples: its last interval is endless and it has no background."
+                "(opacity) with any number of samples: its last interval is infinite and it has no background."
             )
     least = {line.sampler: min(line.error["colour"]) for line in lines if line.rule == BY_SAMPLER}
     if {"box", "box, random"} <= set(least):
         even, random = least["box"], least["box, random"]
-        why = ", as spacing would that aliases with frequencies of the encoding" if even > 1.5 * random else ""
+        why = ", as if even spacing aliased with the encoding's frequencies" if even > 1.5 * random else ""
         yield f"With {BY_SAMPLER}, evenly spread points leave {even:.1e} at best and random ones {random:.1e}{why}."
     if {"box", "box, grid"} <= set(least):
         shows = least["box, grid"] > 2.0 * least["box"]
-        cost = "costs an error that no number of samples takes away" if shows else "does not show"
+        cost = "costs an error that no number of samples removes" if shows else "does not show"
         yield (
-            f"What the occupancy grid skips {cost}: with {BY_SAMPLER} {least['box, grid']:.1e} is left at best, "
+            f"What the occupancy grid skips {cost}: with {BY_SAMPLER} at least {least['box, grid']:.1e} remains, "
             f"{least['box']:.1e} without the grid."
         )
 
@@ -307,7 +308,7 @@ def _charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) 
         (f"Rules, sampler: {BY_RULE}", {labels[line.rule]: line for line in lines if line.sampler == BY_RULE}),
         (f"Samplers, rule: {BY_SAMPLER}", {line.sampler: line for line in lines if line.rule == BY_SAMPLER}),
     )
-    costs = {"seconds": (f"seconds a frame ({size})", 1), "evaluations": ("network evaluations a ray", rays)}
+    costs = {"seconds": (f"seconds per frame ({size})", 1), "evaluations": ("network evaluations per ray", rays)}
     errors = {"colour": "RMSE of display colour", "opacity": "RMSE of opacity"}
     for (title, shown), (measure, y_label), (unit, (x_label, share)) in product(views, errors.items(), costs.items()):
         panel = f"{title}; {measure} against {unit}"
@@ -320,10 +321,10 @@ def _charts(lines: Sequence[Line], own: dict[str, float], rays: int, size: str) 
         yield Series(panel, 0, "own error of the reference", x_label, y_label, [min(ends), max(ends)], floor)
 
 
-def tabled(lines: Sequence[Line], own: dict[str, float], rays: int) -> Table:
+def table_of(lines: Sequence[Line], own: dict[str, float], rays: int) -> Table:
     columns = ["rule", "sampler", "order of colour", "order of opacity", "least error of colour", "of opacity",
-               "s to 1e-2", "evaluations a ray", "s to 1e-3", "evaluations a ray"]  # fmt: skip
-    rows: list[list[str | float | None]] = []
+               "s to 1e-2", "evaluations per ray", "s to 1e-3", "evaluations per ray"]  # fmt: skip
+    rows: Rows = []
     for line in lines:
         orders = [line.order(name, own[name]) for name in MEASURES]
         costs: list[float | None] = []

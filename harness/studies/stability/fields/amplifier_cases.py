@@ -1,5 +1,4 @@
-"""A1, A3, A4, A5, O3: the amplifier at its start, with a NaN, as a solid slab, at its extremes; digits lost by
-layer."""
+"""A1, A3, A4, A5, O3: the amplifier at its start, with a NaN, on a solid slab, at extreme inputs; digits by layer."""
 
 import math
 from collections.abc import Iterator
@@ -20,26 +19,25 @@ from baselines.numerics.bounds import ray_box
 from baselines.numerics.encoding import PHI, encode
 from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.stability.fields.small_training import at_an_end, new_trainer, setup, trained, with_parts
 from harness.studies.stability.stability_context import (
     PRINTED,
-    Rows,
     StabilityContext,
     error_of,
     none_of,
     not_judged,
-    whose,
+    owner_of_method,
 )
 from harness.training.scoring.metrics import psnr_from_mse
 from harness.training.trainer import Diverged, Trainer
 
-WHOSE: dict[str, Owner] = {reading: "paper" if reading in PRINTED else "ours" for reading in AMPLIFIERS}
-"""The owner of each reading of the amplifier; what is not printed anywhere is ours."""
+OWNERS: dict[str, Owner] = {reading: "paper" if reading in PRINTED else "ours" for reading in AMPLIFIERS}
+"""The owner of each reading of the amplifier: this harness for those that the paper does not print."""
 
 
 def amplifier_with(reading: str, **scalars: float) -> Amplifier:
-    """Return a reading with α and β set; those that it does not have, or that follow from others, are left out."""
+    """Return a reading with α and β set, as far as they are parameters of it."""
     amplifier = AMPLIFIERS[reading](None)
     with torch.no_grad():
         for name, value in scalars.items():
@@ -51,7 +49,7 @@ def amplifier_with(reading: str, **scalars: float) -> Amplifier:
 def identity(context: StabilityContext) -> Iterator[Found]:
     generator = generator_for("stability", "A1")
     raws = [spread * torch.randn(4096, generator=generator) for spread in (1.0, 4.0, 16.0)]
-    for reading, owner in WHOSE.items():
+    for reading, owner in OWNERS.items():
         if reading.startswith("none"):
             yield not_judged(reading, "nothing that could change a density", owner=owner)
             continue
@@ -60,7 +58,7 @@ def identity(context: StabilityContext) -> Iterator[Found]:
             with torch.no_grad():
                 before, after = AMPLIFIERS[reading](None).before_and_after(raw)
             worst = max(worst, float((after - before).abs().max() / before.max()))
-        # an identity is what the paper claims as well: it holds or it does not, whoever says so
+        # the paper claims the identity as well, so that its readings have the same threshold
         yield check("largest change of a density, of the densest", worst, high=1.2e-7, subject=reading, owner=owner)
 
 
@@ -72,26 +70,26 @@ def one_nan(context: StabilityContext) -> Iterator[Found]:
     for method in methods:
         trainer = new_trainer(context, method)
         lost = rays_lost(trainer, rays, bad)
-        # a NaN that does not reach its own ray is hidden, which no number of rays that are lost shows
+        # a NaN that does not reach its own ray is hidden: the number of lost rays does not show that
         count, why = float(lost.sum()) - 1.0, ""
         if not lost[bad]:
             count, why = math.nan, "the NaN is hidden: its own ray is finite"
-        what = f"other rays of a call of {len(rays)} that are NaN because one sample of one ray is"
-        yield check(what, count, high=0, unit="rays", why=why, subject=method, owner=whose(method))
+        what = f"other rays of a chunk of {len(rays)} that are NaN because one sample of one ray is"
+        yield check(what, count, high=0, unit="rays", why=why, subject=method, owner=owner_of_method(method))
         messages = misnamed(trainer, rays, bad)
         accepted += [f"{method}: {what}: {message}" for what, message in messages.items() if message]
     yield from others
     if not methods:
         yield not_judged("harness", "no method of this run is made of parts")
         return
-    why = "; ".join(accepted) or f"{len(methods)} methods: both are refused by the number of the ray"
+    why = "; ".join(accepted) or f"{len(methods)} methods: both are refused, with the number of the ray"
     what = "NaN rays and samples that were rendered or misnamed"
     yield check(what, len(accepted), high=0, why=why, subject="harness")
 
 
 @torch.no_grad()
 def rays_lost(trainer: Trainer, rays: Rays, bad: int) -> Bool[Tensor, " rays"]:
-    """Return which rays are not finite when one sample of ray `bad` is not, all in one chunk."""
+    """Return which rays of one chunk are not finite when one sample of ray `bad` is not."""
     bins = trainer.settings.bins
     t = torch.linspace(rays.near, rays.far, bins)
     x = (rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)).reshape(-1, 3)
@@ -103,7 +101,7 @@ def rays_lost(trainer: Trainer, rays: Rays, bad: int) -> Bool[Tensor, " rays"]:
 
 
 def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
-    """Return the messages about a NaN ray and a NaN sample that do not name the number of the ray."""
+    """Return the error messages about a NaN ray and a NaN sample; empty if they name the ray."""
     origins = rays.origins.clone()
     origins[bad, 1] = math.nan
     spoilt = Rays(origins, rays.directions, rays.near, rays.far)
@@ -116,7 +114,7 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
         if not guilty:
             x, middle = x.clone(), int(ray[len(ray) // 2])
             x[torch.nonzero(ray == middle)[:1, 0]] = math.nan
-            # where densities depend on the chunk every one of them is NaN, and the first is as guilty as any
+            # where densities depend on the chunk all of them are NaN, and the first ray is named
             guilty.append(int(inside[middle if trainer.field.pointwise else int(ray.min())]))
         seen: tuple[Tensor, Tensor] = plain(x, view, ray)
         return seen
@@ -132,7 +130,7 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
 
 
 def rays_in_the_chunk(trainer: Trainer, rays: Rays) -> Int[Tensor, " hits"]:
-    """Return the numbers of the rays that a field sees, which counts those alone that meet the box."""
+    """Return the numbers of the rays that a field sees: those that meet the box."""
     if trainer.whole_rays or not trainer.settings.accelerations.clipping:
         return torch.arange(len(rays))
     box = trainer.box
@@ -140,20 +138,20 @@ def rays_in_the_chunk(trainer: Trainer, rays: Rays) -> Int[Tensor, " hits"]:
 
 
 SOLID = ("nerf", "qnerf", "qnerf_printed", "qnerf_shifted", "qnerf_theorem", *CANDIDATES)
-"""The methods whose amplifier and unit of density are asked for: every reading with the unit of the catalogue."""
+"""Methods with every reading of the amplifier, in the unit of density of the catalogue."""
 RESOLUTIONS = (100, 400, 800)
 """The widths of a view in pixels at which a slab of one pixel must be opaque."""
 OPAQUE = 0.99
 FOCAL, DISTANCE = 1111.11 / 800.0, 4.0311
 """The classic camera: its focal length per pixel of width, and its distance from the origin in scene units."""
 HALF_EXTENT = 1.5
-"""Half of the longest side of the box. Those of the classic scenes lie between 1.2 and 1.5; in the largest box a pixel
-is the smallest share of it, and a unit of density per half box the least opaque.
+"""Half of the longest side of the box: 1.2 to 1.5 in the classic scenes. In the largest box a pixel is the smallest
+share of it, so that a density per half box is least opaque.
 """
 
 
 def pixel_opacity(method: str, resolution: float) -> float:
-    """Return the opacity of geometry as thick as a pixel is wide at the origin, at the largest density of a method."""
+    """Return the opacity of a slab as thick as a pixel is wide at the origin, at the largest density of a method."""
     parts = CATALOG[method].parts
     assert parts is not None
     box = Box(torch.full((3,), -HALF_EXTENT), torch.full((3,), HALF_EXTENT))
@@ -162,18 +160,18 @@ def pixel_opacity(method: str, resolution: float) -> float:
 
 
 def slab(context: StabilityContext) -> Iterator[Found]:
-    """A4: the largest opacity of a slab one pixel thick that a reading can reach with any weights, in the unit of
-    density that it has in the catalogue. What bounds it is the clamp of Listing 2, whoever holds the mean.
+    """Check the largest opacity of a slab one pixel thick that a method can reach with any weights. Only the clamp of
+    Listing 2 bounds it, even about a running mean.
     """
-    panel, drawn = "Opacity within reach of a slab one pixel thick", [50.0 * 2 ** (k / 4) for k in range(21)]
+    panel, drawn = "Largest opacity of a slab one pixel thick", [50.0 * 2 ** (k / 4) for k in range(21)]
     for method in SOLID:
         parts = CATALOG[method].parts
         assert parts is not None
         bounded = AMPLIFIERS[parts.amplifier](None).bounded
         opacity = {resolution: pixel_opacity(method, resolution) for resolution in RESOLUTIONS}
-        worst, owner = min(opacity.values()), "paper" if bounded else whose(method)
+        worst, owner = min(opacity.values()), "paper" if bounded else owner_of_method(method)
         per = "half box" if parts.density_per == "box" else "scene unit"
-        why = f"density ends at {parts.density_scale:.3g} per {per}; " if bounded else "density has no end; "
+        why = f"density is at most {parts.density_scale:.3g} per {per}; " if bounded else "density is not bounded; "
         why += ", ".join(f"{reached:.3g} at {resolution} px" for resolution, reached in opacity.items())
         if worst < OPAQUE:
             why += f"; a black slab on white ends at {psnr_from_mse((1.0 - worst) ** 2):.1f} dB there"
@@ -186,7 +184,7 @@ def slab(context: StabilityContext) -> Iterator[Found]:
 @cache
 @torch.no_grad()
 def largest_density(reading: str) -> float:
-    """Return the largest density over raw outputs up to ±1e4, shares of geometry in the chunk, α and β."""
+    """Return the largest density over raw outputs up to ±1e4, shares of solid points in the chunk, α and β."""
     largest = 0.0
     for solid, empty, share, alpha, beta in product(
         (1.0, 10.0, 1e2, 1e4), (-1e4, 0.0, 1e4), (0.01, 0.5, 1.0), (0.0, 1.0 / PHI, 1.0, 10.0, 1e3), (1.0, 10.0, 1e3)
@@ -216,7 +214,7 @@ def raw_inputs() -> dict[str, Tensor]:
 
 def extremes(context: StabilityContext) -> Iterator[Found]:
     rows: Rows = []
-    for reading, owner in WHOSE.items():
+    for reading, owner in OWNERS.items():
         has_alpha = isinstance(getattr(AMPLIFIERS[reading](None), "alpha", None), nn.Parameter)
         bad: list[str] = []
         for alpha in ALPHAS if has_alpha else (1.0,):
@@ -262,7 +260,7 @@ def _dead_over_training(context: StabilityContext, method: str) -> Iterator[Foun
     panel, x = "Points of the box whose density no gradient reaches", [float(step) for step in steps]
     yield Series(panel, 6, method, "step", "share", x, list(shares), log_x=False, log_y=False)
     what = f"share of points without a gradient of density after {steps[-1]} steps"
-    # what Eq. 4 puts below 0 is empty space that no gradient reaches, whoever holds the mean
+    # Eq. 4 moves empty space below 0, where no gradient reaches it, about a running mean as well
     owner: Owner = "ours" if alpha is None else "paper"
     why = "" if alpha is None else f"α = {alpha:.3g}"
     yield check(what, shares[-1], high=DEAD_BAR, why=why, subject=f"{method}, trained", owner=owner)
@@ -275,9 +273,7 @@ COLOUR_BAR = 0.5 / 255
 
 @torch.no_grad()
 def layers(field: NetworkField, position: Tensor, dtype: torch.dtype) -> list[Tensor]:
-    """Return rectified outputs of each density layer and the raw density, [points, width] each, with matrix
-    multiplications in `dtype`.
-    """
+    """Compute the outputs of each density layer and the raw density in `dtype`, each [points, width]."""
     position = position.to(dtype)
     h, again, outputs = position, None, []
     for index, layer in enumerate([*field.density_net, field.density_head]):
@@ -291,7 +287,7 @@ def layers(field: NetworkField, position: Tensor, dtype: torch.dtype) -> list[Te
 
 
 def digits(value: Tensor, truth: Tensor) -> float:
-    """Return −log10 of the root mean square error relative to the root mean square of the truth."""
+    """Return the correct decimal digits: −log10 of the RMS error relative to the RMS of the truth."""
     return float(-torch.log10((value.double() - truth).square().mean().sqrt() / truth.square().mean().sqrt()))
 
 
@@ -306,11 +302,11 @@ def digits_by_layer(context: StabilityContext) -> Iterator[Found]:
         for name, dtype in DTYPES.items():
             left = list(map(digits, layers(field, position, dtype), truth))
             yield Series(panel, 7, name, "layer", "decimal digits", x, left, log_x=False, log_y=False)
-        yield from _seen(context, method)
+        yield from _changes_of_colour(context, method)
     yield from others
 
 
-def _seen(context: StabilityContext, method: str) -> Iterator[Found]:
+def _changes_of_colour(context: StabilityContext, method: str) -> Iterator[Found]:
     source = trained(context, method).trainer
     rays = setup(context).test.all_rays(0)
     exact = source.render(rays, len(rays)).colour
@@ -319,6 +315,8 @@ def _seen(context: StabilityContext, method: str) -> Iterator[Found]:
         twin.fields.load_state_dict(source.fields.state_dict())
         twin.step, twin.grid = source.step, source.grid
         apart = twin.render(rays, len(rays)).colour - exact
-        what = "root mean square change of a colour (0 … 1) that reduced products alone make"
+        what = "root mean square change of a colour (0 … 1) by matrix multiplications in reduced precision"
         rms, why = math.sqrt(float(apart.square().mean())), f"largest {float(apart.abs().max()):.2g}"
-        yield check(what, rms, high=COLOUR_BAR, why=why, subject=f"{method}, {precision}", owner=whose(method))
+        yield check(
+            what, rms, high=COLOUR_BAR, why=why, subject=f"{method}, {precision}", owner=owner_of_method(method)
+        )

@@ -1,4 +1,4 @@
-"""O5: trainings and their twins in float64, which take the same batches and the same draws."""
+"""O5: trainings and their twins in float64, with the same weights, batches and random draws."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -7,7 +7,7 @@ import torch
 
 from baselines.contract import Box
 from harness.records.study import Table, check
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.stability.fields.small_training import (
     STREAM,
     History,
@@ -18,7 +18,7 @@ from harness.studies.stability.fields.small_training import (
     trained,
     with_parts,
 )
-from harness.studies.stability.stability_context import Rows, StabilityContext, whose
+from harness.studies.stability.stability_context import StabilityContext, owner_of_method
 from harness.training.batches import Batch
 from harness.training.trainer import Trainer
 
@@ -33,12 +33,12 @@ def float64_twin(context: StabilityContext) -> Iterator[Found]:
     first: list[float] = []
     for method in methods:
         twin = train(context, in_dtype(new_trainer(context, method), torch.float64), batch_at=doubled(context))
-        ours = trained(context, method)
-        rows.append([method, *_apart(ours, twin)])
-        first.append(_difference(ours, twin, 1))
-        change = abs(psnr_of(ours.trainer, here.views) - psnr_of(in_dtype(twin.trainer, torch.float32), here.views))
+        single = trained(context, method)
+        rows.append([method, *_differences(single, twin)])
+        first.append(_difference(single, twin, 1))
+        change = abs(psnr_of(single.trainer, here.views) - psnr_of(in_dtype(twin.trainer, torch.float32), here.views))
         what = f"test PSNR apart after {here.steps} steps, dB"
-        yield check(what, change, high=0.5, subject=method, owner=whose(method))
+        yield check(what, change, high=0.5, subject=method, owner=owner_of_method(method))
     yield from others
     if methods:
         what = "largest relative difference of the first loss, float32 against float64"
@@ -50,9 +50,7 @@ def float64_twin(context: StabilityContext) -> Iterator[Found]:
 
 
 def in_dtype(trainer: Trainer, dtype: torch.dtype) -> Trainer:
-    """Return the trainer with its weights, box and grid, and so all that is computed from them, in a dtype; its
-    optimiser stays as it is.
-    """
+    """Convert weights, box and grid of the trainer, but not its optimiser, to a dtype; return the trainer."""
     box = Box(trainer.box.lower.to(dtype), trainer.box.upper.to(dtype), trainer.box.hull)
     trainer.fields.to(dtype)
     trainer.box, trainer.background = box, trainer.background.to(dtype)
@@ -75,7 +73,7 @@ def doubled(context: StabilityContext) -> Callable[[int], Batch]:
     return doubled_at
 
 
-def _apart(history: History, twin: History) -> list[float | None]:
+def _differences(history: History, twin: History) -> list[float | None]:
     return [_difference(history, twin, step) if step <= len(history.losses) else None for step in STEPS]
 
 

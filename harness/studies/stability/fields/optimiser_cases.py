@@ -1,4 +1,4 @@
-"""O1, O2 and O4: half precision of weights and optimiser, one spike of the gradient, badly conditioned matrices."""
+"""O1, O2 and O4: half precision of weights and optimiser, a spike of the gradient, badly conditioned matrices."""
 
 import math
 from collections.abc import Iterator
@@ -18,9 +18,9 @@ from harness.plan.profiles import TUNED
 from harness.plan.schedule import Budget, learning_rate
 from harness.plan.seeds import generator_for
 from harness.records.study import Check, Owner, Series, Table, check
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.stability.fields.small_training import CPU, STREAM, new_trainer, setup, train, trained
-from harness.studies.stability.stability_context import Rows, StabilityContext, error_of, none_of, not_judged
+from harness.studies.stability.stability_context import StabilityContext, error_of, none_of, not_judged
 from harness.training.learner import Job, steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
@@ -46,7 +46,7 @@ def half_precision(context: StabilityContext) -> Iterator[Found]:
     for name, dtype in HALF.items():
         reduced = accepted_by_parts(dtype) + not_float32(context, name)
         what = "weights, moments, gradients and parts that are not kept in float32"
-        yield none_of(what, reduced, f"products in {name}")
+        yield none_of(what, reduced, f"matrix multiplications in {name}")
     count = 4 if context.quick else 40
     reference = _mean(train(context, new_trainer(context, METHOD), count).losses[-10:])
     for name in HALF:
@@ -72,7 +72,7 @@ def _moved(dtype: torch.dtype, gradient: float, epsilon: float = 1e-8) -> float 
 
 
 def accepted_by_parts(dtype: torch.dtype) -> list[str]:
-    """Return which of encoding, amplifier and quadrature do not refuse to work in a dtype."""
+    """Return the parts of a field that accept a dtype."""
     values = torch.full((2, 3), 0.5, dtype=dtype)
     edges = torch.linspace(0.0, 1.0, 4, dtype=dtype).expand(2, 4)
     unit = torch.ones((), dtype=dtype)
@@ -86,7 +86,7 @@ def accepted_by_parts(dtype: torch.dtype) -> list[str]:
 
 
 def not_float32(context: StabilityContext, precision: Precision) -> list[str]:
-    """Return the weights, gradients and moments of a trainer of that precision, two steps on, that are not float32."""
+    """Return the weights, gradients and moments that are not float32 after two steps of a trainer of that precision."""
     trainer = new_trainer(context, "qnerf", replace(setup(context).settings, precision=precision))
     seen: dict[str, Tensor] = {}
     take_step = trainer.optimiser.step
@@ -107,13 +107,13 @@ def not_float32(context: StabilityContext, precision: Precision) -> list[str]:
 FACTORS = (1e6, 1e9)
 CLIPPING: dict[str, dict[str, float]] = {
     "as here": {},
-    "clipped to a norm of 1 alone": {"clip_norm": 1.0, "clip_ratio": math.inf},
+    "clipped to a norm of 1 only": {"clip_norm": 1.0, "clip_ratio": math.inf},
     "not clipped": {"clip_norm": math.inf, "clip_ratio": math.inf},
 }
 """The changes to the settings of every run."""
 SMOOTHED = 20
 RECOVERY = 200
-"""The steps after which a spike must no longer be seen."""
+"""The steps after which a spike must no longer have an effect."""
 BAR = 0.10
 
 
@@ -126,7 +126,7 @@ def spike(context: StabilityContext) -> Iterator[Found]:
             name, losses = f"× {factor:g}, {clipping}", spiked(context, METHOD, at, factor, clipping)
             yield _line(name, losses)
             yield _recovered(name, losses, base, at, "ours" if clipping == "as here" else "usual")
-    # the larger spike alone; what clipping makes of a spike is ours, whosever the method
+    # only the larger spike; clipping belongs to this harness, for every method
     largest = FACTORS[-1]
     if "qnerf" in context.methods:
         losses = spiked(context, "qnerf", at, largest, "as here")
@@ -141,24 +141,24 @@ def spike(context: StabilityContext) -> Iterator[Found]:
     yield _nan_gradient(context)
     again = train(context, new_trainer(context, METHOD)).losses
     what = "steps whose loss differs in any bit when a cell is trained again"
-    why = "a cell that cannot go on where it was kept is trained again from its start, to the same result"
+    why = "a cell that cannot be resumed from its snapshot is trained again from the start, to the same result"
     count = sum(a != b for a, b in zip(base, again, strict=True))
     yield check(what, count, high=0, why=why, subject="trained again")
 
 
 def losses_of_voxels(context: StabilityContext, at: int, factor: float) -> list[float]:
-    """Return the losses of `voxels_drjit`, whose gradient is `factor` times as large at step `at`; 1 is no spike.
+    """Return the losses of `voxels_drjit` with a gradient `factor` times as large at step `at`.
 
-    Raises `harness.training.learner.NotAvailable` if Dr.Jit does not work.
+    Raises `NotAvailable` if Dr.Jit does not work.
     """
     here = setup(context)
     box, directions = box_of(here.views, CPU), needs_view_direction(here.views)
-    drjit_backend(CPU)  # which finds the library that drjit loads
+    drjit_backend(CPU)  # finds the LLVM library before drjit is imported
     import drjit as dr
 
     threads = dr.thread_count()
     try:
-        # its trainer takes one thread for the whole process
+        # the trainer sets one thread for the whole process
         budget = Budget(here.steps, None)
         learner: Any = learner_for(Job("voxels_drjit", box, here.settings, budget, STREAM, CPU, directions))
         slope = learner._slope
@@ -170,7 +170,7 @@ def losses_of_voxels(context: StabilityContext, at: int, factor: float) -> list[
             return loss, norm * factor, {name: values * factor for name, values in gradients.items()}, points
 
         learner._slope = spiked
-        return [x.last_loss for x in steps(learner, here.batches.stream(STREAM, here.settings.rays))]
+        return [at_step.last_loss for at_step in steps(learner, here.batches.stream(STREAM, here.settings.rays))]
     finally:
         dr.set_thread_count(threads)
 
@@ -193,13 +193,13 @@ def spiked(context: StabilityContext, method: str, at: int, factor: float, clipp
 
 
 def smoothed(losses: list[float]) -> list[float]:
-    """Return the mean of each `SMOOTHED` batches, at the place of the last of them; shorter ones at the start."""
+    """Return the running mean over the last `SMOOTHED` batches; over fewer at the start."""
     sums = [0.0, *accumulate(losses)]
     return [(sums[i] - sums[max(0, i - SMOOTHED)]) / min(i, SMOOTHED) for i in range(1, len(sums))]
 
 
 def steps_until_back(losses: list[float], base: list[float], at: int) -> int | None:
-    """Return the steps after `at` until the smoothed loss stays within `BAR`; None if it never does."""
+    """Return the number of steps after `at` until the smoothed loss stays within `BAR`; None if it never does."""
     above = [loss > (1.0 + BAR) * plain for loss, plain in zip(smoothed(losses), smoothed(base), strict=True)]
     last = max((step for step in range(at, len(above)) if above[step]), default=at - 1)
     return None if last == len(above) - 1 else last + 1 - at
@@ -221,19 +221,19 @@ def _nan_gradient(context: StabilityContext) -> Check:
     untouched = all(torch.equal(a, b) for a, b in zip(before, trainer.fields.parameters(), strict=True))
     what = "mistakes of two: step and tensor not named, weights not those before the step"
     count = float(misnamed) + float(not untouched)
-    return check(what, count, high=0, why=message or "went on", subject="NaN gradient")
+    return check(what, count, high=0, why=message or "training continued", subject="NaN gradient")
 
 
 SIDE, CONDITIONED_STEPS = 32, 400
 LEAST = 1e-10
-"""The share of the first loss below which float32 tells no more of it."""
+"""The share of the first loss below which float32 cannot resolve it."""
 CONDITIONS = (1e1, 1e3, 1e6)
-"""The ratio of largest to least curvature along either side of the matrix."""
+"""The ratio of largest to smallest curvature along either side of the matrix."""
 
 
 def conditioned(context: StabilityContext) -> Iterator[Found]:
-    """O4: every optimiser on a quadratic loss of one matrix whose curvature lies along no axis, in float32 and in
-    float64. The loss is ½ ⟨W − W*, A (W − W*) B⟩ with symmetric A and B, and begins at about the mean curvature / 2.
+    """Minimise ½ ⟨W − W*, A (W − W*) B⟩ by every optimiser, in float32 and float64: A and B are symmetric with random
+    axes, and the loss begins at about half of the mean curvature.
     """
     count = 60 if context.quick else CONDITIONED_STEPS
     rows: Rows = []
@@ -246,7 +246,7 @@ def conditioned(context: StabilityContext) -> Iterator[Found]:
             rows.append([f"{condition:g}", name, single, double])
             subject = f"{name}, condition {condition:g}"
             what = f"relative difference of the loss of float64 after {count} steps"
-            # in float32 a weight next to its target is off by a last digit
+            # in float32 a weight close to its target is wrong in its last digit
             yield check(what, abs(single - double) / max(double, LEAST * first), high=0.25, subject=subject)
             if bases := [value for key, value in optimiser.tensors().items() if key.endswith("_basis")]:
                 what = "largest entry of QᵀQ − 1 of a basis"

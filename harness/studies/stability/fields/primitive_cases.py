@@ -1,6 +1,4 @@
-"""G1 and G2: Gaussians far away, edge-on, in any order and nearly opaque; grids at their border, and where nodes
-collide.
-"""
+"""G1, G2: Gaussians far away, edge-on, in any order, nearly opaque; grids at the border and with hash collisions."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -35,7 +33,7 @@ def gaussians(context: StabilityContext) -> Iterator[Found]:
     flat[:, 4] = math.log(1e-7)
     seen = _opacity(flat, 4.0, widened=0.01, at=edge)
     expected = 0.9 * math.exp(-0.5 * (4.0 * 0.004 / 0.01) ** 2)
-    what = "relative error of opacity beside the edge"
+    what = "relative error of opacity next to the edge"
     yield check(what, abs(seen[1] / expected - 1.0), high=1e-5, subject="a disc edge-on")
     many = _many(50 if context.quick else 400)
     order = torch.randperm(len(many), generator=generator_for("stability", "order"))
@@ -48,19 +46,17 @@ def gaussians(context: StabilityContext) -> Iterator[Found]:
     (out.sum() + through.sum()).backward()
     assert leaf.grad is not None
     lost = int((~torch.isfinite(leaf.grad)).sum())
-    what, least = "gradients not finite where opacity rounds to 1", float(through.min().detach())
+    what, smallest = "gradients not finite where opacity rounds to 1", float(through.min().detach())
     yield check(what, lost, high=0, subject="gradient behind what is opaque")
     what = "transmittance where opacity rounds to 1"
-    yield check(what, least, low=0.999 - MOST_OPAQUE, subject="behind what is opaque")
+    yield check(what, smallest, low=0.999 - MOST_OPAQUE, subject="behind what is opaque")
     for name, error in _slopes(_many(6).double()).items():
         what = "largest error against central differences, by the largest slope"
         yield check(what, error, high=1e-6, subject=f"gradient of {name}")
 
 
 def grids(context: StabilityContext) -> Iterator[Found]:
-    """G2: compiled interpolation against the plain composition in float64, on and beyond the border, and in a table in
-    which most nodes collide.
-    """
+    """Compare compiled interpolation with plain float64, at the border, beyond it, and with hash collisions."""
     draw = generator_for("stability", "grids")
     inside = 2.0 * torch.rand(200, 3, generator=draw) - 1.0
     corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 3)
@@ -76,27 +72,24 @@ def grids(context: StabilityContext) -> Iterator[Found]:
 
 
 def _compared(
-    subject: str,
-    compiled: Callable[..., Tensor],
-    composed: Callable[..., Tensor],
-    learnt: list[Tensor],
+    subject: str, compiled: Callable[..., Tensor], composed: Callable[..., Tensor], learnt: list[Tensor]
 ) -> Iterator[Found]:
-    ours = [values.clone().requires_grad_() for values in learnt]
+    leaves = [values.clone().requires_grad_() for values in learnt]
     exact = [values.double().requires_grad_() for values in learnt]
-    features, expected = compiled(*ours), composed(*exact)
+    features, expected = compiled(*leaves), composed(*exact)
     what = "error of features, at the border and beyond"
-    yield check(what, _apart(features, expected), high=2e-5, subject=f"{subject}, features")
+    yield check(what, _relative_error(features, expected), high=2e-5, subject=f"{subject}, features")
     weight = torch.randn(features.shape, generator=generator_for("stability", "weights"))
     (features * weight).sum().backward()
     (expected * weight).sum().backward()
-    pairs = [(one.grad, other.grad) for one, other in zip(ours, exact, strict=True)]
-    worst = max(_apart(one, other) for one, other in pairs if one is not None and other is not None)
-    what = "error of the gradient, where nodes collide and are shared"
+    pairs = [(values.grad, truth.grad) for values, truth in zip(leaves, exact, strict=True)]
+    worst = max(_relative_error(values, truth) for values, truth in pairs if values is not None and truth is not None)
+    what = "error of the gradient, where nodes share an entry"
     yield check(what, worst, high=2e-5, subject=f"{subject}, gradient")
 
 
-def _apart(ours: Tensor, exact: Tensor) -> float:
-    return float((ours.detach().double() - exact.detach()).abs().max() / exact.detach().abs().max())
+def _relative_error(features: Tensor, exact: Tensor) -> float:
+    return float((features.detach().double() - exact.detach()).abs().max() / exact.detach().abs().max())
 
 
 def _ball(scale: float, opacity: float) -> Tensor:
@@ -114,7 +107,7 @@ def _many(count: int) -> Tensor:
 
 
 def _opacity(values: Tensor, distance: float, widened: float = 0.0, at: Tensor | None = None) -> list[float]:
-    """Return what rays through the middle, and above it `at` the plane at distance 1, lose."""
+    """Return the opacity along two rays: through the middle, and through the point `at` of the plane at distance 1."""
     up = torch.zeros(3) if at is None else at
     points = torch.stack([torch.zeros(3), up, torch.ones(3)])[:, :2].numpy()
     camera = torch.tensor([0.0, 0.0, -distance]).numpy(), torch.eye(3).numpy()
@@ -124,7 +117,6 @@ def _opacity(values: Tensor, distance: float, widened: float = 0.0, at: Tensor |
 
 
 def _picture(values: Tensor) -> tuple[Tensor, Tensor, int]:
-    """Draw 24 × 24 rays from four lengths away."""
     axis = torch.linspace(-0.25, 0.25, 24, dtype=values.dtype)
     points = torch.cartesian_prod(axis, axis).numpy()
     camera = torch.tensor([0.0, 0.0, -4.0], dtype=values.dtype).numpy(), torch.eye(3, dtype=values.dtype).numpy()
@@ -133,7 +125,7 @@ def _picture(values: Tensor) -> tuple[Tensor, Tensor, int]:
 
 
 def _slopes(values: Tensor) -> dict[str, float]:
-    """Return by part the largest difference from central differences, by the largest of the part's slopes."""
+    """Return part → largest difference from central differences, relative to the largest slope of that part."""
 
     def loss(some: Tensor) -> Tensor:
         out, through, _ = _picture(some)

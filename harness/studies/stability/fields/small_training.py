@@ -1,4 +1,4 @@
-"""One small view set and methods trained on it for a few seconds, for all cases that look at training itself."""
+"""One small view set and methods trained on it for a few seconds, shared by all cases about training itself."""
 
 import math
 from collections.abc import Callable
@@ -9,14 +9,15 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from baselines.catalog import CATALOG
 from baselines.contract import Box, NetworkSize
-from harness.execution.ground_truth import read_views
+from harness.execution.ground_truth import read_views, view_set_folders
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings
 from harness.records.study import Check
 from harness.studies.drawn_views import write_disc
-from harness.studies.stability.stability_context import StabilityContext, not_judged, whose
+from harness.studies.stability.stability_context import StabilityContext, not_judged, owner_of_method
 from harness.training.batches import Batch, Batches, Cameras
 from harness.training.learner import Job, at_step, steps
 from harness.training.lockstep import box_of, needs_view_direction
@@ -50,20 +51,16 @@ class History:
 
 
 def with_parts(context: StabilityContext) -> tuple[list[str], list[Check]]:
-    """Return the methods made of encoding, amplifier and network, and that such cases do not apply to the others."""
-    from baselines.catalog import CATALOG
-
+    """Return the methods made of encoding, amplifier and network, and a check of each method that is not."""
     made_of_parts = [method for method in context.methods if CATALOG[method].parts is not None]
     why = "no encoding, amplifier or network: a grid of values"
     others = [method for method in context.methods if method not in made_of_parts]
-    return made_of_parts, [not_judged(method, why, owner=whose(method)) for method in others]
+    return made_of_parts, [not_judged(method, why, owner=owner_of_method(method)) for method in others]
 
 
 @cache
 def setup(context: StabilityContext) -> Setup:
     """Return a rendered scene at 64 pixels and a 6 × 64 network; a drawn disc and a smaller one with `quick`."""
-    from harness.execution.ground_truth import view_set_folders
-
     plan = replace(context.plan("smoke", [SCENE]), methods=("nerf",))
     sizes, count = plan.views, 300
     if context.quick:
@@ -97,7 +94,7 @@ def train(
     batch_at: Callable[[int], Batch] | None = None,
     dead_every: int | None = None,
 ) -> History:
-    """Train to the end of its budget, or for `count` steps. Raises `Diverged`."""
+    """Train for the steps of the setup, or for `count` steps. Raises `Diverged`."""
     here, history = setup(context), History(trainer)
     batch_at = batch_at or here.batches.stream(STREAM, trainer.settings.rays)
     until = at_step(trainer.step + (here.steps if count is None else count))
@@ -111,12 +108,11 @@ def train(
 
 @cache
 def trained(context: StabilityContext, method: str) -> History:
-    """Return the method with its usual settings, trained once and never changed: cases work on copies."""
+    """Return the method trained with its usual settings, once for all cases: none may change it."""
     return train(context, new_trainer(context, method), dead_every=1 if context.quick else 10)
 
 
 def psnr_of(trainer: Trainer, views: ViewSet) -> float:
-    """Return the test PSNR; NaN if a view has none."""
     psnr = quick_scores(render_split(trainer, cameras_of(views, views.test, CPU), 4096), views.test)["psnr"]
     return math.nan if psnr is None else psnr
 
@@ -124,7 +120,7 @@ def psnr_of(trainer: Trainer, views: ViewSet) -> float:
 @torch.no_grad()
 def dead_share(trainer: Trainer) -> float:
     """Return the share of random points of the box whose density lies at an end of its range, where no gradient passes:
-    clamped by the amplifier, or at the end of a sigmoid or softplus in float32.
+    it is clamped by the amplifier, or a sigmoid or softplus is saturated in float32.
     """
     x = trainer.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("dead share")))
     before, after = trainer.field.density_before_and_after(x)

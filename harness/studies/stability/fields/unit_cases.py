@@ -1,4 +1,4 @@
-"""A2, C2, S8: does a pixel depend on the others of its chunk, or on the unit of length?"""
+"""A2, C2, S8: whether a pixel depends on the other pixels of its chunk, or on the unit of length."""
 
 import math
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from baselines.contract import Rays
 from baselines.rendering import Sampling, render_rays
 from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.stability.fields.small_training import (
     CPU,
     PROBES,
@@ -25,7 +25,7 @@ from harness.studies.stability.fields.small_training import (
     trained,
     with_parts,
 )
-from harness.studies.stability.stability_context import Rows, StabilityContext, whose
+from harness.studies.stability.stability_context import StabilityContext, owner_of_method
 from harness.training.batches import Batches, Cameras
 from harness.training.lockstep import box_of
 from harness.training.scoring import evaluate, metrics
@@ -38,7 +38,7 @@ BAR = 2e-6
 EVERYTHING = 1 << 20
 """More rays than a view has, so that it is one chunk."""
 OTHER_POINTS = "other points"
-"""The only way in which an opacity is compared, and no colour."""
+"""The only comparison of opacities; all others compare colours."""
 
 
 def chunks(context: StabilityContext) -> Iterator[Found]:
@@ -49,12 +49,12 @@ def chunks(context: StabilityContext) -> Iterator[Found]:
         by_subject[method] = apart = differences(context, trainer)
         worst = _largest(apart)
         of = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
-        what, why = f"largest difference of {of} in other company", f"worst: {worst}"
-        yield check(what, apart[worst], high=BAR, why=why, subject=method, owner=whose(method))
+        what, why = f"largest difference of {of} in other chunks", f"worst: {worst}"
+        yield check(what, apart[worst], high=BAR, why=why, subject=method, owner=owner_of_method(method))
     yield from others
     ways = list(dict.fromkeys(way for apart in by_subject.values() for way in apart))
     rows: Rows = [[subject, *map(apart.get, ways)] for subject, apart in by_subject.items()]
-    title = f"The same pixels in other company: largest difference of a colour ({OTHER_POINTS}: of an opacity)"
+    title = f"The same pixels in other chunks: largest difference of a colour ({OTHER_POINTS}: of an opacity)"
     yield Table("calls", 4, title, ["subject", *ways], rows)
 
 
@@ -69,39 +69,39 @@ def _apart(a: Tensor, b: Tensor) -> float:
 def differences(context: StabilityContext, trainer: Trainer) -> dict[str, float]:
     """Return way → largest difference from the complete view in one chunk."""
     rays = setup(context).test.all_rays(0)
-    whole = trainer.render(rays, EVERYTHING).colour
+    complete = trainer.render(rays, EVERYTHING).colour
     few = slice(3 * len(rays) // 8, 3 * len(rays) // 8 + (16 if context.quick else 256))
     some = rays.part(few.start, few.stop)
     order = torch.randperm(len(rays), generator=generator_for("stability", "order"))
     origins, directions = (torch.cat([values[few], values.flip(0)[:300]]) for values in (rays.origins, rays.directions))
     padded = Rays(origins, directions, rays.near, rays.far)
     return {
-        "calls of 1": _apart(trainer.render(some, 1).colour, whole[few]),
-        "calls of 16": _apart(trainer.render(rays, 16).colour, whole),
-        "calls of 256": _apart(trainer.render(rays, 256).colour, whole),
-        "shuffled": _apart(trainer.render(rays.chosen(order), 256).colour, whole[order]),
-        "padded": _apart(trainer.render(padded, EVERYTHING).colour[: len(whole[few])], whole[few]),
-        OTHER_POINTS: opacity_in_other_company(trainer),
+        "chunks of 1": _apart(trainer.render(some, 1).colour, complete[few]),
+        "chunks of 16": _apart(trainer.render(rays, 16).colour, complete),
+        "chunks of 256": _apart(trainer.render(rays, 256).colour, complete),
+        "shuffled": _apart(trainer.render(rays.chosen(order), 256).colour, complete[order]),
+        "padded": _apart(trainer.render(padded, EVERYTHING).colour[: len(complete[few])], complete[few]),
+        OTHER_POINTS: opacity_with_other_points(trainer),
         "training mode": recorded_or_not(trainer, some),
-        "reloaded": _apart(reloaded(context, trainer).render(rays, EVERYTHING).colour, whole),
+        "reloaded": _apart(reloaded(context, trainer).render(rays, EVERYTHING).colour, complete),
     }
 
 
 @torch.no_grad()
-def opacity_in_other_company(trainer: Trainer) -> float:
-    """Return the largest difference of the opacity of a bin whose density is evaluated with evenly spread points, as a
-    coarse pass does, and with the densest ones alone, as a fine pass does.
+def opacity_with_other_points(trainer: Trainer) -> float:
+    """Return the largest change of a bin's opacity between two evaluations of its density: with evenly spread points,
+    as in a coarse pass, and with only the densest points, as in a fine pass.
     """
     x = trainer.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("stability", "company")))
     sigma = trainer.field.density(x)
     densest = torch.topk(sigma, len(x) // 8).indices
     bin_length = float((trainer.box.upper - trainer.box.lower).max()) / trainer.settings.bins
-    alone = trainer.field.density(x[densest])
-    return _apart(torch.exp(-alone * bin_length), torch.exp(-sigma[densest] * bin_length))
+    separately = trainer.field.density(x[densest])
+    return _apart(torch.exp(-separately * bin_length), torch.exp(-sigma[densest] * bin_length))
 
 
 def recorded_or_not(trainer: Trainer, rays: Rays) -> float:
-    """Return the largest difference of a colour with gradients recorded, as in training, and without."""
+    """Return the largest difference of a colour between rendering with gradients, as in training, and without."""
     sampling = Sampling(trainer.settings.bins, quadrature=trainer.quadrature, clip_to_box=not trainer.whole_rays)
 
     def colour() -> Tensor:
@@ -115,12 +115,12 @@ def recorded_or_not(trainer: Trainer, rays: Rays) -> float:
 
 
 def reloaded(context: StabilityContext, trainer: Trainer) -> Trainer:
-    """Return a new trainer with what a checkpoint keeps: weights and the mask of empty space."""
+    """Return a new trainer with what a checkpoint stores: weights and the mask of empty space."""
     file = context.scratch / f"reload-{trainer.method}.safetensors"
-    kept = {name: value.contiguous() for name, value in trainer.fields.state_dict().items()}
+    stored = {name: value.contiguous() for name, value in trainer.fields.state_dict().items()}
     if trainer.grid is not None:
-        kept["occupied"] = trainer.grid.occupied
-    save_file(kept, file)
+        stored["occupied"] = trainer.grid.occupied
+    save_file(stored, file)
     read = load_file(file)
     fresh = new_trainer(context, trainer.method, trainer.settings)
     fresh.step = trainer.step
@@ -141,7 +141,9 @@ def odd_sizes(context: StabilityContext) -> Iterator[Found]:
         sizes = SIZES[:3] if context.quick else SIZES
         apart = {f"{width} × {height}": _odd(context, trainer, width, height) for width, height in sizes}
         what, worst = "largest difference of a colour to a loop over rays", _largest(apart)
-        yield check(what, apart[worst], high=BAR, why=f"worst at {worst}", subject=method, owner=whose(method))
+        yield check(
+            what, apart[worst], high=BAR, why=f"worst at {worst}", subject=method, owner=owner_of_method(method)
+        )
     yield from others
     what = "scores of small pictures that are not finite (PSNR, SSIM, linear error)"
     count = sum(not math.isfinite(score) for size in SIZES for score in scores_of(*size))
@@ -149,7 +151,7 @@ def odd_sizes(context: StabilityContext) -> Iterator[Found]:
 
 
 def _odd(context: StabilityContext, trainer: Trainer, width: int, height: int) -> float:
-    """Return the difference in chunks of 4 rays, which leave a last, partial one for most of these sizes."""
+    """Return the difference for chunks of 4 rays; for most of these sizes the last chunk is partial."""
     test = setup(context).test
     cameras = Cameras(test.camera_to_world[:1], width, height, 1.6 * max(width, height), test.near, test.far)
     rendered = evaluate.render_view(trainer, cameras, 0, 4).colour
@@ -167,16 +169,16 @@ def scores_of(width: int, height: int) -> list[float]:
 
 
 UNITS = (0.1, 10.0, 25.0)
-"""The numbers of new units of length in an old one; they are no powers of two, so coordinates are rounded anew."""
+"""The number of new units of length per old unit; coordinates are rounded again, as these are not powers of two."""
 EXACT = 8.0
-"""A power of two changes no digit: what does not depend on the unit keeps every bit."""
+"""A power of two rounds nothing: what does not depend on the unit keeps every bit."""
 LARGEST_CHANGE_DB = 0.5
-"""Rounding grows with every step of training: processors differ by 0.30 dB RMS after 1000 steps."""
+"""The tolerance of rounding, which grows with every step: processors differ by 0.30 dB RMS after 1000 steps."""
 METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_printed", "qnerf_theorem", "qnerf_repaired")
 
 
 def rescaled(views: ViewSet, k: float) -> ViewSet:
-    """Return the same images, with everything that is a length written in a unit that is 1 / k as long."""
+    """Return the same images with all lengths written in a unit that is 1 / k as long."""
 
     def moved(split: Split) -> Split:
         poses = np.array(split.camera_to_world, copy=True)

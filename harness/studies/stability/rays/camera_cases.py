@@ -1,4 +1,4 @@
-"""C1: invalid cameras and rays, which must be refused before anything is rendered."""
+"""C1: invalid cameras and rays must be refused before anything is rendered."""
 
 import json
 import math
@@ -32,7 +32,7 @@ from scenes.view_sets.viewpoints import (
 )
 
 SIZE = 4
-"""The pixels of the pictures that stand for a foreign view set."""
+"""The width in pixels of the images of a foreign view set."""
 FOCAL = 0.5 * SIZE / math.tan(0.5 * FOV_X_RADIANS)
 WAYS_TO_LOOK = {
     "origin on target": ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 0.0, 1.0]),
@@ -64,7 +64,7 @@ def _accepted(what: str, attempts: dict[str, Callable[[], object]], error: type[
 
 def cameras(context: StabilityContext) -> Iterator[Found]:
     yield _refused(context.scratch)
-    yield _rendered_by_mitsuba_alone()
+    yield _rendered_by_mitsuba_without_checks()
     yield from _slabs()
     yield from _directions()
     poses = all_poses("test")[[0, 50, 0, 100]]
@@ -75,7 +75,7 @@ def cameras(context: StabilityContext) -> Iterator[Found]:
 
 
 def _refused(scratch: Path) -> Check:
-    """Try every invalid camera in every way in: our own poses, a foreign file, look_at, angles, distances."""
+    """Try every invalid camera by every entry: poses of this harness, a foreign file, look_at, angles, distances."""
 
     def read(poses: np.ndarray, fov: float = FOV_X_RADIANS) -> object:
         return read_transforms(_foreign(scratch, poses, fov), "train")
@@ -92,11 +92,11 @@ def _refused(scratch: Path) -> Check:
         attempts[f"file: field of view {degrees:g}°"] = partial(read, all_poses("test")[:1], fov)
     for near, far in ((2.0, 2.0), (6.0, 2.0), (0.0, 6.0), (-1.0, 6.0), (2.0, math.inf), (math.nan, 6.0)):
         attempts[f"near {near:g}, far {far:g}"] = partial(Scene, "s", "t", dict, near=near, far=far)
-    return _accepted(f"cameras of {len(attempts)} that are none and not refused", attempts, InputError)
+    return _accepted(f"of {len(attempts)} invalid cameras, those that are not refused", attempts, InputError)
 
 
 def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Path:
-    """Write a folder as anyone may ship it, grey pictures seen from `poses` [n, 4, 4]."""
+    """Write a foreign view set: grey images seen from `poses` [n, 4, 4]."""
     folder = scratch / "foreign_cameras"
     folder.mkdir(parents=True, exist_ok=True)
     names = [f"./r_{number}" for number in range(len(poses))]
@@ -106,18 +106,18 @@ def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Pa
             write_png(file, np.full((SIZE, SIZE, 4), 0.5, np.float32))
     cameras_file = folder / "transforms_train.json"
     write_transforms(cameras_file, FOV_X_RADIANS if math.isnan(fov) else fov, names, poses)
-    if math.isnan(fov):  # written by hand where JSON has no word for the number, as other programs do
+    if math.isnan(fov):  # strict JSON has no NaN, but other programs write it
         content = {**json.loads(cameras_file.read_text(encoding="utf-8")), "camera_angle_x": math.nan}
         cameras_file.write_text(json.dumps(content), encoding="utf-8")
     return folder
 
 
-def _rendered_by_mitsuba_alone() -> Check:
-    """Show what happens to the same cameras if nobody checks them first: Mitsuba's own look_at and its renderer."""
+def _rendered_by_mitsuba_without_checks() -> Check:
+    """Render the same cameras by Mitsuba's `look_at` and renderer, without checks."""
     from scenes.rendering.render import use
     from scenes.rendering.variant import Variant
 
-    mi = use(Variant("scalar_rgb", None, "nothing but eight pixels"))
+    mi = use(Variant("scalar_rgb", None, "eight pixels only"))
     scene = mi.load_dict({"type": "scene", "sky": {"type": "constant"}, "ball": {"type": "sphere", "radius": 1.0}})
     film = {"type": "hdrfilm", "width": 8, "height": 8, "pixel_format": "rgba"}
     silent = []
@@ -134,12 +134,12 @@ def _rendered_by_mitsuba_alone() -> Check:
             continue
         if np.isfinite(image).all() and not image.any():
             silent.append(what)
-    what = f"cameras of {len(tries)} that are none and give a clean background, without a word"
-    return none_of(what, silent, "Mitsuba alone", "usual")
+    what = f"of {len(tries)} invalid cameras, those that render a clean background without a message"
+    return none_of(what, silent, "Mitsuba without checks", "usual")
 
 
 def _axis_parallel() -> tuple[Tensor, Tensor]:
-    """Return rays [rays, 3] along and against every axis, with ±0, outside, on faces, inside."""
+    """Return origins and directions [rays, 3] along and against every axis, with ±0: outside, on faces, inside."""
     places = torch.cartesian_prod(*[torch.tensor([-2.0, -1.0, 0.25, 1.0, 2.0])] * 3)
     ways = product(range(3), (1.0, -1.0), (0.0, -0.0))
     d = torch.tensor([[sign if i == axis else zero for i in range(3)] for axis, sign, zero in ways])
@@ -160,7 +160,7 @@ def _exact(o: Tensor, d: Tensor, near: float, far: float) -> tuple[float, float]
 def naive_slab(
     o: Tensor, d: Tensor, lower: Tensor, upper: Tensor, near: float, far: float
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Intersect as it is usually written: divide by d, take minima and maxima."""
+    """Intersect as is usual: divide by d, take minima and maxima."""
     first, second = (lower - o) / d, (upper - o) / d
     entry = torch.minimum(first, second).amax(dim=-1).clamp(min=near)
     leave = torch.maximum(first, second).amin(dim=-1).clamp(max=far)
@@ -174,15 +174,15 @@ def _slabs() -> Iterator[Check]:
     wrong = {}
     for subject, slab in (("harness", ray_box), ("slab test", naive_slab)):
         rays = zip(*(column.tolist() for column in slab(o, d, -box, box, near, far)), strict=True)
-        ours = [(entry, leave) if hit else None for entry, leave, hit in rays]
-        wrong[subject] = sum(a != b for a, b in zip(ours, expected, strict=True))
-    what = f"axis-parallel rays of {len(o)} with a wrong interval, on the box's faces and off them"
+        intervals = [(entry, leave) if hit else None for entry, leave, hit in rays]
+        wrong[subject] = sum(a != b for a, b in zip(intervals, expected, strict=True))
+    what = f"axis-parallel rays of {len(o)} with a wrong interval, on the faces of the box and off them"
     yield from ours_and_usual(what, wrong, high=0)
 
 
 def _directions() -> Iterator[Check]:
     poses = all_poses("train")[:8].copy()
-    poses[:, :3, :3] *= 1.0 + 4e-4  # as much as `check_poses` lets through
+    poses[:, :3, :3] *= 1.0 + 4e-4  # which `check_poses` still accepts
     check_poses(poses, [str(number) for number in range(len(poses))])
     camera = Cameras.of(poses, SIZE, SIZE, FOCAL, 2.0, 6.0)
     off = max(float((camera.all_rays(view).directions.norm(dim=-1) - 1).abs().max()) for view in range(len(camera)))
@@ -192,9 +192,9 @@ def _directions() -> Iterator[Check]:
         d = torch.nn.functional.normalize(torch.ones(3, 3), dim=-1)
         d[1] *= length
         attempts[f"length {length:g}"] = Rays(torch.zeros(3, 3), d, 2.0, 6.0).require_finite
-    yield _accepted("rays whose direction is not unit and that are not refused", attempts, ValueError)
+    yield _accepted("rays accepted although their direction is not a unit vector", attempts, ValueError)
     tolerated = _spread_of_opacity(_middle_ray(scale) for scale in (0.9996, 1.0, 1.0004))
-    what = "change of a ray's opacity with the scale of its camera's matrix, as far as that is let through"
+    what = "change of a ray's opacity with the scale of its camera matrix, within the accepted scales"
     yield check(what, tolerated, high=1e-6, subject="harness")
     o, d = torch.tensor([[-4.0, 0.0, 0.0]]), torch.tensor([[1.0, 0.0, 0.0]])
     unchecked = _spread_of_opacity((o, length * d) for length in (0.5, 1.0, 2.0))
@@ -203,7 +203,7 @@ def _directions() -> Iterator[Check]:
 
 
 def _middle_ray(scale: float) -> tuple[Tensor, Tensor]:
-    """Return origin and direction [1, 3] of a ray near the middle of a view whose camera matrix is scaled."""
+    """Return origin and direction [1, 3] of a ray near the middle of a view, with a scaled camera matrix."""
     pose = all_poses("test")[:1].copy()
     pose[:, :3, :3] *= scale
     rays = Cameras.of(pose, SIZE, SIZE, FOCAL, 2.0, 6.0).all_rays(0)
@@ -212,7 +212,7 @@ def _middle_ray(scale: float) -> tuple[Tensor, Tensor]:
 
 
 def _spread_of_opacity(rays: Iterable[tuple[Tensor, Tensor]]) -> float:
-    """Return how far rays through a cube of density 0.5, ±1, differ, distances taken for scene units."""
+    """Return the range of the opacities of rays through the cube ±1 of density 0.5, with distances as scene units."""
     opacities = []
     for o, d in rays:
         entry, leave, _ = ray_box(o, d, -torch.ones(3), torch.ones(3), 0.0, 100.0)

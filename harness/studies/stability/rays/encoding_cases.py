@@ -1,4 +1,4 @@
-"""E1 to E3: how exact an encoding is, what it returns outside of its box, what it cannot distinguish."""
+"""E1 to E3: how exact an encoding is, what it returns outside the box, which points it cannot distinguish."""
 
 import math
 from collections.abc import Iterator
@@ -13,22 +13,22 @@ from torch import Tensor
 from baselines.numerics.encoding import PHI, REACH, checked_positions, encode, fourier_features, frequency_ladder
 from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
-from harness.studies.framework import Found
-from harness.studies.stability.stability_context import Rows, StabilityContext, error_of
+from harness.studies.framework import Found, Rows
+from harness.studies.stability.stability_context import StabilityContext, error_of
 
 DIGITS = 60
 BARS = {("2^k", 10): 1.2e-4, ("2^k", 14): 1.9e-3, ("φ^k", 10): 2.5e-5, ("φ^k", 14): 1.6e-4}
 """(ladder, bands) → largest error in float32."""
 SINE_BARS = {**BARS, ("φ^k", 10): 1.2e-5}
-"""The bars of a sine of its own for each band. At ten bands of φ ours follow from those below (`encode`), which takes
-less time and doubles the error: 2.2e-5 against 1.1e-5, the worst of any float.
+"""The thresholds if every band computes its own sine. At ten bands of φ, `encode` derives a band from those below it,
+which is faster and doubles the largest error of any float: 2.2e-5 instead of 1.1e-5.
 """
 BASES = {"2^k": 2.0, "φ^k": PHI}
 OWNERS: dict[str, Owner] = {"2^k": "usual", "φ^k": "paper"}
 
 
 def true_waves(x: Tensor, base: float, band: int) -> Tensor:
-    """Return [points, 2] in float64: sine and cosine of base^band π x, from 60 digits of the float that x is."""
+    """Return sine and cosine of base^band π x [points, 2], computed in 60 digits from the float x."""
     with mpmath.workdps(DIGITS):
         exact_base = (1 + mpmath.sqrt(5)) / 2 if base == PHI else mpmath.mpf(base)
         angles = [exact_base**band * mpmath.pi * mpmath.mpf(value) for value in x.double().tolist()]
@@ -62,12 +62,12 @@ def top_frequency(context: StabilityContext) -> Iterator[Found]:
         errors = {name: float((wave - truth).abs().max()) for name, wave in waves.items()}
         what, subject = f"largest error of band {bands - 1}", f"{ladder}, L = {bands}"
         sine_bar = SINE_BARS[ladder, bands]
-        why = f"traded for time: sines as printed are off by {errors['as printed']:.2g}" if bar > sine_bar else ""
+        why = f"traded for speed: the error of printed sines is {errors['as printed']:.2g}" if bar > sine_bar else ""
         yield check(what, errors.pop(""), high=bar, why=why, subject=subject)
         error = errors.pop("as printed")
         yield check(what, error, high=sine_bar, subject=f"{subject}, as printed", owner=OWNERS[ladder])
         for name, error in errors.items():
-            why = "autocast around the encoding; ours refuses it"
+            why = "autocast around the encoding; this harness refuses it"
             yield check(what, error, high=bar, why=why, subject=f"{subject}, {name}", owner="usual")
 
 
@@ -103,9 +103,9 @@ def largest_error(features: Tensor, value: float, base: float) -> float:
 
 
 RATIOS: dict[str, tuple[float, Owner]] = {"2": (2.0, "usual"), "φ": (PHI, "paper"), "1.65": (1.65, "ours")}
-"""The ratio of a ladder, and its owner. The third is the control: neither a Pisot number nor an integer."""
+"""The ratio of a ladder and its owner. The third is the control: neither a Pisot number nor an integer."""
 DISTANCES = (2.0 * PHI / math.sqrt(5.0), 2.0 / math.sqrt(5.0), 1.0)
-"""Where ghosts may be: φ^k is near the Lucas number L_k, so that cos(π φ^k d) returns to 1 at these."""
+"""The distances of possible ghosts: φ^k is near the Lucas number L_k, so that cos(π φ^k d) returns to 1 there."""
 BURST = 0.05
 """The standard deviation of the burst's envelope."""
 GHOST_BAR = 0.1
@@ -131,11 +131,11 @@ def ghosts(context: StabilityContext) -> Iterator[Found]:
         gaps = {distance: ghost(base, 14, distance, context.quick) for distance in DISTANCES}
         shares = {distance: abs(gap.share) for distance, gap in gaps.items()}
         where = max(shares, key=lambda distance: shares[distance])
-        what = "share of the burst that appears in a gap never seen, the worst of three distances"
+        what = "share of the burst that appears in an unseen gap, the worst of three distances"
         why, subject = f"at distance {where:.4g}", f"ratio {name}, L = 14"
         yield check(what, shares[where], high=GHOST_BAR, why=why, subject=subject, owner=owner)
         for distance, gap in gaps.items():
-            panel = f"A gap never seen, {distance:.4g} from a burst, L = 14 (the truth is 0)"
+            panel = f"An unseen gap, {distance:.4g} from a burst, L = 14 (the truth is 0)"
             lines = {f"ratio {name}": gap.predicted}
             if base == PHI:
                 lines["the burst, moved by that distance"] = gap.burst
@@ -155,7 +155,7 @@ def burst(x: Tensor, centre: float) -> Tensor:
 
 
 class Gap(NamedTuple):
-    """The prediction of networks in a gap that they never saw, in which the truth is 0, at places [places]."""
+    """The prediction of networks in an unseen gap, in which the truth is 0, at [places]."""
 
     share: float
     """The share ⟨prediction, burst⟩ / ⟨burst, burst⟩."""
@@ -185,12 +185,12 @@ def fitted(
     bands: int,
     seen: Float[Tensor, " points"],
     values: Float[Tensor, "networks points"],
-    asked: Float[Tensor, " places"],
+    places: Float[Tensor, " places"],
     steps: int,
 ) -> Float[Tensor, "networks places"]:
-    """Return, at `asked`, networks of two hidden layers of 64, each trained on its `values` at `seen`."""
+    """Train networks of two hidden layers of 64, each on its `values` at `seen`; return their outputs at `places`."""
     f = frequency_ladder(base, bands)
-    inputs, places = (fourier_features(x.unsqueeze(-1), f) for x in (seen, asked))
+    inputs, queries = (fourier_features(x.unsqueeze(-1), f) for x in (seen, places))
     networks, widths = len(values), [inputs.shape[1], 64, 64, 1]
     generator = generator_for("stability", "networks")
     weights = [
@@ -211,17 +211,17 @@ def fitted(
         for group in optimiser.param_groups:
             group["lr"] = 5e-3 * 0.02 ** (step / steps)
         optimiser.zero_grad()
-        # a sum over networks: none sees the others
+        # a sum over networks keeps them independent
         ((network(inputs) - values) ** 2).mean(dim=-1).sum().backward()
         optimiser.step()
     with torch.no_grad():
-        return network(places)
+        return network(queries)
 
 
 GRATINGS = (27.0, 37.0, 61.0, 100.0, 175.0, 284.0)
-"""Cycles on [−1, 1]. At 160 = 128 + 32 base 2 would be five times better: a product of two waves."""
+"""Cycles on [−1, 1]; none is a sum of two frequencies of a ladder, whose product of waves would fit it."""
 POINTS = 512
-"""The random points seen: 256 cycles are the Nyquist limit of as many evenly spread ones."""
+"""The number of random training points; 256 cycles are the Nyquist limit of 512 evenly spread points."""
 LADDERS: dict[str, tuple[float, int]] = {
     "2, L = 10": (2.0, 10),
     "2, L = 7": (2.0, 7),
@@ -234,14 +234,14 @@ LADDERS: dict[str, tuple[float, int]] = {
 def _gratings(quick: bool) -> Iterator[Found]:
     generator = generator_for("stability", "gratings")
     seen = 2.0 * torch.rand(POINTS, generator=generator) - 1.0
-    asked = 2.0 * torch.rand(2 * POINTS, generator=generator) - 1.0
+    unseen = 2.0 * torch.rand(2 * POINTS, generator=generator) - 1.0
     cycles = torch.tensor(GRATINGS).unsqueeze(-1)
-    truth_asked, truth_seen = (torch.sin(math.pi * cycles * x + 0.7) for x in (asked, seen))
-    panel, label = "Neutral gratings: error at places not seen", "RMSE (the signal has 0.71)"
+    truth_unseen, truth_seen = (torch.sin(math.pi * cycles * x + 0.7) for x in (unseen, seen))
+    panel, label = "Neutral gratings: error at unseen places", "RMSE (the signal has 0.71)"
     rows: Rows = []
     for name, (base, bands) in LADDERS.items():
-        learnt = fitted(base, bands, seen, truth_seen, torch.cat([asked, seen]), 5 if quick else 600)
-        parts = zip(learnt.split([len(asked), len(seen)], dim=-1), (truth_asked, truth_seen), strict=True)
+        learnt = fitted(base, bands, seen, truth_seen, torch.cat([unseen, seen]), 5 if quick else 600)
+        parts = zip(learnt.split([len(unseen), len(seen)], dim=-1), (truth_unseen, truth_seen), strict=True)
         test, train = (((part - truth) ** 2).mean(dim=-1).sqrt().tolist() for part, truth in parts)
         rows.append([name, *(f"{a:.2g} / {b:.2g}" for a, b in zip(test, train, strict=True))])
         yield Series(panel, 8, name, "cycles on [−1, 1]", label, list(GRATINGS), test, log_y=False)

@@ -1,4 +1,4 @@
-"""Rays whose exact result is known, and quadrature sums in 40 digits: references that share no code with the rules."""
+"""References that share no code with the rules: rays with exact results, and quadrature sums in 40 digits."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ def owner_of(rule: str) -> Owner:
 
 @dataclass(frozen=True)
 class FunctionField:
-    """Two functions of points [points, 3] as a field (`baselines.contract.RadianceField`)."""
+    """A field (`baselines.contract.RadianceField`) from two functions of points [points, 3]."""
 
     density: Callable[[Tensor], Tensor]
     colour: Callable[[Tensor], Tensor]
@@ -42,7 +42,7 @@ class FunctionField:
 
 @dataclass(frozen=True)
 class Profile:
-    """A density on [0, 1] with the optical depth in front of each point, both for torch and for mpmath."""
+    """A density on [0, 1], for torch, and the optical depth in front of each point, for mpmath."""
 
     name: str
     sigma: Callable[[Tensor], Tensor]
@@ -101,13 +101,13 @@ def exact(profile: Profile) -> tuple[float, float]:
 
         cuts = [mpmath.mpf(0), *(profile.layer * 4.0**k for k in range(-1, 12) if profile.layer * 4.0**k < 0.9)]
         cuts = sorted({*cuts, *(mpmath.mpf(k) / 6 for k in range(1, 7))})
-        whole = opacity(mpmath.mpf(1))
-        seen = (1 + mpmath.cos(mpmath.mpf(3.5))) / 2 * whole
-        return float(whole), float(seen + mpmath.quad(moved, cuts, method="gauss-legendre", maxdegree=4))
+        total = opacity(mpmath.mpf(1))
+        seen = (1 + mpmath.cos(mpmath.mpf(3.5))) / 2 * total
+        return float(total), float(seen + mpmath.quad(moved, cuts, method="gauss-legendre", maxdegree=4))
 
 
 def weights_in_digits(rule: str, sigma: Sequence[Any], lengths: Sequence[Any]) -> list[Any]:
-    """Return one ray's weights and, last, T_end by the definition of a rule of ours, in mpmath numbers."""
+    """Return the weights of one ray and, last, T_end, by the definition of a rule, in mpmath numbers."""
     stride, closed = QUADRATURES[rule].stride, QUADRATURES[rule].closed
     w = [mpmath.mpf(0)] * (stride * len(lengths) + closed)
     T = mpmath.mpf(1)

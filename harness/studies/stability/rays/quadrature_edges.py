@@ -1,4 +1,4 @@
-"""Q6 to Q10: rays with almost nothing, with nothing, and invalid rays; importance sampling at its edges."""
+"""Q6 to Q10: rays through almost nothing and nothing, invalid rays, and importance sampling at its limits."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -31,7 +31,7 @@ def everywhere(sigma: float) -> Callable[[Tensor], Tensor]:
 
 
 def fourth_ray(sigma: float) -> Callable[[Tensor], Tensor]:
-    """Return a density of 1 but on the fourth of the five rays."""
+    """Return a density of `sigma` on the fourth of the five rays and 1 on the others."""
     return lambda x: torch.where((x[:, 0] - ACROSS[3]).abs() < 1e-3, sigma, 1.0)
 
 
@@ -43,7 +43,7 @@ def rendered(
     clip: bool = False,
     across: tuple[float, ...] = ACROSS,
 ) -> Rendering:
-    """Render parallel rays through the box ±1 or beside it; cut to it with `clip`, else from near to far."""
+    """Render parallel rays through or past the box ±1; cut to it with `clip`, else from near to far."""
     origins = torch.tensor([[x, 0.0, 4.0] for x in across])
     rays = Rays(origins, torch.tensor([0.0, 0.0, -1.0]).expand(len(across), 3), near, far)
     field = FunctionField(density, lambda x: torch.full_like(x, 0.75))
@@ -130,7 +130,7 @@ def no_interval(context: StabilityContext) -> Iterator[Found]:
         yield check("unsorted rays accepted or misnamed", float(bool(named)), high=0.0, why=named, subject=name)
     falling = -torch.diff(posts(), dim=-1)
     opacity = float(running_product(torch.ones_like(falling), falling)[0].sum())
-    what, why = "|opacity| of a ray whose distances fall", f"opacity {opacity:.3g}, nothing is said"
+    what, why = "|opacity| of a ray whose distances fall", f"opacity {opacity:.3g}, without a message"
     yield check(what, abs(opacity), high=0.0, why=why, subject="running product", owner="usual")
 
 
@@ -155,18 +155,18 @@ def bad_sample(context: StabilityContext) -> Iterator[Found]:
             others = torch.arange(rays) != ray
             changed += int((after[others] != before[others]).any(dim=-1).sum())
         yield none_of("bad samples accepted or misnamed", unnamed, name)
-        yield check("other rays with a changed bit, where nobody asks (audit)", float(changed), high=0.0, subject=name)
-    # nan_to_num behind weights: the picture is finite, wrong, and nothing is reported
+        yield check("other rays with a changed bit, without checks (audit)", float(changed), high=0.0, subject=name)
+    # nan_to_num after the weights: the picture is finite and wrong, without a message
     lengths = torch.diff(posts(2), dim=-1)
     sigma = torch.ones_like(lengths)
     sigma[1, 7] = math.nan
     w = torch.nan_to_num(running_product(sigma, lengths)[0])
     gap = float((w[1].sum() - w[0].sum()).abs())
-    yield check("error of opacity that nobody is told of", gap, high=0.0, subject="nan_to_num", owner="usual")
+    yield check("error of opacity without a message", gap, high=0.0, subject="nan_to_num", owner="usual")
 
 
 def _pixels(rule: Rule, sigma: Tensor, t: Tensor, t_edges: Tensor) -> Tensor:
-    """Return colour, opacity and depth of each ray, unchecked."""
+    """Return colour, opacity and depth of each ray [rays, 5], without checks."""
     w, T_end = rule.weights(sigma, rule.lengths(t, t_edges))
     ray = torch.arange(len(t)).repeat_interleave(t.shape[1])
     seen = composite(w.flatten(), ray, torch.cos(t).flatten().unsqueeze(-1).expand(-1, 3), T_end, BACKGROUND)
@@ -175,11 +175,11 @@ def _pixels(rule: Rule, sigma: Tensor, t: Tensor, t_edges: Tensor) -> Tensor:
 
 SAMPLED_BINS = 16
 U = torch.tensor([0.0, 0.0, 1e-45, 1e-30, 0.25, 0.5, 1.0 - 2.0**-24, 1.0, 1.0])
-"""Random numbers, including those that no generator should give: 1 belongs to no bin."""
+"""Random numbers, including 1, which belongs to no bin and which no generator should return."""
 
 
 def _weights() -> dict[str, tuple[Tensor, int, int]]:
-    """Return the case → weights, and the first and the last bin in which a distance may lie."""
+    """Map case → weights, and the first and last bin in which a distance may lie."""
     last = SAMPLED_BINS - 1
     cases = {"all zero": (torch.zeros(SAMPLED_BINS), 0, last)}
     for spike in (0, 7, last):
@@ -197,9 +197,9 @@ def _weights() -> dict[str, tuple[Tensor, int, int]]:
 
 
 def _tried(draw: Callable[[Tensor, Tensor, Tensor], Tensor], anywhere: bool) -> tuple[float, list[str]]:
-    """Return the largest distance by which `draw` leaves its bins or steps back, and what it did wrong.
+    """Return the largest distance by which `draw` leaves its bins or steps back, and the cases in which it does.
 
-    With `anywhere` it may look everywhere on the ray.
+    With `anywhere`, all bins of the ray are allowed.
     """
     t_edges = posts(bins=SAMPLED_BINS)
     worst, wrong = 0.0, []
@@ -216,7 +216,7 @@ def _tried(draw: Callable[[Tensor, Tensor, Tensor], Tensor], anywhere: bool) -> 
 
 
 def usual_inverse(t_edges: Tensor, w: Tensor, u: Tensor) -> Tensor:
-    """Sample as is usual in the field: weights + 1e-5, and a bin without mass has its length taken for 1."""
+    """Sample as is usual: weights + 1e-5, and the mass of an almost empty bin is replaced by 1."""
     w = w + 1e-5
     cdf = torch.cumsum(w / w.sum(dim=-1, keepdim=True), dim=-1)
     cdf = torch.cat([torch.zeros_like(cdf[:, :1]), cdf], dim=-1)
@@ -229,7 +229,7 @@ def usual_inverse(t_edges: Tensor, w: Tensor, u: Tensor) -> Tensor:
 
 def inverse_cdf_extremes(context: StabilityContext) -> Iterator[Found]:
     worst, wrong = _tried(inverse_cdf, anywhere=False)
-    what = "largest distance outside of the bins with weight, or backwards"
+    what = "largest distance outside the bins with weight, or backwards"
     yield check(what, worst, high=0.0, why="; ".join(wrong[:4]), subject="inverse_cdf")
     accepted = []
     for bad, kind in ((math.nan, FloatingPointError), (math.inf, FloatingPointError), (-1e-6, ValueError)):
@@ -240,12 +240,12 @@ def inverse_cdf_extremes(context: StabilityContext) -> Iterator[Found]:
             accepted.append(f"{bad}: {error or 'accepted'}")
     yield none_of("bad weights accepted or misnamed", accepted, "inverse_cdf")
     count = 0
-    for w, _, _ in _weights().values():  # distances are differentiable by the fenceposts alone
+    for w, _, _ in _weights().values():  # distances are differentiable in the fenceposts only
         t_edges = posts(bins=SAMPLED_BINS).requires_grad_()
         inverse_cdf(t_edges, w.unsqueeze(0).requires_grad_(), U.unsqueeze(0)).sum().backward()
         count += int((~torch.isfinite(t_edges.grad)).sum()) if t_edges.grad is not None else t_edges.numel()
     yield check("gradients that are not finite", float(count), high=0.0, subject="inverse_cdf")
-    worst, wrong = _tried(usual_inverse, anywhere=True)  # its floor of 1e-5 means to look everywhere
+    worst, wrong = _tried(usual_inverse, anywhere=True)  # its floor of 1e-5 samples every bin
     why = f"{len(wrong)} of {len(_weights())} distributions: {'; '.join(wrong[:3])}" if wrong else ""
-    what, subject = "largest distance outside of the ray, or backwards", "weights + 1e-5"
+    what, subject = "largest distance outside the ray, or backwards", "weights + 1e-5"
     yield check(what, worst, high=0.0, why=why, subject=subject, owner="usual")

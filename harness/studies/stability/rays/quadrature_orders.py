@@ -1,4 +1,4 @@
-"""Q2, Q4 and Q5: the error of a rule with few points per ray. All in float64, so that nothing here is rounding."""
+"""Q2, Q4 and Q5: the truncation error of a rule with few points per ray, in float64, so that rounding is negligible."""
 
 import math
 from collections.abc import Iterator
@@ -27,26 +27,26 @@ from harness.studies.stability.rays.exact_rays import (
 from harness.studies.stability.stability_context import StabilityContext
 
 SMOOTH = (ramp(1.0), exponential(3.0), gaussian(3.0, 0.6, 0.3))
-"""The profiles whose orders are fitted: some optical depths, none of them within one bin. On a steeper ramp the first
-term of the left point's error nearly cancels, and its second one hides the order up to thousands of bins.
+"""The profiles whose orders are fitted: the light is lost over many bins. On a steeper ramp the first term of the error
+of left points nearly cancels, and the second hides the order up to thousands of bins.
 """
 SHOWN = (homogeneous(1.0), homogeneous(1000.0), ramp(100.0), exponential(100.0), gaussian(100.0))
-"""The profiles whose errors are drawn: the ranking of the rules differs between them."""
+"""The profiles whose errors are drawn: they rank the rules differently."""
 FITTED = (32, 64, 128, 256, 512)
 DRAWN = tuple(2**k for k in range(3, 13))
 FLOOR = 1e-13
-"""The error below which all is rounding: there is no order in it."""
+"""The error below which rounding dominates and no order can be fitted."""
 LEAST = 1e-16
 """The value at which an error of 0 is drawn."""
 ORDER_BAR, STIFF_BAR, LINEAR_BAR, SHELL_BAR = 0.15, 1.1, 1e-4, 1e-2
 SHELL_KNOWN: dict[str, tuple[float, Owner, str]] = {
-    "trapezoid": (0.06, "ours", "misses 0.01, and is held to a bar of its own: it counts the shell to the bins on both "
-                  "sides of its point, and the one in front, which then looks opaque, gets nearly all samples; "),
-    "left": (SHELL_BAR, "usual", "a property of left ends, as the field usually takes them, that no rule of weights "
-             "mends: it looks for the shell behind the point that saw it alone, and misses what lies in front; "),
+    "trapezoid": (0.06, "ours", "fails the threshold of 0.01 and has a separate one: it adds the shell to the bins on "
+                  "both sides of its point, and the bin in front, which then looks opaque, gets nearly all samples; "),
+    "left": (SHELL_BAR, "usual", "a property of left ends, which are usual, that no rule of weights repairs: it "
+             "samples only behind the point that saw the shell, and misses the part that lies in front; "),
 }  # fmt: skip
-"""Rules that miss `SHELL_BAR` by construction: their own threshold, whose property it is, and why. Of a shell of τ = 3
-an error of 0.95 is all there is: no bar short of that would hold for left ends.
+"""Rules that fail `SHELL_BAR` by construction → their threshold, its owner, and the reason. No threshold would hold for
+left ends: their error reaches 0.95, the opacity of the complete shell of τ = 3.
 """
 
 
@@ -61,7 +61,7 @@ def _errors(name: str, profile: Profile, bins: int) -> tuple[float, float]:
 
 
 def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
-    """Return the slope of log error on log bin length; None if fewer than three errors are more than rounding."""
+    """Return the slope of log error over log bin length; None if fewer than three errors exceed rounding."""
     seen = [(count, error) for count, error in zip(counts, errors, strict=True) if error > FLOOR]
     if len(seen) < 3:
         return None
@@ -79,7 +79,7 @@ def orders(context: StabilityContext) -> Iterator[Found]:
             gaps += [abs(of_colour - declared.colour)] if of_colour is not None else [math.inf]
             gaps += [abs(of_opacity - declared.opacity)] if of_opacity is not None else []
         if rule.of_the_paper:
-            why = "its last interval of 1e10 leaves an error of e^−τ that no sample removes: "
+            why = "its last interval of 1e10 leaves an error of e^−τ at any number of samples: "
             why += ", ".join(f"{profile} {order:.2f}" for profile, order in fits.items())
             what, least = "smallest fitted order of colour", min(fits.values())
             yield check(what, least, low=1.0 - ORDER_BAR, why=why, subject=name, owner="paper")
@@ -116,7 +116,7 @@ def stiff(context: StabilityContext) -> Iterator[Found]:
 
 
 def shell(context: StabilityContext) -> Iterator[Found]:
-    """Q5: a shell of a third of a bin, τ = 3, at a random place of a ray of 64 bins."""
+    """Place a shell of a third of a bin, τ = 3, at random on rays of 64 bins."""
     rays, bins, fine = (200 if context.quick else 4000), 64, 128
     width = 1.0 / bins / 3.0
     generator = torch.Generator().manual_seed(6)
@@ -136,7 +136,7 @@ def shell(context: StabilityContext) -> Iterator[Found]:
         share = float(missed.double().mean())
         z = abs(share - expected) / (expected * (1.0 - expected) / rays) ** 0.5
         what = "share of rays missed, against 1 − width/spacing"
-        why = f"{share:.1%} of the rays miss it altogether, {expected:.1%} expected, with an error of {truth:.2f}"
+        why = f"{share:.1%} of the rays miss it completely, {expected:.1%} expected, with an error of {truth:.2f}"
         yield check(what, z, high=4.0, unit="standard errors", why=why, subject=name, owner=owner_of(name))
         drawn = inverse_cdf_edges(edges, rule.bin_weights(w, sigma, lengths), fine, None)
         t, edges = rule.place(torch.sort(torch.cat([edges, drawn], dim=-1), dim=-1).values, None)

@@ -1,4 +1,4 @@
-"""Q1 and Q3: what rounding does to a ray's colour and to its gradient, apart from any error of the rule."""
+"""Q1 and Q3: the rounding error of a ray's colour and gradient, without the truncation error of the rule."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -16,7 +16,7 @@ from harness.studies.stability.stability_context import StabilityContext, error_
 from harness.studies.usual_quadrature import depths, running_product, stock_expm1
 
 SHADE = 0.75
-"""The colour of the homogeneous ray, a number of every precision."""
+"""The colour of the homogeneous ray, exact in every precision."""
 BAR, GRADIENT_BAR, DOUBLE_BAR = 1e-6, 5e-6, 1e-9
 LEAST = 1e-17
 """The value at which an error of 0 is drawn: the axis has no 0."""
@@ -39,7 +39,7 @@ def log_space(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _printed(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Tensor]:
-    """Evaluate Listing 4, whose last interval is 1e10 and whose T_end is nothing."""
+    """Evaluate Listing 4, whose last interval is 1e10."""
     endless = torch.cat([lengths[:, :-1], torch.full_like(lengths[:, :1], 1e10)], dim=-1)
     return QUADRATURES["listing4"].weights(sigma, endless)
 
@@ -90,9 +90,9 @@ def homogeneous(context: StabilityContext) -> Iterator[Found]:
 
 @cache
 def _ray(rule: str, tau: float, bins: int, dtype: torch.dtype) -> tuple[Tensor, Tensor, float, float]:
-    """Return densities, lengths, and the opacity and transmittance that these very numbers have.
+    """Return densities, lengths, and the exact opacity and transmittance of these rounded numbers.
 
-    With one density everywhere the sum of every rule telescopes: its opacity is that of σ times the summed lengths.
+    With one density everywhere the sum of every rule telescopes: its optical depth is σ times the summed lengths.
     """
     t_edges = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).to(dtype).unsqueeze(0)
     t, _ = QUADRATURES[rule].place(t_edges, None)
@@ -110,7 +110,7 @@ def _errors(
     w, T_end = weights(sigma, lengths)
     seen, total = float((w * SHADE).sum()), float(w.sum())
     T_error = abs(float(T_end) - transmittance)
-    # below the smallest normal number of the precision there are no digits to lose
+    # below the smallest normal number of the precision no digits can be lost
     tiny = torch.finfo(dtype).tiny
     T_error = 0.0 if T_error < tiny else T_error / max(transmittance, tiny) / max(1.0, tau)
     errors = (abs(seen / (SHADE * opacity) - 1.0), abs(total / opacity - 1.0), T_error)
@@ -121,7 +121,7 @@ def _error_against_depth(exponents: list[float]) -> Iterator[Series]:
     panel = "Rounding, 64 bins, homogeneous ray"
     others = {"Listing 4 with its interval of 1e10" if name == "listing4" else name: form[1]
               for name, form in OTHERS.items()}  # fmt: skip
-    # half precision is refused by ours: it has lines in the forms of others alone
+    # the rules of this harness refuse half precision: only other forms have lines in it
     lines: list[tuple[str, str, str, Weights, str]] = [
         *((panel, f"ours ({name}), {dtype}", name, QUADRATURES[name].weights, dtype)
           for name in OURS for dtype in ("float64", "float32")),
@@ -133,7 +133,7 @@ def _error_against_depth(exponents: list[float]) -> Iterator[Series]:
         points = {}
         for k in exponents:
             sigma = torch.tensor(10.0**k, dtype=torch.float64).to(DTYPES[dtype])
-            if torch.finfo(DTYPES[dtype]).tiny <= float(sigma) < math.inf:  # else it is no number of this precision
+            if torch.finfo(DTYPES[dtype]).tiny <= float(sigma) < math.inf:  # a normal number
                 points[10.0**k] = _errors(weights, rule, 10.0**k, 64, DTYPES[dtype])[0]
         yield from _line(panel, 1, name, "optical depth of the ray", "relative error of colour", points)
 
@@ -188,26 +188,26 @@ def badness(error: float) -> float:
 def _gradient_error(
     weights: Weights, rule: str, depth: float, bins: int, dtype: torch.dtype, shape: str = "one density"
 ) -> float:
-    """Return the error of ∂C/∂σ over its largest entry, against 120 digits, where the precision has any."""
+    """Return the error of ∂C/∂σ over its largest entry, by comparison with 120 digits; 0 if both underflow."""
     t_edges = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).unsqueeze(0)
     t, _ = QUADRATURES[rule].place(t_edges, None)
     sigma = (depth * bins * SHAPES[shape](t)).to(dtype)
     shades = colour(t).to(dtype)
     lengths = torch.full((1, bins), 1.0 / bins, dtype=dtype)
     sigma.requires_grad_()
-    (ours,) = torch.autograd.grad((weights(sigma, lengths)[0] * shades).sum(), sigma)
-    if not bool(torch.isfinite(ours).all()):
+    (gradient,) = torch.autograd.grad((weights(sigma, lengths)[0] * shades).sum(), sigma)
+    if not bool(torch.isfinite(gradient).all()):
         return math.nan
     exact = _exact_gradient(rule, tuple(sigma.detach()[0].tolist()), tuple(shades[0].tolist()), float(lengths[0, 0]))
-    most = max(map(abs, exact))
-    if most < torch.finfo(dtype).tiny / torch.finfo(dtype).eps:
-        return 0.0 if float(ours.abs().max()) <= 2.0 * most + torch.finfo(dtype).tiny else math.inf
-    return float((ours[0].double() - torch.tensor(exact, dtype=torch.float64)).abs().max()) / most
+    largest = max(map(abs, exact))
+    if largest < torch.finfo(dtype).tiny / torch.finfo(dtype).eps:
+        return 0.0 if float(gradient.abs().max()) <= 2.0 * largest + torch.finfo(dtype).tiny else math.inf
+    return float((gradient[0].double() - torch.tensor(exact, dtype=torch.float64)).abs().max()) / largest
 
 
 @cache
 def _exact_gradient(rule: str, sigma: tuple[float, ...], shades: tuple[float, ...], length: float) -> list[float]:
-    """Return the gradient by central differences of the sum in 120 digits."""
+    """Compute the gradient by central differences of the sum in 120 digits."""
     with mpmath.workdps(120):
         step = mpmath.mpf(10) ** -20
         lengths = [mpmath.mpf(length)] * ((len(sigma) - QUADRATURES[rule].closed) // QUADRATURES[rule].stride)
@@ -234,8 +234,8 @@ def _gradcheck(name: str) -> Check:
         w, T_end = rule.weights(densities, torch.diff(t_edges).expand(len(densities), -1))
         return torch.cat([w, T_end.unsqueeze(-1)], dim=-1) @ upstream
 
-    (ours,) = torch.autograd.grad(seen(sigma).sum(), sigma)
+    (gradient,) = torch.autograd.grad(seen(sigma).sum(), sigma)
     step = 1e-5 * torch.eye(t.shape[1], dtype=torch.float64)
     numeric = (seen(sigma.detach() + step) - seen(sigma.detach() - step)) / 2e-5
-    worst = float((ours[0] - numeric).abs().max())
+    worst = float((gradient[0] - numeric).abs().max())
     return check("difference from central differences, float64", worst, high=DOUBLE_BAR, subject=name)

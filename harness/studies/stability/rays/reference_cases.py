@@ -1,4 +1,4 @@
-"""R1: our renderer against renderers that share no code with it, and against closed forms."""
+"""R1: the renderer of this harness against independent renderers and closed forms."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -15,24 +15,24 @@ from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 from baselines.rendering import Sampling, render_rays
 from harness.records.study import Table, check
-from harness.studies.framework import Found
+from harness.studies.framework import Found, Rows
 from harness.studies.stability.rays.exact_rays import FunctionField, owner_of
-from harness.studies.stability.stability_context import Rows, StabilityContext, not_judged
+from harness.studies.stability.stability_context import StabilityContext, not_judged
 from scenes.files.errors import InputError
 from scenes.rendering.medium_reference import Differentiated, Estimate, differentiated, tracked
 from scenes.rendering.variant import Variant, choose_variant
 
 CELLS = 16
 TAU_OF_A_VOXEL = (0.03, 0.3, 5.0)
-"""The largest τ of a voxel, in three grids: a veil, a cloud and a solid."""
+"""The largest τ of a voxel in three grids: a veil, a cloud and a solid."""
 LARGEST_Z = 4.0
 LARGEST_ERROR = 1e-3
-"""The standard error above which agreement would say nothing."""
+"""The largest standard error at which agreement is meaningful."""
 PATHS = 420_000
 BINS = 256
-"""The bins of the deterministic comparison; truncation is the same on both sides."""
+"""The bins of the deterministic comparison, in which truncation is the same on both sides."""
 FINE_BINS = 4096
-"""The bins of the comparison with the integral itself."""
+"""The bins of the comparison with the integral."""
 VALUE_BAR, SIGMA_BAR, COLOUR_BAR = 5e-6, 5e-6, 1e-4
 CLOSED_FORM_BAR, FIRST_ORDER_BAR = 1e-6, 5e-4
 SCALAR = Variant("scalar_rgb", None, "always there")
@@ -49,14 +49,13 @@ def _trilinear(
 
 
 def random_grids(tau_of_a_voxel: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return density [z, y, x] and colour [z, y, x, 3] of the same random pattern at every depth."""
+    """Return density [z, y, x] and colour [z, y, x, 3] of a random pattern that is the same for every τ."""
     generator = np.random.default_rng(16)
     pattern, colour = generator.random((CELLS,) * 3), generator.random((*(CELLS,) * 3, 3))
     return pattern * CELLS * tau_of_a_voxel, colour
 
 
 def field_of(sigma: Tensor, colour: Tensor) -> FunctionField:
-    """Return a field read from density [z, y, x] and colour [z, y, x, 3] over the unit cube."""
     return FunctionField(
         lambda x: _trilinear(sigma.unsqueeze(0), x)[:, 0], lambda x: _trilinear(colour.permute(3, 0, 1, 2), x)
     )
@@ -99,7 +98,7 @@ def _against_tracking(variant: Variant, paths: int) -> Iterator[Found]:
             for channel, name in enumerate(("red", "green", "blue")):
                 figures = (ours, estimate.mean, estimate.standard_error, z)
                 rows.append([f"τ of a voxel ≤ {tau:g}, {name}", rule, *(float(figure[channel]) for figure in figures)])
-    columns = ["ray", "rule", "our renderer", "volpath", "standard error", "z"]
+    columns = ["ray", "rule", "this renderer", "volpath", "standard error", "z"]
     title = f"One ray through three random grids: {FINE_BINS} bins against {estimate.paths} paths, {variant.name}"
     yield Table(f"reference.tracking.{variant.name}", 12, title, columns, rows)
     what, subject = "largest standard error of volpath's estimates", f"{variant.name}, noise"
@@ -122,7 +121,7 @@ class Bundle(NamedTuple):
 
 
 def bundle(count: int = 16, bins: int = BINS) -> Bundle:
-    """Return rays from all around into the cube, with points at the midpoints of equal bins, float64."""
+    """Return rays into the cube from all sides, with points at the midpoints of equal bins, float64."""
     generator = torch.Generator().manual_seed(4)
     around = torch.randn(count, 3, generator=generator, dtype=torch.float64)
     origins = 0.5 + 1.5 * torch.nn.functional.normalize(around, dim=-1)
@@ -138,7 +137,7 @@ def bundle(count: int = 16, bins: int = BINS) -> Bundle:
 
 
 def by_autograd(sigma: np.ndarray, colour: np.ndarray, some: Bundle, rule: str = "midpoint") -> Differentiated:
-    """Differentiate our quadrature on torch's interpolation with torch, float64."""
+    """Differentiate the quadrature on torch's interpolation by autograd, float64."""
     density, hue = (torch.as_tensor(values).requires_grad_() for values in (sigma, colour))
     field, flat = field_of(density, hue), some.points.reshape(-1, 3)
     w, _ = QUADRATURES[rule](field.density(flat).reshape(some.t.shape), some.t, some.edges)
@@ -148,7 +147,7 @@ def by_autograd(sigma: np.ndarray, colour: np.ndarray, some: Bundle, rule: str =
 
 
 def errors(theirs: Differentiated, ours: Differentiated) -> tuple[float, float, float]:
-    """Return the errors of colour, absolutely; of both gradients, in the Euclidean norm relative to ours."""
+    """Return the absolute error of colour, and the relative errors of both gradients in the Euclidean norm."""
     return (
         float(np.abs(theirs.colour - ours.colour).max()),
         float(np.linalg.norm(theirs.d_sigma - ours.d_sigma) / np.linalg.norm(ours.d_sigma)),
@@ -184,8 +183,8 @@ def layered(cells: int = CELLS) -> tuple[np.ndarray, np.ndarray]:
 
 
 def closed_form(sigma: np.ndarray, grey: np.ndarray) -> tuple[float, float]:
-    """Return colour and opacity along x through layers whose values are linear between cell centres and flat at both
-    ends: τ in closed form, the colour's integral piece by piece in 40 digits.
+    """Return colour and opacity along x through layers that are linear between cell centres and flat at both ends: τ in
+    closed form, the integral of colour piece by piece in 40 digits.
     """
     with mpmath.workdps(40):
         cells = len(sigma)
@@ -194,23 +193,23 @@ def closed_form(sigma: np.ndarray, grey: np.ndarray) -> tuple[float, float]:
         passed, colour = mpmath.mpf(0), mpmath.mpf(0)
         for i in range(cells + 1):
             width = ends[i + 1] - ends[i]
-            (s0, s1), (c0, c1) = (values[i : i + 2] for values in at_ends)
-
-            def glow(
-                u: mpmath.mpf,
-                s0: mpmath.mpf = s0,
-                s1: mpmath.mpf = s1,
-                c0: mpmath.mpf = c0,
-                c1: mpmath.mpf = c1,
-                width: mpmath.mpf = width,
-                passed: mpmath.mpf = passed,
-            ) -> mpmath.mpf:
-                tau = passed + width * (s0 * u + (s1 - s0) * u * u / 2)
-                return mpmath.exp(-tau) * (s0 + (s1 - s0) * u) * (c0 + (c1 - c0) * u) * width
-
-            colour += mpmath.quad(glow, [0, 1])
-            passed += width * (s0 + s1) / 2
+            sigmas, greys = (values[i : i + 2] for values in at_ends)
+            colour += _light_of_a_piece(width, sigmas, greys, passed)
+            passed += width * (sigmas[0] + sigmas[1]) / 2
         return float(colour), float(-mpmath.expm1(-passed))
+
+
+def _light_of_a_piece(
+    width: mpmath.mpf, sigmas: list[mpmath.mpf], greys: list[mpmath.mpf], passed: mpmath.mpf
+) -> mpmath.mpf:
+    """Return the light of a piece with linear density and colour behind the optical depth `passed`."""
+    (s0, s1), (c0, c1) = sigmas, greys
+
+    def glow(u: mpmath.mpf) -> mpmath.mpf:
+        tau = passed + width * (s0 * u + (s1 - s0) * u * u / 2)
+        return mpmath.exp(-tau) * (s0 + (s1 - s0) * u) * (c0 + (c1 - c0) * u) * width
+
+    return mpmath.quad(glow, [0, 1])
 
 
 def _against_closed_forms() -> Iterator[Found]:
@@ -224,7 +223,7 @@ def _against_closed_forms() -> Iterator[Found]:
         bar, why = CLOSED_FORM_BAR, ""
         if quadrature.orders.colour == 1.0:
             bar = FIRST_ORDER_BAR
-            why = f"misses the {CLOSED_FORM_BAR:g} of the others: of first order, it would need some 1e6 bins"
+            why = f"fails the {CLOSED_FORM_BAR:g} of the others: a rule of first order would need about 1e6 bins"
         what = "largest error of colour and opacity through layers, mpmath"
         yield check(what, gap, high=bar, why=why, subject=f"{rule}, closed form", owner=owner_of(rule))
 

@@ -1,9 +1,9 @@
-"""L1 and N1: the rung of each ladder at which a method breaks; and what scenes do not need, trained with and without.
+"""L1 and N1: the rung of each ladder at which a method breaks, and the cost of omissions, trained with and without.
 
-A method breaks if it has no scores (diverged, failed), or explains less than half of the variance of what there is to
-see. If the appearance of a surface is what is hard, that is measured within its silhouette, which any method finds; if
-the shape is, on complete views. Being below a copy of the nearest training view is reported, and is no break by itself:
-a fog ball looks the same from every side, and its copies are perfect.
+A method breaks if it has no scores (diverged, failed) or explains less than half of the variance of the picture. Where
+the appearance of a surface is hard, the variance is that within its silhouette, which every method learns; where the
+shape is hard, that of complete views. A score below a copy of the nearest training view is reported but does not count
+as broken: a ball of fog looks the same from every side, and its copies are perfect.
 """
 
 from collections.abc import Iterator
@@ -12,14 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from harness.execution.ground_truth import view_set_folders
 from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
 from harness.records.study import Check, Series, Status, check
-from harness.studies.choices.omissions import Omission
+from harness.studies.choices.omissions import Omission, compared_integrators, omission_of_integrators, verified
 from harness.studies.framework import Found
-from harness.studies.stability.stability_context import StabilityContext, whose
+from harness.studies.stability.stability_context import StabilityContext, owner_of_method
 from harness.studies.stability.whole_scenes.scene_truth import (
     SceneRun,
     colour_variance,
@@ -38,14 +39,14 @@ ENOUGH = 0.5
 LOOKS = ("frequency", "dynamic_range")
 """The ladders whose difficulty lies within the silhouette."""
 LEAST_RUNGS = {"frequency": 1, "thinness": 2, "density": 5, "dynamic_range": 1, "scale": 5}
-"""The rungs that ours must climb: every rung of the control, and of the fog."""
+"""The rungs that a method of this harness must climb: every rung of the control and of the fog."""
 
 
 class RungScore(NamedTuple):
     share: float | None
-    """The share of the variance that it explains; None if it has no scores."""
+    """The explained share of the variance; None without scores."""
     broken: str
-    """The reason why it counts as broken there; empty if it does not."""
+    """The reason why the method counts as broken; empty if it does not."""
 
 
 def ladders(context: StabilityContext) -> Iterator[Found]:
@@ -56,37 +57,37 @@ def ladders(context: StabilityContext) -> Iterator[Found]:
         sets = [run.view_set(context, scene) for scene in ladder.scenes]
         noise = [0.0 if views.test.noise_mse is None else float(np.mean(views.test.noise_mse)) for views in sets]
         ceilings = [share_of_views(mse, views) for mse, views in zip(noise, sets, strict=True)]
-        yield _line(ladder, "the ground truth's own noise allows", values, ceilings)
+        yield _line(ladder, "limit by noise of the ground truth", values, ceilings)
         for method in run.run.methods:
             climbed = [
                 worst([score_of(run, cell, views, ladder.name in LOOKS) for cell in run.cells[scene, method]])
                 for scene, views in zip(ladder.scenes, sets, strict=True)
             ]
-            seen = {x: rung.share for x, rung in zip(values, climbed, strict=True) if rung.share is not None}
-            if seen:
-                yield _line(ladder, method, list(seen), list(seen.values()))
+            shares = {x: rung.share for x, rung in zip(values, climbed, strict=True) if rung.share is not None}
+            if shares:
+                yield _line(ladder, method, list(shares), list(shares.values()))
             yield outcome_of(ladder, run, method, climbed)
         yield _line(ladder, "half explained", values, [ENOUGH] * len(values))
 
 
 def score_of(run: SceneRun, cell: CellRecord, views: ViewSet, looks: bool) -> RungScore:
-    """Score a method on complete test views or, with `looks`, within the silhouette of the kept ones."""
+    """Score a method on complete test views or, with `looks`, within the silhouette of the stored renders."""
     if cell.status != "done":
         return RungScore(None, f"{cell.status}: {cell.reason}")
     mse = mse_over_tests(cell)
     share = share_of_looks(run, cell, views) if looks else None if mse is None else share_of_views(mse, views)
     if share is None:
-        return RungScore(None, "its record keeps nothing to judge by")
+        return RungScore(None, "its record holds no score")
     return RungScore(share, f"explains {share:.0%}" if share < ENOUGH else "")
 
 
 def share_of_views(mse: float, views: ViewSet) -> float:
-    """Return what an error leaves of the variance of complete test views, as a share."""
+    """Return the share of the variance of complete test views that a mean square error leaves explained."""
     return 1.0 - mse / colour_variance(np.concatenate([over_white(rgba).reshape(-1, 3) for rgba in views.test.rgba]))
 
 
 def worst(of_seeds: list[RungScore]) -> RungScore:
-    """Return the seed that does worst: no score before any, then the smallest share."""
+    """Return the worst seed: one without a score, else that with the smallest share."""
     return min(of_seeds, key=lambda score: (score.share is not None, score.share or 0.0))
 
 
@@ -95,14 +96,14 @@ def rungs_climbed(scores: list[RungScore]) -> int:
 
 
 def _line(ladder: Ladder, name: str, x: list[float], explained: list[float]) -> Series:
-    """Return the unexplained share, on a logarithmic axis: a picture may be wrong by far more than there is to see."""
+    """Return the unexplained share, on a logarithmic axis: it may exceed 1 by far."""
     panel, label = f"{ladder.name}: {ladder.title}", "share of variance not explained"
-    order = np.argsort(x)  # the ladder of scales goes both ways
+    order = np.argsort(x)  # the ladder of scales is not monotonic
     return Series(panel, ITEM, name, ladder.unit, label, [x[i] for i in order], [1.0 - explained[i] for i in order])
 
 
 def outcome_of(ladder: Ladder, run: SceneRun, method: str, climbed: list[RungScore]) -> Check:
-    what, owner = f"{ladder.name}: rungs climbed of {len(climbed)}", whose(method)
+    what, owner = f"{ladder.name}: rungs climbed of {len(climbed)}", owner_of_method(method)
     first = run.cells[ladder.scenes[0], method][0]
     if first.status == "not_available":
         return Check(what, None, why=first.reason or "", subject=method, owner=owner, status="not_available")
@@ -112,16 +113,13 @@ def outcome_of(ladder: Ladder, run: SceneRun, method: str, climbed: list[RungSco
 
 
 SCENES = ("materials", "tiny")
-"""The scenes: mirroring (the controls are tried on it), and Lambertian, which needs no view direction."""
+"""One scene with mirrors, on which the controls are tried, and a Lambertian one, which needs no view direction."""
 FOG = "fog_dense"
 STEPS, SEEDS = 300, (0, 1, 2)
 FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16
 
 
 def omissions(context: StabilityContext) -> Iterator[Found]:
-    from harness.execution.ground_truth import view_set_folders
-    from harness.studies.choices.omissions import compared_integrators, omission_of_integrators, verified
-
     plan = _plan(context)
     folders = view_set_folders(plan, context.view_sets, context.show)
     omitted, controls = verified(
@@ -130,7 +128,7 @@ def omissions(context: StabilityContext) -> Iterator[Found]:
     for name in dict.fromkeys(omission.name for omission in omitted):
         yield _worst([omission for omission in omitted if omission.name == name])
     bands = [control for control in controls if control.name == "high_bands"]
-    # above the Nyquist limit a short training does without bands; a network without any must be seen to lose
+    # a short training needs no bands above the Nyquist limit; the control is a network without any bands
     if beyond := [control for control in bands if not control.what]:
         yield _worst(beyond)
     yield from (_control(control) for control in bands if control.what)
@@ -139,11 +137,11 @@ def omissions(context: StabilityContext) -> Iterator[Found]:
 
 
 def _plan(context: StabilityContext) -> Plan:
-    """Return a plan with views of the smoke profile, trained as the reduced profile trains.
+    """Return a plan with the views of the smoke profile and the training of the reduced profile.
 
-    In the smoke profile's own steps skipping empty space does cost more than its bound: 0.34 dB after 120 steps on
-    `tiny`, whether or not the grid is used for rendering. It prunes what has hardly been learnt; with the reduced
-    profile's grid, which waits for step 100, 0.09 dB after 300.
+    In the steps of the smoke profile, skipping empty space costs more than its bound: 0.34 dB after 120 steps on
+    `tiny`, with or without the grid in rendering, as the grid prunes what has hardly been learnt. With the grid of the
+    reduced profile, which begins at step 100, it costs 0.09 dB after 300 steps.
     """
     plan = context.plan("smoke", list(SCENES))
     method = plan.roles.among(plan.methods).baseline
@@ -154,9 +152,11 @@ def _plan(context: StabilityContext) -> Plan:
 
 
 def _worst(omitted: list[Omission]) -> Check:
-    """Return the worst of one part over scenes: unless all is settled within bounds, it does not pass."""
+    """Judge one part by its worst scene: it passes only if it is within its bound on every scene."""
     costly = [omission for omission in omitted if omission.verdict == "costs more"]
-    unsettled = [x for x in omitted if x.verdict != "within its bound" or x.difference is None]
+    unsettled = [
+        omission for omission in omitted if omission.verdict != "within its bound" or omission.difference is None
+    ]
     unmeasured = any(omission.difference is None for omission in unsettled)
     status: Status = "fail" if costly else "not_available" if unmeasured else "inconclusive" if unsettled else "pass"
     among = costly or unsettled or omitted
@@ -178,11 +178,11 @@ def _control(omission: Omission) -> Check:
     if cost is None:
         why = _line_of(omission)
         return Check(what, None, low, unit=unit, why=why, subject=subject, status="not_available")
-    return check(what, cost, low, unit=unit, why="else nothing could fail here", subject=subject)
+    return check(what, cost, low, unit=unit, why="otherwise no omission could fail", subject=subject)
 
 
 def _line_of(omission: Omission) -> str:
-    return f"{omission.line}: {omission.pairs} pairs of cells, {omission.diverged} more have no score as one diverged"
+    return f"{omission.line}: {omission.pairs} pairs of cells; {omission.diverged} without a score, as a cell diverged"
 
 
 def _cost(omission: Omission) -> float | None:

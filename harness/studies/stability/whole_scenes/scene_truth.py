@@ -1,4 +1,4 @@
-"""What all cases about scenes share: scenes rendered and trained once, closed forms, checks of methods."""
+"""Shared by all cases about scenes: scenes rendered and trained once, closed forms, checks of methods."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator
@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.execution import run as execution
 from harness.execution.ground_truth import read_views, render_view_sets
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
 from harness.records.pictures import Render, last_of, read_renders
 from harness.records.study import Check, Status, Table, check
 from harness.run_folder.integrity import mend
+from harness.studies.framework import Rows
 from harness.studies.stability.cases import CASES
-from harness.studies.stability.stability_context import Rows, StabilityContext, whose
+from harness.studies.stability.stability_context import StabilityContext, owner_of_method
 from scenes.catalog.entries import scene_named
 from scenes.files.errors import DamagedRecord
 from scenes.modelling.truth import Truth, pixel_means
@@ -27,23 +29,23 @@ from scenes.view_sets.view_set import ViewSet
 COLOURS = "RGBA"
 LARGEST_Z = 4.0
 STRATA = (13, 16)
-"""The closed form is averaged over a pixel twice, by one random ray in each of so many strata along either axis: this
-is free of bias, and what the two differ by is the noise of their mean. Even grids of the same sizes are off by their
-alignment with straight edges: beneath fields half a pixel wide by four standard errors of six views.
+"""The closed form is averaged over a pixel twice, by one random ray in each of this many strata along either axis. This
+is free of bias, and the difference of the two estimates the noise of their mean. Even grids of the same sizes are
+biased by their alignment with straight edges: on stripes half a pixel wide by four standard errors of six views.
 """
 LARGEST_EXCESS = 1.5
-"""The largest mean square difference of pixels over what noise explains."""
+"""The largest mean square difference of pixels relative to their noise."""
 
 
 @dataclass(frozen=True)
 class Views:
-    """n views of a view set as they were rendered, and their closed form: float64, linear and premultiplied."""
+    """n rendered views of a view set with their closed form: float64, linear and premultiplied."""
 
     names: tuple[str, ...]
     rendered: np.ndarray
     """[n, h, w, 4]"""
     variance: np.ndarray
-    """[n, h, w, 4]: the renderer's estimate, and that of the closed form's mean."""
+    """[n, h, w, 4]: the sum of the variances of rendering and closed form."""
     truth: np.ndarray
     """[n, h, w, 4]: the closed form."""
     depth: np.ndarray
@@ -52,18 +54,17 @@ class Views:
 
     @property
     def covered(self) -> np.ndarray:
-        """Return the pixels [n, h, w] that rendering and closed form cover from border to border."""
-        whole: np.ndarray = (self.rendered[..., 3] > 1 - 1e-6) & (self.truth[..., 3] > 1 - 1e-9)
-        return whole
+        """Return the pixels [n, h, w] that both rendering and closed form cover completely."""
+        complete: np.ndarray = (self.rendered[..., 3] > 1 - 1e-6) & (self.truth[..., 3] > 1 - 1e-9)
+        return complete
 
     def of(self, name: str) -> "Views":
-        """Return the one view of that name."""
         part = slice(index := self.names.index(name), index + 1)
         return Views(*(getattr(self, column.name)[part] for column in fields(self)))
 
 
-def views_beside(folder: Path, truth: Truth, count: int | None = None) -> Views:
-    """Return the test views of a view set, or the first `count`, beside a closed form."""
+def views_with(folder: Path, truth: Truth, count: int | None = None) -> Views:
+    """Return the test views of a view set, or the first `count`, with their closed form."""
     frames = read_transforms(folder, "test")
     names = [file.relative_to(folder.resolve()).with_suffix("").as_posix() for file in frames.files][:count]
     rows = []
@@ -81,7 +82,7 @@ def views_beside(folder: Path, truth: Truth, count: int | None = None) -> Views:
 def closed_form(
     truth: Truth, pose: np.ndarray, width: int, height: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return means over pixels [h, w, 4], the variance of each, and depth [h, w]."""
+    """Return the means over pixels [h, w, 4], their variances, and depth [h, w]."""
     (first, first_depth), (second, second_depth) = (
         pixel_means(truth, pose, width, height, strata, np.random.default_rng((seed, strata))) for strata in STRATA
     )
@@ -108,18 +109,14 @@ def worst_z(views: Views, chosen: np.ndarray | None = None) -> float:
 
 
 def unexplained(views: Views) -> float:
-    """Return the mean square difference of pixels over what noise explains: about 1 if every pixel is right, not means
-    alone; 0 if there is neither difference nor noise.
-    """
+    """Return the mean square difference of pixels relative to their noise: about 1 if every pixel is right."""
     square, noise = float(np.mean((views.rendered - views.truth) ** 2)), float(np.mean(views.variance))
     # float32 colours carry a rounding error that no noise explains
     return square / (noise + 1e-13) if square > 1e-13 else 0.0
 
 
 def colour_variance(pixels: np.ndarray) -> float:
-    """Return the mean square distance of pixels [n, 3] from the one colour that is nearest to them all: what an error
-    leaves of it is explained, all or, by that colour, nothing.
-    """
+    """Return the mean square distance of pixels [n, 3] from their mean, a prediction that explains nothing."""
     values = pixels.astype(np.float64)
     return float(np.mean((values - values.mean(axis=0)) ** 2))
 
@@ -133,7 +130,6 @@ class SceneRun:
     """(scene, method) → its cells, one per seed."""
 
     def of(self, scene: str) -> Iterator[CellRecord]:
-        """Yield the cells of a scene, method by method in the order of the run."""
         return (cell for method in self.run.methods for cell in self.cells.get((scene, method), []))
 
     def folder(self, scene: str) -> Path:
@@ -144,13 +140,11 @@ class SceneRun:
 
 
 def trained(context: StabilityContext, profile: str, scenes: Iterable[str], folder: Path) -> SceneRun:
-    """Return `folder` with every cell of these scenes: those that it lacks are trained.
+    """Return `folder` with every cell of these scenes, after training those that it lacks.
 
-    The cells that an earlier case trained there stay in its record: the scenes of both are planned, and finished cells
-    are kept. If nothing is missing, nothing is run, so that cases can request it one after another.
+    Scenes that an earlier case trained there stay in the record, with their finished cells. If nothing is missing,
+    nothing is run.
     """
-    from harness.execution import run as execution
-
     before = None
     with suppress(DamagedRecord):
         before = read_run(folder)
@@ -170,7 +164,7 @@ def trained(context: StabilityContext, profile: str, scenes: Iterable[str], fold
 
 
 def shown(run: SceneRun, cell: CellRecord) -> list[Render]:
-    """Return the test views that the record keeps, what every method leaves behind, clipped to [0, 1]."""
+    """Return the stored renders of test views, clipped to [0, 1]."""
     if cell.pictures is None:
         return []
 
@@ -182,15 +176,15 @@ def shown(run: SceneRun, cell: CellRecord) -> list[Render]:
 
 
 LARGEST_TRACE = 0.05
-"""The mean distance from white, at most, of a picture that shows nothing."""
+"""The largest mean distance from white of a picture that shows nothing."""
 
 
 def learnt_nothing(run: SceneRun, cell: CellRecord) -> bool:
-    """Tell whether a complete cell shows nothing at all of a scene in which there is something: empty collapse.
+    """Tell whether a complete cell shows nothing of a scene that is not empty: empty collapse.
 
-    Whether a training collapses within a few hundred steps depends on its random numbers, and says nothing of how well
-    a formula is computed: it is recorded, and never taken for a result. A picture that has no opacity and is dark all
-    the same adds up its colours wrongly, and is judged.
+    Whether a training collapses within a few hundred steps depends on its random numbers and not on how well a formula
+    is computed: it is recorded and not judged. A picture without opacity that is dark adds up its colours wrongly, and
+    is judged.
     """
     collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
     if cell.status != "done" or not collapsed or cell.scene == "empty":
@@ -219,20 +213,20 @@ def stress(context: StabilityContext, case: str) -> SceneRun:
 def views_of(run: SceneRun, scene: str, count: int | None = None) -> Views:
     truth = scene_named(scene).truth
     assert truth is not None, f"scene {scene} has no closed form"
-    return views_beside(run.folder(scene), truth, count)
+    return views_with(run.folder(scene), truth, count)
 
 
 def view_set_of(context: StabilityContext, scene: str) -> Path:
-    """Return a scene's view set in the profile's size, rendered if the cache has none."""
+    """Return the view set of a scene in the size of the profile, rendered if it is not in the cache."""
     views = context.plan(PROFILE).views
     return next(event.path for event in render_view_sets((scene,), views, context.view_sets) if event.path)
 
 
 def held_to_closed_form(scene: str, views: Views) -> Iterator[Check]:
-    """Check the rendered ground truth against closed form: the means of complete views, and pixel by pixel."""
+    """Compare the rendered ground truth with the closed form: the means of complete views, and pixel by pixel."""
     what = f"{scene}: largest |z| of red, green, blue and opacity against closed form"
     yield check(what, worst_z(views), high=LARGEST_Z, subject="ground truth")
-    what = f"{scene}: mean square difference of pixels over what noise explains"
+    what = f"{scene}: mean square difference of pixels relative to their noise"
     yield check(what, unexplained(views), high=LARGEST_EXCESS, subject="ground truth")
 
 
@@ -247,12 +241,11 @@ def each_method(
 ) -> Iterator[Check]:
     """Check `figure` of every cell of the scene against its limit.
 
-    A cell without scores fails whoever its method belongs to, unless the method is not available; one whose figure is
-    None is reported as such. A cell that learnt nothing keeps its figure and is not judged by it: showing nothing at
-    all comes close to many a scene, and is no success on any.
+    A cell without scores fails, unless its method is not available; a figure of None is reported as not applicable. A
+    cell that learnt nothing keeps its figure and is not judged: a blank picture is close to many scenes.
     """
     for cell in run.of(scene):
-        name, method, owner = f"{scene}: {what}", cell.method, whose(cell.method)
+        name, method, owner = f"{scene}: {what}", cell.method, owner_of_method(cell.method)
         if cell.status != "done":
             status: Status = "not_available" if cell.status == "not_available" else "fail"
             why = f"{scene}: {cell.status}, {cell.reason}"
@@ -262,7 +255,7 @@ def each_method(
                 name, None, why="its record holds no such score", subject=method, owner=owner, status="not_applicable"
             )
         elif learnt_nothing(run, cell):
-            why = f"learnt nothing in {cell.steps} steps: empty collapse; nothing is there to judge"
+            why = f"learnt nothing in {cell.steps} steps: empty collapse, not judged"
             yield Check(name, value if isfinite(value) else None, low, high, unit, why, method, owner, "not_applicable")
         else:
             yield check(name, value, low, high, unit, "; ".join(cell.warnings), subject=method, owner=owner)
@@ -272,24 +265,24 @@ SCORES = ("psnr", "psnr_train", "psnr_floor", "psnr_ceiling")
 
 
 def scores_table(case: str, run: SceneRun) -> Table:
-    """Return scene × method of a case: training and test views always side by side."""
+    """Return the scores of a case by scene and method, those of training and test views side by side."""
     rows: Rows = []
     for cell in (cell for scene in SCENES[case] for cell in run.of(scene)):
         status = cell.status if cell.reason is None else f"{cell.status}: {cell.reason}"
         notes = "; ".join(["learnt nothing"] * learnt_nothing(run, cell) + cell.warnings)
         rows.append([cell.scene, cell.method, *(cell.scores.get(name) for name in SCORES), status, notes])
-    columns = ["scene", "method", "test dB", "training dB", "floor dB", "ceiling dB", "status", "what to know"]
+    columns = ["scene", "method", "test dB", "training dB", "floor dB", "ceiling dB", "status", "notes"]
     return Table(f"{case.lower()}-scores", 10, CASES[case].info.title, columns, rows)
 
 
 def mse_over_tests(cell: CellRecord) -> float | None:
-    """Return the mean over the test views of the mean square error, display colour over white."""
+    """Return the mean square error over the test views, of display colour over white."""
     errors = [10.0 ** (-view.psnr / 10.0) for view in cell.views if view.psnr is not None]
     return float(np.mean(errors)) if errors else None
 
 
 def share_of_looks(run: SceneRun, cell: CellRecord, views: ViewSet) -> float | None:
-    """Return the explained share over the pixels that are completely covered; display colours of 8 bits."""
+    """Return the explained share of the variance of the completely covered pixels, in display colour."""
     truth, render = [], []
     for view in shown(run, cell):
         rgba = views.test.rgba[views.test.names.index(view.view)]

@@ -1,6 +1,6 @@
-// A chart's axes as its data says: from values to places in the drawing, what is near a place, and drawing the axes.
+// The axes of a chart from its data: places of values and points in the drawing, and the drawn axes.
 const chartScale = (() => {
-  // Matplotlib's scales; symlog is linear below its threshold, with a decade as long as on the outside.
+  // Matplotlib's scales; symlog is linear below its threshold.
   function forward(axis) {
     if (axis.scale === "log") return (value) => Math.log10(value);
     if (axis.scale !== "symlog") return (value) => value;
@@ -14,25 +14,25 @@ const chartScale = (() => {
 
   // Value → place along an axis that begins at `start` and is `length` long.
   function along(axis, start, length) {
-    const of = forward(axis);
-    const [low, high] = [of(axis.low), of(axis.high)];
-    return (value) => start + (length * (of(value) - low)) / (high - low);
+    const transform = forward(axis);
+    const [low, high] = [transform(axis.low), transform(axis.high)];
+    return (value) => start + (length * (transform(value) - low)) / (high - low);
   }
 
   // {x, y}: value → place in the drawing, y downwards.
-  function of(chart) {
+  function scales(chart) {
     const [left, top, width, height] = chart.box;
     return { x: along(chart.x, left, width), y: along(chart.y, top + height, -height) };
   }
 
-  // Every point with its place: [{trace, index, at: [x, y]}], those that can be drawn.
+  // All points that can be drawn, with their places: [{trace, index, at: [x, y]}].
   function points(chart) {
-    const to = of(chart);
+    const to = scales(chart);
     return chart.traces.flatMap((trace) => trace.y.map((_, index) => ({ trace, index, at: placeOf(chart, to, trace, index) })))
       .filter(({ at }) => at.every(Number.isFinite));
   }
 
-  // A bar is pointed at in its middle.
+  // The place of a bar is its middle.
   function placeOf(chart, to, trace, index) {
     const x = xs(chart, trace)[index];
     const high = trace.x_high?.[index];
@@ -41,14 +41,14 @@ const chartScale = (() => {
     return [high === undefined ? to.x(x) : (to.x(x) + to.x(high)) / 2, y];
   }
 
-  // An empty bin has no place on a logarithmic axis: it lies on its foot.
+  // An empty bin has no place on a logarithmic axis and lies on its foot.
   const heightOf = (chart, to, share) => to.y(Math.max(share, chart.y.low));
 
   function xs(chart, trace) {
     return typeof trace.x === "number" ? chart.traces[trace.x].x : trace.x;
   }
 
-  // At most six or so: round numbers on a linear axis, powers of ten on another one.
+  // About six at most: round numbers on a linear axis, powers of ten on other axes.
   function ticks(axis) {
     const evenly = (from, to, step) => Array.from({ length: Math.floor((to - from) / step + 1e-9) + 1 }, (_, place) => from + place * step);
     if (axis.scale === "linear") {
@@ -68,9 +68,8 @@ const chartScale = (() => {
     return `10${[...String(Math.round(power))].map((sign) => (sign === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign])).join("")}`;
   }
 
-  // The nodes of the axes of a chart.
   function frame(chart) {
-    const to = of(chart);
+    const to = scales(chart);
     const [left, top, width, height] = chart.box;
     const [right, bottom] = [left + width, top + height];
     const line = (x1, y1, x2, y2, colour) => element.svg("line", { x1, y1, x2, y2, stroke: `var(${colour})`, "stroke-width": 0.8 });
@@ -85,12 +84,11 @@ const chartScale = (() => {
     ];
   }
 
-  // The outline of bins.
   function outline(chart, trace) {
-    const to = of(chart);
+    const to = scales(chart);
     const steps = trace.y.map((share, place) => `V${heightOf(chart, to, share).toFixed(1)}H${to.x(trace.x_high[place]).toFixed(1)}`);
     const start = `M${to.x(xs(chart, trace)[0]).toFixed(1)} ${heightOf(chart, to, trace.y[0]).toFixed(1)}`;
     return element.svg("path", { d: `${start}${steps.join("")}`, fill: "none", stroke: `var(${trace.colour})`, "stroke-width": 1.6 });
   }
-  return { of, points, xs, frame, outline };
+  return { points, xs, frame, outline };
 })();

@@ -1,28 +1,27 @@
-// Density before and after the amplifier, checkpoint by checkpoint, for all points and for those that truly lie inside
-// and outside of the scene's matter. The printed drawings of the last checkpoint stay below.
+// Density before and after the amplifier at each checkpoint, for all points and for those inside and outside of the
+// scene's true geometry. The static drawings of the last checkpoint stay below.
 const density = (() => {
   const data = element.data("density-data", []);
   const colours = element.data("runs-data", { colours: {} }).colours;
-  const SIDES = [["all points", ""], ["points inside matter", "_inside"], ["points outside matter", "_outside"]];
+  const SIDES = [["all points", ""], ["points inside geometry", "_inside"], ["points outside geometry", "_outside"]];
   const KEYS = ["scene", "method", "seed"];
   const BOX = [42, 9, 216, 142];
-  const FOOT = 1e-5 / 1.6; // where the axis of shares begins: smaller ones are drawn on it, so that empty bins have a place
+  const FOOT = 1e-5 / 1.6; // the start of the axis of shares; smaller shares and empty bins are drawn there
   const nodes = {};
 
   const amplifies = (run) => run.at.some((at) => at.after);
 
-  // Runs that the reader has not filtered out.
   const allowed = () => data.filter((run) => filter.allows(run.scene, run.method));
 
-  // The run that is looked at: what the reader has selected, as far as there are histograms of it.
+  // The run that is shown: the reader's selection, as far as it has histograms.
   function current() {
-    let left = allowed();
+    let candidates = allowed();
     for (const name of KEYS) {
-      const wanted = left.filter((run) => String(run[name]) === state.get(name));
-      const fitting = wanted.length === 0 && name === "method" ? left.filter(amplifies) : wanted;
-      if (fitting.length > 0) left = fitting;
+      const selected = candidates.filter((run) => String(run[name]) === state.get(name));
+      const matching = selected.length === 0 && name === "method" ? candidates.filter(amplifies) : selected;
+      if (matching.length > 0) candidates = matching;
     }
-    return left[0];
+    return candidates[0];
   }
 
   function placeOf(run) {
@@ -36,13 +35,13 @@ const density = (() => {
     return before ? [before, at[`after${suffix}`] ?? before] : null;
   }
 
-  // The largest share of a run: the same axis at every checkpoint and side, so that only what changes moves.
-  function most(run) {
+  // The largest share of a run, so that all its checkpoints and sides have the same axis.
+  function largestShare(run) {
     const every = run.at.flatMap((at) => SIDES.flatMap(([, suffix]) => sharesOf(at, suffix) ?? []).flat());
     return Math.min(Math.max(...every), 1);
   }
 
-  // Even bins lie on a linear axis, others on a logarithmic one, through 0 if need be.
+  // Bins of equal width have a linear axis, others a logarithmic axis, or symlog if they include 0.
   function axisOf(edges) {
     const widths = edges.slice(1).map((high, place) => high - edges[place]);
     const [low, high] = [edges[0], edges.at(-1)];
@@ -56,7 +55,7 @@ const density = (() => {
     return {
       title, box: BOX,
       x: { label: "density σ", ...axisOf(run.edges) },
-      y: { label: "share of points", scale: "log", low: FOOT, high: most(run) * 1.6 },
+      y: { label: "share of points", scale: "log", low: FOOT, high: largestShare(run) * 1.6 },
       traces: lines.map(([label, colour], which) => ({
         label, colour, kind: "bins", x: run.edges.slice(0, -1), x_high: run.edges.slice(1), y: shares[which], runs: [0],
       })),
@@ -76,7 +75,7 @@ const density = (() => {
       const [before, after] = shares.map((side) => mean(run.edges, side));
       svg.replaceChildren(...chartScale.frame(chart), ...chart.traces.map((trace) => chartScale.outline(chart, trace)));
       svg.setAttribute("aria-label", `${title}. Mean density about ${before} before and ${after} after the amplifier.`);
-      figures.give(figure, chart);
+      figures.setChart(figure, chart);
     });
   }
 
@@ -86,7 +85,7 @@ const density = (() => {
 
   function show() {
     const run = current();
-    nodes.whole.hidden = !run;
+    nodes.root.hidden = !run;
     if (!run) return;
     const at = placeOf(run);
     KEYS.forEach((name, place) => {
@@ -97,12 +96,12 @@ const density = (() => {
     nodes.step.max = run.steps.length - 1;
     nodes.step.value = at;
     nodes.step.setAttribute("aria-valuetext", `step ${run.steps[at]}`);
-    nodes.said.textContent = `step ${numbers.grouped(run.steps[at])}`;
+    nodes.stepLabel.textContent = `step ${numbers.grouped(run.steps[at])}`;
     nodes.swatch.style.background = `var(${colours[run.method] ?? "--ink"})`;
     const split = Boolean(sharesOf(run.at[at], "_inside"));
     nodes.note.textContent = [
-      split ? truth(run.at[at]) : "This run did not record which of the points truly lie inside of the scene’s matter.",
-      amplifies(run) ? "" : `Nothing changes the density of ${run.method}: both lines are one.`,
+      split ? truth(run.at[at]) : "This run did not record which points lie inside of the scene’s geometry.",
+      amplifies(run) ? "" : `Nothing changes the density of ${run.method}: both lines coincide.`,
     ].filter(Boolean).join(" ");
     draw(run, at);
   }
@@ -121,17 +120,17 @@ const density = (() => {
     for (const name of KEYS) nodes[name] = element.select(name, (value) => state.set({ [name]: value }));
     const go = (event) => state.set({ "density.step": current().steps[event.target.value] });
     nodes.step = element("input", { type: "range", min: 0, step: 1, "aria-label": "Checkpoint", autocomplete: "off", input: go });
-    nodes.said = element("output");
+    nodes.stepLabel = element("output");
     nodes.note = element("p", { class: "note" });
     nodes.swatch = element.swatch();
     nodes.figures = SIDES.map(([words]) => element("figure", {}, element("figcaption", {}, words),
       element.svg("svg", { class: "plot", viewBox: "0 0 266 187", role: "img" })));
-    nodes.whole = element("div", { class: "density" },
-      element("div", { class: "choose" }, KEYS.map((name) => nodes[name].whole), element("label", {}, "checkpoint", nodes.step), nodes.said),
+    nodes.root = element("div", { class: "density" },
+      element("div", { class: "choose" }, KEYS.map((name) => nodes[name].root), element("label", {}, "checkpoint", nodes.step), nodes.stepLabel),
       element("p", { class: "legend" }, element("span", {}, element.swatch("--muted"), "density before the amplifier"),
         element("span", {}, nodes.swatch, "after it"), "One run, checkpoint by checkpoint."),
       element("div", { class: "plots" }, nodes.figures), nodes.note);
-    (section.querySelector(".fold > summary") ?? section.querySelector("h2")).after(nodes.whole);
+    (section.querySelector(".fold > summary") ?? section.querySelector("h2")).after(nodes.root);
     nodes.figures.forEach(figures.enhance);
     show();
     state.on((changed) => {

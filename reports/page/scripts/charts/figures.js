@@ -1,7 +1,7 @@
-// Figures: the point under the pointer says what it is, a click or Enter shows the runs behind it, and each figure is
-// saved as SVG and as CSV. The numbers stand beside each drawing, with where its axes lie.
+// Figures: a tip describes the point under the pointer, a click or Enter shows the runs behind it, and each figure is
+// saved as SVG and CSV. An element after each drawing holds its numbers and the position of its axes.
 const figures = (() => {
-  const NEAR = 14; // of the drawing's units, 72 an inch
+  const NEAR = 14; // in units of the drawing, 72 per inch
   const ring = element.svg("circle", { r: 5, class: "ring" });
   const tip = element("div", { class: "tip", role: "status", hidden: true });
   let shown = null;
@@ -11,11 +11,11 @@ const figures = (() => {
 
   function chartOf(figure) {
     const node = figure.querySelector("script.drawn");
-    if (!figure.chart && node) give(figure, JSON.parse(node.textContent));
+    if (!figure.chart && node) setChart(figure, JSON.parse(node.textContent));
     return figure.chart;
   }
 
-  function give(figure, chart) {
+  function setChart(figure, chart) {
     figure.chart = chart;
     figure.points = chartScale.points(chart).filter(({ trace }) => trace.kind !== "floor" || trace.y.length > 2);
     if (shown?.figure === figure) hide();
@@ -27,12 +27,12 @@ const figures = (() => {
     return trace.steps ? { ...run, step: trace.steps[index] } : run;
   }
 
-  // Of a point, or of another one of its row: the printed number of a scene stands beside what was measured there.
+  // The runs of a point, or of another point of its row: a printed number shares its row with the measured value.
   function behind({ chart, points }, { trace, index }) {
     const own = runsOf(chart, trace, index);
     if (own || !chart.y.rows) return own;
-    const beside = points.find((point) => point.trace.runs && point.trace.y[point.index] === trace.y[index]);
-    return beside ? runsOf(chart, beside.trace, beside.index) : null;
+    const neighbour = points.find((point) => point.trace.runs && point.trace.y[point.index] === trace.y[index]);
+    return neighbour ? runsOf(chart, neighbour.trace, neighbour.index) : null;
   }
 
   function nearest(figure, event) {
@@ -41,12 +41,12 @@ const figures = (() => {
     const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix.inverse());
     let best = null;
     let least = NEAR * NEAR;
-    // a row is pointed at over its whole width, its name included
-    const beside = figure.chart.y.rows ? 1e-3 : 1;
+    // the pointer selects a row over its full width, its name included
+    const weight = figure.chart.y.rows ? 1e-3 : 1;
     for (const point of figure.points) {
       // a thick line lies above thin ones
       const bias = point.trace.kind === "thin" ? 4 : 0;
-      const far = beside * (point.at[0] - x) ** 2 + (point.at[1] - y) ** 2 + bias;
+      const far = weight * (point.at[0] - x) ** 2 + (point.at[1] - y) ** 2 + bias;
       if (far < least) [best, least] = [point, far];
     }
     return best;
@@ -72,7 +72,7 @@ const figures = (() => {
     ring.style.stroke = `var(${point.trace.colour})`;
     svg.append(ring);
     const opens = behind(figure, point) !== null;
-    const whose = runsOf(figure.chart, point.trace, point.index) ? "the runs behind it" : "the runs of what was measured here";
+    const whose = runsOf(figure.chart, point.trace, point.index) ? "the runs behind it" : "the runs that were measured here";
     svg.classList.toggle("open", opens);
     const [first, ...rest] = lines(figure.chart, point);
     tip.replaceChildren(element("b", {}, first), ...rest.map((line) => element("span", {}, line)), opens ? element("i", {}, `click: ${whose}`) : "");
@@ -113,7 +113,7 @@ const figures = (() => {
     return show(figure, of(traces.at(line % traces.length)).reduce((best, point) => (far(point) < far(best) ? point : best)));
   }
 
-  // A row a point or bin: its line, numbers, and the run that it is of, where it is of one.
+  // A row per point or bin: its line, its numbers, and its run if it belongs to a single run.
   function csv(chart) {
     const has = (name) => chart.traces.some((trace) => trace[name]);
     const bins = chart.traces.some(({ kind }) => kind === "bins");
@@ -133,7 +133,7 @@ const figures = (() => {
     return download.csv([columns.map(([name]) => name), ...rows]);
   }
 
-  // Its section, the last heading above it (the same scene is drawn under several) and its own words.
+  // The section, the last heading above (several headings have figures of the same scene) and the figure's own title.
   function titleOf(figure, own) {
     const section = figure.closest("section");
     const above = (node) => node.compareDocumentPosition(figure) & Node.DOCUMENT_POSITION_FOLLOWING;
@@ -167,7 +167,7 @@ const figures = (() => {
     });
   }
 
-  // The scene and the method of a figure, if all of it is of one.
+  // The scene and the method of a figure, if all its runs share them.
   function about(figure) {
     const every = chartOf(figure)?.runs ?? [];
     const only = (name) => (every.every((run) => run[name] === every[0][name]) ? every[0]?.[name] : null);
@@ -178,11 +178,10 @@ const figures = (() => {
 
   function start() {
     all().forEach(enhance);
-    // a picture is saved as it lies in the page
     for (const image of document.querySelectorAll("figure > img[src^='data:image/png']")) {
       const title = titleOf(image.parentElement, image.alt);
       addSave(image.parentElement, title, "picture", [["PNG", () => download.saveFrom(title, "png", image.src)]]);
     }
   }
-  return { start, all, about, enhance, give };
+  return { start, all, about, enhance, setChart };
 })();

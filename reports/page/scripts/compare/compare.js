@@ -1,4 +1,4 @@
-// The picture comparer: puts choice, panels, controls, keys and the numbers of a pixel together.
+// The picture comparer: connects choice, panels, controls, keys and the numbers of a pixel.
 (() => {
   const SHARED = ["scene", "method", "seed", "step", "view"];
   const PLACING = ["zoom", "x", "y", "wipe", "pixel"].map((name) => `compare.${name}`);
@@ -24,9 +24,9 @@
 
     const first = () => panels.panels().find(({ size }) => size) ?? { size: { width: 1, height: 1 } };
 
-    // `of(at, size, picture)` tells the new place of a panel's picture.
-    function move(of, panel = first()) {
-      const { zoom: times, x, y } = of(choice, panel.size, choice.shown);
+    // `placeOf(at, size, picture)` returns the new place of a panel's picture.
+    function move(placeOf, panel = first()) {
+      const { zoom: times, x, y } = placeOf(choice, panel.size, choice.shown);
       const short = (value, usual, digits) => (Math.abs(value - usual) < 1e-9 ? null : Number(value.toFixed(digits)));
       choose({ "compare.zoom": short(times, 1, 4), "compare.x": short(x, 0.5, 5), "compare.y": short(y, 0.5, 5) }, true);
     }
@@ -42,7 +42,6 @@
     }
 
     const around = (values, now, by) => values[(values.indexOf(now) + by + values.length) % values.length];
-    const limit = (value, least, most) => Math.min(most, Math.max(least, value));
 
     const act = {
       closer: (factor) => closer(factor),
@@ -51,7 +50,7 @@
       step: (across, down) => {
         const { width, height } = choice.shown;
         const [column, row] = choice.pixel ?? [Math.floor(choice.x * width) - across, Math.floor(choice.y * height) - down];
-        const pixel = [limit(column + across, 0, width - 1), limit(row + down, 0, height - 1)];
+        const pixel = [numbers.clamp(column + across, 0, width - 1), numbers.clamp(row + down, 0, height - 1)];
         aloud = true;
         point(pixel, true);
         move((at, size, picture) => zoom.showing(at, pixel, size, picture));
@@ -76,7 +75,7 @@
       },
       nextMap: (by) => act.map(around(errorMaps.namesOf(choice.shown), choice.maps.at(-1), by), false),
       expose: (by) => {
-        const stops = by === null ? 0 : limit(choice.stops + by, -compareChoice.EXPOSURES, compareChoice.EXPOSURES);
+        const stops = by === null ? 0 : numbers.clamp(choice.stops + by, -compareChoice.EXPOSURES, compareChoice.EXPOSURES);
         choose({ "compare.ev": stops ? Number(stops.toFixed(1)) : null });
       },
       checkpoint: (by) => {
@@ -91,7 +90,7 @@
         }[kind];
         choose({ [kind]: around(...names, by) });
       },
-      wipe: (by) => choose({ "compare.wipe": Number(limit(choice.wipe + by, 0, 1).toFixed(4)) }, true),
+      wipe: (by) => choose({ "compare.wipe": Number(numbers.clamp(choice.wipe + by, 0, 1).toFixed(4)) }, true),
       help: () => dialog.showModal(),
     };
 
@@ -115,7 +114,7 @@
     });
     const controls = compareControls.controls({ choose, act, choice: () => choice });
 
-    // Where the pictures lie has changed, and nothing that must be computed.
+    // Only the place of the pictures has changed; nothing has to be computed.
     function replace() {
       choice = compareChoice.from(data);
       const { scene, shown, seed, step, stops } = choice;
@@ -128,8 +127,8 @@
     function refresh() {
       replace();
       controls.set(choice);
-      const said = [...choice.said, ...(data.left_out ?? [])];
-      if (notes.textContent !== said.join("")) notes.replaceChildren(...said.map((text) => element("p", {}, text)));
+      const lines = [...choice.notes, ...(data.left_out ?? [])];
+      if (notes.textContent !== lines.join("")) notes.replaceChildren(...lines.map((text) => element("p", {}, text)));
       turn += 1;
       const mine = turn;
       panels.show(choice);
@@ -144,7 +143,7 @@
       if (!frame) frame = requestAnimationFrame(painted);
     }
 
-    // The panels may have changed their size, so that what fits is decided here.
+    // The panels may have changed their size, so the zoom is limited here.
     function painted() {
       frame = 0;
       const panel = panels.panels()[0];
@@ -159,7 +158,7 @@
       aloud = false;
     }
 
-    // The maps on the panels, for the columns of the numbers.
+    // The maps of the panels, as columns of the table of numbers.
     function mapsShown() {
       const names = new Set(panels.panels().map(({ name }) => name).filter((name) => errorMaps.MAPS[name].colours && !errorMaps.MAPS[name].alone));
       return [...names].map((name) => ({
@@ -169,15 +168,15 @@
       }));
     }
 
-    root.append(controls.whole, where, notes, stage, table, spoken, dialog);
+    root.append(controls.root, where, notes, stage, table, spoken, dialog);
     root.hidden = false;
     compareControls.listen(root, act);
     new ResizeObserver(() => repaint()).observe(stage);
     state.on((changed) => {
-      const ours = [...changed].filter((key) => SHARED.includes(key) || /^(compare|filter)\./.test(key));
+      const relevant = [...changed].filter((key) => SHARED.includes(key) || /^(compare|filter)\./.test(key));
       if (changed.has("method") && state.get("method") !== choice.a) choose({ "compare.b": null });
-      if (ours.length === 0) return;
-      if (ours.every((key) => PLACING.includes(key))) replace();
+      if (relevant.length === 0) return;
+      if (relevant.every((key) => PLACING.includes(key))) replace();
       else refresh();
     });
     controls.set(choice);

@@ -1,14 +1,14 @@
-// The comparer's controls, made once and then set to what is chosen, and its keys.
+// The comparer's controls, created once and then set to the choice, and its keys.
 const compareControls = (() => {
-  // What a key is called, what it does in words, and by key what it does; `back` is −1 with Shift, else 1.
+  // The label of a group of keys, its description, and the action of each key; `back` is −1 with Shift, else 1.
   const KEYS = [
     ["S  W  D", "side by side, wipe, difference A − B", {
       s: (act) => act.mode("side"), w: (act) => act.mode("wipe"), d: (act) => act.mode("difference"),
     }],
     ["F", "flip; again: swap A and B in place", { f: (act) => act.flip() }],
     ["1 … 9", "picture A: 1 is the ground truth; with Shift: picture B", {}],
-    ["M", "next map; with Shift: the one before", { m: (act, back) => act.nextMap(back) }],
-    ["Shift + click", "on a map: a further row, or one less", {}],
+    ["M", "next map; with Shift: previous map", { m: (act, back) => act.nextMap(back) }],
+    ["Shift + click", "on a map: add or remove its row", {}],
     ["← ↑ → ↓", "move the pixel whose numbers are shown; with Ctrl: by ten; with Shift: pan", {}],
     ["+  −  0", "closer, farther, fit", {
       "+": (act) => act.closer(1.5), "=": (act) => act.closer(1.5), "-": (act) => act.closer(1 / 1.5), 0: (act) => act.fit(),
@@ -16,12 +16,12 @@ const compareControls = (() => {
     ["E", "half a stop brighter; with Shift: darker; R: reset", {
       e: (act, back) => act.expose(0.5 * back), r: (act) => act.expose(null),
     }],
-    [",  .", "checkpoint before, after", { ",": (act) => act.checkpoint(-1), ".": (act) => act.checkpoint(1) }],
-    ["V  C  N", "next view, next scene, next seed; with Shift: before", {
+    [",  .", "previous, next checkpoint", { ",": (act) => act.checkpoint(-1), ".": (act) => act.checkpoint(1) }],
+    ["V  C  N", "next view, scene, seed; with Shift: previous", {
       v: (act, back) => act.next("view", back), c: (act, back) => act.next("scene", back), n: (act, back) => act.next("seed", back),
     }],
     ["[  ]", "wipe to the left, to the right", { "[": (act) => act.wipe(-0.02), "]": (act) => act.wipe(0.02) }],
-    ["Esc", "let go of the pixel", { Escape: (act) => act.letGo() }],
+    ["Esc", "deselect the pixel", { Escape: (act) => act.letGo() }],
     ["?", "these keys", { "?": (act) => act.help() }],
   ];
   const NOTE = "They work once a picture or a control has been clicked or tabbed to; then the wheel zooms as well. Drag pans, a double click fits.";
@@ -30,13 +30,13 @@ const compareControls = (() => {
 
   const dialog = () => element.keys(KEYS, NOTE);
 
-  // `act` does what keys ask for. What a focused control needs itself is left to it.
+  // `act` holds the actions of the keys. A focused control keeps the keys that it needs itself.
   function listen(root, act) {
     root.addEventListener("keydown", (event) => {
       const arrows = MOVES[event.key];
       const taken = event.target.closest(arrows ? "select, input[type=range]" : "select");
       if (event.altKey || event.metaKey || (event.ctrlKey && !arrows) || event.target.closest("dialog") || taken) return;
-      // by where the key lies: Shift makes other signs of digits
+      // by the position of the key: Shift changes the character of a digit
       const digit = /^Digit([1-9])$/.exec(event.code);
       const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
       if (arrows && event.target.closest("[role=slider]")) act.wipe(arrows[0] * (event.shiftKey ? 0.1 : 0.01) - arrows[1] * 0.01);
@@ -52,9 +52,9 @@ const compareControls = (() => {
   function buttons(label, names, press) {
     const all = Object.entries(names).map(([name, text]) =>
       element("button", { type: "button", "data-name": name, click: (event) => press(name, event) }, text));
-    const set = (chosen) => all.forEach((one) => one.setAttribute("aria-pressed", String(chosen.includes(one.dataset.name))));
-    const offer = (some) => all.forEach((one) => (one.hidden = !some.includes(one.dataset.name)));
-    return { whole: element("div", { role: "group", "aria-label": label, class: "choices" }, all), set, offer };
+    const set = (chosen) => all.forEach((each) => each.setAttribute("aria-pressed", String(chosen.includes(each.dataset.name))));
+    const offer = (offered) => all.forEach((each) => (each.hidden = !offered.includes(each.dataset.name)));
+    return { root: element("div", { role: "group", "aria-label": label, class: "choices" }, all), set, offer };
   }
 
   function slider(label, least, most, step, moved) {
@@ -65,7 +65,7 @@ const compareControls = (() => {
       input.setAttribute("aria-valuetext", words);
       output.textContent = words;
     };
-    return { whole: element("label", { class: "slider" }, element("span", {}, label), input, output), input, set };
+    return { root: element("label", { class: "slider" }, element("span", {}, label), input, output), input, set };
   }
 
   const button = (text, label, click) => element("button", { type: "button", "aria-label": label, title: label, click }, text);
@@ -80,20 +80,20 @@ const compareControls = (() => {
     const maps = buttons("What to show", titles, (name, event) => act.map(name, event.shiftKey));
     const a = element.select("A", (name) => choose({ "compare.a": name }));
     const b = element.select("B", (name) => choose({ "compare.b": name }));
-    const pair = element("div", { class: "pair" }, a.whole, button("⇄", "Swap A and B (F)", act.swap), b.whole);
+    const pair = element("div", { class: "pair" }, a.root, button("⇄", "Swap A and B (F)", act.swap), b.root);
     const step = slider("Checkpoint", 0, 0, 1, (place) => choose({ step: choice().steps[place] }, true));
     const most = compareChoice.EXPOSURES;
     const exposure = slider("Exposure", -most, most, 0.1, (stops) => choose({ "compare.ev": stops || null }, true));
-    exposure.whole.append(button("↺", "Exposure 0 (R)", () => act.expose(null)));
+    exposure.root.append(button("↺", "Exposure 0 (R)", () => act.expose(null)));
     const range = slider("Range of colours", -6, 3, 1, (scale) => choose({ "compare.range": scale || null }, true));
     const magnified = element("output", { class: "magnified", "aria-label": "Magnification" });
     const closer = element("div", { role: "group", "aria-label": "Zoom", class: "choices zoom" },
       button("−", "Smaller (−)", () => act.closer(1 / 1.5)), magnified,
       button("+", "Larger (+)", () => act.closer(1.5)), button("fit", "Fit (0)", act.fit));
     const line = (...parts) => element("div", { class: "line" }, parts);
-    const whole = element("div", { class: "controls" },
-      line(scene.whole, view.whole, seed.whole, modes.whole, pair, button("?", "Keys (?)", act.help)),
-      line(maps.whole), line(step.whole, exposure.whole, range.whole, closer));
+    const root = element("div", { class: "controls" },
+      line(scene.root, view.root, seed.root, modes.root, pair, button("?", "Keys (?)", act.help)),
+      line(maps.root), line(step.root, exposure.root, range.root, closer));
 
     function set(now) {
       const names = now.images.map(({ id, name }) => [id, name]);
@@ -110,10 +110,10 @@ const compareControls = (() => {
       step.input.disabled = now.steps.length < 2;
       step.set(now.steps.indexOf(now.step), now.step === null ? "none kept" : `step ${now.step}${took(now)}`);
       exposure.set(now.stops, `${now.stops > 0 ? "+" : ""}${numbers.fixed(now.stops, 1)} EV`);
-      exposure.whole.toggleAttribute("data-hdr", now.shown.hdr);
-      exposure.whole.title = now.shown.hdr ? "The truth of this view is brighter than white in places" : "";
+      exposure.root.toggleAttribute("data-hdr", now.shown.hdr);
+      exposure.root.title = now.shown.hdr ? "The truth of this view is brighter than white in places" : "";
       const shown = now.maps.map((name) => (now.mode === "difference" && name === "colour" ? "signed" : name));
-      range.whole.hidden = !shown.some((name) => errorMaps.MAPS[name].scaled);
+      range.root.hidden = !shown.some((name) => errorMaps.MAPS[name].scaled);
       range.set(now.scale, now.scale < 0 ? `÷ ${2 ** -now.scale}` : `× ${2 ** now.scale}`);
     }
 
@@ -125,7 +125,7 @@ const compareControls = (() => {
     }
 
     const magnify = (scale) => (magnified.textContent = `${Math.round(100 * scale)} %`);
-    return { whole, set, magnify };
+    return { root, set, magnify };
   }
 
   return { controls, dialog, listen };

@@ -1,4 +1,4 @@
-// The pictures that the page holds: which there are of a scene, view, seed and step, and loading one with its figures.
+// The pictures of the page: those of a scene, view, seed and step, and loading one with its numbers.
 const compareData = (() => {
   const TRUTH = "truth";
   const PARTS = ["colour", "linear", "opacity", "depth"];
@@ -15,12 +15,12 @@ const compareData = (() => {
   const seedsOf = (scene) => sorted([...scene.renders, ...scene.missing].map(({ seed }) => seed));
 
   const rendersOf = (scene, seed, view, method) =>
-    scene.renders.filter((one) => one.seed === seed && one.view === view && (!method || one.method === method));
+    scene.renders.filter((render) => render.seed === seed && render.view === view && (!method || render.method === method));
 
-  // Steps of which a scene, seed and view has a picture, by any method or by one.
+  // The steps with a picture of a scene, seed and view, by any method or by `method`.
   const stepsOf = (scene, seed, view, method) => sorted(rendersOf(scene, seed, view, method).map(({ step }) => step));
 
-  // Ground truth and every method in order: { id, name, method, variable, refs, record } or, without refs, { why }.
+  // Ground truth and every method in order: { id, name, method, variable, refs, record }, or { why } instead of refs.
   function images(data, scene, view, seed, step) {
     const shown = scene.views[view];
     const { display, ...others } = shown.truth;
@@ -28,7 +28,7 @@ const compareData = (() => {
     const methods = data.methods.map((method) => {
       const id = method === TRUTH ? `method ${TRUTH}` : method;
       const image = { id, name: method, method, variable: data.variables[method], view: shown };
-      const record = rendersOf(scene, seed, view, method).find((one) => one.step === step);
+      const record = rendersOf(scene, seed, view, method).find((render) => render.step === step);
       if (record) return { ...image, record, refs: { ...record, linear: null } };
       return { ...image, why: whyNot(scene, view, method, seed, step) };
     });
@@ -37,9 +37,9 @@ const compareData = (() => {
 
   function whyNot(scene, view, method, seed, step) {
     const steps = stepsOf(scene, seed, view, method);
-    const gone = scene.missing.find((one) => one.method === method && one.seed === seed);
+    const missing = scene.missing.find((cell) => cell.method === method && cell.seed === seed);
     const instead = steps.length > 0 ? ` Kept: step ${steps.join(", ")}.` : "";
-    if (gone) return `${gone.status.replaceAll("_", " ")}: ${gone.reason || "no reason recorded"}${instead && `.${instead}`}`;
+    if (missing) return `${missing.status.replaceAll("_", " ")}: ${missing.reason || "no reason recorded"}${instead && `.${instead}`}`;
     if (step === null) return `No picture of ${method}, seed ${seed}, was kept.`;
     return `No picture of ${method}, seed ${seed}, was kept at step ${step}.${instead}`;
   }
@@ -49,14 +49,14 @@ const compareData = (() => {
     return Float32Array.from({ length: area }, (_, place) => meaning[raw[which * area + place]]);
   }
 
-  async function fetched({ refs, view: { width, height }, isTruth = false }) {
+  async function fetchPicture({ refs, view: { width, height }, isTruth = false }) {
     const area = width * height;
     const raw = await Promise.all(PARTS.map((part) => (refs[part] ? pixels.raw(refs[part], width, height) : null)));
     const [colour, linear, opacity, depth] = raw;
     const planes = [0, 1, 2].map((which) => plane(colour, refs.colour, area, refs.colour.channels === 1 ? 0 : which));
     return {
       width, height, isTruth, refs, colour, linear, planes,
-      // three planes of linear light, made where a map asks for them
+      // three planes of linear light, computed when a map needs them
       get light() {
         return planes.map((values, which) => (linear ? plane(linear, refs.linear, area, which) : values.map(colourSpace.decode)));
       },
@@ -67,8 +67,8 @@ const compareData = (() => {
 
   const keyOf = ({ refs }) => PARTS.map((part) => `${refs[part]?.file ?? ""}${refs[part]?.id ?? ""}`).join(" ");
 
-  // An image's numbers; rejects with a sentence.
-  const load = (image) => (image.refs ? remember(keyOf(image), () => fetched(image)) : Promise.reject(new Error(image.why)));
+  // The numbers of an image; rejects with a sentence.
+  const load = (image) => (image.refs ? remember(keyOf(image), () => fetchPicture(image)) : Promise.reject(new Error(image.why)));
 
   // Linear light of one pixel, three numbers.
   function linearAt(picture, place) {

@@ -1,4 +1,4 @@
-// What a panel draws: a picture or one of its maps as a bitmap, with figures.
+// The content of a panel: a picture or one of its maps as a bitmap, with figures.
 const compareLayers = (() => {
   const remember = kept.memory(96e6, (values) => values.byteLength);
 
@@ -8,16 +8,16 @@ const compareLayers = (() => {
     return made;
   }
 
-  // { bitmap, said, values } of a map of `image` against another; rejects with a sentence where there is nothing to
-  // show. An image has no error against itself and shows its colour there.
-  async function layer(asked, image, against, choice) {
-    const name = image === against && !errorMaps.MAPS[asked].alone ? "colour" : asked;
+  // { bitmap, said, values } of a map of `image` against another; rejects with a sentence if there is nothing to show.
+  // An image has no error against itself and shows its colour instead.
+  async function layer(requested, image, against, choice) {
+    const name = image === against && !errorMaps.MAPS[requested].alone ? "colour" : requested;
     const map = errorMaps.MAPS[name];
     const other = map.alone ? image : against;
     const [truth] = choice.images;
     const [test, reference, opaque] = await Promise.all([image, other, truth].map(compareData.load));
-    const blind = map.depth && [image, other].find(({ refs }) => !refs.depth);
-    if (blind) throw new Error(`No depth was kept of the ${blind.name}.`);
+    const withoutDepth = map.depth && [image, other].find(({ refs }) => !refs.depth);
+    if (withoutDepth) throw new Error(`No depth was kept of ${withoutDepth.name}.`);
     const pair = { test, truth: reference, opaque: opaque.opacity };
     const record = against.isTruth ? image.record : null;
     if (name === "colour") {

@@ -1,4 +1,4 @@
-// The numbers of one pixel in every picture: a table, and a sentence for those who do not see it.
+// The numbers of a pixel in every picture: a table, and a sentence for screen readers.
 const compareProbe = (() => {
   const NONE = numbers.NOTHING;
   const { fixed } = numbers;
@@ -17,8 +17,8 @@ const compareProbe = (() => {
     ["error, display", (picture, place, truth) => (truth && picture !== truth ? errors(picture, truth, place) : NONE)],
   ];
 
-  // `loaded`: each image with its numbers, or null; `maps`: [{ title, values }] of the panels that are shown, with the
-  // values of each image by its id.
+  // `loaded`: the numbers of each image, or null; `maps`: [{ title, values }] of the visible panels, with the values of
+  // each image by its id.
   function table(choice, pixel, loaded, maps) {
     const place = pixel ? pixel[1] * choice.shown.width + pixel[0] : null;
     const where = pixel ? `pixel ${pixel[0]}, ${pixel[1]}` : "point at a pixel";
@@ -38,7 +38,7 @@ const compareProbe = (() => {
   function sentence(choice, pixel, loaded) {
     const place = pixel[1] * choice.shown.width + pixel[0];
     const each = choice.images.map(({ name }, which) =>
-      `${name} ${loaded[which] ? bytes(loaded[which], place).join(" ") : "not there"}`);
+      `${name} ${loaded[which] ? bytes(loaded[which], place).join(" ") : "missing"}`);
     return `Pixel ${pixel[0]}, ${pixel[1]}: ${each.join("; ")}.`;
   }
 

@@ -1,6 +1,6 @@
-// The panels on the page: which there are for a choice, what they show once it has been computed, and painting them.
+// The panels of a choice: their layout, their content once it is computed, and painting.
 const compareView = (() => {
-  // Rows of maps × columns of images; where two methods are compared, maps tell how they differ.
+  // Rows of maps × columns of images; if two methods are compared, maps show their difference.
   function plan(choice) {
     const by = (wanted) => choice.images.find(({ id }) => id === wanted);
     const [truth] = choice.images;
@@ -37,7 +37,7 @@ const compareView = (() => {
     return [title, element("span", { class: "ends" }, low, ramp, high), element("span", { title: words }, words)];
   }
 
-  // The canvas with a pixel of its own for each of the screen's.
+  // Gives the canvas panel pixel per screen pixel.
   function sized(canvas) {
     const box = canvas.getBoundingClientRect();
     const ratio = devicePixelRatio || 1;
@@ -46,7 +46,7 @@ const compareView = (() => {
     return { width: box.width, height: box.height, ratio };
   }
 
-  // Draws bitmaps from left to right: the second one from `wipe` (0 … 1 of the panel) on.
+  // Draws bitmaps from left to right; the second begins at `wipe` (0 … 1 of the panel).
   function draw(canvas, size, bitmaps, at, pixel) {
     const context = canvas.getContext("2d");
     const picture = bitmaps.find(Boolean);
@@ -68,7 +68,7 @@ const compareView = (() => {
       context.restore();
     });
     if (!pixel) return;
-    // a frame about it, light on dark, so that it is seen on any ground
+    // a light frame on a dark frame, visible on any background
     const side = Math.max(scale, 9);
     const [x, y] = [left, top].map((corner, axis) => corner + pixel[axis] * scale + (scale - side) / 2);
     for (const [lineWidth, strokeStyle] of [[3, "#000"], [1.25, "#fff"]]) {
@@ -87,16 +87,16 @@ const compareView = (() => {
       const key = JSON.stringify([choice.mode, rows, columns.map(({ key: name, parts }) => [name, parts.map(({ id }) => id)])]);
       if (key !== built) {
         built = key;
-        panels = rows.flatMap((name) => columns.map((column) => panel(name, column, choice)));
+        panels = rows.flatMap((name) => columns.map((column) => makePanel(name, column, choice)));
         stage.replaceChildren(...rows.map((name) => element("div", { class: "maprow" },
           element("p", { class: "maplegend", "data-map": name }),
-          element("div", { class: "panes" }, panels.filter((one) => one.name === name).map((one) => one.figure)))));
+          element("div", { class: "panes" }, panels.filter((panel) => panel.name === name).map((panel) => panel.figure)))));
       }
-      for (const one of panels) {
-        one.column = columns.find((column) => column.key === one.column.key);
-        one.title.replaceChildren(...titleOf(one.column, choice).filter(Boolean), one.save);
-        one.figure.toggleAttribute("data-chosen", choice.mode === "side" && one.column.key === choice.method);
-        one.canvas.setAttribute("aria-label", labelOf(one, choice));
+      for (const panel of panels) {
+        panel.column = columns.find((column) => column.key === panel.column.key);
+        panel.title.replaceChildren(...titleOf(panel.column, choice).filter(Boolean), panel.save);
+        panel.figure.toggleAttribute("data-chosen", choice.mode === "side" && panel.column.key === choice.method);
+        panel.canvas.setAttribute("aria-label", labelOf(panel, choice));
       }
       stage.dataset.mode = choice.mode;
       stage.style.setProperty("--ratio", String(choice.shown.width / choice.shown.height));
@@ -110,18 +110,18 @@ const compareView = (() => {
       return `${errorMaps.titleOf(name)} of ${names}${other}, ${choice.scene.name}, view ${choice.shown.name}`;
     }
 
-    function panel(name, column, choice) {
-      const one = { name, column, layers: [], size: null };
-      one.canvas = element("canvas", { role: "img", ...zoom.gestures(to.gestures(one)) });
-      one.why = element("p", { class: "why", hidden: true });
-      one.frame = element("div", { class: "frame" }, one.canvas, one.why);
-      one.title = element("figcaption");
-      one.said = element("p", { class: "said" });
-      const save = () => one.canvas.toBlob((blob) => download.saveBlob(one.canvas.getAttribute("aria-label"), "png", blob));
-      one.save = element("button", { type: "button", class: "png", title: "Save this panel as PNG", click: save }, "PNG");
-      one.figure = element("figure", { class: "pane", "data-panel": `${column.key}-${name}` }, one.title, one.frame, one.said);
-      if (choice.mode === "wipe") one.frame.append(one.grip = gripOf(one.frame));
-      return one;
+    function makePanel(name, column, choice) {
+      const panel = { name, column, layers: [], size: null };
+      panel.canvas = element("canvas", { role: "img", ...zoom.gestures(to.gestures(panel)) });
+      panel.why = element("p", { class: "why", hidden: true });
+      panel.frame = element("div", { class: "frame" }, panel.canvas, panel.why);
+      panel.title = element("figcaption");
+      panel.said = element("p", { class: "said" });
+      const save = () => panel.canvas.toBlob((blob) => download.saveBlob(panel.canvas.getAttribute("aria-label"), "png", blob));
+      panel.save = element("button", { type: "button", class: "png", title: "Save this panel as PNG", click: save }, "PNG");
+      panel.figure = element("figure", { class: "pane", "data-panel": `${column.key}-${name}` }, panel.title, panel.frame, panel.said);
+      if (choice.mode === "wipe") panel.frame.append(panel.grip = gripOf(panel.frame));
+      return panel;
     }
 
     function gripOf(frame) {
@@ -136,35 +136,35 @@ const compareView = (() => {
       });
     }
 
-    async function fill(one, choice, mine) {
-      const { parts, against } = one.column;
-      one.figure.setAttribute("aria-busy", "true");
-      const settled = await Promise.allSettled(parts.map((image) => compareLayers.layer(one.name, image, against, choice)));
+    async function fill(panel, choice, mine) {
+      const { parts, against } = panel.column;
+      panel.figure.setAttribute("aria-busy", "true");
+      const settled = await Promise.allSettled(parts.map((image) => compareLayers.layer(panel.name, image, against, choice)));
       if (mine !== turn) return;
       const lettered = (texts) =>
         texts.map((text, place) => (text && parts.length === 2 ? `${"AB"[place]}: ${text}` : text)).filter(Boolean);
-      one.layers = settled.map(({ value }) => value ?? null);
-      one.canvas.hidden = !one.layers.some(Boolean);
-      one.said.textContent = lettered(one.layers.map((layer) => layer?.said)).join(" · ");
-      one.why.textContent = lettered(settled.map(({ reason }) => reason?.message)).join(" ");
-      one.why.hidden = !one.why.textContent;
-      one.figure.removeAttribute("aria-busy");
+      panel.layers = settled.map(({ value }) => value ?? null);
+      panel.canvas.hidden = !panel.layers.some(Boolean);
+      panel.said.textContent = lettered(panel.layers.map((layer) => layer?.said)).join(" · ");
+      panel.why.textContent = lettered(settled.map(({ reason }) => reason?.message)).join(" ");
+      panel.why.hidden = !panel.why.textContent;
+      panel.figure.removeAttribute("aria-busy");
       to.painted();
     }
 
     function show(choice) {
       turn += 1;
       build(choice);
-      for (const one of panels) fill(one, choice, turn);
+      for (const panel of panels) fill(panel, choice, turn);
     }
 
     function paint(choice, pixel) {
-      for (const one of panels) {
-        one.size = sized(one.canvas);
-        draw(one.canvas, one.size, one.layers.map((layer) => layer?.bitmap), choice, pixel);
-        if (!one.grip) continue;
-        one.grip.style.left = `${100 * choice.wipe}%`;
-        one.grip.setAttribute("aria-valuenow", String(Math.round(100 * choice.wipe)));
+      for (const panel of panels) {
+        panel.size = sized(panel.canvas);
+        draw(panel.canvas, panel.size, panel.layers.map((layer) => layer?.bitmap), choice, pixel);
+        if (!panel.grip) continue;
+        panel.grip.style.left = `${100 * choice.wipe}%`;
+        panel.grip.setAttribute("aria-valuenow", String(Math.round(100 * choice.wipe)));
       }
     }
 

@@ -1,5 +1,5 @@
-// Numbers 0 … 1 as colours. Magma and viridis are matplotlib's (CC0): every fifth of their 256 colours as six hexadecimal
-// digits, which leaves those between right to one level.
+// Numbers 0 … 1 as colours. Magma and viridis are Matplotlib's (CC0): every fifth of their 256 colours as six hexadecimal
+// digits; interpolation between them is off by one level at most.
 const colourMaps = (() => {
   const MAGMA =
     "00000402020b0504160907200e0b2b140e361a104221114e29115a311165390f6e420f754a107952137c5a167e6219806a1c8172" +
@@ -9,7 +9,7 @@ const colourMaps = (() => {
     "44015446085c471063481769481d6f482475472a7a46307e453781433d844142873f48893d4e8a3a538b38598c355e8d33638d31" +
     "688e2e6d8e2c718e2a768e297b8e27808e25848e23898e218e8d20928c1f978b1e9c891fa18821a58524aa8328ae802eb37c35b7" +
     "793dbc7446c06f50c46a5ac86465cb5e70cf577cd25089d54895d840a2da37b0dd2fbddf26cae11fd8e219e5e419f1e51dfde725";
-  // Blue (less) over white (none) to orange-red (more): told apart with any colour vision, and by lightness alone in size.
+  // Blue (less) over white (none) to orange-red (more): distinguishable with any colour vision, and lightness gives the size.
   const DIVERGING = "08306b4292c6f7f7f7f169137f2704";
 
   // 256 colours, three bytes each.
@@ -25,7 +25,7 @@ const colourMaps = (() => {
 
   const tables = { magma: table(MAGMA), viridis: table(VIRIDIS), diverging: table(DIVERGING), grey: table("000000ffffff") };
 
-  // Values → RGBA bytes, `low` … `high` over the whole table; what is no number stays transparent.
+  // Values → RGBA bytes, `low` … `high` over the full table; NaN stays transparent.
   function paint(values, name, low, high) {
     const bytes = new Uint8ClampedArray(4 * values.length);
     values.forEach((value, place) => {

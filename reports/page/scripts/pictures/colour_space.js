@@ -1,4 +1,4 @@
-// sRGB ↔ linear light ↔ XYZ ↔ CIELAB, D65, 2° observer; numbers as colour-science has them.
+// sRGB ↔ linear light ↔ XYZ ↔ CIELAB, D65, 2° observer; constants as in colour-science.
 const colourSpace = (() => {
   const WHITE = [0.3127 / 0.329, 1, (1 - 0.3127 - 0.329) / 0.329];
   const TO_XYZ = [
@@ -11,9 +11,9 @@ const colourSpace = (() => {
   // Display value 0 … 1 → linear light (IEC 61966-2-1).
   const decode = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
 
-  // Linear light → display value; what lies outside 0 … 1 is clipped first.
+  // Linear light, clipped to 0 … 1 → display value.
   const encode = (v) => {
-    const x = Math.min(1, Math.max(0, v));
+    const x = numbers.clamp(v, 0, 1);
     return x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055;
   };
 

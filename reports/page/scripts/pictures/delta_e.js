@@ -38,9 +38,9 @@ const deltaE = (() => {
     return Math.sqrt(forLightness ** 2 + forChroma ** 2 + forHue ** 2 + rotation * forChroma * forHue);
   }
 
-  // Display colour of two pictures, three planes each, 0 … 1 → ΔE₀₀ a pixel. A generator: it may be left off between rows.
+  // Display colour of two pictures, three planes each, 0 … 1 → ΔE₀₀ per pixel. A generator that pauses between rows.
   function* map(first, second, width, height) {
-    const found = new Float32Array(width * height);
+    const errors = new Float32Array(width * height);
     const labs = [[0, 0, 0], [0, 0, 0]];
     for (let row = 0; row < height; row += 1) {
       for (let place = row * width; place < (row + 1) * width; place += 1) {
@@ -48,11 +48,11 @@ const deltaE = (() => {
           const [r, g, b] = planes.map((plane) => colourSpace.decode(plane[place]));
           colourSpace.toLab(r, g, b, labs[which]);
         }
-        found[place] = between(labs[0], labs[1]);
+        errors[place] = between(labs[0], labs[1]);
       }
       yield;
     }
-    return found;
+    return errors;
   }
 
   return { between, map };

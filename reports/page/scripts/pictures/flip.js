@@ -1,5 +1,5 @@
 // FLIP for displays (Andersson et al. 2020), with separable filters as in its authors' program and their default of
-// 67 pixels a degree: 0.7 m from a display of 0.7 m and 3840 pixels.
+// 67 pixels per degree: 0.7 m from a display of 0.7 m and 3840 pixels.
 const flip = (() => {
   const PIXELS_A_DEGREE = 3840 * (Math.PI / 180);
   const WHITE = [0.950428545, 1, 1.088900371];
@@ -13,7 +13,7 @@ const flip = (() => {
     [-0.969224334, 1.875930071, 0.041554224],
     [0.055639423, -0.204011202, 1.057148933],
   ];
-  // Contrast sensitivity as sums of Gaussians a √(π/b) exp(−π² x²/b), x in degrees; the second term is of Cz alone.
+  // Contrast sensitivity as sums of Gaussians a √(π/b) exp(−π² x²/b), x in degrees; only Cz has a second term.
   const SEEN = { y: [[1, 0.0047]], cx: [[1, 0.0053]], cz: [[34.1, 0.04], [13.5, 0.025]] };
   const FEATURE_WIDTH = 0.082;
   const [COLOUR_POWER, BEND, BEND_TO, FEATURE_POWER] = [0.7, 0.4, 0.95, 0.5];
@@ -21,7 +21,7 @@ const flip = (() => {
 
   const times = (m, x, y, z) => m.map((row) => row[0] * x + row[1] * y + row[2] * z);
   const bent = (t) => (t > DELTA ** 3 ? Math.cbrt(t) : t / (3 * DELTA * DELTA) + 4 / 29);
-  const clip = (v) => Math.min(1, Math.max(0, v));
+  const clip = (v) => numbers.clamp(v, 0, 1);
 
   // CIELAB with Hunt's adjustment: colourfulness falls with lightness.
   function huntLab(r, g, b) {
@@ -42,9 +42,9 @@ const flip = (() => {
         return Math.sqrt(a * Math.sqrt(Math.PI / b)) * Math.exp((-(Math.PI ** 2) * x * x) / b);
       }),
     );
-    const sums = filters.map((one) => one.reduce((sum, v) => sum + v, 0));
-    const whole = Math.hypot(...sums);
-    return filters.map((one) => one.map((v) => v / whole));
+    const sums = filters.map((filter) => filter.reduce((sum, v) => sum + v, 0));
+    const norm = Math.hypot(...sums);
+    return filters.map((filter) => filter.map((v) => v / norm));
   }
 
   // A Gaussian, and its first and second derivative whose positive and negative parts sum to ±1.
@@ -65,9 +65,9 @@ const flip = (() => {
     ];
   }
 
-  // `plane` filtered along rows or columns; beyond the edge its last value goes on.
+  // `plane` filtered along rows or columns, with its last value repeated beyond the edge.
   function* filtered(plane, width, height, weights, alongRows) {
-    const found = new Float32Array(plane.length);
+    const sums = new Float32Array(plane.length);
     const radius = (weights.length - 1) / 2;
     const [step, length] = alongRows ? [1, width] : [width, height];
     for (let row = 0; row < height; row += 1) {
@@ -79,18 +79,18 @@ const flip = (() => {
           const there = Math.min(length - 1, Math.max(0, here + offset));
           sum += weights[offset + radius] * plane[place + (there - here) * step];
         }
-        found[place] = sum;
+        sums[place] = sum;
       }
       yield;
     }
-    return found;
+    return sums;
   }
 
   function* both(plane, width, height, across, down) {
     return yield* filtered(yield* filtered(plane, width, height, across, true), width, height, down, false);
   }
 
-  // What the eye resolves of a picture: three planes of Hunt-adjusted CIELAB; and the strength of its edges and points.
+  // The visible part of a picture: three filtered planes of Hunt-adjusted CIELAB, and the strength of edges and points.
   function* seen(planes, width, height) {
     const opponent = [0, 1, 2].map(() => new Float32Array(width * height));
     for (let place = 0; place < width * height; place += 1) {
@@ -105,7 +105,7 @@ const flip = (() => {
     const smooth = [];
     for (const [which, terms] of [SEEN.y, SEEN.cx, SEEN.cz].entries()) {
       const parts = [];
-      for (const one of sensitivity(terms)) parts.push(yield* both(opponent[which], width, height, one, one));
+      for (const filter of sensitivity(terms)) parts.push(yield* both(opponent[which], width, height, filter, filter));
       smooth.push(parts.length === 1 ? parts[0] : parts[0].map((v, place) => v + parts[1][place]));
     }
     for (let place = 0; place < width * height; place += 1) {
@@ -117,9 +117,9 @@ const flip = (() => {
     }
     const [bell, edge, point] = features();
     const strengths = [];
-    for (const one of [edge, point]) {
-      const across = yield* both(grey, width, height, one, bell);
-      const down = yield* both(grey, width, height, bell, one);
+    for (const feature of [edge, point]) {
+      const across = yield* both(grey, width, height, feature, bell);
+      const down = yield* both(grey, width, height, bell, feature);
       strengths.push(across.map((v, place) => Math.hypot(v, down[place])));
     }
     return { lab: smooth, strengths };
@@ -127,27 +127,27 @@ const flip = (() => {
 
   const known = new WeakMap();
 
-  // A truth is compared with many renderings.
+  // Computed once per truth, which is compared with many renderings.
   function* seenOnce(planes, width, height) {
     if (!known.has(planes)) known.set(planes, yield* seen(planes, width, height));
     return known.get(planes);
   }
 
-  // Display colour of two pictures, three planes each, 0 … 1 → FLIP a pixel, 0 … 1. A generator, as it takes a while.
+  // Display colour of two pictures, three planes each, 0 … 1 → FLIP per pixel, 0 … 1. A generator that pauses between rows.
   function* map(truth, test, width, height) {
     const one = yield* seenOnce(truth, width, height);
     const other = yield* seen(test, width, height);
-    const found = new Float32Array(width * height);
-    for (let place = 0; place < found.length; place += 1) {
+    const errors = new Float32Array(width * height);
+    for (let place = 0; place < errors.length; place += 1) {
       const [first, second] = [one, other].map(({ lab }) => lab.map((plane) => plane[place]));
       const far = hyab(first, second) ** COLOUR_POWER / FARTHEST;
       const colour = far < BEND ? (far * BEND_TO) / BEND : BEND_TO + ((far - BEND) / (1 - BEND)) * (1 - BEND_TO);
       const [edges, points] = [0, 1].map((kind) => Math.abs(one.strengths[kind][place] - other.strengths[kind][place]));
       const feature = (Math.max(edges, points) / Math.SQRT2) ** FEATURE_POWER;
-      found[place] = colour ** (1 - feature);
+      errors[place] = colour ** (1 - feature);
       if (place % width === 0) yield;
     }
-    return found;
+    return errors;
   }
 
   // The ACES tone mapping of HDR-FLIP (Andersson et al. 2021): (a x² + b x) / (c x² + d x + e).
@@ -155,8 +155,7 @@ const flip = (() => {
   const MOST_TONE = 0.85;
   const toned = (x) => clip((x * (x * ACES[0] + ACES[1])) / (x * (x * ACES[2] + ACES[3]) + ACES[4]));
 
-  // Stops from the first exposure, at which the brightest pixel of the truth is almost white, to the last, at which its
-  // median is, about one apart.
+  // Exposures about one stop apart: at the first the brightest pixel of the truth is almost white, at the last its median.
   function exposures(truth) {
     const luma = Float64Array.from(truth[0], (_, place) => times(TO_XYZ, ...truth.map((plane) => plane[place]))[1]).sort();
     const [half, least] = [luma.length >> 1, 2 ** -23];
@@ -168,16 +167,16 @@ const flip = (() => {
     return Array.from({ length: many }, (_, place) => first + (place * (last - first)) / (many - 1));
   }
 
-  // Linear light of two pictures, three planes each → HDR-FLIP a pixel: the largest FLIP over the exposures.
+  // Linear light of two pictures, three planes each → HDR-FLIP per pixel: the largest FLIP over the exposures.
   function* hdr(truth, test, width, height) {
-    const found = new Float32Array(width * height);
+    const largest = new Float32Array(width * height);
     for (const stops of exposures(truth)) {
       const shown = [truth, test].map((planes) =>
         planes.map((plane) => plane.map((v) => colourSpace.encode(toned(Math.max(0, v) * 2 ** stops)))));
       const values = yield* map(...shown, width, height);
-      values.forEach((value, place) => (found[place] = Math.max(found[place], value)));
+      values.forEach((value, place) => (largest[place] = Math.max(largest[place], value)));
     }
-    return found;
+    return largest;
   }
 
   return { map, hdr };

@@ -1,6 +1,6 @@
-// A memory of promises that lets go of what was not asked for the longest, once it holds too many bytes.
+// A cache of promises, limited in bytes; the least recently used values are dropped first.
 const kept = (() => {
-  // `sizeOf` tells the bytes of a value. A promise that fails is forgotten, so that the next to ask tries again.
+  // `sizeOf` returns the bytes of a value. A failed promise is dropped, so that the next request tries again.
   function memory(limit, sizeOf) {
     const entries = new Map();
 

@@ -26,20 +26,20 @@ const pixels = (() => {
 
   async function text(ref) {
     if (ref.file) await loaded(ref.file);
-    const found = ref.file ? fromFiles.get(ref.id) : document.getElementById(ref.id)?.textContent.trim();
-    if (!found) throw new Error(`no pixels ${ref.id} in ${ref.file ?? "the page"}`);
-    return found;
+    const packed = ref.file ? fromFiles.get(ref.id) : document.getElementById(ref.id)?.textContent.trim();
+    if (!packed) throw new Error(`no pixels ${ref.id} in ${ref.file ?? "the page"}`);
+    return packed;
   }
 
   async function inflated(base64, size) {
     const packed = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
     const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
-    if (bytes.length !== size) throw new Error(`${bytes.length} bytes of pixels where ${size} belong`);
+    if (bytes.length !== size) throw new Error(`${bytes.length} bytes of pixels instead of ${size}`);
     return bytes;
   }
 
-  // Undoes the differences of one plane, in place: to the left neighbour, in the first column to the one above.
+  // Undoes the delta coding of a plane, in place: from the left neighbour, in the first column from the pixel above.
   function summed(plane, width) {
     for (let place = 1; place < plane.length; place += 1) {
       plane[place] += plane[place % width === 0 ? place - width : place - 1];
@@ -60,7 +60,7 @@ const pixels = (() => {
     return values;
   }
 
-  // Raw numbers of a picture, planar, as Uint8Array or Uint16Array; rejects with a sentence.
+  // The raw numbers of a picture, planar, as Uint8Array or Uint16Array; rejects with a sentence.
   function raw(ref, width, height) {
     return remember(`${ref.file ?? ""} ${ref.id} ${ref.bits} ${width}`, async () => {
       try {
@@ -71,7 +71,7 @@ const pixels = (() => {
     });
   }
 
-  // What each raw number of a REF means, 256 or 65536 of them.
+  // The meanings of all 256 or 65536 raw numbers of a REF.
   function meanings(ref) {
     if (!tables.has(ref)) {
       const most = 2 ** ref.bits - 1;

@@ -1,4 +1,4 @@
-// Small pictures of a run beside the truth, where the run itself is told of; drawn once they come into sight.
+// Small pictures of a run and of the truth in the panel of the run; drawn once they become visible.
 const thumbnails = (() => {
   function thumbnail(image, words) {
     const { width, height, name } = image.view;
@@ -18,15 +18,16 @@ const thumbnails = (() => {
     return element("span", { class: "thumbnail" }, canvas, element("small", {}, words));
   }
 
-  // The truth and the run's picture at `step`, or its last, of the first view of which there is one; none where no
-  // picture of the run is in the page.
+  // The truth and the run's picture at `step`, or at its last step, of the first view with such a picture; empty if the
+  // page has no picture of the run.
   function of(cell, step) {
     const data = compareData.read();
     const scene = data?.scenes.find(({ name }) => name === cell.scene);
     const own = scene?.renders.filter(({ method, seed }) => method === cell.method && seed === cell.seed) ?? [];
     if (own.length === 0) return [];
-    const latest = Math.max(...own.map((one) => one.step));
-    const { view, step: at } = own.find((one) => one.step === step) ?? own.find((one) => one.step === latest);
+    const latest = Math.max(...own.map((render) => render.step));
+    const at = own.some((render) => render.step === step) ? step : latest;
+    const { view } = own.find((render) => render.step === at);
     const [truth, ...rest] = compareData.images(data, scene, view, cell.seed, at);
     return [thumbnail(truth, "ground truth"), thumbnail(rest.find(({ method }) => method === cell.method), `step ${at}`)];
   }

@@ -1,4 +1,4 @@
-// A turn around each scene: one slider brings every strip of test views to the same place of its turn.
+// A turn around each scene: one slider sets all strips of test views to the same position.
 const turn = (() => {
   const PAUSE = 250;
 

@@ -1,31 +1,31 @@
-// Where a picture lies in its panel, and how pointer and wheel move it. `at` is { zoom, x, y }: times the size at which
-// the whole picture fits, and the point of the picture, 0 … 1, in the middle of the panel: the same for all panels.
+// The place of a picture in its panel, and moving it by pointer and wheel. `at` is { zoom, x, y }: the magnification
+// relative to the fitted picture, and the point of the picture, 0 … 1, in the middle of the panel; all panels share it.
 const zoom = (() => {
   const MOST = 256;
-  const limit = (value, least, most) => Math.min(most, Math.max(least, value));
+  const { clamp } = numbers;
 
-  // CSS pixels a picture pixel, and where in the panel the picture's corner lies.
+  // CSS pixels per picture pixel, and the picture's corner in the panel.
   function placed(at, panel, picture) {
     const scale = Math.min(panel.width / picture.width, panel.height / picture.height) * at.zoom;
     const corner = (room, part, length) => room / 2 - part * length * scale;
     return { scale, left: corner(panel.width, at.x, picture.width), top: corner(panel.height, at.y, picture.height) };
   }
 
-  // The same, without showing more of what lies beside the picture than needed.
+  // `at` limited so that the panel shows as little as possible outside of the picture.
   function kept(at, panel, picture) {
-    const wanted = limit(at.zoom, 1, MOST);
+    const wanted = clamp(at.zoom, 1, MOST);
     const { scale } = placed({ ...at, zoom: wanted }, panel, picture);
     const along = (value, length, room) => {
       const half = Math.min(0.5, room / 2 / (length * scale));
-      return limit(value, half, 1 - half);
+      return clamp(value, half, 1 - half);
     };
     return { zoom: wanted, x: along(at.x, picture.width, panel.width), y: along(at.y, picture.height, panel.height) };
   }
 
-  // Closer by a factor; what lies under `point` of the panel stays there.
+  // `at` magnified by a factor; the picture point under `point` of the panel stays there.
   function closer(at, factor, point, panel, picture) {
     const before = placed(at, panel, picture);
-    const wanted = limit(at.zoom * factor, 1, MOST);
+    const wanted = clamp(at.zoom * factor, 1, MOST);
     const { scale } = placed({ ...at, zoom: wanted }, panel, picture);
     const stays = (place, corner, length, room) => ((place - corner) / before.scale - (place - room / 2) / scale) / length;
     const x = stays(point.x, before.left, picture.width, panel.width);
@@ -33,14 +33,14 @@ const zoom = (() => {
     return kept({ zoom: wanted, x, y }, panel, picture);
   }
 
-  // The picture moved by so many CSS pixels.
+  // The picture moved by CSS pixels.
   function moved(at, dx, dy, panel, picture) {
     const { scale } = placed(at, panel, picture);
     const x = at.x - dx / (picture.width * scale);
     return kept({ zoom: at.zoom, x, y: at.y - dy / (picture.height * scale) }, panel, picture);
   }
 
-  // Moved no farther than needed for a pixel [column, row] to be seen.
+  // Moved as little as possible so that the pixel [column, row] is visible.
   function showing(at, [column, row], panel, picture) {
     const { scale, left, top } = placed(at, panel, picture);
     const short = (start, room) => {
@@ -50,7 +50,7 @@ const zoom = (() => {
     return moved(at, short(left + column * scale, panel.width), short(top + row * scale, panel.height), panel, picture);
   }
 
-  // The pixel [column, row] under a point of the panel, or null beside the picture.
+  // The pixel [column, row] under a point of the panel, or null outside of the picture.
   function pixelAt(at, point, panel, picture) {
     const { scale, left, top } = placed(at, panel, picture);
     const [column, row] = [Math.floor((point.x - left) / scale), Math.floor((point.y - top) / scale)];
@@ -58,9 +58,9 @@ const zoom = (() => {
     return inside ? [column, row] : null;
   }
 
-  // The handlers of a canvas that tell `to` of what pointers do on it: closer(factor, point), drag(dx, dy), hover(point),
-  // tap(point), fit(); hover(null) once the pointer has left.
-  // The wheel is the page's own until the reader has clicked (`to.listening()`), unless Ctrl is held.
+  // The pointer handlers of a canvas; they call closer(factor, point), drag(dx, dy), hover(point), tap(point) and fit() of
+  // `to`, and hover(null) when the pointer leaves.
+  // The wheel scrolls the page until the reader has clicked (`to.listening()`), unless Ctrl is held.
   function gestures(to) {
     const down = new Map();
     let travelled = 0;

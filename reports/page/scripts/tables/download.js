@@ -1,7 +1,7 @@
-// Files that the page gives: CSV, Markdown and LaTeX from rows of cells, any text under a sound name.
-// Names in them come from data and may be hostile: each format escapes what it would take for its own.
+// Files saved from the page: CSV, Markdown and LaTeX from rows of cells, or any text.
+// Names come from data and may be hostile: each format escapes its own special characters.
 const download = (() => {
-  // Under a name of letters, digits and dashes.
+  // The file name consists of letters, digits and dashes.
   function save(title, extension, text, type) {
     saveBlob(title, extension, new Blob([text], { type: `${type};charset=utf-8` }));
   }
@@ -12,7 +12,6 @@ const download = (() => {
     setTimeout(() => URL.revokeObjectURL(url), 10000);
   }
 
-  // What lies at an address of the page's own.
   function saveFrom(title, extension, address) {
     const link = element("a", { href: address, download: `${fileName(title)}.${extension}` });
     document.body.append(link);
@@ -25,7 +24,7 @@ const download = (() => {
     return plain.slice(0, 80).toLowerCase() || "figure";
   }
 
-  // RFC 4180. A text that a spreadsheet would run as a formula gets an apostrophe; numbers stay numbers.
+  // RFC 4180. A text that a spreadsheet would run as a formula gets an apostrophe; numbers are unchanged.
   function csv(rows) {
     return rows.map((row) => row.map(csvField).join(",")).join("\r\n") + "\r\n";
   }
@@ -38,19 +37,19 @@ const download = (() => {
     return /[",\r\n]/.test(text) || text !== text.trim() ? `"${text.replace(/"/g, '""')}"` : text;
   }
 
-  // The words of a cell {text, small} in one line.
+  // The text of a cell {text, small} in one line.
   const wordsOf = ({ text, small }) => (small ? `${text} (${small})`.trim() : text);
 
   // `table`: {caption, columns: [{label, numeric}], rows: [[{text, small}]], totals: likewise}.
   function markdown({ caption, columns, rows, totals }) {
     const line = (cells) => `| ${cells.join(" | ")} |`;
-    const cell = (one) => markdownText(wordsOf(one));
-    const bold = (one) => cell(one) && `**${cell(one)}**`;
+    const plain = (cell) => markdownText(wordsOf(cell));
+    const bold = (cell) => plain(cell) && `**${plain(cell)}**`;
     return [
       `**${markdownText(caption)}**`, "",
       line(columns.map(({ label }) => markdownText(label))),
       line(columns.map(({ numeric }) => (numeric ? "---:" : ":---"))),
-      ...rows.map((row) => line(row.map(cell))),
+      ...rows.map((row) => line(row.map(plain))),
       ...totals.map((row) => line(row.map(bold))), "",
     ].join("\n");
   }
@@ -66,9 +65,9 @@ const download = (() => {
 
   // With booktabs.
   function latex({ caption, columns, rows, totals }) {
-    // the line before would take a star or a bracket for its own
+    // the previous line would read a star or a bracket as its argument
     const line = (cells) => `${/^\s*[[*]/.test(cells[0]) ? "{}" : ""}${cells.join(" & ")} \\\\`;
-    const lines = (some) => some.map((row) => line(row.map((cell) => latexText(wordsOf(cell)))));
+    const lines = (part) => part.map((row) => line(row.map((cell) => latexText(wordsOf(cell)))));
     return [
       "% needs \\usepackage{booktabs} and \\usepackage{amssymb}",
       "\\begin{table}",
@@ -104,13 +103,13 @@ const download = (() => {
   const LOWERED = "₋₀₁₂₃₄₅₆₇₈₉";
 
   function latexText(text) {
-    const levels = (some, mark) => (found) =>
-      `$${mark}{${[...found].map((one) => "-0123456789"[some.indexOf(one)]).join("")}}$`;
+    const levels = (digits, mark) => (match) =>
+      `$${mark}{${[...match].map((sign) => "-0123456789"[digits.indexOf(sign)]).join("")}}$`;
     return [...text.replace(/\s*[\r\n]+\s*/g, " ")]
-      .map((one) => SIGNS[one] ?? (GREEK[one] ? `$\\${GREEK[one]}$` : one))
+      .map((sign) => SIGNS[sign] ?? (GREEK[sign] ? `$\\${GREEK[sign]}$` : sign))
       .join("")
       .replace(new RegExp(`[${RAISED}]+`, "g"), levels(RAISED, "^"))
       .replace(new RegExp(`[${LOWERED}]+`, "g"), levels(LOWERED, "_"));
   }
-  return { save, saveBlob, saveFrom, csv, markdown, latex };
+  return { save, saveBlob, saveFrom, csv, wordsOf, markdown, latex };
 })();

@@ -1,4 +1,4 @@
-// Elements made of names, attributes and children. Text is always text: nothing here reads mark-up.
+// Elements from names, attributes and children. Text is never parsed as mark-up.
 const element = (() => {
   const SVG = "http://www.w3.org/2000/svg";
 
@@ -19,15 +19,15 @@ const element = (() => {
   made.svg = (name, attributes = {}, ...children) =>
     fill(document.createElementNS(SVG, name), attributes, children);
 
-  // The JSON of a data element of the page, or `otherwise` where there is none.
-  made.data = (id, otherwise) => {
+  // The JSON of a data element of the page, or `fallback` if there is none.
+  made.data = (id, fallback) => {
     const node = document.getElementById(id);
-    return node ? JSON.parse(node.textContent) : otherwise;
+    return node ? JSON.parse(node.textContent) : fallback;
   };
 
   made.button = (look, text, click, attributes = {}) => made("button", { type: "button", class: look, click, ...attributes }, text);
 
-  // A square of the colour that a variable of the page holds.
+  // A square in the colour of a CSS variable.
   made.swatch = (variable) => {
     const mark = made("i", { class: "swatch", "aria-hidden": "true" });
     mark.style.background = `var(${variable ?? "--ink"})`;
@@ -38,10 +38,10 @@ const element = (() => {
   made.terms = (pairs, attributes = {}) =>
     made("dl", attributes, pairs.map(([term, text]) => made("div", {}, made("dt", {}, term), made("dd", {}, text))));
 
-  // What may be wider than its place, to be scrolled by keys as well.
+  // A container for wide content that can be scrolled by keys as well.
   made.scroll = (label, ...children) => made("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": label }, ...children);
 
-  // A choice whose options [value, text] are set together with the chosen one.
+  // A choice; `set` takes its options [value, text] and the chosen value.
   made.select = (label, chosen) => {
     const input = made("select", { "aria-label": label, autocomplete: "off", change: () => chosen(input.value) });
     const set = (entries, value) => {
@@ -49,7 +49,7 @@ const element = (() => {
       if (input.innerHTML !== made("select", {}, options).innerHTML) input.replaceChildren(...options);
       input.value = value;
     };
-    return { whole: made("label", {}, label, input), set };
+    return { root: made("label", {}, label, input), set };
   };
 
   // A dialog that lists [keys, what they do].

@@ -1,10 +1,9 @@
-// What lies behind the score of one run: its training, its density at a checkpoint, each of its views, how to make it
-// again.
+// The details behind the score of a run: its training, its density at a checkpoint, its views, and its replay command.
 const evidence = (() => {
   const [WIDTH, HEIGHT] = [132, 22];
   const LAYER = "gradient_norm ";
   const SERIES = [["loss", "loss"], ["gradient norm", "gradient_norm"], ["after clipping", "clipped_norm"],
-    ["learning rate", "learning_rate"], ["samples a ray", "samples_per_ray"]];
+    ["learning rate", "learning_rate"], ["samples per ray", "samples_per_ray"]];
   const WORST = 3;
   let histograms = null;
 
@@ -13,8 +12,8 @@ const evidence = (() => {
     const known = values.map((value, place) => [steps[place], value]).filter(([, value]) => value !== null);
     const height = known.every(([, value]) => value > 0) ? Math.log : (value) => value;
     const [xs, ys] = [known.map(([x]) => x), known.map(([, y]) => height(y))];
-    const scaled = (some, value, size) => {
-      const [low, high] = [Math.min(...some), Math.max(...some)];
+    const scaled = (all, value, size) => {
+      const [low, high] = [Math.min(...all), Math.max(...all)];
       return high > low ? ((value - low) / (high - low)) * size : size / 2;
     };
     const points = known.map((_, place) =>
@@ -41,7 +40,7 @@ const evidence = (() => {
       byLayer && element("details", {}, element("summary", {}, "gradient by layer"), byLayer)];
   }
 
-  // The density of a checkpoint, and the way to where it moves.
+  // The density of a checkpoint, as a link to the section where it can be moved.
   function histogram(cell, step) {
     histograms ??= element.data("density-data", []);
     const run = histograms.find((each) =>
@@ -64,7 +63,7 @@ const evidence = (() => {
       element("span", {}, words)], click, { "aria-label": words });
   }
 
-  // Every test view, the worst first.
+  // All test views, the worst first.
   function views(cell, names, grid) {
     const scores = cell.views ?? {};
     const shown = Object.keys(scores);
@@ -82,7 +81,7 @@ const evidence = (() => {
     const copy = element.button("act", "copy", ({ currentTarget }) => {
       navigator.clipboard?.writeText(cell.replay).then(() => { currentTarget.textContent = "copied"; });
     });
-    return element("div", { class: "again" }, element("p", {}, element("b", {}, "The same again, bit for bit")),
+    return element("div", { class: "again" }, element("p", {}, element("b", {}, "Repeat this run bit for bit")),
       element("pre", {}, cell.replay), cell.beside ? element("p", { class: "note" }, `With ${cell.beside}.`) : null, copy);
   }
   return { training, histogram, views, again };

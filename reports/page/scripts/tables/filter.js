@@ -1,5 +1,4 @@
-// Which scenes and methods are shown, in tables, figures and pictures alike; what is taken out stays in means and
-// verdicts.
+// The filter of scenes and methods for all tables, figures and pictures; means and verdicts keep hidden values.
 const filter = (() => {
   const known = element.data("runs-data", { scenes: [], methods: [] });
   const KINDS = [["scene", "scenes"], ["method", "methods"]];
@@ -13,14 +12,14 @@ const filter = (() => {
     },
   });
 
-  // The names that are left of `scenes` or `methods`, or null for all of them.
+  // The visible names of `scenes` or `methods`, or null for all.
   function chosen(kinds) {
     const wanted = (state.get(`filter.${kinds}`) ?? "").split("\n");
     const left = known[kinds].filter((name) => wanted.includes(name));
     return left.length > 0 && left.length < known[kinds].length ? left : null;
   }
 
-  // Whether a scene and a method are shown; either may be left open.
+  // Whether a scene and a method are shown; either may be null.
   function allows(scene, method) {
     const about = { scene, method };
     return KINDS.every(([kind, kinds]) => !about[kind] || (chosen(kinds)?.includes(about[kind]) ?? true));
@@ -46,7 +45,7 @@ const filter = (() => {
       fill();
     };
     box.replaceChildren(...lists,
-      element("p", { class: "note" }, "Takes rows, columns, figures and pictures of the others out of sight. Means and verdicts stay those of the whole run."),
+      element("p", { class: "note" }, "Hides rows, columns, figures and pictures of the others. Means and verdicts remain those of the complete run."),
       element.button("act", "show all", all), " ", element.button("act", "done", () => toggle(false)));
   }
 

@@ -1,11 +1,11 @@
-// One small menu for the whole page, opened below the button that it belongs to. The browser closes it by Escape and
-// by a click elsewhere, and gives the focus back.
+// One small menu for the page, opened below its button. The browser closes it on Escape and on a click elsewhere, and
+// returns the focus.
 const menu = (() => {
   const WIDTH = 120;
   const list = element("div", {
     class: "menu", role: "menu", popover: "auto", style: `width: ${WIDTH}px`,
     keydown: (event) => {
-      if (event.key === "Escape") event.stopPropagation(); // closes the menu alone
+      if (event.key === "Escape") event.stopPropagation(); // closes only the menu
       if (event.key === "Tab") list.hidePopover();
       const entries = [...list.children];
       const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
@@ -17,8 +17,8 @@ const menu = (() => {
   let owner = null;
   document.body.append(list);
 
-  // Makes the menu that of a button just before the browser opens it for the click; `items`: [[label, what to do], …].
-  function give(button, items) {
+  // Attaches the menu to a button just before the browser opens it for the click; `items`: [[label, action], …].
+  function attach(button, items) {
     if (owner) owner.popoverTargetElement = null;
     owner = button;
     owner.popoverTargetElement = list;
@@ -30,9 +30,9 @@ const menu = (() => {
     list.style.top = `${at.bottom + 4 + scrollY}px`;
   }
 
-  // A quiet button that opens a menu; `items` is asked when it is pressed.
+  // A button that opens a menu; `items()` is called when it is pressed.
   function button(label, items) {
-    const click = ({ currentTarget }) => give(currentTarget, items());
+    const click = ({ currentTarget }) => attach(currentTarget, items());
     return element.button("save", "save", click, { "aria-haspopup": "menu", "aria-label": label, title: label });
   }
   return { button };

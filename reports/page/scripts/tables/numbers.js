@@ -1,10 +1,12 @@
-// Numbers as a reader of the page writes them: true minus signs, fixed decimals, a dash for what is missing.
+// Numbers as text: true minus signs, fixed decimals, a dash for a missing value.
 const numbers = (() => {
   const MINUS = "\u2212";
   const NOTHING = "\u2013";
 
+  const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+
   function fixed(value, digits) {
-    if (value === null || value === undefined || !Number.isFinite(value)) return NOTHING;
+    if (!Number.isFinite(value)) return NOTHING;
     const text = value.toFixed(digits);
     return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", MINUS);
   }
@@ -14,9 +16,9 @@ const numbers = (() => {
     return /^\d/.test(text) && Number(text) !== 0 ? `+${text}` : text;
   }
 
-  // Four significant digits, whatever the size.
+  // Four significant digits for any magnitude.
   function brief(value) {
-    if (value === null || value === undefined || !Number.isFinite(value)) return NOTHING;
+    if (!Number.isFinite(value)) return NOTHING;
     const size = Math.abs(value);
     if (size !== 0 && (size < 1e-3 || size >= 1e7)) return value.toExponential(2).replace(/-/g, MINUS).replace("e+", "e");
     if (Number.isInteger(value)) return grouped(value);
@@ -36,5 +38,5 @@ const numbers = (() => {
     if (whole < 7200) return `${Math.floor(whole / 60)} min ${two(whole % 60)} s`;
     return `${Math.floor(whole / 3600)} h ${two(Math.floor((whole % 3600) / 60))} min`;
   }
-  return { fixed, signed, brief, grouped, seconds, NOTHING };
+  return { clamp, fixed, signed, brief, grouped, seconds, NOTHING };
 })();

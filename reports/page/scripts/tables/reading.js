@@ -1,8 +1,8 @@
-// How the page is read by keys alone, and on paper.
+// Reading the page with keys, and printing it.
 const reading = (() => {
   const KEYS = [
-    ["/", "filter: the rows of the table in sight, else scenes and methods"],
-    ["arrows", "from cell to cell of a table, from point to point of a figure that has the focus"],
+    ["/", "filter: the rows of the visible table, or scenes and methods"],
+    ["arrows", "move between cells of a table, or between points of a focused figure"],
     ["Enter", "the runs behind a cell or a point"],
     ["Esc", "close"],
     ["?", "these keys"],
@@ -20,7 +20,7 @@ const reading = (() => {
     else filter.toggle(true);
   }
 
-  // Which sections are unfolded is kept in the address.
+  // The address keeps the unfolded sections.
   function keepFolds() {
     const folds = [...document.querySelectorAll("section > details.fold")];
     const name = (fold) => fold.parentElement.id;
@@ -31,7 +31,7 @@ const reading = (() => {
     if (state.get("open")) unfold();
     for (const fold of folds) {
       fold.addEventListener("toggle", () => {
-        if (!printing) state.set({ open: folds.filter((one) => one.open).map(name).join(".") || null });
+        if (!printing) state.set({ open: folds.filter(({ open }) => open).map(name).join(".") || null });
       });
     }
     state.on((changed) => {
@@ -51,7 +51,7 @@ const reading = (() => {
       actions[event.key]();
     });
     keepFolds();
-    // paper has no way to unfold
+    // printed pages show everything unfolded
     addEventListener("beforeprint", () => {
       printing = true;
       opened = [...document.querySelectorAll("details:not([open])")];
@@ -59,7 +59,7 @@ const reading = (() => {
     });
     addEventListener("afterprint", () => {
       for (const details of opened.splice(0)) details.open = false;
-      setTimeout(() => (printing = false), 100); // after the last toggle is told
+      setTimeout(() => (printing = false), 100); // after the last toggle event
     });
   }
   return { start };

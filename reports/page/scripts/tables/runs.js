@@ -1,18 +1,18 @@
-// The runs behind a figure, beside the page: what each of them did, what it scored, and how a difference came about.
+// A panel with the runs behind a figure: their training, their scores, and the pairs of a difference.
 const runs = (() => {
   const data = element.data("runs-data", null);
-  // A selection's keys, and what they are called in the address.
+  // The keys of a selection, and their names in the address.
   const KEYS = {
     scene: "scene", method: "method", seed: "seed", step: "step",
     against: "runs.against", metric: "runs.metric", budget: "runs.budget",
   };
-  // What two runs are compared at: in words, the column of a curve, and what a whole run spent of it.
+  // The budget of a comparison: its label, the column of a curve, and the total of a run.
   const BUDGETS = {
     steps: ["steps", "step", "steps"], seconds: ["training time", "seconds", "seconds"],
     core_seconds: ["core seconds", "core_seconds", "core_seconds"],
   };
   const WORDS = { done: "finished", diverged: "diverged", error: "failed", not_available: "not available" };
-  const APART = "not compared: the group is not complete";
+  const INCOMPLETE = "not compared: the group is not complete";
   const body = element("div", { class: "content" });
   const close = element.button("close", "✕", () => shut(), { "aria-label": "Close" });
   const panel = element("aside", { class: "panel", id: "runs", hidden: true, tabindex: "-1", "aria-label": "The runs behind it" }, close, body);
@@ -47,7 +47,7 @@ const runs = (() => {
   const score = (cell, name) => (cell.status === "done" ? cell.scores[name] ?? null : null);
   const unitOf = ({ unit }) => (unit ? ` ${unit}` : "");
 
-  // A metric of two runs: at the steps that both did, or at the time that the quicker one took.
+  // A metric of two runs: after the steps that both have, or at the time of the faster run.
   function scoresAt(first, second, name, budget) {
     if (first.status !== "done" || second?.status !== "done") return [null, null];
     const [, axis, length] = BUDGETS[budget] ?? BUDGETS.steps;
@@ -56,7 +56,7 @@ const runs = (() => {
     return [onCurve(first, name, axis, at), onCurve(second, name, axis, at)];
   }
 
-  // Linear in the logarithm of steps or seconds between checkpoints, as the comparisons read it.
+  // Linear in the logarithm of steps or seconds between checkpoints, as in the comparisons.
   function onCurve({ curve }, name, axis, at) {
     const points = (curve[axis] ?? []).map((x, place) => [x, curve[name]?.[place] ?? null]).filter(([, y]) => y !== null);
     if (points.length === 0 || at < points[0][0]) return null;
@@ -74,40 +74,40 @@ const runs = (() => {
       element("thead", {}, element("tr", {}, heads)), element("tbody", {}, rows.map(line))));
   }
 
-  // Over scenes of the means over seeds, of {cell, value}: as the comparisons take it.
+  // The mean over scenes of the means over seeds of {cell, value}, as in the comparisons.
   function meanOf(rows) {
     const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
     const scenes = [...new Set(rows.map(({ cell }) => cell.scene))];
     return mean(scenes.map((scene) => mean(rows.filter(({ cell }) => cell.scene === scene).map(({ value }) => value))));
   }
 
-  // The rows of a selection's pairs: [ours, theirs].
-  const pairsOf = (one) => cellsOf(one, one.method).map((ours) =>
-    [ours, data.cells.find((cell) => cell.scene === ours.scene && cell.seed === ours.seed && cell.method === one.against)]);
+  // The pairs of a selection: [cell of the method, cell of its rival].
+  const pairsOf = (selection) => cellsOf(selection, selection.method).map((own) =>
+    [own, data.cells.find((cell) => cell.scene === own.scene && cell.seed === own.seed && cell.method === selection.against)]);
 
-  // Every pair that a difference is the mean of, and what could not be paired.
-  function differences(one) {
-    const metric = metricOf(one.metric);
+  // All pairs behind a mean difference, and the cells without a pair.
+  function differences(selection) {
+    const metric = metricOf(selection.metric);
     const digits = metric.digits + 1;
-    const rows = pairsOf(one).map(([cell, theirs]) => {
-      const [a, b] = scoresAt(cell, theirs, metric.name, one.budget);
-      const aside = cell.whole === false ? APART : a === null || b === null ? "not judged" : null;
-      return { cell, a, b, aside, value: aside ? null : a - b };
+    const rows = pairsOf(selection).map(([cell, rival]) => {
+      const [a, b] = scoresAt(cell, rival, metric.name, selection.budget);
+      const excluded = cell.whole === false ? INCOMPLETE : a === null || b === null ? "not judged" : null;
+      return { cell, a, b, excluded, value: excluded ? null : a - b };
     });
     const known = rows.filter(({ value }) => value !== null);
-    const compared = rows.filter(({ aside }) => aside !== APART);
+    const compared = rows.filter(({ excluded }) => excluded !== INCOMPLETE);
     const several = new Set(known.map(({ cell }) => cell.scene)).size > 1 ? " over scenes of the means over seeds" : "";
     const mean = known.length > 0 && `Mean${several}: ${numbers.signed(meanOf(known), digits)}${unitOf(metric)}, from ${known.length} of ${compared.length} pairs.`;
     return [
-      grid(`${metric.label}, ${`at equal ${(BUDGETS[one.budget] ?? BUDGETS.steps)[0]}`}`,
-        ["scene", "seed", one.method, one.against, "difference"],
-        rows.map(({ cell, a, b, aside, value }) =>
-          [cell.scene, String(cell.seed), numbers.fixed(a, digits), numbers.fixed(b, digits), aside ?? numbers.signed(value, digits)])),
+      grid(`${metric.label}, at equal ${(BUDGETS[selection.budget] ?? BUDGETS.steps)[0]}`,
+        ["scene", "seed", selection.method, selection.against, "difference"],
+        rows.map(({ cell, a, b, excluded, value }) =>
+          [cell.scene, String(cell.seed), numbers.fixed(a, digits), numbers.fixed(b, digits), excluded ?? numbers.signed(value, digits)])),
       element("p", { class: "note" }, mean || "No pair has both scores."),
     ];
   }
 
-  // When a run reached the target, or how long it was watched.
+  // The time at which a run reached the target, or the time until which it did not.
   function reachOf(cell, axis) {
     const [time, known] = data.reached?.[cell?.scene]?.[cell?.method]?.[cell?.seed]?.[axis] ?? [null, ""];
     if (time === null || cell.status === "error") return WORDS[cell?.status] ?? numbers.NOTHING;
@@ -115,13 +115,13 @@ const runs = (() => {
     return `${{ never: "not within ", earlier: "by " }[known] ?? ""}${words}`;
   }
 
-  function times(one) {
-    const axis = one.budget in BUDGETS ? one.budget : "steps";
+  function times(selection) {
+    const axis = selection.budget in BUDGETS ? selection.budget : "steps";
     const label = `${axis === "steps" ? "training steps" : BUDGETS[axis][0]} to ${numbers.fixed(data.target, 1)} dB`;
     return [
-      grid(label, ["scene", "seed", one.method, one.against],
-        pairsOf(one).map(([ours, theirs]) => [ours.scene, String(ours.seed), reachOf(ours, axis), reachOf(theirs, axis)])),
-      element("p", { class: "note" }, "“Not within”: as long as the run was watched; “by”: its first checkpoint."),
+      grid(label, ["scene", "seed", selection.method, selection.against],
+        pairsOf(selection).map(([own, rival]) => [own.scene, String(own.seed), reachOf(own, axis), reachOf(rival, axis)])),
+      element("p", { class: "note" }, "“Not within”: the end of the run; “by”: its first checkpoint."),
     ];
   }
 
@@ -165,18 +165,18 @@ const runs = (() => {
   function costsOf({ costs }) {
     const bytes = (value) => `${numbers.fixed(value / 1e6, 1)}\u202fMB`;
     const words = {
-      view_seconds: ["drawing a view", (value) => `${numbers.brief(1000 * value)}\u202fms`],
+      view_seconds: ["rendering a view", (value) => `${numbers.brief(1000 * value)}\u202fms`],
       weights_bytes: ["file of weights", bytes], memory_bytes: ["memory of its process", bytes], gpu_memory_bytes: ["memory of the GPU", bytes],
     };
     return Object.entries(words).filter(([name]) => costs?.[name] !== undefined).map(([name, [label, write]]) => [label, write(costs[name])]);
   }
 
-  function unit(cell, one, isOpen) {
-    const metric = metricOf(one.metric);
+  function unit(cell, selection, isOpen) {
+    const metric = metricOf(selection.metric);
     const figure = cell.status === "done" ? `${metric.label} ${numbers.fixed(score(cell, metric.name), metric.digits)}` : WORDS[cell.status];
-    const title = [one.scene ? null : cell.scene, one.method && !one.against ? null : cell.method, `seed ${cell.seed}`];
-    // what is folded is made when it is unfolded: a panel may hold a hundred runs
-    const fill = () => { if (node.open && node.children.length === 1) node.append(...details(cell, one.step)); };
+    const title = [selection.scene ? null : cell.scene, selection.method && !selection.against ? null : cell.method, `seed ${cell.seed}`];
+    // details are created when they are unfolded: a panel may hold a hundred runs
+    const fill = () => { if (node.open && node.children.length === 1) node.append(...details(cell, selection.step)); };
     const node = element("details", { open: isOpen, class: cell.status === "done" ? null : "lost", toggle: () => fill() },
       element("summary", {}, element("b", {}, title.filter(Boolean).join(" · ")), element("span", {}, figure),
         cell.warnings.length > 0 ? element("span", { class: "flag" }, "warning") : null));
@@ -198,19 +198,19 @@ const runs = (() => {
     const before = opener?.getBoundingClientRect().top;
     panel.hidden = !wanted;
     document.documentElement.classList.toggle("with-panel", wanted);
-    // what was pointed at stays where it is, though the page has become narrower
+    // the clicked element stays in place, although the page has become narrower
     if (opener) scrollBy({ top: opener.getBoundingClientRect().top - before, behavior: "instant" });
     if (!wanted) return;
-    const one = selected();
-    const cells = cellsOf(one, one.method);
-    const every = [...cells, ...(one.against ? cellsOf(one, one.against) : [])];
-    const who = one.against ? `${one.method} − ${one.against}` : one.method ?? "all methods";
-    const compared = one.against && every.length > 0 ? (one.metric === "target" ? times : differences)(one) : [];
+    const selection = selected();
+    const cells = cellsOf(selection, selection.method);
+    const every = [...cells, ...(selection.against ? cellsOf(selection, selection.against) : [])];
+    const who = selection.against ? `${selection.method} − ${selection.against}` : selection.method ?? "all methods";
+    const compared = selection.against && every.length > 0 ? (selection.metric === "target" ? times : differences)(selection) : [];
     body.replaceChildren(
       element("p", { class: "eyebrow" }, "the runs behind it"),
-      element("h2", {}, `${who}, ${one.scene ?? "all scenes"}`),
-      element("p", { class: "note" }, summary(cells, metricOf(one.metric))),
-      ...compared, ...every.map((cell, place) => unit(cell, one, place === 0 && !one.against)));
+      element("h2", {}, `${who}, ${selection.scene ?? "all scenes"}`),
+      element("p", { class: "note" }, summary(cells, metricOf(selection.metric))),
+      ...compared, ...every.map((cell, place) => unit(cell, selection, place === 0 && !selection.against)));
     panel.scrollTop = 0;
   }
 

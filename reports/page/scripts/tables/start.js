@@ -1,4 +1,4 @@
-// Everything that the page does, once what it works on is there.
+// Starts all parts of the page.
 (() => {
   const bar = element("div", { class: "bar" });
   document.querySelector("nav")?.append(bar);

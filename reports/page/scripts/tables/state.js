@@ -1,13 +1,13 @@
-// What the reader has chosen, kept in the address: #at=psnr&scene=lego&view=1. A plain #psnr goes to that section.
-// `scene`, `method`, `seed`, `step` and `view` are the selection that all parts share; other keys begin with the
-// name of the part that they belong to, such as `compare.mode`.
+// The reader's choices, kept in the address: #at=psnr&scene=lego&view=1. A plain #psnr goes to that section.
+// All parts share the selection `scene`, `method`, `seed`, `step` and `view`; other keys begin with the name of their
+// part, such as `compare.mode`.
 const state = (() => {
   const SETTLED = 250;
   const listeners = [];
   let chosen = fromAddress();
   let writing = 0;
 
-  // The address as it is typed may be anything.
+  // A typed address may hold anything.
   function decoded(text) {
     try {
       return decodeURIComponent(text);
@@ -21,7 +21,7 @@ const state = (() => {
     return text.includes("=") ? new Map(new URLSearchParams(text)) : new Map(text ? [["at", decoded(text)]] : []);
   }
 
-  // `entry`: whether going back returns to what was before.
+  // `entry`: whether the browser's back button returns to the previous choice.
   function write(entry) {
     clearTimeout(writing);
     const text = new URLSearchParams([...chosen]).toString();
@@ -29,14 +29,14 @@ const state = (() => {
     history[entry ? "pushState" : "replaceState"](null, "", address);
   }
 
-  // Replaces what is chosen and returns the Set of the keys that have changed.
-  function become(next) {
+  // Replaces the choices and returns the Set of the changed keys.
+  function replace(next) {
     const before = chosen;
     chosen = next;
     return new Set([...before.keys(), ...next.keys()].filter((key) => before.get(key) !== next.get(key)));
   }
 
-  function tell(changed) {
+  function notify(changed) {
     for (const listener of listeners) listener(changed);
   }
 
@@ -45,23 +45,23 @@ const state = (() => {
     return chosen.get(key) ?? null;
   }
 
-  // Changes some keys together; null takes one away. `soon`: many changes follow one another, as in a drag, and the
-  // address is written once they have settled.
+  // Changes several keys; null removes a key. `soon`: many changes follow one another, as in a drag, and the address is
+  // written after the last.
   function set(changes, { entry = false, soon = false } = {}) {
     const next = new Map(chosen);
     for (const [key, value] of Object.entries(changes)) {
       if (value === null || value === undefined) next.delete(key);
       else next.set(key, String(value));
     }
-    const changed = become(next);
+    const changed = replace(next);
     if (changed.size === 0) return;
     clearTimeout(writing);
     if (soon) writing = setTimeout(write, SETTLED, false);
     else write(entry);
-    tell(changed);
+    notify(changed);
   }
 
-  // `listener` gets the Set of the keys that have changed.
+  // `listener` gets the Set of the changed keys.
   function on(listener) {
     listeners.push(listener);
   }
@@ -77,7 +77,7 @@ const state = (() => {
     target.focus({ preventScroll: true });
   }
 
-  // To a place in the page, keeping what is chosen.
+  // Goes to an element of the page and keeps the choices.
   function go(name, changes = {}) {
     set({ ...changes, at: name }, { entry: true });
     goTo(name, true);
@@ -85,8 +85,8 @@ const state = (() => {
 
   addEventListener("hashchange", () => {
     clearTimeout(writing);
-    const changed = become(fromAddress());
-    if (changed.size > 0) tell(changed);
+    const changed = replace(fromAddress());
+    if (changed.size > 0) notify(changed);
     if (changed.has("at")) goTo(get("at"));
   });
   document.addEventListener("click", (event) => {

@@ -1,19 +1,19 @@
 // Tables: sorted by a click on a header, filtered by words, saved as CSV, Markdown and LaTeX; a cell opens its runs.
-// What a cell is sorted by and saved as stands in its data-value, data-said, data-parts and data-runs.
+// The attributes data-value, data-said, data-parts and data-runs of a cell hold its values for sorting and saving.
 const tables = (() => {
   const MANY_ROWS = 8;
-  const SHORT = 52; // characters of a caption that leave room beside it
+  const SHORT = 52; // characters of a caption that leaves room for the tools
   const EMPTY = { text: "", small: "", value: null, parts: {} };
   const STEPS = { ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowDown: [1, 0], ArrowUp: [-1, 0] };
   const { compare } = new Intl.Collator("en", { numeric: true });
   const all = [];
 
-  // What a cell holds: {text, small, value, parts}.
+  // The content of a cell: {text, small, value, parts}.
   function read(cell) {
     if (!cell) return EMPTY;
     const copy = cell.cloneNode(true);
-    const small = [...copy.querySelectorAll("small")].map((one) => one.textContent.trim().replace(/\s*\n\s*/g, "; "));
-    for (const one of copy.querySelectorAll("small, input, svg")) one.remove();
+    const small = [...copy.querySelectorAll("small")].map(({ textContent }) => textContent.trim().replace(/\s*\n\s*/g, "; "));
+    for (const node of copy.querySelectorAll("small, input, svg")) node.remove();
     const text = copy.textContent.replace(/[^\S\u00a0\u202f]+/g, " ").trim();
     const { value, said, parts } = cell.dataset;
     return {
@@ -24,14 +24,13 @@ const tables = (() => {
     };
   }
 
-  // Cells as a grid: a wide cell is followed by empty ones.
+  // The cells of a row; null fills the columns of a wide cell.
   const cellsOf = (row) => [...(row?.cells ?? [])].flatMap((cell) => [cell, ...Array(cell.colSpan - 1).fill(null)]);
   const isOut = (row) => row.matches(".out, .unmatched");
   const isNote = (row) => row?.matches(".why") ?? false;
   const isRight = (cell) => Boolean(cell) && !cell.matches(".words") && getComputedStyle(cell).textAlign === "right";
 
-  // What is in sight: rows and columns that were taken out are left out of files too. What qualifies a row in one below
-  // it becomes the last column.
+  // The visible rows and columns, for saving. The note in the row below a row becomes its last column.
   function model(table) {
     const heads = cellsOf(table.tHead?.rows[table.tHead.rows.length - 1]);
     const isKept = (_, place) => !heads[place]?.matches(".column-out");
@@ -42,13 +41,8 @@ const tables = (() => {
     });
     const [rows, totals] = [[...table.tBodies].flatMap(rowsOf), rowsOf(table.tFoot)];
     const isNumeric = (place) => [...rows, ...totals].some((row) => typeof row[place]?.value === "number");
-    const columns = heads.filter(isKept).map((head, place) => ({ label: wordsOf(head), numeric: isRight(head) || isNumeric(place) }));
+    const columns = heads.filter(isKept).map((head, place) => ({ label: download.wordsOf(read(head)), numeric: isRight(head) || isNumeric(place) }));
     return { caption: captionOf(table), columns: [...columns, ...(noted ? [{ label: "note", numeric: false }] : [])], rows, totals };
-  }
-
-  function wordsOf(head) {
-    const { text, small } = read(head);
-    return small ? `${text} (${small})`.trim() : text;
   }
 
   function captionOf(table) {
@@ -57,14 +51,14 @@ const tables = (() => {
     return [study, text].filter(Boolean).join(" – ") || table.closest("[aria-label]")?.getAttribute("aria-label") || "table";
   }
 
-  // Numbers in full, with a column of its own for every further number and for what stands small below.
+  // Unrounded numbers, with separate columns for additional numbers and for the small text.
   function csv(table) {
     const { columns, rows, totals } = model(table);
     const every = [...rows, ...totals];
     const written = columns.flatMap(({ label }, place) => {
       const cells = every.map((row) => row[place] ?? EMPTY);
       const names = [...new Set(cells.flatMap(({ parts }) => Object.keys(parts)))];
-      // of a range the ends alone, which stand beside
+      // a range has no value, only its ends in separate columns
       const missing = ({ text, parts }) => text === numbers.NOTHING || Object.values(parts).some(Number.isFinite);
       return [
         [label, ...cells.map((cell) => cell.value ?? (missing(cell) ? "" : cell.text))],
@@ -90,7 +84,7 @@ const tables = (() => {
     return rows.length > 1 && plain && table.tHead?.rows.length === 1 && !table.matches(".facts, .pictures");
   }
 
-  // A number; a text; null where nothing is there, which stays last whichever way it is sorted.
+  // A number, a text, or null for an empty cell, which stays last in both orders.
   function keyOf(row, place) {
     const { value, text } = read(row.cells[place]);
     return value ?? (text === "" || text === numbers.NOTHING ? null : text);
@@ -102,65 +96,65 @@ const tables = (() => {
     return (typeof a === "number" ? a - b : compare(a, b)) * (falling ? -1 : 1);
   }
 
-  // As the address says: a column's number and `a`scending or `d`escending.
-  function sort(one) {
-    const [, digits, way] = /^(\d+)([ad])$/.exec(state.get(one.key) ?? "") ?? [];
-    const place = digits < one.heads.length ? Number(digits) : -1;
-    const keyed = one.rows.map((row) => [place < 0 ? null : keyOf(row, place), row]);
+  // Sorts as in the address: the number of a column and `a`scending or `d`escending.
+  function sort(entry) {
+    const [, digits, way] = /^(\d+)([ad])$/.exec(state.get(entry.key) ?? "") ?? [];
+    const place = digits < entry.heads.length ? Number(digits) : -1;
+    const keyed = entry.rows.map((row) => [place < 0 ? null : keyOf(row, place), row]);
     if (place >= 0) keyed.sort(([a], [b]) => order(a, b, way === "d"));
-    one.table.tBodies[0].append(...keyed.map(([, row]) => row));
-    one.heads.forEach((head, at) => {
+    entry.table.tBodies[0].append(...keyed.map(([, row]) => row));
+    entry.heads.forEach((head, at) => {
       head.ariaSort = at === place ? { a: "ascending", d: "descending" }[way] : null;
     });
-    recount(one);
+    recount(entry);
   }
 
-  function makeSortable(one) {
-    one.key = `table.${one.name}.sort`;
-    one.heads = [...one.table.tHead.rows[0].cells];
-    one.heads.forEach((head, place) => {
+  function makeSortable(entry) {
+    entry.key = `table.${entry.name}.sort`;
+    entry.heads = [...entry.table.tHead.rows[0].cells];
+    entry.heads.forEach((head, place) => {
       if (!head.textContent.trim() || head.querySelector(".hidden")) return;
-      // numbers fall first, words rise; the third click puts the rows back
-      const numeric = one.rows.some((row) => row.cells[place]?.dataset.value !== undefined);
+      // the first click sorts numbers descending and texts ascending; the third restores the original order
+      const numeric = entry.rows.some((row) => row.cells[place]?.dataset.value !== undefined);
       const ways = (numeric ? ["d", "a"] : ["a", "d"]).map((way) => `${place}${way}`);
-      const click = () => state.set({ [one.key]: ways[ways.indexOf(state.get(one.key)) + 1] });
+      const click = () => state.set({ [entry.key]: ways[ways.indexOf(state.get(entry.key)) + 1] });
       head.append(element.button("sort", [...head.childNodes], click, { title: "sort" }));
     });
-    sort(one);
+    sort(entry);
   }
 
-  function makeFilter(one) {
-    one.words = `table.${one.name}.words`;
-    one.count = element("span", { class: "count", role: "status" });
-    one.field = element("input", {
-      type: "search", class: "rows", placeholder: "filter rows", "aria-label": `Filter rows: ${captionOf(one.table)}`,
+  function makeFilter(entry) {
+    entry.words = `table.${entry.name}.words`;
+    entry.count = element("span", { class: "count", role: "status" });
+    entry.field = element("input", {
+      type: "search", class: "rows", placeholder: "filter rows", "aria-label": `Filter rows: ${captionOf(entry.table)}`,
       autocomplete: "off", spellcheck: "false",
-      input: () => state.set({ [one.words]: one.field.value.trim() || null }),
+      input: () => state.set({ [entry.words]: entry.field.value.trim() || null }),
     });
-    match(one);
-    return [one.field, one.count];
+    match(entry);
+    return [entry.field, entry.count];
   }
 
-  function match(one) {
-    const text = state.get(one.words) ?? "";
+  function match(entry) {
+    const text = state.get(entry.words) ?? "";
     const words = text.toLowerCase().split(/\s+/).filter(Boolean);
-    if (document.activeElement !== one.field) one.field.value = text;
-    for (const row of one.rows) {
+    if (document.activeElement !== entry.field) entry.field.value = text;
+    for (const row of entry.rows) {
       const said = [row.textContent, ...[...row.cells].map((cell) => cell.dataset.said ?? "")].join(" ").toLowerCase();
       row.classList.toggle("unmatched", !words.every((word) => said.includes(word)));
     }
-    recount(one);
+    recount(entry);
   }
 
-  // How many rows are left; where rows no longer stand below the one that names their scene, each names its own.
-  function recount(one) {
-    const left = one.rows.filter((row) => !isOut(row)).length;
-    const torn = left < one.rows.length || one.heads?.some((head) => head.hasAttribute("aria-sort"));
-    if (one.count) one.count.textContent = left < one.rows.length ? `${left} of ${one.rows.length}` : "";
-    one.table.classList.toggle("regrouped", Boolean(torn));
+  // Counts the visible rows; rows that are no longer below the row with their scene name the scene themselves.
+  function recount(entry) {
+    const left = entry.rows.filter((row) => !isOut(row)).length;
+    const torn = left < entry.rows.length || entry.heads?.some((head) => head.hasAttribute("aria-sort"));
+    if (entry.count) entry.count.textContent = left < entry.rows.length ? `${left} of ${entry.rows.length}` : "";
+    entry.table.classList.toggle("regrouped", Boolean(torn));
   }
 
-  // One stop for the tab key in a table, arrow keys from cell to cell.
+  // The tab key stops once per table; arrow keys move between cells.
   function makeCells(table) {
     const cells = [...table.querySelectorAll("[data-runs]")];
     for (const cell of cells) {
@@ -194,12 +188,12 @@ const tables = (() => {
   }
 
   function enhance(table, name) {
-    const one = { table, name, rows: [...table.tBodies].flatMap((body) => [...body.rows]) };
-    all.push(one);
+    const entry = { table, name, rows: [...table.tBodies].flatMap((body) => [...body.rows]) };
+    all.push(entry);
     const tools = element("div", { class: "tools" });
     if (isSortable(table)) {
-      makeSortable(one);
-      if (one.rows.length >= MANY_ROWS) tools.append(...makeFilter(one));
+      makeSortable(entry);
+      if (entry.rows.length >= MANY_ROWS) tools.append(...makeFilter(entry));
     }
     tools.append(menu.button(`Save the table: ${captionOf(table)}`, () => forms(table)));
     const caption = table.caption?.matches(".hidden") ? "" : table.caption?.textContent ?? "";
@@ -220,14 +214,14 @@ const tables = (() => {
       enhance(table, `${where}-${counts[where]}`);
     }
     state.on((changed) => {
-      for (const one of all) {
-        if (changed.has(one.key)) sort(one);
-        if (changed.has(one.words)) match(one);
+      for (const entry of all) {
+        if (changed.has(entry.key)) sort(entry);
+        if (changed.has(entry.words)) match(entry);
       }
     });
   }
 
-  // After rows were taken out or put back by somebody else.
+  // Called after other parts have hidden or restored rows.
   const refresh = () => all.forEach(recount);
-  return { start, refresh, isOut };
+  return { start, refresh };
 })();

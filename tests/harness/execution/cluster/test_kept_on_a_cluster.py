@@ -1,4 +1,4 @@
-"""Cells in training travel to the driver as they are kept, and with the next attempt to another node; without Ray."""
+"""Snapshots of cells in training are sent to the driver, and with the next attempt to another node; without Ray."""
 
 import os
 from pathlib import Path
@@ -25,7 +25,7 @@ def task(tmp_path: Path) -> GroupTask:
 
 
 def told(task: GroupTask, *messages: Message) -> list[str]:
-    """At the second attempt: what it says."""
+    """Deliver messages during the second attempt; return the notices."""
     return [news for _, news in news_of(list(messages), [Attempt(task, 2)], {}) if isinstance(news, str)]
 
 

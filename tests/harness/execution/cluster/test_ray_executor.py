@@ -21,7 +21,7 @@ from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, task
 from tests.replacing import replace
 
 pytestmark = pytest.mark.timeout(1800)
-"""On a busy machine Ray's many processes and twelve trainings take many minutes."""
+"""On a busy machine, Ray's processes and twelve trainings take many minutes."""
 
 
 def test_without_ray_it_is_said_how_to_install_it(
@@ -36,7 +36,7 @@ def test_without_ray_it_is_said_how_to_install_it(
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """A head that trains nothing and three nodes of one core, each with a temporary folder of its own."""
+    """Yield a head that trains nothing and three nodes of one core, each with its own temporary folder."""
     pytest.importorskip("ray", reason="the extra `ray` is not installed")
     from ray._private import services
     from ray.cluster_utils import Cluster
@@ -59,7 +59,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 
 
 def patient(ask: Callable[..., Any]) -> Callable[..., Any]:
-    """`ask`, tried again for some minutes."""
+    """Return `ask`, which is repeated for some minutes."""
 
     def ask_again(*given: Any) -> Any:
         until = time.monotonic() + 300
@@ -78,7 +78,7 @@ def patient(ask: Callable[..., Any]) -> Callable[..., Any]:
 def joined(cluster: Any) -> Iterator[Any]:
     before = signal.getsignal(signal.SIGTERM)
     connect(cluster.address)
-    assert signal.getsignal(signal.SIGTERM) is before, "what a run does when it is told to end stays"
+    assert signal.getsignal(signal.SIGTERM) is before, "the handler of a run stays"
     yield cluster
     disconnect()
 
@@ -107,11 +107,9 @@ def test_a_killed_node_costs_time_and_changes_no_bit(
             joined.remove_node(victim, allow_graceful=False)
     assert killed, "no cell ended"
     notice, going_on = [event for event in events if event.notice is not None]
-    assert notice.notice is not None
     assert f"the node died (node {killed})" in notice.notice
-    assert "1 of its cells had ended and are kept; 1 cells are trained again, 1 of them kept on" in notice.notice
-    assert going_on.notice is not None
-    assert f"seed {notice.task.seed}: goes on at step " in going_on.notice
+    assert "1 of its cells had ended and are kept; 1 cells are trained again, 1 of them from" in notice.notice
+    assert f"seed {notice.task.seed}: resumes at step " in going_on.notice
     cells = {(cell.method, cell.seed): cell for cell in read_cells(tmp_path / "ray")}
     assert {cell.status for cell in cells.values()} == {"done"}
     again = [cell for cell in cells.values() if cell.seed == notice.task.seed]

@@ -1,4 +1,4 @@
-"""What is said of a cluster that lacks something, is busy, or has lost its head; and what ends a run."""
+"""Messages on a cluster that lacks room, is busy, or has lost its head, and the errors that end a run."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from scenes.files.errors import InputError
 
 
 class Clock:
-    """Stands still until it is set."""
+    """A clock that stands still until it is set."""
 
     now = 0.0
 
@@ -31,17 +31,16 @@ def test_a_group_takes_its_threads_and_one_gpu_of_one_node() -> None:
     assert not fits({"CPU": 1}, node(alive=False, CPU=4))
 
 
-def test_a_cluster_without_a_node_that_is_large_enough_is_not_waited_for_for_ever() -> None:
+def test_the_wait_for_a_large_enough_node_is_limited() -> None:
     clock = Clock()
     room = Room(needs_of(2, "cuda"), clock)
     apart = [node(CPU=8), node(CPU=1, GPU=1), node(alive=False, CPU=8, GPU=8)]
     said = room.look(apart, {}, 0)
-    assert said is not None
     assert "takes 2 cores and 1 GPUs, and none of the 2 nodes alive has that (the most of one: 8 cores and 1" in said
     clock.now = LONGEST_WAIT_SECONDS
     assert room.look(apart, {}, 0) is None, "once"
     clock.now += 1
-    with pytest.raises(InputError, match=r"takes 2 cores and 1 GPUs.*go on with --resume"):
+    with pytest.raises(InputError, match=r"takes 2 cores and 1 GPUs.*resume with --resume"):
         room.look(apart, {}, 0)
 
 
@@ -52,7 +51,7 @@ def test_a_node_that_joins_in_time_ends_the_wait() -> None:
     clock.now = LONGEST_WAIT_SECONDS
     assert room.look([node(CPU=1)], {}, 1) is None
     clock.now += 10
-    assert room.look([], {}, 0), "lost again: said again, and waited for as long as before"
+    assert room.look([], {}, 0), "lost again: reported again, and waited for as long as before"
 
 
 def test_a_silent_head_is_waited_for_and_then_given_up() -> None:

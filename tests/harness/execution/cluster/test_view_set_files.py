@@ -1,4 +1,4 @@
-"""View sets on nodes without the driver's disk: the same files, fetched once, and nothing else of the driver's."""
+"""View sets on nodes without the driver's disk: the same files, fetched once, and no other file of the driver."""
 
 import os
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from scenes.files.errors import InputError
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A small folder, and a node whose temporary folder is empty."""
+    """Return a small view set, and provide a node with an empty temporary folder."""
     (tmp_path / "node").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "node"))
     monkeypatch.setattr(view_set_files, "PIECE_BYTES", 1000)
@@ -62,7 +62,7 @@ def test_what_others_could_change_is_not_run_from(
     assert folder == node_folder(), "ours is taken again"
     folder.rmdir()
     made(folder)
-    with pytest.raises(InputError, match="no folder of this user alone; remove it, or set TMPDIR"):
+    with pytest.raises(InputError, match="not a folder of this user only; remove it, or set TMPDIR"):
         node_folder()
 
 

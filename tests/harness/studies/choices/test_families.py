@@ -1,4 +1,4 @@
-"""The search of the families: as many trials each, and each one trains something else."""
+"""The search of the families: the same number of trials for each, and each trial is another training."""
 
 from dataclasses import replace
 from pathlib import Path

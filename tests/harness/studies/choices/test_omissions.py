@@ -1,8 +1,7 @@
-"""What is left out, forced in or out, and judged."""
+"""Which parts are left out, how they are forced in or out, and the verdicts on leaving them out."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,14 +17,14 @@ from harness.studies.choices.arms import Arm, CellArms, CellTask, Ended, Rerende
 from harness.studies.choices.omissions import (
     cell_tasks,
     controls_of,
-    filled,
-    judged,
     omissions_of,
     too_costly,
+    verdict_on,
     verifiable,
     verify_run,
     with_bands,
     with_half_the_bins,
+    with_measurements,
 )
 from harness.verdicts.statistics import paired_difference
 from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
@@ -41,20 +40,18 @@ SOLID: Needs = {
     for name in PARTS
     if name not in ("high_bands", "every_bin", *BY_SILHOUETTES)
 }
-"""A Lambertian surface without a medium."""
-
-
+"""The needs of a Lambertian surface without a medium."""
 COVERING = replace(TRAIN, covered_share=0.8)
 
 
 def known(views: ViewSet, needs: Needs) -> ViewSet:
-    """`views` as if we had rendered them."""
+    """`views` with the record of rendered ones."""
     return replace(views, rendered={"needs": as_rows(needs), "left_out": left_out(needs)})
 
 
-def ball_plan(**changes: Any) -> Plan:
+def ball_plan() -> Plan:
     plan = planned("smoke", methods=["nerf"], seeds=1, precision="float32")
-    return replace(plan, train=TRAIN, score=SCORE, views=VIEWS, budget=Budget(6, None), scenes=("ball",), **changes)
+    return replace(plan, train=TRAIN, score=SCORE, views=VIEWS, budget=Budget(6, None), scenes=("ball",))
 
 
 @pytest.mark.parametrize(("name", "acceleration"), LEFT_OUT_BY.items())
@@ -103,23 +100,22 @@ def test_only_what_makes_a_difference_is_tried(ball: ViewSet) -> None:
     views = known(ball, SOLID)
     of_scene = ("view_direction", "outside_box", "empty_space")
     assert verifiable(views, plan, "nerf") == (*of_scene, *BY_SILHOUETTES, "behind_opaque")
-    assert verifiable(ball, plan, "nerf") == BY_SILHOUETTES, "silhouettes are known of anybody's images"
+    assert verifiable(ball, plan, "nerf") == BY_SILHOUETTES, "silhouettes are known of all images"
     dense = replace(plan, train=replace(COVERING, grid=replace(TRAIN.grid, cells=0)))
     assert verifiable(views, dense, "nerf") == ("view_direction", "outside_box", "background_rays", "behind_opaque")
     assert "behind_matter" not in verifiable(views, plan, "qnerf"), "its density depends on the chunk"
     clipped_no_more = replace(plan, train=kept(COVERING, ("outside_box", "behind_opaque", *BY_SILHOUETTES)))
     assert verifiable(views, clipped_no_more, "nerf") == ("view_direction", "empty_space")
     for method in ("voxels_drjit", "qnerf_listing4"):
-        everyones = ("view_direction", "background_rays")
-        assert verifiable(views, plan, method) == everyones, "what a method has not is not tried on it"
+        assert verifiable(views, plan, method) == ("view_direction", "background_rays"), "other parts are not in it"
 
 
 def test_silhouettes_tell_what_they_leave(ball: ViewSet) -> None:
     """Nothing is left out of images without a background; what is forced in is needed."""
-    told = needs_here(COVERING, ball)
-    assert set(told) == set(BY_SILHOUETTES)
-    assert not any(need.needed for need in told.values())
-    assert f"{100 * ball.hull.mean():.0f} % of the box" in told["outside_hull"].reason
+    needs = needs_here(COVERING, ball)
+    assert set(needs) == set(BY_SILHOUETTES)
+    assert not any(need.needed for need in needs.values())
+    assert f"{100 * ball.hull.mean():.0f} % of the box" in needs["outside_hull"].reason
     assert needs_here(COVERING, with_needs(ball, ("outside_hull",), ()))["outside_hull"].needed
     opaque = ImageStack.of(np.concatenate([rgba[..., :3], np.ones_like(rgba[..., 3:])], -1) for rgba in ball.train.rgba)
     full = replace(ball, train=replace(ball.train, rgba=opaque))
@@ -145,9 +141,7 @@ def test_every_cell_has_an_arm_for_each_omission(ball: ViewSet, tmp_path: Path) 
 
 
 def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
-    """An arm that changes nothing ends with the same score, and so does one whose weights were rendered again; each
-    that changes something does not.
-    """
+    """An arm that changes nothing has the same score, even if its weights are rendered again; the others have not."""
     arms = {
         "as planned": Arm(rendered_with=("behind_opaque",)),
         "again": Arm(),
@@ -174,7 +168,7 @@ def ended(psnr: float | None, seconds: float = 2.0, largest: float | None = None
 
 
 def cells_with(*scores: tuple[float | None, float | None], largest: float = 5e-5) -> list[CellArms]:
-    """(as planned, with the grid put back) by seed."""
+    """Cells with the scores (as planned, with empty space sampled) by seed."""
     return [
         CellArms("lego", "nerf", seed, {"as planned": ended(a, 2.0, largest), "empty_space": ended(b, 5.0)})
         for seed, (a, b) in enumerate(scores)
@@ -216,16 +210,16 @@ def test_a_cell_that_only_diverges_without_the_part_costs_more() -> None:
         ([-3.0, -2.0, -2.5], "within its bound"),
         ([0.5, 0.6, 0.55], "costs more"),
         ([-0.5, 0.9, 0.3], "inconclusive"),
-        ([0.3, 0.35, 0.2], "inconclusive"),  # the mean and the whole of 0 lie apart, the bound does not
+        ([0.3, 0.35, 0.2], "inconclusive"),  # it differs from 0, but not from the bound
         ([0.9], "inconclusive"),
     ],
 )
 def test_verdicts(costs: list[float], verdict: str) -> None:
-    assert judged(paired_difference(np.array(costs)), 0.2) == verdict
+    assert verdict_on(paired_difference(np.array(costs)), 0.2) == verdict
 
 
-def test_controls_are_turned_round() -> None:
-    """Less than 0 is what leaving out the needed part loses."""
+def test_controls_have_the_opposite_sign() -> None:
+    """A value below 0 is what leaving out the needed part loses."""
     arms = {"as planned": ended(25.0), "no view_direction": ended(22.0), "no bands": ended(19.0)}
     cells = [CellArms("lego", "nerf", seed, arms) for seed in range(2)]
     direction, bands = controls_of(cells)
@@ -249,7 +243,7 @@ def test_what_was_measured_fills_what_was_left_out() -> None:
         LeftOut("background model", "alpha", None, None, None),
     ]
     omission, _ = omissions = omissions_of(cells_with((20.0, 20.1), (21.0, 21.1)))
-    measured, untouched = filled(rows, omissions)
+    measured, untouched = with_measurements(rows, omissions)
     for name in ("difference", "seconds_saved", "interval", "verdict"):
         assert getattr(measured, name) == getattr(omission, name) is not None
     assert untouched == rows[1]

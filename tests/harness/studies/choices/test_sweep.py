@@ -25,7 +25,7 @@ def test_every_method_is_trained_at_every_rate(tmp_path: Path) -> None:
     assert [(row.method, row.tried) for row in rows] == [
         (method, tried_in(plan, arm)) for method in plan.methods for arm in ARMS
     ]
-    assert len({row.psnr_val for row in rows}) == len(rows) - 4, "each arm but the two of all pixels is another one"
+    assert len({row.psnr_val for row in rows}) == len(rows) - 4, "only the two arms of all pixels repeat others"
     assert all(row.core_seconds > 0 for row in rows)
 
 
@@ -50,9 +50,9 @@ def test_the_settings_of_the_short_runs_are_in_the_sweep_and_at_none_of_its_edge
     tried = {tried_in(plan, arm) for arm in ARMS}
     for settings in TUNED.values():
         own = settings["optimiser"]
-        rates = sorted(one.learning_rate for one in tried if one.optimiser == own.name and one.betas == own.betas)
+        rates = sorted(arm.learning_rate for arm in tried if (arm.optimiser, arm.betas) == (own.name, own.betas))
         assert rates[0] < settings["learning_rate"] < rates[-1]
-        assert {one.decay for one in tried} == {"linear", "exponential"}
+    assert {arm.decay for arm in tried} == {"linear", "exponential"}
 
 
 def test_a_view_set_without_validation_views_is_refused(tmp_path: Path) -> None:

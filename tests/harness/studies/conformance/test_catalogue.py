@@ -1,10 +1,10 @@
-"""Every method of the catalogue conforms: being listed is being tested."""
+"""Every method of the catalogue conforms: a listed method is tested without further work."""
 
 import pytest
 
 from baselines.catalog import CATALOG
 from harness.machine.device import use_threads
-from harness.studies.conformance.method_checks import FIELD_CHECKS, LEARNER_CHECKS, conformance, meaning
+from harness.studies.conformance.method_checks import CHECKS, FIELD_CHECKS, LEARNER_CHECKS, conformance, meaning
 from harness.studies.conformance.subject import Subject
 from tests.harness.voxels import drjit_or_skip
 
@@ -13,11 +13,11 @@ UNLIKE = {
     (method.parts.amplifier, method.parts.quadrature) if method.parts else name: name
     for name, method in CATALOG.items()
 }
-"""One method of each amplifier and rule, and each that is not made of parts: in training another encoding or skip is
+"""One method of each amplifier and rule, and each that is not made of parts: other encodings and skips are trained by
 the same code, and `test_finished` trains and restores every method.
 """
 LONG = ("two_passes", "derivatives")
-"""The checks that take seconds."""
+"""The checks of fields that take seconds."""
 
 
 @pytest.fixture(autouse=True)
@@ -45,17 +45,17 @@ def test_learners_conform(method: str, check: str) -> None:
         drjit_or_skip()
     if not CATALOG[method].is_field and check in FIELD_CHECKS:
         pytest.skip("no torch field")
-    {**FIELD_CHECKS, **LEARNER_CHECKS}[check](Subject(method))
+    CHECKS[check](Subject(method))
 
 
 def test_every_method_has_a_title_and_every_check_a_meaning() -> None:
     assert all(method.title.strip() for method in CATALOG.values())
-    assert all(meaning(check) for check in (*FIELD_CHECKS, *LEARNER_CHECKS))
+    assert all(map(meaning, CHECKS))
 
 
 @pytest.mark.slow
 @pytest.mark.thorough
-def test_what_does_not_apply_to_voxels_is_said() -> None:
+def test_checks_of_fields_do_not_apply_to_voxels() -> None:
     drjit_or_skip()
     verdicts = {outcome.check: outcome.verdict for outcome in conformance(Subject("voxels_drjit"))}
     assert {name for name, verdict in verdicts.items() if verdict == "not applicable"} == set(FIELD_CHECKS)

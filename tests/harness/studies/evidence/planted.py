@@ -1,4 +1,4 @@
-"""Cells whose scores are made from effects that are known, and a situation that hands them to a study."""
+"""Cells whose scores are made from known effects, and a context that hands them to a study."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from harness.execution.progress import Quiet
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord, SceneRecord
 from harness.records.study import Effect, Series, Table
-from harness.studies.evidence.contrasts import Design, Term, signs
+from harness.studies.evidence.contrasts import Design, Term, chosen, signs
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.trained_context import StudyRun
 from tests.harness.cells import cell, checkpoint, diverged
@@ -21,7 +21,7 @@ Truth = dict[Term, float]
 
 
 def score(design: Design, corner: int, truth: Truth, mean: float = 24.0) -> float:
-    """Of the corner at that place: half of every effect up or down."""
+    """Half of every effect, up or down, for the corner at that place."""
     return mean + sum(float(signs(design, term)[corner]) * size / 2 for term, size in truth.items())
 
 
@@ -34,9 +34,9 @@ def planted(
     seconds: Callable[[str], float] = lambda method: 10.0,
     ripeness: Callable[[int], float] = lambda step: 1.0,
 ) -> list[CellRecord]:
-    """Every corner on every scene with every seed. Seeds and scenes have levels of their own, which pairing removes.
+    """Every corner on every scene with every seed. Seeds and scenes have different levels, which pairing removes.
 
-    `ripeness` is the share of the truth that is there at a step.
+    `ripeness` is the share of the truth that is present at a step.
     """
     draw = np.random.default_rng(11)
     cells = []
@@ -68,8 +68,7 @@ class Planted(EvidenceContext):
     pixels: dict[str, int] = field(default_factory=dict)
 
     def trained(self, name: str) -> StudyRun:
-        cells = self.cells[name]
-        px = self.pixels.get(name, 100)
+        cells, px = self.cells[name], self.pixels.get(name, 100)
         scenes = [
             SceneRecord(scene, scene, "", px, px, {"train": 60}, 1.0, 2.0, [[0, 0, 0], [1, 1, 1]], None, None, {}, [])
             for scene in dict.fromkeys(cell.scene for cell in cells)
@@ -77,21 +76,19 @@ class Planted(EvidenceContext):
         return StudyRun(self.plan(name), scenes, cells)
 
 
-def situation(folder: Path, cells: dict[str, list[CellRecord]], pixels: dict[str, int] | None = None) -> Planted:
-    machine = Machine("cpu", 1, 1)
-    return Planted(folder, folder, folder, False, Quiet(), machine, True, cells, pixels or {})
+def context_of(folder: Path, cells: dict[str, list[CellRecord]], pixels: dict[str, int] | None = None) -> Planted:
+    return Planted(folder, folder, folder, False, Quiet(), Machine("cpu", 1, 1), True, cells, pixels or {})
 
 
 def sentences(findings: Iterable[Any]) -> list[str]:
     return [finding for finding in findings if isinstance(finding, str)]
 
 
-def effect(findings: Iterable[Any], name: str, against: str = "", scene: str = "all", **wanted: str) -> Effect:
-    """The only one of that name, on PSNR at equal steps unless something else is wanted."""
-    facts = {"metric": "psnr", "budget": "steps", **wanted, "name": name, "against": against, "scene": scene}
+def effect(findings: Iterable[Any], name: str, against: str = "", scene: str = "all", **facts: str) -> Effect:
+    """The only effect of that name, on PSNR at equal steps unless `facts` name something else."""
     effects = [finding for finding in findings if isinstance(finding, Effect)]
-    (chosen,) = [effect for effect in effects if all(getattr(effect, key) == value for key, value in facts.items())]
-    return chosen
+    (only,) = chosen(effects, name=name, against=against, scene=scene, **facts)
+    return only
 
 
 def lines(findings: Iterable[Any]) -> dict[tuple[str, str], Series]:

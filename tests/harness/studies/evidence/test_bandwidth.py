@@ -1,13 +1,10 @@
-"""The study of reach and base, on cells of which it is known which of the two it was."""
+"""The study of reach and base, on cells with known effects."""
 
 import re
 from pathlib import Path
 
 import pytest
 
-from baselines.catalog import CATALOG
-from baselines.composition import LADDERS as BASES
-from baselines.composition import encoding_bands
 from harness.records.cells import CellRecord
 from harness.records.verdict import OPEN
 from harness.studies.evidence.bandwidth import BASE, DECISIVE, LADDER_DESIGN, REACH, answer, bandwidth
@@ -15,7 +12,7 @@ from harness.studies.evidence.contrasts import Term, contrast_effects
 from harness.studies.evidence.evidence_context import LADDERS, TRAININGS
 from harness.studies.framework import Found
 from scenes.catalog.entries import CLASSICS
-from tests.harness.studies.evidence.planted import STEPS, Truth, effect, lines, planted, sentences, situation, table
+from tests.harness.studies.evidence.planted import STEPS, Truth, context_of, effect, lines, planted, sentences, table
 from tests.replacing import replace
 
 SCENES = tuple(CLASSICS)
@@ -23,94 +20,30 @@ PIXELS = {"bandwidth_100": 100, "bandwidth_200": 200, "bandwidth_300": 300}
 
 
 def cells_of(truth: Truth, ripe: bool = True) -> list[CellRecord]:
-    """The four of the design, and 1.65^k as good as nerf_phi_encoding."""
+    """The four methods of the design, and 1.65^k with the scores of nerf_phi_encoding."""
     share = (lambda step: 1.0) if ripe else (lambda step: STEPS[0] / step)
     cells = planted(LADDER_DESIGN, truth, scenes=SCENES, seeds=1, noise=0.01, ripeness=share)
     return cells + [replace(cell, method="nerf_base165") for cell in cells if cell.method == "nerf_phi_encoding"]
 
 
 def study(folder: Path, by_training: dict[str, list[CellRecord]]) -> list[Found]:
-    return list(bandwidth(situation(folder, by_training, PIXELS)))
+    return list(bandwidth(context_of(folder, by_training, PIXELS)))
 
 
 def shrinking(term: Term) -> dict[str, list[CellRecord]]:
-    """One factor alone, worth 0.9 dB at 100 px, 0.3 at 200 and -0.3 at 300."""
+    """Only one factor: 0.9 dB at 100 px, 0.3 at 200 and -0.3 at 300."""
     sizes = zip(PIXELS, (0.9, 0.3, -0.3), strict=True)
     return {name: cells_of({term: size}) for name, size in sizes}
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> list[Found]:
+def findings(tmp_path_factory: pytest.TempPathFactory) -> list[Found]:
     return study(tmp_path_factory.mktemp("bandwidth"), shrinking((REACH,)))
 
 
-def test_the_two_factors_are_what_they_are_called() -> None:
+def test_the_two_factors_are_what_they_are_called(findings: list[Found]) -> None:
     """By highest frequency: a short reach is 64 to 76, a long one 512 to 521; the base is 2 or φ."""
-    for (short, golden), method in LADDER_DESIGN.methods.items():
-        parts = CATALOG[method].parts
-        assert parts is not None
-        ladder, bands = BASES[parts.encoding], encoding_bands(parts.encoding, 10)
-        highest = ladder.base ** (bands - 1)
-        assert 60 < highest < 80 if short else 500 < highest < 530
-        assert ladder.base == pytest.approx(1.618 if golden else 2.0, abs=1e-3)
-    assert set(LADDER_DESIGN.methods.values()) | {"nerf_base165"} == set(LADDERS)
-    for name, px in PIXELS.items():
-        training = TRAININGS[name]
-        assert (training.methods, training.scenes, training.resolution) == (LADDERS, SCENES, px)
-
-
-def test_reach_is_found_where_reach_was_planted(found: list[Found]) -> None:
-    for px, size, said in ((100, 0.9, "above 0"), (200, 0.3, "above 0"), (300, -0.3, "below 0")):
-        reach, base, both = (effect(found, f"{name} at {px} px") for name in (REACH, BASE, f"{REACH} × {BASE}"))
-        assert (reach.verdict.sign, base.verdict.size, both.verdict.size) == (said, *("smaller than matters",) * 2)
-        assert reach.difference == pytest.approx(size, abs=0.02)
-        assert reach.pairs == len(SCENES)
-
-
-def test_one_seed_gives_a_single_scene_a_figure_and_no_word(found: list[Found]) -> None:
-    for scene in SCENES:
-        alone = effect(found, f"{REACH} at 100 px", scene=scene)
-        assert alone.difference == pytest.approx(0.9, abs=0.05)
-        assert (alone.verdict, alone.interval) == (OPEN, None)
-    assert not any(scene in sentence for sentence in sentences(found) for scene in SCENES)
-
-
-def test_every_ladder_stands_against_nerf_and_phi_against_those_of_its_reach(found: list[Found]) -> None:
-    for method, size in (("nerf_matched", 0.9), ("nerf_phi_encoding", 0.9), ("nerf_base165", 0.9), ("nerf_phi_far", 0)):
-        assert effect(found, f"{method} at 100 px", "nerf").difference == pytest.approx(size, abs=0.02)
-        assert effect(found, f"{method} at 300 px", "nerf", budget="seconds").difference is not None
-    for method, against in DECISIVE:
-        assert effect(found, f"{method} at 200 px", against).verdict.size == "smaller than matters"
-
-
-def test_it_is_said_how_the_effect_moves_with_resolution(found: list[Found]) -> None:
-    moved = effect(found, f"{REACH}, from 100 to 300 px")
-    assert moved.difference == pytest.approx(-1.2, abs=0.02)
-    assert moved.interval is not None
-    assert moved.interval[1] < 0
-    assert effect(found, f"{BASE}, from 100 to 300 px").verdict.size == "smaller than matters"
-    said = [sentence for sentence in sentences(found) if "from 100 to 300 px: the effect moves by" in sentence]
-    assert len(said) == 2
-    assert "−1.2" in said[0]
-    assert "below 0" in said[0]
-
-
-def test_it_is_said_how_the_effect_moves_with_training_time(tmp_path: Path) -> None:
-    late = cells_of({(REACH,): 2.0}, ripe=False)
-    found = study(tmp_path, dict.fromkeys(PIXELS, late))
-    change = effect(found, f"{REACH} at 200 px, from step 100 to 500")
-    assert change.difference == pytest.approx(2.0 * (10 / 500 - 10 / 100), abs=0.01)
-    drawn_lines = lines(found)
-    assert len(drawn_lines) == (1 + len(PIXELS)) * (4 + 2), "over resolution, and at each along training"
-    drawn = drawn_lines["Reach and base along training, at 200 px", REACH]
-    assert (drawn.x, drawn.y) == ([10.0, 100.0, 500.0], pytest.approx([2.0, 0.2, 0.04], abs=0.02))
-    over_resolution = drawn_lines["Difference from NeRF over resolution", "nerf_matched"]
-    for each in (drawn, over_resolution):
-        assert all(end is not None for end in (*each.low, *each.high)), "intervals over scenes"
-
-
-def test_ladders_are_told_in_figures(found: list[Found]) -> None:
-    rows = {str(row[0]): row[1:4] for row in table(found, "ladders_100").rows}
+    rows = {str(row[0]): row[1:4] for row in table(findings, "ladders_100").rows}
     assert rows == {
         "nerf": ["2", "10", "512"],
         "nerf_matched": ["2", "7", "64"],
@@ -118,16 +51,63 @@ def test_ladders_are_told_in_figures(found: list[Found]) -> None:
         "nerf_phi_far": ["1.618", "14", "521"],
         "nerf_base165": ["1.65", "10", "90.65"],
     }
+    for (short, golden), method in LADDER_DESIGN.methods.items():
+        base, _, highest = map(str, rows[method])
+        assert (float(highest) < 80, base == "1.618") == (short, golden)
+    assert set(LADDER_DESIGN.methods.values()) | {"nerf_base165"} == set(LADDERS)
+    for name, px in PIXELS.items():
+        training = TRAININGS[name]
+        assert (training.methods, training.scenes, training.resolution) == (LADDERS, SCENES, px)
 
 
-def test_the_resolutions_of_a_factor_are_one_family(found: list[Found]) -> None:
-    """One verdict of three makes the answer."""
-    for factor in (REACH, BASE):
-        for px in PIXELS.values():
-            assert effect(found, f"{factor} at {px} px").family == len(PIXELS)
+def test_reach_is_found_where_reach_was_planted(findings: list[Found]) -> None:
+    for px, size, said in ((100, 0.9, "above 0"), (200, 0.3, "above 0"), (300, -0.3, "below 0")):
+        reach, base, both = (effect(findings, f"{name} at {px} px") for name in (REACH, BASE, f"{REACH} × {BASE}"))
+        assert (reach.verdict.sign, base.verdict.size, both.verdict.size) == (said, *("smaller than matters",) * 2)
+        assert reach.difference == pytest.approx(size, abs=0.02)
+        assert reach.pairs == len(SCENES)
+        # one verdict of three makes the answer
+        assert reach.family == base.family == len(PIXELS)
 
 
-# which of the two it is
+def test_one_seed_gives_a_single_scene_a_figure_and_no_verdict(findings: list[Found]) -> None:
+    for scene in SCENES:
+        single = effect(findings, f"{REACH} at 100 px", scene=scene)
+        assert single.difference == pytest.approx(0.9, abs=0.05)
+        assert (single.verdict, single.interval) == (OPEN, None)
+    assert not any(scene in sentence for sentence in sentences(findings) for scene in SCENES)
+
+
+def test_every_ladder_stands_against_nerf_and_phi_against_those_of_its_reach(findings: list[Found]) -> None:
+    for method, size in (("nerf_matched", 0.9), ("nerf_phi_encoding", 0.9), ("nerf_base165", 0.9), ("nerf_phi_far", 0)):
+        assert effect(findings, f"{method} at 100 px", "nerf").difference == pytest.approx(size, abs=0.02)
+        assert effect(findings, f"{method} at 300 px", "nerf", budget="seconds").difference is not None
+    for method, against in DECISIVE:
+        assert effect(findings, f"{method} at 200 px", against).verdict.size == "smaller than matters"
+
+
+def test_it_is_said_how_the_effect_moves_with_resolution(findings: list[Found]) -> None:
+    moved = effect(findings, f"{REACH}, from 100 to 300 px")
+    assert moved.difference == pytest.approx(-1.2, abs=0.02)
+    assert moved.interval is not None
+    assert moved.interval[1] < 0
+    assert effect(findings, f"{BASE}, from 100 to 300 px").verdict.size == "smaller than matters"
+    first, _ = (sentence for sentence in sentences(findings) if "from 100 to 300 px: the effect moves by" in sentence)
+    assert "−1.2" in first
+
+
+def test_it_is_said_how_the_effect_moves_with_training_time(tmp_path: Path) -> None:
+    late = cells_of({(REACH,): 2.0}, ripe=False)
+    findings = study(tmp_path, dict.fromkeys(PIXELS, late))
+    change = effect(findings, f"{REACH} at 200 px, from step 100 to 500")
+    assert change.difference == pytest.approx(2.0 * (10 / 500 - 10 / 100), abs=0.01)
+    drawn_lines = lines(findings)
+    assert len(drawn_lines) == (1 + len(PIXELS)) * (4 + 2), "over resolution, and at each along training"
+    drawn = drawn_lines["Reach and base along training, at 200 px", REACH]
+    assert (drawn.x, drawn.y) == ([10.0, 100.0, 500.0], pytest.approx([2.0, 0.2, 0.04], abs=0.02))
+    over_resolution = drawn_lines["Difference from NeRF over resolution", "nerf_matched"]
+    for each in (drawn, over_resolution):
+        assert all(end is not None for end in (*each.low, *each.high)), "intervals over scenes"
 
 
 @pytest.mark.parametrize(
@@ -148,8 +128,8 @@ def test_the_answer_follows_what_was_planted(truth: Truth, noise: float, start: 
     assert answer(contrast_effects(LADDER_DESIGN, cells, "at 100 px")).startswith(start)
 
 
-def test_what_one_scene_alone_shows_is_no_answer() -> None:
-    """Even with seeds enough for a word on that scene."""
+def test_what_only_one_scene_shows_is_not_an_answer() -> None:
+    """Even with enough seeds for a verdict on that scene."""
     cells = planted(LADDER_DESIGN, {(REACH,): 3.0}, scenes=SCENES[:1], seeds=6, noise=0.005)
     cells += planted(LADDER_DESIGN, {}, scenes=SCENES[1:], seeds=6, noise=0.005)
     effects = contrast_effects(LADDER_DESIGN, cells, "at 100 px")
@@ -157,8 +137,8 @@ def test_what_one_scene_alone_shows_is_no_answer() -> None:
     assert answer(effects).startswith("Open: ")
 
 
-def test_the_answer_counts_and_gives_the_range(found: list[Found]) -> None:
-    first = sentences(found)[0]
+def test_the_answer_counts_and_gives_the_range(findings: list[Found]) -> None:
+    first = sentences(findings)[0]
     ways = r"raises PSNR in 2 of 3 cases \(\+0\.3\d dB to \+0\.9\d dB\) and lowers PSNR in 1 of 3 cases \(−0\.[23]\d dB"
     assert re.match(rf"It is bandwidth: a shorter reach {ways}", first)
     assert first.endswith("judged over 8 scenes; the 3 cases of a factor are looked at together.")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from harness.records.study import Check
-from harness.studies.evidence.ceilings import TOLERANCE_DB, agreement, judged, noise_rows
+from harness.studies.evidence.ceilings import TOLERANCE_DB, agreement, judge, noise_rows
 from scenes.files.errors import InputError
 
 VIEWS = 15
@@ -15,11 +15,11 @@ TRUE_MSE = 1e-4
 
 
 def estimates(seed: int, factor: float = 1.0) -> list[float]:
-    """What 15 views say of their noise: 40.0 dB, each a tenth off by chance."""
+    """The noise that 15 views state: 40.0 dB, with errors of about 0.1 dB."""
     return list(factor * TRUE_MSE * np.exp(np.random.default_rng(seed).normal(0.0, 0.02, VIEWS)))
 
 
-def found(scenes: int = 8, factor: float = 1.0) -> list[Any]:
+def agreements(scenes: int = 8, factor: float = 1.0) -> list[Any]:
     return [
         agreement(f"scene{k}", estimates(3 * k), estimates(3 * k + 1, factor), estimates(3 * k + 2))
         for k in range(scenes)
@@ -27,7 +27,7 @@ def found(scenes: int = 8, factor: float = 1.0) -> list[Any]:
 
 
 def checks(of: list[Any]) -> list[Check]:
-    return [finding for finding in judged(of) if isinstance(finding, Check)]
+    return [finding for finding in judge(of) if isinstance(finding, Check)]
 
 
 def test_a_known_variance_is_a_known_ceiling() -> None:
@@ -41,30 +41,30 @@ def test_a_known_variance_is_a_known_ceiling() -> None:
 @pytest.mark.parametrize("factor", [1.0, 2.0, 0.5, 1.05])
 def test_a_wrong_factor_is_caught(factor: float) -> None:
     """5 % is 0.21 dB, and the eight scenes together show it to 0.01 dB."""
-    mean, worst, _ = checks(found(factor=factor))
+    mean, worst, _ = checks(agreements(factor=factor))
     assert mean.value == pytest.approx(10 * np.log10(factor), abs=0.05)
     assert mean.holds == worst.holds == (factor == 1.0)
     if factor == 1.0:
         assert worst.value == 0.0
-        assert str(next(iter(judged(found())))).startswith("8 of 8 ceilings lie within 0.1 dB")
-    odd = [*found(7), agreement("odd", estimates(1), estimates(2, 1.15), estimates(3))]
+        assert str(next(iter(judge(agreements())))).startswith("8 of 8 ceilings lie within 0.1 dB")
+    odd = [*agreements(7), agreement("odd", estimates(1), estimates(2, 1.15), estimates(3))]
     assert [check.holds for check in checks(odd)[:2]] == [True, False], "one wrong scene does not move the mean"
 
 
-def test_a_scene_whose_views_differ_too_much_to_tell_is_not_called_wrong() -> None:
+def test_a_scene_whose_views_differ_too_much_is_not_called_wrong() -> None:
     wide = agreement("mic", [1e-4 * 1.5, 1e-4 / 1.1, 1e-4], [1e-4, 1e-4, 1e-4], [1e-4] * 3)
     assert abs(wide.difference) > TOLERANCE_DB
-    _, worst, error = checks([wide, *found(3)])
+    _, worst, error = checks([wide, *agreements(3)])
     assert worst.holds
-    # … but that this says nothing is seen
+    # … but the large error is seen
     assert not error.holds
     assert error.value == wide.error
-    assert error.why.startswith("mic; with a larger one 0.1 dB would not be told")
+    assert error.why.startswith("mic; with a larger one, 0.1 dB could not be detected")
 
 
 def test_standard_errors_that_resolve_the_tolerance_hold_and_the_widest_pass_is_said() -> None:
     """Two logarithms of ±2 % each: 10 / ln 10 · 0.02 · √2 / √15 = 0.032 dB, and with all eight scenes' quantile."""
-    _, worst, error = checks(found())
+    _, worst, error = checks(agreements())
     assert error.holds
     assert error.value == pytest.approx(0.032, rel=0.5)
     widest = TOLERANCE_DB + (worst.high or 0.0) * (error.value or 0.0)
@@ -96,7 +96,7 @@ def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "played"
 
 
-def test_rows_are_sorted_by_what_was_asked_for_and_gone_on_with_after_a_signal(script: str) -> None:
+def test_rows_are_sorted_by_item_and_rendering_continues_after_a_signal(script: str) -> None:
     lines: list[str] = []
     rows = noise_rows("scenes", ["lego", "deadly", "mic"], ["--spp", "4"], lines.append, script)
     assert {name: [row["variant"] for row in of] for name, of in rows.items()} == {
@@ -116,9 +116,8 @@ def test_the_rows_are_what_the_renderer_prints() -> None:
     """The names that are read here are fields there."""
     from dataclasses import fields
 
-    from scenes.rendering.noise_study import Again, Errors
+    from scenes.rendering.noise_study import Errors, Rerender
 
-    assert {"stored", "again", "halves", "spp", "variant", "scene"} <= {field.name for field in fields(Again)}
-    assert {"spp", "seconds", "mse", "reference_mse", "reference_spp", "variant"} <= {
-        field.name for field in fields(Errors)
-    }
+    again, errors = ({field.name for field in fields(rows)} for rows in (Rerender, Errors))
+    assert {"stored", "again", "halves", "spp", "variant", "scene"} <= again
+    assert {"spp", "seconds", "mse", "reference_mse", "reference_spp", "variant"} <= errors

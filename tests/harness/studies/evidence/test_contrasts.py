@@ -62,7 +62,6 @@ def test_one_factor_is_the_difference_that_a_run_compares() -> None:
 
 
 def named(effects: list[Effect], scene: str, budget: str = "steps") -> dict[str, Effect]:
-    """Effects on PSNR by name."""
     return {effect.name: effect for effect in chosen(effects, scene=scene, budget=budget)}
 
 
@@ -86,7 +85,7 @@ def test_families_are_one_for_a_part_and_all_four_interactions_together() -> Non
 
 
 def test_a_diverged_cell_is_counted_in_every_contrast_and_the_others_are_judged() -> None:
-    """The scene that is left with one pair too few for a word gets none."""
+    """The scene that is left with a pair too few for a verdict gets none."""
     cells = planted(DESIGN, PLANTED, seeds=FEWEST_SEEDS, noise=0.01)
     effects = contrast_effects(DESIGN, with_diverged(cells, ("ficus", "mbc", 1)), "")
     for scene, unpaired, pairs, sign in (("all", 1, 14, "below 0"), ("ficus", 1, 4, "open"), ("lego", 0, 5, "below 0")):
@@ -95,7 +94,7 @@ def test_a_diverged_cell_is_counted_in_every_contrast_and_the_others_are_judged(
         assert named(effects, scene)["b"].verdict.sign == sign
 
 
-def test_at_equal_time_all_corners_are_read_when_the_quickest_ended() -> None:
+def test_at_equal_time_all_corners_are_compared_when_the_quickest_ended() -> None:
     def cost(method: str) -> float:
         return 10.0 * 10 ** method.count("a")
 

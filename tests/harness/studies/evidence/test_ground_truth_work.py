@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 
 from harness.records.study import Check
-from harness.studies.evidence.work.ground_truth_work import charts, noise_of, sentences, tabled
+from harness.studies.evidence.work.ground_truth_work import charts, noise_of, sentences, table_of
 
 SPP = [1, 4, 16, 64, 256]
 FLOOR = {"lego": 1e-4, "mic": 2e-4}
 
 
 def rows(scene: str, power: float = 1.0, overhead: float = 0.0) -> list[dict[str, Any]]:
-    """Mean square error 0.01 · spp^−power, a millisecond a sample beside the overhead; three renders ± 10 %."""
+    """Mean square error 0.01 · spp^−power, a millisecond per sample plus the overhead; three renders ± 10 %."""
     return [
         {
             "scene": scene,
@@ -47,13 +47,13 @@ def test_an_error_below_that_of_the_reference_is_a_gap() -> None:
     assert noise.by_samples == pytest.approx(-0.5)
     drawn = list(charts([noise], FLOOR))
     assert all(len(line.x) == len(line.y) for line in drawn)
-    assert tabled([noise], FLOOR).rows[0][-1] is None
+    assert table_of([noise], FLOOR).rows[0][-1] is None
 
 
 @pytest.mark.parametrize(("power", "holds"), [(1.0, True), (1.5, True), (0.6, False), (0.0, False)])
 def test_noise_that_falls_too_slowly_is_caught(power: float, holds: bool) -> None:
-    found = [noise_of("lego", rows("lego")), noise_of("mic", rows("mic", power))]
-    (check,) = (finding for finding in sentences(found, "") if isinstance(finding, Check))
+    noises = [noise_of("lego", rows("lego")), noise_of("mic", rows("mic", power))]
+    (check,) = (finding for finding in sentences(noises, "") if isinstance(finding, Check))
     assert check.holds == holds
     assert check.value == pytest.approx(max(-0.5, -power / 2))
 
@@ -63,5 +63,5 @@ def test_an_error_that_is_not_finite_is_refused(bad: float) -> None:
     """It would pass for one below the reference's."""
     printed = rows("lego")
     printed[2]["mse"]["linear"][1] = bad
-    with pytest.raises(ValueError, match="lego with 16 samples a pixel: an error is not finite"):
+    with pytest.raises(ValueError, match="lego with 16 samples per pixel: an error is not finite"):
         noise_of("lego", printed)

@@ -13,7 +13,7 @@ from harness.studies.evidence.objections import OBJECTIONS, amplifier_after_trai
 from harness.studies.trained_context import StudyRun
 from scenes.catalog.entries import CLASSICS
 from tests.harness.cells import cell, checkpoint
-from tests.harness.studies.evidence.planted import effect, sentences, situation, table
+from tests.harness.studies.evidence.planted import context_of, effect, sentences, table
 from tests.replacing import replace
 
 GAINS = {"qnerf": 0.4, "nerf_released": -0.3, "qnerf_shifted": 1.0}
@@ -33,9 +33,9 @@ def cells_of(methods: tuple[str, ...]) -> list[CellRecord]:
 
 
 def test_each_objection_has_its_difference_and_the_amplifier_its_sentence(tmp_path: Path) -> None:
-    context = situation(tmp_path, {"objections": cells_of(OBJECTED), "no_silhouettes": cells_of(WITHOUT_SILHOUETTES)})
-    found = list(objections(context))
-    first, *others = sentences(found)
+    context = context_of(tmp_path, {"objections": cells_of(OBJECTED), "no_silhouettes": cells_of(WITHOUT_SILHOUETTES)})
+    findings = list(objections(context))
+    first, *others = sentences(findings)
     assert "α φ lies between 1.10 and 1.10 (16 trainings)" in first
     assert "to within 10 %" in first
     assert "−0.05 dB on average" in first
@@ -43,8 +43,8 @@ def test_each_objection_has_its_difference_and_the_amplifier_its_sentence(tmp_pa
         pair = f"{objection.words}: {objection.method} − {objection.against} is"
         assert any(words.startswith(pair) for words in others)
     truth = GAINS["qnerf"] - GAINS["nerf_released"]
-    assert effect(found, "qnerf", "nerf_released").difference == pytest.approx(truth, abs=0.03)
-    assert len(table(found, "taken_out").rows) == len(CLASSICS)
+    assert effect(findings, "qnerf", "nerf_released").difference == pytest.approx(truth, abs=0.03)
+    assert len(table(findings, "taken_out").rows) == len(CLASSICS)
 
 
 def test_without_an_amplifier_there_is_nothing_to_take_out() -> None:
@@ -53,7 +53,7 @@ def test_without_an_amplifier_there_is_nothing_to_take_out() -> None:
 
 def test_octaves_are_those_of_the_two_encodings(tmp_path: Path) -> None:
     """A box of half extent π would have the same reach: 2^k x against 2^k π x / h."""
-    run = situation(tmp_path, {"objections": cells_of(("nerf",))}).trained("objections")
+    run = context_of(tmp_path, {"objections": cells_of(("nerf",))}).trained("objections")
     halves = (math.pi, math.pi / 2)
     boxed = [
         replace(scene, bounds=[[-half] * 3, [half] * 3]) for scene, half in zip(run.scenes[:2], halves, strict=True)

@@ -1,4 +1,4 @@
-"""Known losses, planted: found where they are, said where they are not, not applicable where nothing is missing."""
+"""Known losses, planted: found if they exist, reported if they do not, not applicable if nothing is missing."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,12 +9,13 @@ from harness.execution.progress import Quiet
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord, LeftOut
 from harness.records.study import Check, Effect
-from harness.studies.evidence.contrasts import chosen, listed
+from harness.studies.evidence.contrasts import listed
 from harness.studies.evidence.evidence_context import TRAININGS
 from harness.studies.evidence.positive_controls import CONTROLS, HISTORY, positive_controls
+from harness.studies.framework import Found
 from harness.studies.trained_context import StudyRun
 from tests.harness.cells import cell, checkpoint, diverged
-from tests.harness.studies.evidence.planted import Planted, sentences
+from tests.harness.studies.evidence.planted import Planted, effect, sentences
 from tests.replacing import replace
 
 LOSSES = {
@@ -40,13 +41,13 @@ class Needless(Planted):
     without: tuple[str, ...] = ()
 
     def trained(self, name: str) -> StudyRun:
-        whole = super().trained(name)
+        complete = super().trained(name)
         row = LeftOut("view direction", "every surface is Lambertian", None, None, None, "view_direction")
-        scenes = [replace(scene, left_out=[row] if scene.name in self.without else []) for scene in whole.scenes]
-        return replace(whole, scenes=scenes)
+        scenes = [replace(scene, left_out=[row] if scene.name in self.without else []) for scene in complete.scenes]
+        return replace(complete, scenes=scenes)
 
 
-def situation(losses: dict[str, float], without: tuple[str, ...] = (), **others: list[CellRecord]) -> Needless:
+def context_of(losses: dict[str, float], without: tuple[str, ...] = (), **others: list[CellRecord]) -> Needless:
     """Three scenes, three seeds."""
     folder, cells = Path(), {}
     for name in dict.fromkeys(name for control in CONTROLS for name in (control.baseline, control.training)):
@@ -68,16 +69,19 @@ def checks(here: Needless) -> list[Check]:
     return [finding for finding in positive_controls(here) if isinstance(finding, Check)]
 
 
+def effects_of(findings: list[Found]) -> list[Effect]:
+    return [finding for finding in findings if isinstance(finding, Effect)]
+
+
 def test_known_losses_are_found() -> None:
-    found = list(positive_controls(situation(LOSSES)))
-    assert all(check.holds for check in checks(situation(LOSSES)))
-    assert str(found[0]).startswith("Yes")
-    effects = [finding for finding in found if isinstance(finding, Effect)]
-    assert {effect.name for effect in effects} == {control.name for control in CONTROLS}
-    # nerf with fewer images ran by itself: its clock is not that of nerf's
-    assert {effect.budget for effect in effects if "images" in effect.name} == {"steps"}
-    half = chosen(effects, name="nerf_half_images", scene="all")[0]
-    assert half.difference == pytest.approx(-1.1, abs=0.05)
+    findings = list(positive_controls(context_of(LOSSES)))
+    assert all(finding.holds for finding in findings if isinstance(finding, Check))
+    assert str(findings[0]).startswith("Yes")
+    effects = effects_of(findings)
+    assert {each.name for each in effects} == {control.name for control in CONTROLS}
+    # nerf with fewer images is a separate run with another clock
+    assert {each.budget for each in effects if "images" in each.name} == {"steps"}
+    assert effect(findings, "nerf_half_images", "nerf").difference == pytest.approx(-1.1, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +93,7 @@ def test_known_losses_are_found() -> None:
     ],
 )
 def test_a_loss_that_is_missing_a_gain_or_absurd_fails(control: str, loss: float, held: list[bool]) -> None:
-    here = situation({**LOSSES, control: loss})
+    here = context_of({**LOSSES, control: loss})
     words = "half of the images" if control == "half_images" else "positional"
     assert [check.holds for check in checks(here) if words in check.what] == held
     assert all(check.holds for check in checks(here) if words not in check.what)
@@ -97,12 +101,11 @@ def test_a_loss_that_is_missing_a_gain_or_absurd_fails(control: str, loss: float
 
 
 def test_a_scene_that_needs_no_view_direction_has_no_pair() -> None:
-    found = list(positive_controls(situation(LOSSES, without=("lego",))))
-    effects = [effect for effect in found if isinstance(effect, Effect) and effect.name == "nerf_no_direction"]
-    assert {effect.scene for effect in effects} == {"all", "drums", "materials"}
-    assert {effect.unpaired for effect in effects} == {0}
-    assert any("No view direction is needed on lego" in sentence for sentence in sentences(found))
-    nowhere = situation(LOSSES, without=SCENES)
+    findings = list(positive_controls(context_of(LOSSES, without=("lego",))))
+    effects = [each for each in effects_of(findings) if each.name == "nerf_no_direction"]
+    assert {(each.scene, each.unpaired) for each in effects} == {("all", 0), ("drums", 0), ("materials", 0)}
+    assert any("No view direction is needed on lego" in sentence for sentence in sentences(findings))
+    nowhere = context_of(LOSSES, without=SCENES)
     missing = [check for check in checks(nowhere) if "view direction" in check.what]
     assert [(check.value, check.holds) for check in missing] == [(None, False)] * 2
     assert any("not applicable" in sentence for sentence in sentences(positive_controls(nowhere)))
@@ -110,24 +113,23 @@ def test_a_scene_that_needs_no_view_direction_has_no_pair() -> None:
 
 def test_a_lost_run_keeps_the_loss_from_being_found() -> None:
     quarter = [diverged(scene, "nerf", seed) for scene in SCENES for seed in range(3)]
-    lost = [check for check in checks(situation(LOSSES, quarter_images=quarter)) if "quarter" in check.what]
+    lost = [check for check in checks(context_of(LOSSES, quarter_images=quarter)) if "quarter" in check.what]
     assert [(check.value, check.holds) for check in lost] == [(0.0, False), (None, False)]
 
 
 def test_a_small_loss_is_judged_at_the_end_of_its_own_steps_with_its_power() -> None:
-    here = situation(LOSSES)
+    here = context_of(LOSSES)
     short = [replace(cell, steps=510) for cell in here.cells["steps_850"]]
-    found = list(positive_controls(situation(LOSSES, steps_850=short)))
-    effects = [finding for finding in found if isinstance(finding, Effect)]
-    small = chosen(effects, name="nerf_850_steps", scene="all")[0]
+    findings = list(positive_controls(context_of(LOSSES, steps_850=short)))
+    small = effect(findings, "nerf_850_steps", "nerf")
     assert small.difference == pytest.approx(-0.385, abs=0.01)
-    said = next(sentence for sentence in sentences(found) if "15 % fewer steps" in sentence and "By scene" in sentence)
-    assert f"A loss of {small.smallest_detectable:.2f} dB would be found in 80 %" in said
+    power = f"A loss of {small.smallest_detectable:.2f} dB would be found in 80 %"
+    assert any("15 % fewer steps" in sentence and power in sentence for sentence in sentences(findings))
 
 
 def test_it_is_said_that_the_design_was_changed_after_results() -> None:
-    """The figures of now are those of the plans."""
-    assert HISTORY in list(positive_controls(situation(LOSSES)))
+    """The current figures are those of the plans."""
+    assert HISTORY in list(positive_controls(context_of(LOSSES)))
     images = [TRAININGS[name] for name in ("images", "half_images", "quarter_images")]
     views, direction = [str(training.train_views) for training in images], TRAININGS["no_direction"]
     assert f"now there are {listed(views)} at {images[0].steps} steps" in HISTORY

@@ -1,4 +1,4 @@
-"""Rendering of fields in closed form by every rule and sampler, and what is said of errors and times that are given."""
+"""Rendering of fields in closed form by every rule and sampler, and what is concluded from given errors and times."""
 
 import math
 from pathlib import Path
@@ -21,7 +21,7 @@ from harness.studies.evidence.work.rendering_work import (
     Line,
     Sampler,
     fastest,
-    measured_lines,
+    measure_lines,
 )
 from harness.training.lockstep import trained_alone
 from harness.training.trainer import Trainer
@@ -38,7 +38,7 @@ OURS = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
 
 
 def axial(offsets: tuple[float, ...] = (0.0, 0.2, 0.5)) -> Rays:
-    """Along −z from z = 4, beside the axis by `offsets`."""
+    """Rays along −z from z = 4, at `offsets` from the axis."""
     origins = torch.tensor([[offset, 0.0, 4.0] for offset in offsets])
     return Rays(origins, torch.tensor([[0.0, 0.0, -1.0]]).expand(len(offsets), 3).contiguous(), 2.0, 6.0)
 
@@ -50,7 +50,7 @@ def frame(field: AnalyticField = BLOB, rays: Rays | None = None) -> Frame:
 @pytest.mark.parametrize("sampler", SAMPLERS, ids=lambda sampler: sampler.name)
 @pytest.mark.parametrize("rule", OURS)
 def test_every_rule_and_sampler_tends_to_the_closed_form(rule: str, sampler: Sampler) -> None:
-    pictures, _ = frame().rendered(rule, sampler, 512)
+    pictures, _ = frame().render(rule, sampler, 512)
     expected = torch.tensor([gaussian_opacity(3.0, 0.3, offset) for offset in (0.0, 0.2, 0.5)])
     bar = 2e-2 if sampler.random or sampler.two_passes else 5e-3
     assert pictures["opacity"] == pytest.approx(expected, abs=bar)
@@ -59,8 +59,8 @@ def test_every_rule_and_sampler_tends_to_the_closed_form(rule: str, sampler: Sam
 
 @pytest.mark.parametrize("name", ["near to far", "box"])
 def test_nothing_outside_of_the_box_is_seen(name: str) -> None:
-    """Two units of fog of density 1, though the field goes on; a ray beside the box sees none."""
-    pictures, _ = frame(FOG, axial((0.0, 0.9, 1.5))).rendered("midpoint", NAMED[name], 256)
+    """Two units of fog of density 1, though the field extends further; a ray that misses the box sees none."""
+    pictures, _ = frame(FOG, axial((0.0, 0.9, 1.5))).render("midpoint", NAMED[name], 256)
     assert pictures["opacity"] == pytest.approx(torch.tensor([1 - math.exp(-2), 1 - math.exp(-2), 0.0]), abs=5e-3)
 
 
@@ -72,11 +72,11 @@ def test_nothing_outside_of_the_box_is_seen(name: str) -> None:
     ],
 )  # fmt: skip
 def test_what_is_counted_is_what_was_asked_for(name: str, rule: str, evaluations: int) -> None:
-    assert frame().rendered(rule, NAMED[name], 64)[1] == 3 * evaluations
+    assert frame().render(rule, NAMED[name], 64)[1] == 3 * evaluations
 
 
 def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
-    """A clock whose calls take 1, 4, 9 … seconds: the two counts of two lines are timed in turns."""
+    """The calls take 1, 4, 9 … seconds by the clock: the two counts of two lines are timed in turn."""
     ticks = iter(range(10**6))
     now = 0.0
 
@@ -87,9 +87,9 @@ def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
         return now
 
     shown = frame()
-    reference, _ = shown.rendered("midpoint", NAMED["box"], 256)
+    reference, _ = shown.render("midpoint", NAMED["box"], 256)
     reference["colour"] += 0.25
-    lines = measured_lines(shown, ("midpoint", "left"), (NAMED["box"],), (128, 256), reference, 3, clock=clock)
+    lines = measure_lines(shown, ("midpoint", "left"), (NAMED["box"],), (128, 256), reference, 3, clock=clock)
     assert [(line.rule, line.sampler, line.samples) for line in lines] == [
         ("midpoint", "box", [128, 256]), ("left", "box", [128, 256]),
     ]  # fmt: skip
@@ -100,10 +100,10 @@ def test_errors_are_taken_from_the_reference_and_seconds_are_medians() -> None:
     assert lines[0].evaluations == [3 * 128, 3 * 256]
     reference["colour"][0] = math.nan
     with pytest.raises(ValueError, match=r"midpoint \(box\): an error is not finite"):
-        measured_lines(shown, ("midpoint",), (NAMED["box"],), (128,), reference, 1)
+        measure_lines(shown, ("midpoint",), (NAMED["box"],), (128,), reference, 1)
 
 
-def test_orders_are_fitted_clear_of_the_reference() -> None:
+def test_orders_are_fitted_to_errors_above_the_reference_s() -> None:
     counts = [4, 8, 16, 32, 64, 128, 256, 512]
     line = Line("midpoint", "box", counts, {"colour": [n**-2.0 for n in counts], "opacity": [1e-6] * 8})
     assert line.order("colour", 0.0) == pytest.approx(2.0)
@@ -135,12 +135,11 @@ def test_the_study_on_a_small_field(ball: ViewSet, tmp_path: Path, monkeypatch: 
     trained = trained_alone("nerf", ball, "ball/0", TRAIN, BUDGET, CPU)
     assert isinstance(trained, Trainer)
     monkeypatch.setattr(study, "trained_field", lambda context: (trained, ball))
-    situation = EvidenceContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), False)
-    found = list(study.rendering_work(situation))
-    assert isinstance(found[0], str)
-    assert "8 × 8 rays of a test view of lego (nerf, " in found[0]
-    (check,) = (finding for finding in found if isinstance(finding, Check))
-    assert check.value is not None
-    assert 0.0 < check.value < 1e-3
-    (table,) = (finding for finding in found if isinstance(finding, Table))
+    context = EvidenceContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), False)
+    findings = list(study.rendering_work(context))
+    assert isinstance(findings[0], str)
+    assert "8 × 8 rays of a test view of lego (nerf, " in findings[0]
+    (check,) = (finding for finding in findings if isinstance(finding, Check))
+    assert 0.0 < (check.value or 0.0) < 1e-3
+    (table,) = (finding for finding in findings if isinstance(finding, Table))
     assert len(table.rows) == len(QUADRATURES) * len(SAMPLERS)

@@ -1,4 +1,4 @@
-"""What is trained again and what is not, and what is said of cells of another commit; nothing is trained here."""
+"""Which trainings are repeated, and what is reported of cells of another commit; nothing is trained here."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -45,8 +45,8 @@ def a_run(plan: Plan, finished: bool = True) -> RunRecord:
 
 
 @pytest.fixture
-def situation(tmp_path: Path) -> EvidenceContext:
-    """With every cell of the training there, trained at `HERE`."""
+def context(tmp_path: Path) -> EvidenceContext:
+    """A context whose training is complete, at commit `HERE`."""
     here = EvidenceContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), True)
     plan = here.plan(TRAINING)
     write_run(folder_of(tmp_path, TRAINING), a_run(plan))
@@ -56,18 +56,18 @@ def situation(tmp_path: Path) -> EvidenceContext:
 
 
 def write_trained(
-    situation: EvidenceContext,
+    context: EvidenceContext,
     key: tuple[str, str, int] = ("lego", "nerf", 0),
     commit: str = HERE,
     status: Status = "done",
 ) -> None:
     trained = cell(*key, [checkpoint(4, 1.0, 20.0)], status=status, provenance={"commit": commit})
-    write_cell(folder_of(situation.out, TRAINING), trained)
+    write_cell(folder_of(context.out, TRAINING), trained)
 
 
 @pytest.fixture
-def runs(monkeypatch: pytest.MonkeyPatch, situation: EvidenceContext) -> list[Path]:
-    """The folders that were run, in which every failed or missing cell then ended well."""
+def runs(monkeypatch: pytest.MonkeyPatch, context: EvidenceContext) -> list[Path]:
+    """The folders that were run, in which every failed or missing cell was then done."""
     folders: list[Path] = []
 
     def run(plan: Plan, folder: Path, *others: object) -> int:
@@ -75,7 +75,7 @@ def runs(monkeypatch: pytest.MonkeyPatch, situation: EvidenceContext) -> list[Pa
         for key in plan.cells():
             path = cell_path(folder, *key)
             if not path.exists() or read_cell(path).status != "done":
-                write_trained(situation, key)
+                write_trained(context, key)
         write_run(folder, a_run(plan))
         return 0
 
@@ -85,59 +85,49 @@ def runs(monkeypatch: pytest.MonkeyPatch, situation: EvidenceContext) -> list[Pa
 
 @pytest.mark.parametrize("status", ["diverged", "error", "not_available", "unfinished"])
 def test_a_run_that_is_not_finished_or_has_a_failed_cell_is_run_again(
-    situation: EvidenceContext, runs: list[Path], status: Any
+    context: EvidenceContext, runs: list[Path], status: Any
 ) -> None:
     """Divergence is a result."""
     if status == "unfinished":
-        write_run(folder_of(situation.out, TRAINING), a_run(situation.plan(TRAINING), finished=False))
+        write_run(folder_of(context.out, TRAINING), a_run(context.plan(TRAINING), finished=False))
     else:
-        write_trained(situation, status=status)
-    statuses = {trained.status for trained in situation.trained(TRAINING).cells}
+        write_trained(context, status=status)
+    statuses = {trained.status for trained in context.trained(TRAINING).cells}
     assert statuses == ({"done", "diverged"} if status == "diverged" else {"done"})
-    assert runs == ([] if status == "diverged" else [folder_of(situation.out, TRAINING)])
+    assert runs == ([] if status == "diverged" else [folder_of(context.out, TRAINING)])
 
 
 def test_a_damaged_cell_is_an_error_and_is_trained_again_once_it_is_deleted(
-    situation: EvidenceContext, runs: list[Path]
+    context: EvidenceContext, runs: list[Path]
 ) -> None:
-    path = cell_path(folder_of(situation.out, TRAINING), "lego", "nerf", 0)
+    path = cell_path(folder_of(context.out, TRAINING), "lego", "nerf", 0)
     path.write_text("{")
     with pytest.raises(DamagedRecord, match="delete it and run again"):
-        situation.trained(TRAINING)
+        context.trained(TRAINING)
     path.unlink()
-    situation.trained(TRAINING)
+    context.trained(TRAINING)
     assert len(runs) == 1
 
 
 NAMES = ["positive_controls", "factorial"]
-"""Studies; the first rests on the training."""
-
-
-class Told(Quiet):
-    """Keeps what is said."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def line(self, text: str) -> None:
-        self.lines.append(text)
-
-
+"""Two studies; the first uses the training."""
 Resumed = Callable[..., tuple[list[str], str]]
 
 
 @pytest.fixture
-def resumed(situation: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Resumed:
-    """Goes on where both studies were whole, with those that are asked for, to the end or `stopped` once a study has
-    its training; gives those that were done again, and what was said."""
+def resumed(context: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Resumed:
+    """Resumes a record of both studies with the requested ones, to the end or `stopped` once a study has its training;
+    returns the studies that were measured again, and the printed lines."""
     interest = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
     settings = {"quick": True, "device": "cpu", "smallest_of_interest": interest}
     studies = [StudyRecord(STUDIES[name].info, findings=[Answer("as it was")]) for name in NAMES]
-    write_studies(situation.out / EVIDENCE_FILE, Studies("evidence", {}, settings, studies, finished=True))
+    write_studies(context.out / EVIDENCE_FILE, Studies("evidence", {}, settings, studies, finished=True))
 
     def go_on(asked: list[str] = NAMES, stopped: bool = False) -> tuple[list[str], str]:
         done: list[str] = []
-        show = Told()
+        lines: list[str] = []
+        show = Quiet()
+        monkeypatch.setattr(show, "line", lines.append)
 
         def measure_of(shelf: Shelf, name: str) -> Callable[[EvidenceContext], Iterator[Found]]:
             def measure(here: EvidenceContext) -> Iterator[Found]:
@@ -151,14 +141,14 @@ def resumed(situation: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Resu
             return measure
 
         monkeypatch.setattr(Shelf, "measure_of", measure_of)
-        framework.run(SHELF, asked, replace(situation, show=show), resume=True)
-        return done, "\n".join(show.lines)
+        framework.run(SHELF, asked, replace(context, show=show), resume=True)
+        return done, "\n".join(lines)
 
     return go_on
 
 
-def kept(situation: EvidenceContext) -> list[str]:
-    return [study.info.id for study in read_studies(situation.out / EVIDENCE_FILE).studies]
+def kept(context: EvidenceContext) -> list[str]:
+    return [study.info.id for study in read_studies(context.out / EVIDENCE_FILE).studies]
 
 
 def test_resuming_does_nothing_again_where_everything_is_valid(resumed: Resumed, runs: list[Path]) -> None:
@@ -166,43 +156,43 @@ def test_resuming_does_nothing_again_where_everything_is_valid(resumed: Resumed,
 
 
 def test_figures_of_other_cells_do_not_outlive_a_stop_before_they_are_measured_again(
-    situation: EvidenceContext, resumed: Resumed, runs: list[Path]
+    context: EvidenceContext, resumed: Resumed, runs: list[Path]
 ) -> None:
-    write_trained(situation, status="error")
+    write_trained(context, status="error")
     with pytest.raises(KeyboardInterrupt, match="1 of 2 studies are kept"):
         resumed(stopped=True)
-    assert len(runs) == 1, "the training is whole by now"
-    assert (kept(situation), read_studies(situation.out / EVIDENCE_FILE).finished) == (NAMES[1:], False)
+    assert len(runs) == 1, "the training is complete by now"
+    assert (kept(context), read_studies(context.out / EVIDENCE_FILE).finished) == (NAMES[1:], False)
     assert resumed()[0] == NAMES[:1]
-    assert kept(situation) == NAMES
+    assert kept(context) == NAMES
 
 
 @pytest.mark.parametrize("shared", [False, True])
 def test_figures_of_a_study_that_is_not_asked_for_are_dropped_where_its_training_is_gone_on_with(
-    situation: EvidenceContext, resumed: Resumed, runs: list[Path], monkeypatch: pytest.MonkeyPatch, shared: bool
+    context: EvidenceContext, resumed: Resumed, runs: list[Path], monkeypatch: pytest.MonkeyPatch, shared: bool
 ) -> None:
     if shared:
         monkeypatch.setitem(STUDIES, NAMES[1], replace(STUDIES[NAMES[1]], trainings=(TRAINING,)))
-    write_trained(situation, status="error")
+    write_trained(context, status="error")
     done, said = resumed(NAMES[1:])
     assert (done, len(runs)) == (NAMES[1:], 1) if shared else ([], 0)
     assert (f"{NAMES[0]}: its figures are dropped, as {TRAINING} has to be resumed" in said) == shared
-    assert kept(situation) == (NAMES[1:] if shared else NAMES)
+    assert kept(context) == (NAMES[1:] if shared else NAMES)
 
 
 @pytest.mark.parametrize("how", ["a byte", "missing"])
 @pytest.mark.parametrize("file", ["cells/lego.nerf.0.json", "run.json"])
 def test_a_damaged_file_of_a_training_is_named_and_just_that_is_made_again(
-    situation: EvidenceContext, resumed: Resumed, runs: list[Path], file: str, how: str
+    context: EvidenceContext, resumed: Resumed, runs: list[Path], file: str, how: str
 ) -> None:
-    folder = folder_of(situation.out, TRAINING)
+    folder = folder_of(context.out, TRAINING)
     path = records_folder(folder) / file
     others = [other for other in records_folder(folder).glob("cells/*.json") if other != path]
     before = [other.stat().st_mtime_ns for other in others]
     spoilt = path.read_bytes().replace(b'"schema"', b'"schima"')
     path.unlink() if how == "missing" else path.write_bytes(spoilt)
     done, said = resumed()
-    assert done == NAMES[:1], "the study that rests on it"
+    assert done == NAMES[:1], "the study that uses it"
     assert runs == [folder]
     assert {trained.status for trained in read_cells(folder)} == {"done"}
     assert before == [other.stat().st_mtime_ns for other in others]
@@ -211,31 +201,31 @@ def test_a_damaged_file_of_a_training_is_named_and_just_that_is_made_again(
         assert (folder / DAMAGED / f"records.{file.replace('/', '.')}.1").read_bytes() == spoilt
 
 
-def test_a_training_of_another_plan_is_moved_aside_and_not_lost(situation: EvidenceContext, runs: list[Path]) -> None:
-    folder = folder_of(situation.out, TRAINING)
+def test_a_training_of_another_plan_is_moved_aside_and_not_lost(context: EvidenceContext, runs: list[Path]) -> None:
+    folder = folder_of(context.out, TRAINING)
     run = read_run(folder)
     write_run(folder, replace(run, settings={**run.settings, "profile": "other"}))
-    situation.trained(TRAINING)
+    context.trained(TRAINING)
     assert runs == [folder]
-    aside = situation.out / DAMAGED / f"studies.{TRAINING}.1"
+    aside = context.out / DAMAGED / f"studies.{TRAINING}.1"
     assert read_run(aside).settings["profile"] == "other"
     assert cell_path(aside, "lego", "nerf", 0).exists()
 
 
 @pytest.mark.parametrize("other", [HERE, "ba9876543210", f"{HERE}-dirty"])
 def test_cells_of_another_commit_are_counted(
-    situation: EvidenceContext, runs: list[Path], monkeypatch: pytest.MonkeyPatch, other: str
+    context: EvidenceContext, runs: list[Path], monkeypatch: pytest.MonkeyPatch, other: str
 ) -> None:
     monkeypatch.setattr(provenance, "commit", lambda: HERE)
-    write_trained(situation, ("lego", "voxels", 0), "of no cell of the plan")
-    write_trained(situation, commit=other)
-    scale = situation.scale(STUDIES["rendering"])
+    write_trained(context, ("lego", "voxels", 0), "of no cell of the plan")
+    write_trained(context, commit=other)
+    scale = context.scale(STUDIES["rendering"])
     if other == HERE:
         assert "commit" not in scale
-        assert "commit" not in situation.scale(STUDIES["collapse"]), "not trained yet"
+        assert "commit" not in context.scale(STUDIES["collapse"]), "not trained yet"
         return
-    cells = len(situation.plan(TRAINING).cells())
+    cells = len(context.plan(TRAINING).cells())
     for words in (f"{cells - 1} cells at commit {HERE}", f"1 cells at commit {other}", f"at commit {HERE}, at which"):
         assert words in scale
-    situation.trained(TRAINING)
+    context.trained(TRAINING)
     assert runs == [], "they are used all the same"

@@ -1,5 +1,7 @@
-"""What the frontier says of planted cells, and what it plans; nothing is trained here."""
+"""The findings of the frontier on planted cells, and its plans; nothing is trained here."""
 
+import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -24,7 +26,7 @@ from tests.harness.cells import cell, checkpoint, diverged
 SCENES = ("ficus", "lego", "mic")
 OFFSETS = dict(zip(SCENES, (0.0, 5.0, 2.0), strict=True))
 SCORES = {4.0: {"nerf": 20.0, "planes": 24.0}, 16.0: {"nerf": 26.0, "planes": 25.0}}
-"""nerf overtakes between the two budgets: 4 dB behind, then 1 ahead."""
+"""nerf overtakes planes between the two budgets: 4 dB behind, then 1 dB ahead."""
 
 
 @dataclass(frozen=True)
@@ -62,93 +64,84 @@ def two_families(lost: tuple[str, str, float] | None = None) -> Planted:
     return planted(cells)
 
 
-def table(found: list[Found], name: str) -> Table:
-    (only,) = (one for one in found if isinstance(one, Table) and one.id == name)
+def table(findings: list[Found], name: str) -> Table:
+    (only,) = (finding for finding in findings if isinstance(finding, Table) and finding.id == name)
     return only
 
 
-def test_every_budget_is_a_training_of_its_own_in_core_seconds_for_all_families_alike() -> None:
+def line(findings: Iterable[Found], name: str = "nerf", scene: str = "all scenes") -> Series:
+    """The line of that name against core seconds."""
+    panel = f"core seconds of training, {scene}"
+    return next(
+        finding
+        for finding in findings
+        if isinstance(finding, Series) and finding.name == name and finding.panel.endswith(panel)
+    )
+
+
+def test_every_budget_is_a_separate_training_in_core_seconds_with_equal_settings_for_all_families() -> None:
     here = planted({})
     names = here.trainings(STUDIES["needs"], STUDIES["phi"])
     assert names == ["core_seconds_4", "core_seconds_16", "phi"]
     plans = [here.plan(name) for name in names]
-    assert [(plan.budget.steps, plan.budget.core_seconds) for plan in plans] == [
-        (None, 4.0),
-        (None, 16.0),
-        (None, 15.0),
-    ]
+    assert {plan.budget.steps for plan in plans} == {None}
+    assert [plan.budget.core_seconds for plan in plans] == [4.0, 16.0, 15.0]
     assert plans[2].methods == PHI_METHODS
     assert plans[0].train.grid.first_step < plans[1].train.grid.first_step
     assert {training for study in STUDIES.values() for training in study.trainings} == {"budgets", "phi"}
 
 
 def test_the_best_mean_is_named_and_curves_are_errors_with_intervals_over_scenes() -> None:
-    found = list(error_against_time(two_families()))
+    findings = list(error_against_time(two_families()))
     mean = 26.0 + 7.0 / 3.0
-    assert (
-        found[0] == f"At 16 core seconds nerf has the best mean over 3 scenes, {mean:.2f} dB; nerf has {mean:.2f} dB."
+    assert findings[0] == (
+        f"At 16 core seconds nerf has the best mean over 3 scenes, {mean:.2f} dB; nerf has {mean:.2f} dB."
     )
-    lines = [one for one in found if isinstance(one, Series)]
-    whole = next(
-        one for one in lines if one.name == "nerf" and one.panel.endswith("core seconds of training, all scenes")
-    )
-    assert whole.x == [4.0, 16.0]
-    assert whole.y == pytest.approx([10 ** (-(20.0 + 7.0 / 3.0) / 20), 10 ** (-mean / 20)])
-    assert whole.low is not None
-    assert whole.low[1] < whole.y[1]  # type: ignore[operator]
-    floor = next(one for one in lines if one.name == "copying the nearest training view" and "ficus" in one.panel)
-    assert floor.y == pytest.approx([10**-0.6] * 2)
-    assert "± " in str(table(found, "over_scenes").rows[0][1])
+    over_all = line(findings)
+    assert over_all.x == [4.0, 16.0]
+    assert over_all.y == pytest.approx([10 ** (-(20.0 + 7.0 / 3.0) / 20), 10 ** (-mean / 20)])
+    assert over_all.low is not None
+    assert over_all.low[1] < over_all.y[1]  # type: ignore[operator]
+    assert line(findings, "copying the nearest training view", "ficus").y == pytest.approx([10**-0.6] * 2)
+    assert "± " in str(table(findings, "over_scenes").rows[0][1])
 
 
 def test_two_scenes_have_no_band() -> None:
     here = two_families()
-    here = replace(here, amount=replace(here.amount, scenes=SCENES[:2]))
-    whole = next(
-        one for one in error_against_time(here) if isinstance(one, Series) and one.panel.endswith("all scenes")
-    )
-    assert (whole.low, whole.high) == ([None, None], [None, None])
+    over_two = line(error_against_time(replace(here, amount=replace(here.amount, scenes=SCENES[:2]))))
+    assert (over_two.low, over_two.high) == ([None, None], [None, None])
 
 
 def test_a_family_that_failed_on_a_scene_has_no_mean_there_and_is_named() -> None:
-    found = list(error_against_time(two_families(("lego", "nerf", 16.0))))
-    assert any("nerf on lego" in one for one in found if isinstance(one, str))
-    assert table(found, "over_scenes").rows[0][2] == "a scene without a score"
-    whole = next(
-        one
-        for one in found
-        if isinstance(one, Series) and one.name == "nerf" and one.panel.endswith("seconds of training, all scenes")
-    )
-    assert whole.x == [4.0]
-    assert [row[2] for row in table(found, "by_scene").rows if row[:2] == ["lego", "16"]] == [None]
+    findings = list(error_against_time(two_families(("lego", "nerf", 16.0))))
+    assert any("nerf on lego" in finding for finding in findings if isinstance(finding, str))
+    assert table(findings, "over_scenes").rows[0][2] == "a scene without a score"
+    assert line(findings).x == [4.0]
+    assert [row[2] for row in table(findings, "by_scene").rows if row[:2] == ["lego", "16"]] == [None]
     assert next(iter(front(two_families(("lego", "nerf", 16.0))))) == (
         "Best mean, with the share of draws of scenes in which it is: planes at 4 core seconds (100 %) and planes at "
         f"16 core seconds ({100 * (1 - (2 / 3) ** 3):.0f} %)."
     )
 
 
-def test_who_overtakes_whom_and_when() -> None:
-    found = list(front(two_families()))
-    assert (
-        found[1]
-        == "The winner at 4 core seconds, planes, is not that at 16, nerf; Kendall's τ of the two rankings is -1.00."
-    )
-    assert table(found, "crossings").rows == [
-        ["nerf", "planes", f"{4 * 4**0.8:.3g}", f"{4 * 4**0.8:.3g} to {4 * 4**0.8:.3g}", "100 %"]
-    ]
-    assert table(found, "on_front").rows == [["nerf", "0 %", "100 %"], ["planes", "100 %", "0 %"]]
+def test_crossings_and_ranks_of_two_families() -> None:
     here = two_families()
-    alone = replace(here, amount=replace(here.amount, budgets=(4.0,)))
-    assert not any("winner" in one for one in front(alone) if isinstance(one, str))
+    findings = list(front(here))
+    assert findings[1] == (
+        "The winner at 4 core seconds, planes, is not that at 16, nerf; Kendall's τ of the two rankings is -1.00."
+    )
+    at = f"{4 * 4**0.8:.3g}"
+    assert table(findings, "crossings").rows == [["nerf", "planes", at, f"{at} to {at}", "100 %"]]
+    assert table(findings, "on_front").rows == [["nerf", "0 %", "100 %"], ["planes", "100 %", "0 %"]]
+    single = replace(here, amount=replace(here.amount, budgets=(4.0,)))
+    assert not any("winner" in finding for finding in front(single) if isinstance(finding, str))
 
 
 def test_pick_names_the_family_of_the_longest_budget_within_the_seconds() -> None:
-    record = StudyRecord(
-        STUDIES["needs"].info, findings=[one for one in needs(two_families()) if not isinstance(one, str)]
-    )
-    assert (
-        pick(record, "lego", 5.0)
-        == "planes: 29.00 dB on lego in 4 core seconds, 4.00 dB ahead of nerf (one seed: no interval)"
+    findings = [finding for finding in needs(two_families()) if not isinstance(finding, str)]
+    record = StudyRecord(STUDIES["needs"].info, findings=findings)
+    assert pick(record, "lego", 5.0) == (
+        "planes: 29.00 dB on lego in 4 core seconds, 4.00 dB ahead of nerf (one seed: no interval)"
     )
     assert pick(record, "lego", 1e6).startswith("nerf: 31.00 dB on lego in 16 core seconds, 1.00 dB ahead")
     assert pick(record, "thin", 60.0).startswith("nerf: ")
@@ -161,26 +154,24 @@ def test_pick_names_the_family_of_the_longest_budget_within_the_seconds() -> Non
 
 def test_a_gain_of_phi_is_judged_against_each_control_by_scenes_and_seeds() -> None:
     gains = {"planes_phi": 0.5, "hash_grid_phi": -0.3}
-    cells = [
-        scored(
-            scene, method, 30.0 + OFFSETS[scene] + gains.get(method, 0.0) * (1 + 0.01 * place + 0.02 * seed), 15.0, seed
-        )
-        for place, scene in enumerate(SCENES)
-        for method in PHI_METHODS
-        for seed in (0, 1)
-    ]
-    found = list(phi(planted({"phi": cells}, PHI_METHODS)))
-    effects = {(one.name, one.against): one for one in found if isinstance(one, Effect) and one.scene == "all"}
-    assert len(effects) == 4
-    for (name, _), effect in effects.items():
-        assert effect.difference == pytest.approx(gains[name] * 1.02, rel=1e-6)
-        assert effect.budget == "core_seconds"
-        assert effect.pairs == 6
-        assert effect.verdict.sign == ("above 0" if gains[name] > 0 else "below 0")
-    assert "+0.51 dB" in str(found[0])
+
+    def psnr(scene: str, method: str, seed: int) -> float:
+        spread = 1 + 0.01 * SCENES.index(scene) + 0.02 * seed
+        return 30.0 + OFFSETS[scene] + gains.get(method, 0.0) * spread
+
+    keys = list(itertools.product(SCENES, PHI_METHODS, (0, 1)))
+    cells = [scored(scene, method, psnr(scene, method, seed), 15.0, seed) for scene, method, seed in keys]
+    findings = list(phi(planted({"phi": cells}, PHI_METHODS)))
+    effects = [finding for finding in findings if isinstance(finding, Effect) and finding.scene == "all"]
+    assert len({(effect.name, effect.against) for effect in effects}) == 4
+    for effect in effects:
+        assert effect.difference == pytest.approx(gains[effect.name] * 1.02, rel=1e-6)
+        assert (effect.budget, effect.pairs) == ("core_seconds", 6)
+        assert effect.verdict.sign == ("above 0" if gains[effect.name] > 0 else "below 0")
+    assert "+0.51 dB" in str(findings[0])
 
 
-def test_what_is_never_reached_is_more_than_the_longest_budget() -> None:
+def test_a_score_that_is_never_reached_takes_more_than_the_longest_budget() -> None:
     rows = time_to_score(two_families().frontier()).rows
     # ficus, lego and mic at 4 and at 16 s: nerf 20 25 22 and 26 31 28; planes 24 29 26 and 25 30 27
     assert rows == [

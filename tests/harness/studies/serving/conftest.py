@@ -1,4 +1,4 @@
-"""A tiny finished run, copies of it that may be written to, and what its studies are given."""
+"""A tiny finished run, copies of it that may be written to, and the context of its studies."""
 
 import shutil
 from dataclasses import replace
@@ -27,10 +27,10 @@ def out(trained: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def context(trained: Path, tmp_path: Path) -> ServingContext:
-    return replace(asked_of(trained, tmp_path), scratch=tmp_path)
+    return replace(context_of(trained, tmp_path), scratch=tmp_path)
 
 
-def asked_of(out: Path, view_sets: Path) -> ServingContext:
+def context_of(out: Path, view_sets: Path) -> ServingContext:
     finished, machine = FinishedRun.of(out), Machine("cpu", 1, 1)
     scenes = finished.scenes(["ball"])
     return ServingContext(out, view_sets, out, True, Quiet(), machine, finished, scenes, ["nerf", "qnerf"], 0, SIZE)
@@ -45,7 +45,7 @@ def cell(context: ServingContext) -> TrainedCell:
 
 
 class Ticks:
-    """A clock that goes on by so many seconds whenever it is looked at."""
+    """A clock that advances by `step` seconds whenever it is read."""
 
     def __init__(self, step: float = 1.0) -> None:
         self.step, self.now = step, 0.0

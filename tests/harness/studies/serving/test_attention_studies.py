@@ -19,16 +19,23 @@ from harness.studies.serving.anytime import (
     Curve,
     Reaching,
     Refined,
-    Seen,
+    RefinedView,
     cases_of,
     earlier,
     errors_along,
     first_of,
     reaching,
-    refined,
+    refine_in,
     steps,
 )
-from harness.studies.serving.attention_views import KINDS, AttendedView, Looked, attended_views, attention_of, looked
+from harness.studies.serving.attention_views import (
+    KINDS,
+    AttendedView,
+    RegionView,
+    attended_views,
+    attention_of,
+    region_view,
+)
 from harness.studies.serving.serving_context import ServingContext, plain
 from harness.training.scoring.evaluate import View
 from tests.harness.studies.serving.conftest import Ticks
@@ -58,7 +65,7 @@ def test_errors_fall_part_by_part() -> None:
 
 
 def curve_of(errors: list[float], *repeats: float) -> Curve:
-    """Repeats that are as many times as slow."""
+    """A curve whose repeats are slower by these factors."""
     seconds = np.array([[slow * 0.5 * (place + 1) for place in range(len(errors))] for slow in repeats or (1.0,)])
     return Curve(seconds, dict.fromkeys(MEASURES, errors))
 
@@ -67,7 +74,7 @@ def curve_of(errors: list[float], *repeats: float) -> Curve:
     ("errors", "seconds"),
     [
         ([1.0, 0.6, 0.4, 0.0], 1.5),
-        ([1.0, 0.4, 0.6, 0.0], 2.0),  # it rises again: only then it stays
+        ([1.0, 0.4, 0.6, 0.0], 2.0),  # it rises again
         ([1.0, 0.9, 0.8, 0.7], None),
         ([0.0, 0.0], 0.5),
     ],
@@ -77,7 +84,7 @@ def test_reaching_is_when_the_error_stays_below(errors: list[float], seconds: fl
     assert reached == (None if seconds is None else Reaching(seconds, 0.5 * seconds, 3.0 * seconds))
 
 
-def test_all_orders_are_measured_by_the_coarse_frame_s_error_also_one_that_has_none() -> None:
+def test_all_orders_are_measured_by_the_coarse_frame_s_error_even_without_such_a_frame() -> None:
     case = Case("ball", "point", {"raster": curve_of([1.0, 0.15, 0.05]), "plain": curve_of([3.0, 0.25, 0.15])})
     assert case.times("hardest") == {"raster": Reaching(1.5, 1.5, 1.5), "plain": None}
 
@@ -91,7 +98,7 @@ def test_the_first_is_before_all_others_in_every_repeat() -> None:
     assert first_of(overlapping) is None
 
 
-def test_what_is_at_once_to_the_eye_is_one_step_and_nothing_invisible_is_drawn() -> None:
+def test_close_steps_are_merged_and_nothing_invisible_is_drawn() -> None:
     assert steps([0.0, 1.0, 1.001, 1.002, 2.0], [1.0, 0.5, 0.45, 0.4, 1e-9]) == (
         [0.0, 1.0, 1.0, 1.002, 1.002, 2.0, 2.0],
         [1.0, 1.0, 0.5, 0.5, 0.4, 0.4, 1e-4],
@@ -99,7 +106,7 @@ def test_what_is_at_once_to_the_eye_is_one_step_and_nothing_invisible_is_drawn()
 
 
 def cases(kinds: dict[str, list[float]]) -> list[Case]:
-    """Three scenes with attention so many times as fast as raster order, from 1 down to 0."""
+    """Cases on up to three scenes, in which attention takes these multiples of raster order's time."""
     return [
         Case(scene, kind, {"attention": curve_of([1.0, 0.0], factor), "raster": curve_of([1.0, 0.0], 1.0, 2.0)})
         for kind, factors in kinds.items()
@@ -126,14 +133,14 @@ def test_the_claim_holds_on_every_scene_or_fails_on_every_one(
 
 
 @pytest.fixture
-def view(context: ServingContext, cell: TrainedCell) -> Looked:
-    return looked(context, cell, context.orbit(cell.scene, 1)[0])
+def view(context: ServingContext, cell: TrainedCell) -> RegionView:
+    return region_view(context, cell, context.orbit(cell.scene, 1)[0])
 
 
 @pytest.mark.parametrize("order", ["attention", "raster", "spread"])
-def test_every_order_ends_in_the_plain_picture(view: Looked, ticks: Ticks, order: Any) -> None:
-    run = refined(view, order, "foveal" if order == "attention" else None, ticks)
-    assert np.diff(run.seconds).tolist() == [[1.0] * len(run.parts)], "one look at the clock a part"
+def test_every_order_ends_in_the_plain_picture(view: RegionView, ticks: Ticks, order: Any) -> None:
+    run = refine_in(view, order, "foveal" if order == "attention" else None, ticks)
+    assert np.diff(run.seconds).tolist() == [[1.0] * len(run.parts)], "one reading of the clock per part"
     assert len(run.parts) == view.regions.count
     wanted = plain(view.cell.learner, view.camera, view.cell.chunk)
     np.testing.assert_allclose(filled(view.camera, run.parts)[0].colour, wanted.colour, atol=1e-5)
@@ -141,14 +148,16 @@ def test_every_order_ends_in_the_plain_picture(view: Looked, ticks: Ticks, order
     assert max(last) < 1e-5
 
 
-def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_seconds_are_medians_over_repeats_and_means_over_views(
+    view: RegionView, monkeypatch: pytest.MonkeyPatch
+) -> None:
     clocks = iter([1.0, 5.0, 3.0])
 
-    def with_clock(view: Looked, order: Any, kind: str | None, clock: Any) -> Refined:
+    def with_clock(view: RegionView, order: Any, kind: str | None, clock: Any) -> Refined:
         scale = next(clocks)
         return Refined(flat(0.0), PARTS, scale * np.array([[1.0, 2.0, 3.0]]))
 
-    monkeypatch.setattr(anytime, "refined", with_clock)
+    monkeypatch.setattr(anytime, "refine_in", with_clock)
     measured = anytime.measure(view, [("raster", None)], 3)
     assert measured["raster", None].seconds.tolist() == [[1.0, 2.0, 3.0], [5.0, 10.0, 15.0], [3.0, 6.0, 9.0]]
 
@@ -158,10 +167,10 @@ def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, mon
     rough = flat(0.0)
     rough.colour[1, 0] = 9.0
 
-    def seen(value: float, seconds: np.ndarray) -> Seen:
+    def seen(value: float, seconds: np.ndarray) -> RefinedView:
         runs: Any = {(order, None): Refined(flat(0.0), PARTS, seconds) for order in ("raster", "spread", "plain")}
         runs["attention", "point"] = runs["raster", None]
-        return Seen(AttendedView(small, 0, rough, maps, None), flat(value), runs)
+        return RefinedView(AttendedView(small, 0, rough, maps, None), flat(value), runs)
 
     (case,) = cases_of([seen(0.5, first), seen(0.25, second)])
     assert (case.scene, case.kind, list(case.curves)) == ("ball", "point", list(ORDERS))
@@ -172,7 +181,7 @@ def test_seconds_are_medians_over_repeats_and_means_over_views(view: Looked, mon
     assert curve.errors["hardest"] == [0.375, 0.375, 0.125], "of pixel 2: done with the second part"
 
 
-def test_a_map_costs_what_it_renders(view: Looked) -> None:
+def test_a_map_costs_what_it_renders(view: RegionView) -> None:
     learner, stride, chunk = view.cell.learner, view.stride, view.cell.chunk
     frame = coarse(learner, view.camera, stride, chunk, view.bins)
     rough = coarse(learner, view.camera, stride, chunk, view.bins // 2)
@@ -185,8 +194,8 @@ def test_a_map_costs_what_it_renders(view: Looked) -> None:
     assert there == {**free, "gradients": 0, "error": rough.network_evaluations}
 
 
-def every_evaluation(view: Looked) -> tuple[Looked, list[int]]:
-    """The view of a learner that counts, whoever asks it."""
+def every_evaluation(view: RegionView) -> tuple[RegionView, list[int]]:
+    """The view with a learner that counts all evaluations."""
     counted: list[int] = []
 
     class Counting:
@@ -203,23 +212,23 @@ def every_evaluation(view: Looked) -> tuple[Looked, list[int]]:
 
 
 @pytest.mark.parametrize("kind", [None, "point", "gradients", "error"])
-def test_all_evaluations_of_a_picture_are_counted(view: Looked, kind: str | None) -> None:
+def test_all_evaluations_of_a_picture_are_counted(view: RegionView, kind: str | None) -> None:
     watched, counted = every_evaluation(view)
-    picture = allocations.rendered(watched, kind, 16)
+    picture = allocations.render_with(watched, kind, 16)
     assert picture.evaluations == sum(counted)
     assert (picture.own == 0) == (kind in (None, "point"))
     assert 0.95 * 16.0 < picture.bins <= 16.0
 
 
 def test_pictures_by_attention_are_compared_with_the_even_one(context: ServingContext, ticks: Ticks) -> None:
-    seen = attended_views(context)[0]
-    seen = replace(seen, maps={**seen.maps, "mask": np.ones(seen.view.regions.count)})
-    rows = allocations.allocations(seen, 64, 2, ticks)
-    assert {row.figures["seconds"] for row in rows} == {1.0}, "one look at the clock each"
+    attended = attended_views(context)[0]
+    attended = replace(attended, maps={**attended.maps, "mask": np.ones(attended.view.regions.count)})
+    rows = allocations.allocations(attended, 64, 2, ticks)
+    assert {row.figures["seconds"] for row in rows} == {1.0}, "one reading of the clock each"
     assert [row.is_even for row in rows if row.kind == "point"] == [True, False]
-    assert "mask" not in {row.kind for row in rows}, "all alike is the plain picture"
+    assert "mask" not in {row.kind for row in rows}, "equal attention is the plain picture"
     assert rows[0].figures["truth"] > 0.0
-    assert "truth" not in allocations.allocations(replace(seen, truth=None), 64, 1, ticks)[0].figures
+    assert "truth" not in allocations.allocations(replace(attended, truth=None), 64, 1, ticks)[0].figures
 
 
 def test_the_studies_are_complete(context: ServingContext) -> None:
@@ -232,12 +241,12 @@ def test_the_studies_are_complete(context: ServingContext) -> None:
     assert all((context.out / finding.path).is_file() for finding in pictures)
     lines = [finding for finding in findings if isinstance(finding, Series)]
     assert {finding.panel for finding in lines} == {f"ball, {words}, point" for words in MEASURES.values()}
-    (phi,) = [
-        finding
-        for finding in attention_views.priorities(context)
-        if isinstance(finding, Check) and finding.id == "phi.sum"
-    ]
-    assert phi.value == pytest.approx(PHI)
+    (total,) = (
+        check.value
+        for check in attention_views.priorities(context)
+        if isinstance(check, Check) and check.id == "phi.sum"
+    )
+    assert total == pytest.approx(PHI)
 
 
 def test_a_run_of_methods_that_are_not_pointwise_has_no_curves(context: ServingContext) -> None:
@@ -245,7 +254,7 @@ def test_a_run_of_methods_that_are_not_pointwise_has_no_curves(context: ServingC
     answer, gap = anytime.anytime(context)
     assert answer == attention_views.NOTHING
     assert isinstance(gap, Check)
-    assert "which points share a call" in gap.why
+    assert "which points share a chunk" in gap.why
     assert list(allocations.samples(context)) == [attention_views.NOTHING]
 
 

@@ -1,4 +1,4 @@
-"""Latencies, paths and confusions of the view cache, on paths whose answer is known by hand and with faults planted."""
+"""Latencies and confusions of the view cache, with known answers and planted faults."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,7 +11,7 @@ from harness.playback.cached import CachedMethod
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import Place, ViewStore
 from harness.records.study import Check
-from harness.studies.serving.cache_confusions import Variant, compared, confused, copied, pose_hash, variants
+from harness.studies.serving.cache_confusions import Variant, confusions_with, copy_of, findings_of, pose_hash, variants
 from harness.studies.serving.cache_latency import HITS, WrongHit, hit_check, latencies
 from harness.studies.serving.serving_context import ServingContext, plain
 from harness.training.batches import Camera
@@ -19,9 +19,10 @@ from harness.training.scoring.evaluate import View
 from harness.training.scoring.metrics import mse
 from harness.training.trainer import Trainer
 from tests.harness.studies.serving.conftest import Ticks
+from tests.harness.tiny import same, weights
 
 
-def test_every_level_is_timed_as_often_as_asked(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
+def test_every_level_is_timed_as_often_as_requested(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
     seconds = latencies(context, cell, ticks)
     rounds, hits = context.sizes.rounds, context.sizes.hits
     counts = {"render": rounds, **dict.fromkeys(HITS, rounds * hits)}
@@ -36,9 +37,7 @@ def test_every_level_is_timed_as_often_as_asked(context: ServingContext, cell: T
         ("disk.cold", 300.0, "pass"),
     ],
 )  # fmt: skip
-def test_a_target_is_met_or_missed_by_quartiles_against_opposite_ones(
-    cell: TrainedCell, name: str, slower: float, status: str
-) -> None:
+def test_a_target_is_judged_by_opposite_quartiles(cell: TrainedCell, name: str, slower: float, status: str) -> None:
     rendering = [40.0, 10.0, 20.0, 30.0, 50.0]
     check = hit_check(cell, name, [slower * 1e-3 * x for x in (0.1, 0.2, 0.3, 0.4, 0.5)], rendering)
     assert check.value == pytest.approx(1e5 / slower)
@@ -46,7 +45,7 @@ def test_a_target_is_met_or_missed_by_quartiles_against_opposite_ones(
     assert (check.status, check.repeats, check.is_broken) == (status, 5, False)
 
 
-def test_a_hit_that_is_another_picture_is_no_hit(
+def test_a_hit_with_another_picture_is_an_error(
     context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def darker(self: CachedMethod, camera: Camera) -> tuple[View, Place]:
@@ -71,21 +70,21 @@ def test_nothing_reads_a_file_before_it_is_timed(
 
     monkeypatch.setattr(ViewStore, "_read", noted)
     latencies(context, cell, ticks)
-    assert len(reads) == 2 * context.sizes.rounds * context.sizes.hits, "one a hit, warm or cold"
+    assert len(reads) == 2 * context.sizes.rounds * context.sizes.hits, "one per hit, warm or cold"
 
 
 def test_what_is_late_is_left_out_and_named(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
     context = replace(context, deadline=3.0, clock=ticks)
-    assert len(latencies(context, cell, Ticks())["render"]) == 3, "the first two looks at the clock were in time"
+    assert len(latencies(context, cell, Ticks())["render"]) == 3, "the first two readings of the clock were in time"
     context = replace(context, deadline=ticks.now + 3)
-    assert len(confused(context, cell, variants(context, cell))) == 2
+    assert len(confusions_with(context, cell, variants(context, cell))) == 2
     assert context.gaps[-1].what.startswith("quadrature")
 
 
 def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
     context: ServingContext, cell: TrainedCell
 ) -> None:
-    rows = confused(context, cell, variants(context, cell))
+    rows = confusions_with(context, cell, variants(context, cell))
     *others, last = rows
     assert [row.changed.split(" ")[-1] for row in others] == [
         "training", "16", "midpoint", "float32", "white", "nerf", "long", "width", "together",
@@ -94,12 +93,12 @@ def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
         assert (row.stale, row.missed) == (row.views, row.views)
         assert 0.0 < row.rmse < 1.0
     assert last.changed == "a pose one unit in the last place away"
-    assert (last.stale, last.missed, last.rmse) == (0, last.views, 0.0), "any key of all bits tells them apart"
+    assert (last.stale, last.missed, last.rmse) == (0, last.views, 0.0), "any key of all bits distinguishes them"
 
 
 def test_the_error_is_that_of_the_picture_that_would_have_come(context: ServingContext, cell: TrainedCell) -> None:
     wider = Variant("focal", cell.learner, cell.chunk, lambda camera: replace(camera, focal=2.0 * camera.focal))
-    row = confused(context, cell, [wider])[0]
+    row = confusions_with(context, cell, [wider])[0]
     squares = []
     for pose in context.orbit(cell.scene, row.views):
         camera = context.camera(cell, pose)
@@ -110,9 +109,9 @@ def test_the_error_is_that_of_the_picture_that_would_have_come(context: ServingC
 
 def test_the_same_method_again_is_neither_stale_nor_missed(context: ServingContext, cell: TrainedCell) -> None:
     assert isinstance(cell.learner, Trainer)
-    row = confused(context, cell, [Variant("nothing", copied(cell.learner), cell.chunk)])[0]
+    row = confusions_with(context, cell, [Variant("nothing", copy_of(cell.learner), cell.chunk)])[0]
     assert (row.stale, row.missed, row.rmse) == (0, 0, 0.0)
-    assert not any(check.is_broken for check in compared([row]) if isinstance(check, Check)), (
+    assert not any(check.is_broken for check in findings_of([row]) if isinstance(check, Check)), (
         "an equal picture is no fault"
     )
 
@@ -124,23 +123,20 @@ def test_a_planted_key_that_forgets_something_is_found(
         return pose_hash(camera.camera_to_world)
 
     monkeypatch.setattr(CachedMethod, "key", of_the_pose_alone)
-    rows = confused(context, cell, variants(context, cell))
+    rows = confusions_with(context, cell, variants(context, cell))
     resized = [row.changed == "half the width" for row in rows[:-1]]
     wanted = [row.views if other_size else 0 for row, other_size in zip(rows, resized, strict=False)]
-    assert [row.missed for row in rows[:-1]] == wanted, "a picture of another size is refused whatever the key"
+    assert [row.missed for row in rows[:-1]] == wanted, "a picture of another size is always refused"
     assert sum(resized) == 1
     assert rows[-1].missed == rows[-1].views
-    assert [row.id for row in compared(rows) if isinstance(row, Check) and row.is_broken] == ["key.ours"]
+    assert [row.id for row in findings_of(rows) if isinstance(row, Check) and row.is_broken] == ["key.ours"]
 
 
 @pytest.fixture(autouse=True)
-def learners_are_left_alone(context: ServingContext) -> Iterator[None]:
+def learners_are_not_trained(context: ServingContext) -> Iterator[None]:
     """No study may train what others are going to render."""
     cells = [context.trained(context.scenes[0], method) for method in ("nerf", "qnerf")]
-    before = [
-        {name: value.clone() for name, value in cell.learner.fields.state_dict().items()} for cell in cells if cell
-    ]
+    learners = [cell.learner for cell in cells if cell]
+    before = [weights(learner) for learner in learners]
     yield
-    for cell, weights in zip([cell for cell in cells if cell], before, strict=True):
-        for name, value in cell.learner.fields.state_dict().items():
-            assert bool((value == weights[name]).all())
+    assert all(same(weights(learner), unchanged) for learner, unchanged in zip(learners, before, strict=True))

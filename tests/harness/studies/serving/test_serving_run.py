@@ -3,7 +3,6 @@
 import json
 import shutil
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,20 +23,10 @@ from harness.studies.serving.serving_run import after_run
 from harness.studies.serving.serving_studies import SHELF, STUDIES
 from harness.training.trainer import Diverged
 from tests.harness.shell import refused
-from tests.harness.studies.serving.conftest import asked_of
+from tests.harness.studies.serving.conftest import context_of
 from tests.harness.trained_runs import SIZE, in_this_process
 
 pytestmark = pytest.mark.slow
-
-
-class Lines(Quiet):
-    """Keeps what it is given."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def line(self, text: str) -> None:
-        self.lines.append(text)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +47,7 @@ def record_of(out: Path) -> Studies:
 
 
 def with_studies(monkeypatch: pytest.MonkeyPatch, **measures: Measure) -> None:
-    """Let studies measure something else, those that are not named nothing but a sentence."""
+    """Let studies measure something else; those that are not named only yield a sentence."""
 
     def measure_of(self: object, name: str) -> Measure:
         return study(measures.get(name, sentence))
@@ -94,15 +83,23 @@ def test_the_record_is_complete(served: Path) -> None:
     assert not list(served.glob(".scratch-*")), "scratch files are gone"
 
 
-def test_what_is_there_is_not_measured_again(copy: Path) -> None:
-    before, show = (copy / SHELF.file).read_bytes(), Lines()
-    after_run(copy, "cpu", copy, show)
-    assert show.lines == ["serving: measured before"]
+@pytest.fixture
+def lines(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The lines that any `Quiet` receives."""
+    received: list[str] = []
+    monkeypatch.setattr(Quiet, "line", lambda self, text: received.append(text))
+    return received
+
+
+def test_a_complete_record_is_not_measured_again(copy: Path, lines: list[str]) -> None:
+    before = (copy / SHELF.file).read_bytes()
+    after_run(copy, "cpu", copy, Quiet())
+    assert lines == ["serving: measured before"]
     assert (copy / SHELF.file).read_bytes() == before
 
 
 @pytest.mark.parametrize("change", ["weights", "code", "processor", "packages", "damaged", "former"])
-def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
+def test_an_incompatible_record_is_measured_again(copy: Path, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
     path, before = copy / SHELF.file, record_of(copy)
     with_studies(monkeypatch)
     if change == "code":
@@ -119,7 +116,7 @@ def test_what_does_not_fit_is_measured_again(copy: Path, monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no memory"), OSError(28, "No space left"), Diverged(3, "colour")])
-def test_a_failing_study_costs_itself_alone_and_is_tried_again(
+def test_a_failing_study_costs_only_itself_and_is_tried_again(
     out: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     with_studies(monkeypatch, anytime=failing(error))
@@ -132,13 +129,13 @@ def test_a_failing_study_costs_itself_alone_and_is_tried_again(
     assert record_of(out).broken == [], "the others were not measured again"
 
 
-def test_an_error_of_ours_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_studies(monkeypatch, confusions=failing(ZeroDivisionError("ours")))
+def test_an_unexpected_error_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_studies(monkeypatch, confusions=failing(ZeroDivisionError("unexpected")))
     with pytest.raises(ZeroDivisionError):
-        framework.run(SHELF, list(STUDIES), asked_of(out, out), resume=False)
+        framework.run(SHELF, list(STUDIES), context_of(out, out), resume=False)
     assert [each.info.id for each in record_of(out).studies] == ["latency"], "what was finished is kept"
     with_studies(monkeypatch, confusions=failing(Diverged(3, "colour")))
-    assert framework.run(SHELF, list(STUDIES), asked_of(out, out), resume=True) == 3
+    assert framework.run(SHELF, list(STUDIES), context_of(out, out), resume=True) == 3
 
 
 def test_once_the_time_is_over_nothing_is_begun_and_the_rest_is_measured_later(
@@ -157,15 +154,14 @@ def test_once_the_time_is_over_nothing_is_begun_and_the_rest_is_measured_later(
     assert not any(each.cut_short for each in record_of(out).studies)
 
 
-def test_whatever_fails_outside_of_a_study_is_said(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_outside_of_a_study_is_reported(out: Path, monkeypatch: pytest.MonkeyPatch, lines: list[str]) -> None:
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("harness.studies.framework.write_studies", full)
-    show = Lines()
-    after_run(out, "cpu", out, show)
-    assert "serving was not measured" in show.lines[-1]
-    assert "No space left" in show.lines[-1]
+    after_run(out, "cpu", out, Quiet())
+    assert "serving was not measured" in lines[-1]
+    assert "No space left" in lines[-1]
 
 
 def test_a_cell_that_diverged_is_named(out: Path) -> None:
@@ -173,8 +169,7 @@ def test_a_cell_that_diverged_is_named(out: Path) -> None:
     data = json.loads(path.read_text(encoding="utf-8"))
     data.pop("digest", None)
     path.write_text(json.dumps({**data, "status": "diverged", "reason": "not finite at step 3"}), encoding="utf-8")
-    asked = replace(asked_of(out, out), run=FinishedRun.of(out))
-    assert framework.run(SHELF, ["latency", "anytime"], asked, resume=False) == 0
+    assert framework.run(SHELF, ["latency", "anytime"], context_of(out, out), resume=False) == 0
     latency, anytime = record_of(out).studies
     assert {each.subject for each in latency.checks if each.id.startswith("hit.")} == {"qnerf"}
     gaps = [each for each in latency.checks if each.status == "not_available"]
@@ -182,7 +177,7 @@ def test_a_cell_that_diverged_is_named(out: Path) -> None:
     assert anytime.answers == ["No method of the run can be rendered by regions here."]
 
 
-def test_the_command_measures_what_is_asked(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_measures_what_is_requested(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     typed = ["serving", str(out), "--quick", "--methods", "qnerf", "--width", "12", "--studies", "latency"]
     assert main(typed) == 0
     (latency,) = record_of(out).studies
@@ -208,7 +203,7 @@ def test_the_command_measures_what_is_asked(out: Path, capsys: pytest.CaptureFix
         (["--studies", "latencies"], "'latencies'"),
     ],
 )
-def test_mistakes_are_said_in_one_line(
+def test_mistakes_are_refused_in_one_line(
     trained: Path, capsys: pytest.CaptureFixture[str], options: list[str], words: str
 ) -> None:
     assert words in refused(capsys, trained, "--quiet", *options, command="serving")
@@ -222,12 +217,12 @@ def test_a_folder_without_a_run_is_refused(tmp_path: Path, capsys: pytest.Captur
 def test_a_run_measures_it_at_its_end(
     ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], measured: bool
 ) -> None:
-    asked: list[Path] = []
+    measured_in: list[Path] = []
 
     def noted(out: Path, device: str, view_sets: Path, show: Any) -> None:
         assert [cell.status for cell in read_cells(out)] == ["done"], "after everything else"
         assert (out / "records/comparisons.json").exists()
-        asked.append(out)
+        measured_in.append(out)
 
     monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
     monkeypatch.setattr(serving_run, "after_run", noted)
@@ -235,16 +230,16 @@ def test_a_run_measures_it_at_its_end(
     typed = "--profile smoke --resolution 8 --methods nerf --seeds 1 --budget-steps 2 --workers 1 --quiet --view-set"
     out = tmp_path / "run"
     assert main(["run", *typed.split(), str(ball_folder), "--out", str(out), *options]) == 0
-    assert asked == ([out] if measured else [])
+    assert measured_in == ([out] if measured else [])
     phases = FinishedRun.of(out).run.phases
     assert ("serve" in phases) == measured
 
 
-def test_a_study_ends_with_what_it_left_out_said_once(context: ServingContext) -> None:
+def test_a_study_names_once_what_it_left_out(context: ServingContext) -> None:
     def leaves_out(context: ServingContext) -> Iterator[Found]:
         for _ in range(2):
-            context.leave_out("this", "it is not there")
+            context.leave_out("this", "it is missing")
         yield "It was measured."
 
-    gap = Check("this", None, why="it is not there", owner="machine", status="not_available", id="left_out")
+    gap = Check("this", None, why="it is missing", owner="machine", status="not_available", id="left_out")
     assert list(study(leaves_out)(context)) == ["It was measured.", gap]

@@ -25,14 +25,14 @@ from tests.harness.tiny import rays_and_colours
 @pytest.mark.parametrize("depth", [1, 2, 4, 5, 8])
 @pytest.mark.parametrize("view_dependent", [True, False])
 def test_flops_against_those_that_torch_counts(depth: int, view_dependent: bool) -> None:
-    """The plain step does the same products, and those for gradients into encodings, and directions at every point."""
+    """The plain step also computes gradients into encodings, and directions at every point."""
     size, samples, rays = NetworkSize(depth, 24, 2, 12, 4, 2), 8, 16
     field = PlainField(size, Box(-torch.ones(3), torch.ones(3)), 0, view_dependent)
     with FlopCounterMode(display=False) as counter:
         plain_loss(field, *rays_and_colours(rays), samples, None).backward()
     points, position, direction = rays * samples, 27, 15
-    behind_the_skip = 1 + 12 if field.skip == depth - 1 else 24
-    wasted = 2 * position * behind_the_skip * points  # gradient into the encoded position at the skip
+    after_the_skip = 1 + 12 if field.skip == depth - 1 else 24
+    wasted = 2 * position * after_the_skip * points  # gradient into the encoded position at the skip
     wasted += (6 * points - 4 * rays) * direction * 12 if view_dependent else 0
     assert counter.get_total_flops() == step_flops(size, points, rays, view_dependent) + wasted
 
@@ -49,12 +49,12 @@ def test_sides_are_taken_in_turn_and_fast_ones_are_repeated() -> None:
 
 
 @pytest.mark.parametrize(("seconds", "chunks"), [(0.1, [1024, 2048]), (3.0, [1024])])
-def test_of_an_emulated_type_the_smallest_product_alone_is_timed(
+def test_of_an_emulated_type_only_the_smallest_multiplication_is_timed(
     seconds: float, chunks: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(throughput, "interleaved", lambda sides, *_: {name: [seconds] for name in sides})
     context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), 1.0)
-    assert list(throughput._product_rates(context, 8, torch.float32)) == chunks
+    assert list(throughput._matmul_rates(context, 8, torch.float32)) == chunks
 
 
 def test_growth_is_the_slope_of_logarithms() -> None:
@@ -85,4 +85,4 @@ def test_a_session_is_counted_with_shared_pages_once(tmp_path: Path) -> None:
         if kibibytes:
             pages = f"00-ff ---p [rollup]\nRss: 100 kB\nPss:    {kibibytes} kB\nPss_Anon:  9 kB\n"
             (tmp_path / str(process) / "smaps_rollup").write_text(pages)
-    assert session_bytes(10, tmp_path) == 67 * 1024, "one has ended meanwhile"
+    assert session_bytes(10, tmp_path) == 67 * 1024, "a process has ended meanwhile"

@@ -1,4 +1,4 @@
-"""Question 3 of `nox -s speed`: learners with a made-up clock; what is late is censored and said."""
+"""Question 3 of `nox -s speed`: learners with a made-up clock; a late one is censored and reported."""
 
 import math
 from pathlib import Path
@@ -21,7 +21,7 @@ from harness.studies.speed.time_to_target import (
     follow,
     pixels_of,
     ratio_to,
-    reached,
+    seconds_to,
     targets_of,
 )
 from harness.training.batches import Batch
@@ -34,7 +34,7 @@ EVEN = [2.0 * (place + 1) for place in range(10)]
 
 
 class Scripted:
-    """Each step takes two seconds; what it shows gets better by the step until it is told to fail."""
+    """Each step takes two seconds and improves what it shows, until the learner fails as requested."""
 
     progress = 0.0
 
@@ -60,17 +60,17 @@ def followed(learner: Scripted, times: list[float], target: float = math.inf) ->
     return follow(learner, lambda step: Batch(rays, colours), learner.colours, black, times, target)
 
 
-def test_a_training_is_looked_at_when_its_clock_has_passed() -> None:
+def test_a_training_is_evaluated_when_its_clock_has_passed() -> None:
     curve = followed(Scripted(), [1.0, 1.5, 5.0, 10.0])
     assert curve.before == pytest.approx(0.0)
     assert curve.seconds == [2.0, 6.0, 10.0]  # 1.5 had passed with 1.0 already
     assert curve.psnr == pytest.approx(
         [20 * torch.tensor(level).log10().item() for level in (3.0, 7.0, 11.0)], abs=1e-4
     )
-    assert followed(Scripted(), EVEN, target=13.0).seconds == [2, 4, 6], "enough is known"
+    assert followed(Scripted(), EVEN, target=13.0).seconds == [2, 4, 6], "it ends at the target"
 
 
-def test_one_that_diverges_keeps_its_curve_and_says_why() -> None:
+def test_a_diverging_training_keeps_its_curve_and_says_why() -> None:
     curve = followed(Scripted(fails_after=4.0), EVEN)
     assert curve.seconds == [2.0, 4.0]
     assert "step 7" in curve.ended
@@ -81,7 +81,7 @@ def test_one_that_diverges_keeps_its_curve_and_says_why() -> None:
     ("points", "seconds"),
     [
         ([], None),
-        ([(1.0, 30.0)], None),  # nothing holds it yet
+        ([(1.0, 30.0)], None),  # no second evaluation holds it
         ([(1.0, 30.0), (2.0, 30.0)], 1.0),
         ([(1.0, 10.0), (2.0, 14.9)], None),
         ([(1.0, 10.0), (2.0, 16.0)], None),
@@ -92,7 +92,7 @@ def test_one_that_diverges_keeps_its_curve_and_says_why() -> None:
 )
 def test_a_target_is_reached_once_it_is_held(points: list[tuple[float, float]], seconds: float | None) -> None:
     curve = PsnrCurve([second for second, _ in points], [psnr for _, psnr in points])
-    assert reached(curve, 15.0) == (None if seconds is None else pytest.approx(seconds))
+    assert seconds_to(curve, 15.0) == (None if seconds is None else pytest.approx(seconds))
 
 
 def test_targets_are_the_best_so_far_and_when_it_was_first_reached() -> None:
@@ -113,7 +113,7 @@ def test_the_ratio_is_plain_seconds_over_seconds() -> None:
     assert check.limit is not None
 
 
-def test_one_that_is_late_has_no_ratio_and_says_its_best() -> None:
+def test_a_late_training_has_no_ratio_and_says_its_best() -> None:
     good = PsnrCurve([1.0, 2.0], [20.0, 21.0])
     late = PsnrCurve([1.0, 2.0], [17.0, 19.5], ended="not finite at step 3: loss")
     check = ratio(good, late, share=0.5)
@@ -135,7 +135,7 @@ def test_the_plain_training_learns_on_its_own_clock(ball: ViewSet) -> None:
     plain = Plain(TRAIN, ball, batch_at(0), CPU)
     pixels = pixels_of(ball, CPU, 200)
     before = pixels.psnr(plain.colours(pixels.rays))
-    assert plain.clock.seconds == 0.0, "looking takes no time"
+    assert plain.clock.seconds == 0.0, "an evaluation takes no time"
     train(plain, batch_at, at_step(30))
     assert plain.clock.seconds > 0.0
     assert pixels.psnr(plain.colours(pixels.rays)) > before + 1.0

@@ -1,4 +1,4 @@
-"""A context, the results of a run and a kept picture, written by hand: nothing is rendered or trained."""
+"""A context, the results of a run and a stored picture, written by hand: nothing is rendered or trained."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def run_of(out: Path, *cells: CellRecord) -> SceneRun:
 
 
 def pictured(out: Path, image: np.ndarray) -> str:
-    """Keep a view of that colour [h, w, 3], its red in opacity and depth; returns its path."""
+    """Store a view of that colour [h, w, 3], with its red as opacity and depth; return its path."""
     picture, path = half(image), cell_pictures("any", "any", 0)
     write_renders(records_folder(out) / path, [Render("test/r_0", 1, picture, picture[..., 0], picture[..., 0])])
     return path

@@ -1,4 +1,4 @@
-"""Where a method breaks, and what an omission costs: the stated criteria, on records written by hand."""
+"""The criteria for broken methods and costly omissions, on records written by hand."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ def views_of(rgba: np.ndarray) -> ViewSet:
 
 
 def half_covered() -> np.ndarray:
-    """Upper half white background, lower half covered by stripes of 0.2 and 0.8: variance 0.09 within."""
+    """A white upper half, and a lower half covered by stripes of 0.2 and 0.8, whose variance is 0.09."""
     rgba = np.zeros((8, 8, 4))
     rgba[4:, ::2, :3], rgba[4:, 1::2, :3] = 0.2, 0.8
     rgba[4:, :, 3] = 1.0
@@ -41,7 +41,7 @@ def half_covered() -> np.ndarray:
 
 
 def shown_as(tmp_path: Path, stripes: float, psnr: float) -> tuple[SceneRun, CellRecord]:
-    """A cell that shows the stripes with that contrast about their mean, and the background as it is."""
+    """A cell that shows the background exactly, and the stripes with that contrast about their mean."""
     image = np.ones((8, 8, 3))
     image[4:, ::2], image[4:, 1::2] = 0.5 - 0.3 * stripes, 0.5 + 0.3 * stripes
     record = cell("frequency_1", "nerf", 0, [checkpoint(1, 1.0, psnr)], pictures=pictured(tmp_path, image))
@@ -61,37 +61,37 @@ def test_shape_is_judged_over_complete_views() -> None:
     assert share_of_views(0.01, views_of(half_covered())) == pytest.approx(1 - 0.01 / variance)
 
 
-def test_the_silhouette_alone_is_broken_and_so_is_a_cell_without_scores(tmp_path: Path) -> None:
+def test_only_a_silhouette_is_broken_and_so_is_a_cell_without_scores(tmp_path: Path) -> None:
     run, record = shown_as(tmp_path, 0.0, 13.0)
-    assert score_of(run, record, views_of(half_covered()), looks=True).broken.startswith("explains")
-    whole = score_of(run, record, views_of(half_covered()), looks=False)
-    assert whole.broken == "", "over whole views the silhouette is most of what there is"
-    score = score_of(run, diverged("frequency_1", "nerf", 0), views_of(half_covered()), looks=True)
+    views = views_of(half_covered())
+    assert score_of(run, record, views, looks=True).broken.startswith("explains")
+    assert score_of(run, record, views, looks=False).broken == "", "the silhouette is most of a complete view"
+    score = score_of(run, diverged("frequency_1", "nerf", 0), views, looks=True)
     assert score == (None, "diverged: not finite at step 7: loss")
 
 
-WHOLE, BROKEN = RungScore(0.9, ""), RungScore(0.1, "explains 10%")
+GOOD, BROKEN = RungScore(0.9, ""), RungScore(0.1, "explains 10%")
 
 
 def test_the_worst_of_several_seeds_and_the_first_broken_rung_count() -> None:
     none = RungScore(None, "diverged: x")
-    assert worst([WHOLE, BROKEN]) is BROKEN
-    assert worst([BROKEN, none, WHOLE]) is none
-    assert rungs_climbed([WHOLE, WHOLE, BROKEN, WHOLE, BROKEN]) == 2
-    assert rungs_climbed([WHOLE] * 5) == 5
+    assert worst([GOOD, BROKEN]) is BROKEN
+    assert worst([BROKEN, none, GOOD]) is none
+    assert rungs_climbed([GOOD, GOOD, BROKEN, GOOD, BROKEN]) == 2
+    assert rungs_climbed([GOOD] * 5) == 5
 
 
 @pytest.mark.parametrize(
     ("ladder", "method", "climbed", "status", "broke"),
     [
-        ("frequency", "nerf", [WHOLE, *[BROKEN] * 4], "pass", False),
+        ("frequency", "nerf", [GOOD, *[BROKEN] * 4], "pass", False),
         ("frequency", "nerf", [BROKEN] * 5, "fail", True),
         ("frequency", "qnerf", [BROKEN] * 5, "fail", False),
-        ("scale", "nerf", [WHOLE] * 5, "pass", False),
-        ("scale", "nerf", [*[WHOLE] * 4, BROKEN], "fail", True),
+        ("scale", "nerf", [GOOD] * 5, "pass", False),
+        ("scale", "nerf", [*[GOOD] * 4, BROKEN], "fail", True),
     ],
 )
-def test_what_is_ours_must_climb_as_many_rungs_as_the_ladder_asks(
+def test_a_method_of_this_harness_must_climb_the_required_rungs(
     ladder: str, method: str, climbed: list[RungScore], status: str, broke: bool
 ) -> None:
     run = run_of(Path(), cell(f"{ladder}_1", method, 0, []))
@@ -99,7 +99,7 @@ def test_what_is_ours_must_climb_as_many_rungs_as_the_ladder_asks(
     assert (outcome.status, outcome.is_broken) == (status, broke)
 
 
-def test_a_method_that_is_not_available_is_no_failure() -> None:
+def test_a_method_that_is_not_available_does_not_fail() -> None:
     assert set(LEAST_RUNGS) == set(LADDERS)
     missing = cell("frequency_1", "nerf", 0, [], status="not_available", reason="no LLVM")
     none = [RungScore(None, "not_available: no LLVM")] * 5

@@ -1,4 +1,4 @@
-"""What the cases about scenes judge by: noise, closed forms, gaps, refusals. Nothing here is rendered or trained."""
+"""The criteria of the cases about scenes: noise, closed forms, gaps, refusals. Nothing here is trained."""
 
 import math
 from pathlib import Path
@@ -46,7 +46,7 @@ from tests.harness.studies.stability.made_up import context_in, pictured, run_of
 
 
 def noisy_views(bias: float = 0.0, noise: float = 0.05, seed: int = 0) -> Views:
-    """Two views of 40 × 40 whose truth is known and whose noise is what they say it is."""
+    """Two views of 40 × 40 with known truth and correctly estimated noise."""
     generator = np.random.default_rng(seed)
     truth = generator.uniform(0.2, 0.8, (2, 40, 40, 4))
     halves = [truth + bias + noise * math.sqrt(2) * generator.standard_normal(truth.shape) for _ in range(2)]
@@ -55,7 +55,7 @@ def noisy_views(bias: float = 0.0, noise: float = 0.05, seed: int = 0) -> Views:
     return Views(("a", "b"), (halves[0] + halves[1]) / 2, variance, truth, depth, depth)
 
 
-def test_noise_alone_is_within_the_bars_and_a_bias_is_not() -> None:
+def test_noise_is_within_the_limits_and_a_bias_is_not() -> None:
     scores = [worst_z(noisy_views(seed=seed)) for seed in range(20)]
     assert max(scores) < 4.0
     assert 0.8 < np.mean(scores) < 2.5, "the largest of four normal numbers"
@@ -77,7 +77,7 @@ def test_depth_is_compared_where_a_pixel_is_covered() -> None:
     views = noisy_views()
     run = run_of(Path(), cell("wall", "nerf", 0, []))
     (none,) = depth_of_truth(scene_of(run, views, "wall"))
-    assert none.is_broken, "no pixel is covered from border to border"
+    assert none.is_broken, "no pixel is completely covered"
     ones = np.ones_like(views.truth)
     depth = views.depth.copy()
     depth[1, 3, 3] = 1.5
@@ -93,7 +93,7 @@ def test_the_variance_is_that_about_one_flat_colour() -> None:
     assert colour_variance(np.array([[0.2, 0.5, 0.8]] * 3)) == pytest.approx(0.0)
 
 
-def test_textbook_scores_of_identical_images_are_no_numbers() -> None:
+def test_textbook_scores_of_identical_images_are_not_finite() -> None:
     flat = np.ones((8, 8, 3))
     assert textbook_scores(flat, flat)["psnr"] == math.inf
     assert math.isnan(textbook_scores(flat, flat)["ssim"])
@@ -116,13 +116,13 @@ def test_a_cell_that_learnt_nothing_never_passes(
 ) -> None:
     run = run_of(tmp_path, cell(scene, "nerf", 0, [checkpoint(1, 1.0, 20.0)], warnings=warnings))
     (outcome,) = each_method(run, scene, "error", lambda _: error, high=0.9)
-    assert (outcome.status, outcome.value) == (status, error), "recorded all the same"
+    assert (outcome.status, outcome.value) == (status, error), "the figure is recorded in any case"
     assert ("learnt nothing in" in outcome.why) == (status == "not_applicable")
     (row,) = scores_table("S4" if scene == "wires" else "S1", run).rows
     assert ("learnt nothing" in str(row[-1])) == (status == "not_applicable")
 
 
-def test_what_is_dark_without_opacity_is_judged(tmp_path: Path) -> None:
+def test_a_picture_that_is_dark_without_opacity_is_judged(tmp_path: Path) -> None:
     pictures = pictured(tmp_path, np.zeros((8, 8, 3)))
     run = run_of(tmp_path, cell("glass_air", "qnerf", 0, [], pictures=pictures, warnings=["empty collapse: x"]))
     (outcome,) = each_method(run, "glass_air", "share", lambda _: -70.0, low=0.3)
@@ -144,8 +144,8 @@ def test_scores_that_are_compared_with_a_trivial_picture() -> None:
     assert above_the_copy(scene, record) is over_best_constant(scene, record) is None
 
 
-def test_a_white_veil_is_no_silhouette(tmp_path: Path) -> None:
-    """Opaque inside and outside alike is 0, the silhouette alone is 1."""
+def test_a_white_veil_is_not_a_silhouette(tmp_path: Path) -> None:
+    """The figure is 0 if everything is opaque, and 1 if only the silhouette is."""
     truth = np.zeros((1, 8, 8, 4))
     truth[0, 4:] = 1.0
     views = Views(("test/r_0",), truth, truth, truth, truth[..., 0], truth[..., 0])
@@ -155,7 +155,7 @@ def test_a_white_veil_is_no_silhouette(tmp_path: Path) -> None:
 
 
 def test_the_closed_form_of_a_pixel_is_free_of_bias(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Edges that lie alike in every pixel: even grids are all off alike, random points by their noise alone."""
+    """Edges at the same place of every pixel: even grids have the same error everywhere, random points only noise."""
     size, fov = 24, FOV_X_RADIANS
     wide = 2 * math.tan(fov / 2) / size
 
@@ -203,7 +203,7 @@ def test_a_grazing_ray_is_cut_exactly_and_samples_are_not() -> None:
 
 
 def test_covered_share_is_in_proportion_to_width() -> None:
-    """By area from thick wires, and by so many rays that they find the thin ones."""
+    """By area from thick wires, and by enough rays to hit the thin ones."""
     assert covered_share(0.1, 40, 0) == pytest.approx(covered_share(0.1, 40, 15), rel=0.05)
     assert covered_share(1e-4, 12, 1) == 0.0, "rays through pixel centres miss them all"
 

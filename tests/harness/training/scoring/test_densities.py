@@ -9,7 +9,6 @@ import torch
 from baselines.numerics.bounds import ray_box
 from harness.training.scoring.densities import (
     density_properties,
-    opacity_of,
     quantiles_by_weight,
     rendered_samples,
 )
@@ -19,25 +18,17 @@ from scenes.view_sets.view_set import ViewSet
 from tests.baselines.analytic import chord
 from tests.harness.tiny import CPU, TRAIN, rays_and_colours, trainer
 
-DISTANCE, NAMES = 1.0 / 138.88875 * 4.0311, ("density_by_weight_50", "density_by_weight_90", "density_by_weight_99")
-"""The width of a pixel of the classic camera at 100 px, in scene units, at the origin."""
+NAMES = ("density_by_weight_50", "density_by_weight_90", "density_by_weight_99")
 
 
 def with_density(learner: Trainer, density) -> Trainer:
-    """The same learner with a field of that density [points] of x [points, 3] per scene unit, all grey."""
+    """Return the same learner with a grey field of that density [points] of x [points, 3] per scene unit."""
     learner.coarse.density_and_colour = lambda x, view, ray: (density(x), torch.full_like(x, 0.5))
     return learner
 
 
 def properties(learner: Trainer, views: ViewSet) -> dict[str, float | None]:
     return density_properties(learner, views, cameras_of(views, views.test, CPU))
-
-
-def test_a_slab_has_the_opacity_of_beer_and_lambert() -> None:
-    assert opacity_of(25.0 / 1.5, DISTANCE) == pytest.approx(0.3835, abs=1e-4)
-    assert opacity_of(25.0 / 1.5, DISTANCE / 8.0) == pytest.approx(0.0587, abs=1e-4)
-    assert opacity_of(1e-12, 1.0) == pytest.approx(1e-12, rel=1e-9)
-    assert opacity_of(math.inf, 1e-9) == 1.0
 
 
 def test_quantiles_by_weight_are_those_of_values_that_are_repeated() -> None:
@@ -82,7 +73,7 @@ def test_what_lies_at_the_ceiling_is_told_from_what_lies_below_it(ball: ViewSet)
 
 
 def test_a_solid_in_fog_has_the_weight_of_its_pixels(ball: ViewSet) -> None:
-    """A ball that is opaque, in a fog whose weight is known in front of it and beside it."""
+    """An opaque ball is in a fog whose weight is known in front of the ball and next to it."""
 
     def density(x: torch.Tensor) -> torch.Tensor:
         return torch.where(x.norm(dim=-1) < 0.5, 25.0, 0.2)

@@ -17,7 +17,7 @@ from tests.harness.tiny import CPU, trainer
 
 
 def view_of(rgba: np.ndarray, error: float = 0.0) -> evaluate.View:
-    """The truth itself, or as far off as `error`; its depth is 4."""
+    """Return the truth with an offset of `error` and a depth of 4."""
     return evaluate.View(over_white(rgba) + error, rgba[..., 3], np.full(rgba.shape[:2], 4.0))
 
 
@@ -84,7 +84,7 @@ def test_a_density_that_is_not_finite_is_a_divergence() -> None:
 def test_chunks_change_the_listed_method_and_no_other(ball: ViewSet) -> None:
     cameras = evaluate.cameras_of(ball, ball.test, CPU)
     trainers = {method: trainer(method) for method in ("nerf", "qnerf")}
-    # at its first value 1/φ the amplifier is the identity, whatever the mean is
+    # at its first value 1/φ the amplifier is the identity about any mean
     torch.nn.init.constant_(trainers["qnerf"].field.amplifier.get_parameter("alpha"), 1.0)
     found = {method: evaluate.measured_properties(one, cameras) for method, one in trainers.items()}
     differences = {method: float(one["chunk_max_difference"] or 0) for method, one in found.items()}
@@ -118,7 +118,7 @@ def test_unclipped_light_is_scored_where_the_scene_needs_it(ball: ViewSet) -> No
 
 
 def ball_seen(ball: ViewSet, index: int, turned: float) -> tuple[evaluate.View, Split]:
-    """What the unit ball shows exactly in the middle of each pixel, and its split with normals turned by an angle."""
+    """Return the exact view of the unit ball, and its split with normals turned by an angle."""
     cameras = evaluate.cameras_of(ball, ball.test, CPU)
     rays = cameras.all_rays(index)
     along = -(rays.origins * rays.directions).sum(-1)

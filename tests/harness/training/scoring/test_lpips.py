@@ -17,7 +17,7 @@ from tests.harness.shell import refused
 
 
 def weights(seed: int = 0) -> dict[str, Tensor]:
-    """Random weights under the names that the package `lpips` gives them, with one that it has besides."""
+    """Return random weights under the names of the package `lpips`, with an additional one that it also stores."""
     random = torch.Generator().manual_seed(seed)
     found = {"scaling_layer.shift": torch.zeros(1, 3, 1, 1)}
     for place, (name, shape) in enumerate(LAYERS):

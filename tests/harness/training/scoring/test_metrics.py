@@ -215,10 +215,11 @@ def test_depth_counts_the_truly_opaque_pixels_alone() -> None:
     assert metrics.depth_rmse(depth, truth, np.zeros((2, 2), dtype=bool)) is None
 
 
-def test_depth_that_is_not_finite_has_no_score() -> None:
-    depth = np.array([[2.0, math.nan]])
+def test_geometry_that_is_not_finite_has_no_score() -> None:
     with pytest.raises(ValueError, match="not finite"):
-        metrics.depth_rmse(depth, np.ones((1, 2)), np.ones((1, 2), dtype=bool))
+        metrics.depth_rmse(np.array([[2.0, math.nan]]), np.ones((1, 2)), np.ones((1, 2), dtype=bool))
+    with pytest.raises(ValueError, match="not finite"):
+        metrics.opacity_iou(np.array([[math.nan]]), np.array([[1.0]]))
 
 
 @pytest.mark.parametrize(
@@ -234,8 +235,3 @@ def test_depth_that_is_not_finite_has_no_score() -> None:
 def test_opacity_iou(ours: list[float], theirs: list[float], expected: float | None) -> None:
     shapes = [np.array(one, dtype=float).reshape(2, 2) for one in (ours, theirs)]
     assert metrics.opacity_iou(*shapes) == (None if expected is None else pytest.approx(expected))
-
-
-def test_opacity_that_is_not_finite_has_no_score() -> None:
-    with pytest.raises(ValueError, match="not finite"):
-        metrics.opacity_iou(np.array([[math.nan]]), np.array([[1.0]]))

@@ -23,7 +23,7 @@ from tests.harness.shell import refused
 
 VIEWS = 11
 OFFSET = 10 / 255
-"""Of every channel: 20 log10(255 / 10) = 28.13 dB, wherever nothing is clipped."""
+"""The offset of every channel: 20 log10(255 / 10) = 28.13 dB where nothing is clipped."""
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +63,9 @@ def test_folders_of_other_programs(
     tmp_path: Path, ball: Path, truths: list[np.ndarray], inside: str, name: str
 ) -> None:
     write(tmp_path / "own" / inside, [darker(truth) for truth in truths], name)
-    for beside in ("test/ours_30000/gt", "train/ours_30000/renders", "gt-rgb"):
+    for other in ("test/ours_30000/gt", "train/ours_30000/renders", "gt-rgb"):
         if inside:
-            write(tmp_path / "own" / beside, [over_white(truth) for truth in truths], name)
+            write(tmp_path / "own" / other, [over_white(truth) for truth in truths], name)
     row = score_pictures(tmp_path / "own", ball, "theirs")
     errors = [np.mean((np.round(darker(t) * 255) / 255 - over_white(t)) ** 2) for t in truths]
     assert row.psnr == pytest.approx(float(np.mean(-10 * np.log10(errors))), abs=1e-4)
@@ -151,7 +151,7 @@ def test_pictures_that_do_not_fit_are_refused(tmp_path: Path, ball: Path, truths
     ):
         with pytest.raises(InputError, match=said):
             score_pictures(broken(change), ball, "theirs")
-    with pytest.raises(InputError, match="is no folder"):
+    with pytest.raises(InputError, match="is not a folder"):
         pictures_in(tmp_path / "none")
     two = tmp_path / "two"
     for step in ("ours_7000", "ours_30000"):

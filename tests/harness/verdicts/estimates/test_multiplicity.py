@@ -1,4 +1,4 @@
-"""Adjusted p-values, held to published references and to what they promise by simulation."""
+"""Adjusted p-values agree with published references, and their error rates hold in simulation."""
 
 import numpy as np
 import pytest
@@ -14,12 +14,11 @@ def test_holm_by_hand() -> None:
     assert holm([None]) == [None]
 
 
-def test_holm_rejects_whatever_bonferroni_rejects() -> None:
+def test_holm_rejects_all_that_bonferroni_rejects() -> None:
     for p in np.random.default_rng(0).beta(0.3, 1.0, (200, 6)):
         adjusted = np.array(holm(p.tolist()), dtype=np.float64)
         assert (adjusted <= np.minimum(6 * p, 1.0) + 1e-15).all()
         assert (adjusted >= p).all()
-        assert (np.argsort(adjusted, kind="stable")[np.argsort(p)] >= 0).all()
         assert (np.diff(adjusted[np.argsort(p)]) >= 0).all()
 
 
@@ -31,7 +30,7 @@ def test_benjamini_and_hochberg_as_scipy_has_it() -> None:
 
 
 def test_a_family_of_mixed_truths_errs_in_five_per_cent() -> None:
-    """Three of six differ: at a level for three, the three others are wrongly rejected in at most 5 %."""
+    """Three of six differ: any of the other three is wrongly rejected in at most 5 %."""
     p = np.random.default_rng(2).uniform(size=(4000, 6))
     p[:, :3] = 1e-9
     wrong = np.mean([min(value or 0.0 for value in holm(row.tolist())[3:]) <= 0.05 for row in p])

@@ -1,4 +1,4 @@
-"""Robust estimates, held to slow references and to what they promise by simulation."""
+"""Robust estimates agree with slow references, and their error rates hold in simulation."""
 
 import math
 from itertools import product

@@ -1,4 +1,4 @@
-"""Changes that are there are found where they are; series without one seldom have one."""
+"""Changes are found at their place, and series without a change seldom show one."""
 
 from collections.abc import Callable
 

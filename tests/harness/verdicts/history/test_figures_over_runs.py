@@ -1,6 +1,7 @@
-"""Machines are kept apart, and a change is named with its commits."""
+"""Machines have separate figures, and a change is named with its commits."""
 
 from harness.records.study import Series
+from harness.verdicts.history.figures_over_runs import figures_over_runs
 from tests.reports.fake_history import SLOWER_FROM, fake_history, past_runs
 
 
@@ -34,8 +35,6 @@ def test_what_never_varies_is_not_drawn_and_what_changed_is_drawn_first() -> Non
     assert lines[0].x == [float(number) for number in range(1, 21)]
 
 
-def test_few_runs_are_said_to_show_nothing() -> None:
-    from harness.verdicts.history.figures_over_runs import figures_over_runs
-
-    (study,) = figures_over_runs(past_runs()[:2:2], [], {}, {}).studies
+def test_few_runs_show_no_change() -> None:
+    (study,) = figures_over_runs(past_runs()[:1], [], {}, {}).studies
     assert study.answers == ["No figure has the 12 runs in which a change can be distinguished from chance."]

@@ -1,6 +1,5 @@
 """A small finished run to film, with copies that may be written to."""
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -12,19 +11,13 @@ from tests.harness.viewer.film.typed import Said
 
 @pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Not to be changed; its view set `ball` is beside it."""
+    """Not to be changed; its view set `ball` lies next to it. `out`, of the folder above, is a copy."""
     return train_run(tmp_path_factory.mktemp("film"), ["nerf", "nerf_matched", "qnerf"], steps=14)
 
 
 @pytest.fixture
-def out(trained: Path, tmp_path: Path) -> Path:
-    """A copy."""
-    return Path(shutil.copytree(trained, tmp_path / "run"))
-
-
-@pytest.fixture
 def render(capsys: pytest.CaptureFixture[str]) -> Said:
-    """Renders, and gives what was said."""
+    """Render, and return the printed lines."""
 
     def rendered(*arguments: str | Path) -> str:
         capsys.readouterr()

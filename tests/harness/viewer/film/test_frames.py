@@ -1,4 +1,4 @@
-"""Frames as files: the display picture, linear light premultiplied, and which of them are whole."""
+"""Frames as files: the display picture, premultiplied linear light, and the list of complete frames."""
 
 import json
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from scenes.view_sets.pixels import display_from_linear, encode_srgb, over_white
 
 
 def view(seed: int = 0, height: int = 5, width: int = 7) -> View:
-    """Random colours over white, among them nothing, a trace of something, and what is opaque."""
+    """Return random colours over white, with transparent, nearly transparent and opaque pixels."""
     generator = np.random.default_rng(seed)
     opacity = generator.uniform(size=(height, width))
     opacity[0] = [0.0, 1.0, 1e-9, 1e-4, 0.5, 1.0, 0.0]
@@ -70,7 +70,7 @@ SPOILT: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("wrong", SPOILT)
-def test_what_is_not_whole_is_known(wrong: str, tmp_path: Path) -> None:
+def test_an_incomplete_frame_is_noticed(wrong: str, tmp_path: Path) -> None:
     folder = FrameFolder(tmp_path)
     folder.write(0, "first", view(0))
     folder.write(1, "second", view(1))

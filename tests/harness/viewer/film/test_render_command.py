@@ -34,9 +34,9 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def counting(cell: object, camera: object) -> View:
         names.append(cell.cell.method)  # type: ignore[attr-defined]
-        return film_plan.rendered(cell, camera)  # type: ignore[arg-type]
+        return film_plan.render_frame(cell, camera)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(film_making, "rendered", counting)
+    monkeypatch.setattr(film_making, "render_frame", counting)
     return names
 
 
@@ -115,7 +115,7 @@ def test_a_second_run_is_from_the_cache_and_bit_for_bit_the_same(out: Path, rend
     assert contents(first) == contents(third)
 
 
-def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(
+def test_only_missing_or_damaged_frames_are_made_again(
     out: Path, render: Said, counted: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     progressed: list[tuple[int, int]] = []
@@ -134,7 +134,7 @@ def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(
     damaged.write_bytes(damaged.read_bytes()[:-20])
     assert "6: 4 there" in render(*ask)
     assert counted == ["nerf", "qnerf"]
-    assert progressed == [(1, 2), (2, 2)], "what is there is no progress"
+    assert progressed == [(1, 2), (2, 2)], "existing frames are not progress"
     assert contents(folder) == before
     changed = {file.name for file, time in times.items() if file.stat().st_mtime_ns != time}
     assert changed == {"0001.exr", "0002.exr"}
@@ -142,7 +142,7 @@ def test_what_is_missing_or_damaged_is_made_again_and_nothing_else(
 
 
 @pytest.mark.parametrize("damage", ["[]", '{"path": "orbit"', None])
-def test_a_film_whose_record_is_lost_goes_on_with_its_frames(
+def test_a_film_whose_record_is_lost_keeps_its_frames(
     out: Path, render: Said, counted: list[str], damage: str | None
 ) -> None:
     ask = ("--frames", "2", "--methods", "nerf", "--no-cache")
@@ -171,7 +171,7 @@ def test_a_method_that_was_trained_again_is_filmed_again(out: Path, render: Said
     assert counted == ["nerf", "nerf"]
 
 
-def test_an_interrupted_film_keeps_its_frames_and_goes_on(
+def test_an_interrupted_film_keeps_its_frames_and_is_resumed(
     out: Path, render: Said, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     calls: list[object] = []
@@ -180,11 +180,11 @@ def test_an_interrupted_film_keeps_its_frames_and_goes_on(
         calls.append(camera)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return film_plan.rendered(cell, camera)  # type: ignore[arg-type]
+        return film_plan.render_frame(cell, camera)  # type: ignore[arg-type]
 
     ask = [str(out), "--frames", "3", "--no-cache", "--threads", "1"]
     with monkeypatch.context() as patch:
-        patch.setattr(film_making, "rendered", stopping)
+        patch.setattr(film_making, "render_frame", stopping)
         assert main(["render", *ask]) == 130
     assert "finished frames are kept" in capsys.readouterr().err
     folder = out / "films" / "orbit-3-frames" / "ball"

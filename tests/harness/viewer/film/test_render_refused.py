@@ -1,4 +1,4 @@
-"""`python -m harness render`: what is wrong is said in one line, and what was finished is kept."""
+"""`python -m harness render`: a mistake is reported in one line, and finished frames are kept."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -29,7 +29,7 @@ from tests.harness.viewer.film.typed import Said, contents
         ("--path test --frames 4", "4 test views were asked for; choose 0 to 3"),
     ],
 )
-def test_bad_options_are_said_in_one_line(
+def test_bad_options_are_reported_in_one_line(
     options: str, message: str, trained: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = contents(trained)
@@ -37,7 +37,7 @@ def test_bad_options_are_said_in_one_line(
     assert contents(trained) == before
 
 
-def test_a_run_that_is_not_there_or_not_whole_is_refused(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_or_incomplete_run_is_refused(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "holds no run" in refused(capsys, out / "nowhere", command="render")
     assert "holds no run" in refused(capsys, out / "checkpoints", command="render")
     checkpoint = out / "checkpoints" / "ball.qnerf.0.safetensors"
@@ -50,7 +50,7 @@ def test_a_run_that_is_not_there_or_not_whole_is_refused(out: Path, capsys: pyte
     assert not (out / "films").exists()
 
 
-def test_a_folder_of_something_else_or_of_another_film_is_refused(
+def test_a_folder_in_use_or_of_another_film_is_refused(
     out: Path, tmp_path: Path, render: Said, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mine, file = tmp_path / "mine", tmp_path / "file"
@@ -72,7 +72,7 @@ def test_a_folder_of_something_else_or_of_another_film_is_refused(
     assert contents(mine) == {"letter.txt": b"mine"}
 
 
-def test_a_film_that_was_killed_in_its_first_moments_is_gone_on_with(out: Path, tmp_path: Path, render: Said) -> None:
+def test_a_film_that_was_killed_at_its_beginning_is_resumed(out: Path, tmp_path: Path, render: Said) -> None:
     film = tmp_path / "film"
     (film / "damaged").mkdir(parents=True)
     (film / "damaged" / "film.json.1").write_text("{")
@@ -85,7 +85,7 @@ def test_a_film_that_was_killed_in_its_first_moments_is_gone_on_with(out: Path, 
     assert not list(film.rglob(".*.part*"))
 
 
-def test_a_full_disk_is_said_and_what_is_finished_is_kept(
+def test_a_full_disk_is_reported_and_finished_frames_are_kept(
     out: Path, render: Said, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from harness.viewer.film import frames
@@ -99,6 +99,6 @@ def test_a_full_disk_is_said_and_what_is_finished_is_kept(
     with monkeypatch.context() as patch:
         patch.setattr(frames, "write_channels", full)
         message = refused(capsys, *ask, "--quiet", "--threads", "1", command="render")
-    assert "No space left on device; mend that and give the same command again" in message
+    assert "No space left on device; repair that and give the same command again" in message
     assert not list((out / "films").rglob("*.part*"))
     assert "2: 1 there" in render(*ask)

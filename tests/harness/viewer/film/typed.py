@@ -1,4 +1,4 @@
-"""What a film's folder holds, and how a fixture renders."""
+"""The contents of a film's folder, and the type of the fixture that renders."""
 
 import json
 from collections.abc import Callable
@@ -7,11 +7,11 @@ from pathlib import Path
 from scenes.view_sets.images import read_channels
 
 Said = Callable[..., str]
-"""Renders with the given options, on one thread, and gives what was said."""
+"""Render with the given options, on one thread; returns the printed lines."""
 
 
 def contents(folder: Path) -> dict[str, object]:
-    """Every file to the last bit, but of an EXR, which holds the time of day, its pixels."""
+    """Return the bytes of every file; of an EXR, which holds the time of day, only its pixels."""
     files: dict[str, object] = {}
     for file in folder.rglob("*"):
         if file.suffix == ".exr":
