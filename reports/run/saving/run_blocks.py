@@ -1,4 +1,4 @@
-"""The blocks of numbers that tell runs of methods; `published.py` writes them into the pages."""
+"""The blocks of numbers of runs; `published.py` writes them into the pages."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -50,8 +50,8 @@ def in_both(run: Run, other: Run) -> list[str]:
 
 
 def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str:
-    """Format `−0.13 to +0.50: sign and size open`, of the interval that the verdict is taken from. Words that a
-    replicate does not repeat are not printed: `−0.13 to +0.50; +0.12 to +0.14 dB in three runs: above 0, size open`.
+    """Format the interval of the verdict with its words: `−0.13 to +0.50: sign and size open`. If a replicate does not
+    repeat the words, format what all share: `−0.13 to +0.50; +0.12 to +0.14 dB in three runs: above 0, size open`.
     """
     known = comparison[sense]
     pair = known and (known["simultaneous"] or known["interval"])
@@ -75,8 +75,10 @@ def scale(run: Run) -> str:
 
 def result(run: Run, replicates: Run) -> str:
     gains = [claim for claim in run["claims"] if claim["id"] == "table2-average" and claim["printed"] is not None]
-    printed = [f" The paper prints {signed(gain['printed'], 1)} dB on average: *{gain['verdict']}*." for gain in gains]
-    return f"**{answer(run, replicates)}.**{''.join(printed)}\n\n{differences(run, replicates=replicates)}"
+    printed = "".join(
+        f"The paper prints {signed(gain['printed'], 1)} dB on average: **{gain['verdict']}**. " for gain in gains
+    )
+    return f"{printed}**{answer(run, replicates)}.**\n\n{differences(run, replicates=replicates)}"
 
 
 def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
@@ -96,7 +98,6 @@ def differences(run: Run, budget: str = "steps", replicates: Run | None = None) 
 
 
 def equal_time(run: Run) -> str:
-    """Tabulate the differences at equal core seconds, and by how much they changed from those at equal steps."""
     steps, time = (situation(run, main_methods(run), equal_time) for equal_time in (False, True))
     words = f"from {BUDGETS[steps.budget]} to {BUDGETS[time.budget]}"
     return f"{differences(run, time.budget)}\n\n{changed(run, steps, time, words)}"
@@ -104,20 +105,20 @@ def equal_time(run: Run) -> str:
 
 def changed(run: Run, before: Situation, after: Situation, words: str) -> str:
     """Tabulate by how much the difference of each pair changed between two situations, in both senses."""
-    there = [{cell.method for cell in side.cells} for side in (before, after)]
-    methods = [method for method in main_methods(run) if all(method in side for side in there)]
-    found = {(each.method, each.against): each for each in changes(methods, before, after)}
+    trained = [{cell.method for cell in side.cells} for side in (before, after)]
+    methods = [method for method in main_methods(run) if all(method in side for side in trained)]
+    by_pair = {(change.method, change.against): change for change in changes(methods, before, after)}
     rows = []
     for pair in DUELS:
-        if (change := found.get(pair)) is None:
+        if (change := by_pair.get(pair)) is None:
             continue
         size, scenes = change.judgement.difference or 0.0, change.by_scene.values()
-        told = (
+        estimates = (
             judged_in_words(known.simultaneous, known.verdict) if known and known.simultaneous else "–"
             for known in (change.judgement.on_these_scenes, change.judgement.scenes_like_these)
         )
         same = f"{sum(moved * size > 0 for moved in scenes)} of {counted(len(scenes), 'scene')}"
-        rows.append((f"`{pair[0]}` − `{pair[1]}`", f"{signed(size)} dB", *told, same))
+        rows.append((f"`{pair[0]}` − `{pair[1]}`", f"{signed(size)} dB", *estimates, same))
     head = (f"change of the difference {words}", "", *(f"{sense}, 95 %" for sense in SENSES.values()), "that way on")
     return table(head, rows) if rows else ""
 
@@ -129,46 +130,50 @@ def training(run: Run) -> str:
     return f"{run['settings']['budget']['steps']} steps of {train['rays']} rays, {named}"
 
 
-def beside(run: Run, other: Run, replicates: Run) -> str:
-    """Tabulate a second run of the same methods next to the default one, whose `replicates` are: over all scenes if
-    both have the same, else scene by scene.
+def second_run(run: Run, other: Run, replicates: Run) -> str:
+    """Tabulate a second run of the same methods next to the default run, to which `replicates` belong: over all scenes
+    if both runs have the same, else scene by scene.
     """
-    runs, of_pairs = (run, other), replicated(run, replicates)
+    runs, of_pairs, methods = (run, other), replicated(run, replicates), in_both(run, other)
     names, others = ([scene["scene"] for scene in each["scenes"]] for each in runs)
     common = [name for name in names if name in others]
-    whole = len(common) == len(names) == len(others)
-    sense, places = ("scenes_like_these", ["all"]) if whole else ("on_these_scenes", common)
+    same = len(common) == len(names) == len(others)
+    sense, places = ("scenes_like_these", ["all"]) if same else ("on_these_scenes", common)
     rows: list[tuple[str, ...]] = []
     for place in places:
-        where = f", mean of {counted(len(common), 'scene')}" if whole else f" on {place}"
-        inside = common if whole else [place]
-        rows += [(f"`{method}`{where}", *(_score(each, inside, method) for each in runs)) for method in in_both(*runs)]
+        where = f", mean of {counted(len(common), 'scene')}" if same else f" on {place}"
+        inside = common if same else [place]
+        rows += [(f"`{method}`{where}", *(_score(each, inside, method) for each in runs)) for method in methods]
         for pair in DUELS:
             duels = [row(each, place, *pair) for each in runs]
             if all(duels):
-                known = (of_pairs.get(pair) if whole else None, None)
-                told = (
+                known = (of_pairs.get(pair) if same else None, None)
+                differences = (
                     f"{signed(duel['difference'])} dB, {estimate(duel, sense, own)}"
                     for duel, own in zip(duels, known, strict=True)
                     if duel
                 )
-                rows.append((f"`{pair[0]}` − `{pair[1]}`{'' if whole else where}", *told))
+                rows.append((f"`{pair[0]}` − `{pair[1]}`{'' if same else where}", *differences))
     gains = [{gained["method"]: gained["gain"] for gained in each["last_doubling"]} for each in runs]
     rows += [
         (f"`{method}`, last doubling", *(f"{signed(gain[method])} dB" for gain in gains))
-        for method in in_both(*runs)
-        if whole and all(gain.get(method) is not None for gain in gains)
+        for method in methods
+        if same and all(gain.get(method) is not None for gain in gains)
     ]
-    words = "on scenes like these" if whole else "on single scenes"
+    words = "on scenes like these" if same else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
-    methods = in_both(*runs)
-    first, second = (situation(each, methods) for each in runs)
-    change = (
-        changed(run, first, second, "from the first column to the second")
-        if all(density_of(run, method) == density_of(other, method) for method in methods)
-        else OTHER_CONSTANTS
-    )
-    return "\n\n".join(filter(None, [table(head, rows), change, scale(other)]))
+    return "\n\n".join(filter(None, [table(head, rows), _change_between(run, other, methods), scale(other)]))
+
+
+def _change_between(run: Run, other: Run, methods: list[str]) -> str:
+    """Judge the change between two runs, if each has the constants that suit it or both have the same."""
+    constants = [[density_of(each, method) for method in methods] for each in (run, other)]
+    same = constants[0] == constants[1]
+    if not same and any(start == ONE_FOR_ALL for each in constants for _, start in each):
+        return OTHER_CONSTANTS
+    first, second = (situation(each, methods) for each in (run, other))
+    change = changed(run, first, second, "from the first column to the second")
+    return change if same else f"{change}\n\n{OWN_CONSTANTS}"
 
 
 def _score(run: Run, scenes: list[str], method: str) -> str:
@@ -179,9 +184,6 @@ def _score(run: Run, scenes: list[str], method: str) -> str:
 
 
 def scores(run: Run) -> str:
-    """Tabulate test PSNR by scene, with the ceiling that the truth's noise sets, and the floor: the nearest training
-    view.
-    """
     methods = main_methods(run)
     rows = [
         (
@@ -206,7 +208,6 @@ def spread(values: list[float]) -> str:
 
 
 def further(run: Run) -> str:
-    """Tabulate the methods that were trained on one scene alone, without the ladder."""
     scene = next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
     rows = [
         (f"`{method}`", title, f"{signed(duel['difference'])} dB, {estimate(duel, 'on_these_scenes')}")
@@ -220,12 +221,15 @@ OTHER_CONSTANTS = (
     "Units of density and starts of the fields are not the same in both columns, so the change from one to the other "
     "is not judged."
 )
+OWN_CONSTANTS = "In each column, every method has the constants that a search chose at the column's own scale."
+ONE_FOR_ALL = "one for all"
+"""The start of the methods of a run from before each had its own."""
 
 
 def density_of(run: Run, method: str) -> tuple[float, float | str | None]:
-    """Return unit of density and start of a method; older runs state no start, which was one for all."""
+    """Return unit of density and start of a method; older runs state no start."""
     own = run["settings"]["train"].get("own", {}).get(method)
-    return (own["density_scale"], own["start"]) if own else (unit_of(run, method), "one for all")
+    return (own["density_scale"], own["start"]) if own else (unit_of(run, method), ONE_FOR_ALL)
 
 
 def unit_of(run: Run, method: str) -> float:
@@ -239,14 +243,14 @@ def ceiling(run: Run, late: Run) -> str:
     """State the largest densities of early and late trainings, and which methods end at their unit of density."""
     ranges, bound = [], []
     for method in in_both(run, late):
-        found = [
+        densities = [
             [cell["properties"]["largest_density"] for cell in side["cells"] if cell["method"] == method]
             for side in (run, late)
         ]
-        ends = [f"{number(min(values), 0)} to {number(max(values), 0)}" for values in found]
+        ends = [f"{number(min(values), 0)} to {number(max(values), 0)}" for values in densities]
         ranges.append(f"`{method}` {ends[0]} early and {ends[1]} late")
         units = [unit_of(side, method) for side in (run, late)]
-        shares = [value / unit for values, unit in zip(found, units, strict=True) for value in values]
+        shares = [value / unit for values, unit in zip(densities, units, strict=True) for value in values]
         if max(shares) <= 1.001:
             reached = sum(share >= 0.99 for share in shares)
             limit = " early and ".join(f"{unit:g}" for unit in dict.fromkeys(units))
@@ -264,7 +268,7 @@ def ceiling(run: Run, late: Run) -> str:
 
 
 def limited(run: Run) -> list[str]:
-    """Return the line of each bounded method of the headline, where the run recorded what its limit does."""
+    """Return the line of each bounded main method, if the run recorded the effect of its limit."""
     return lines_of(
         (f"`{method}`", [cell["properties"] for cell in run["cells"] if cell["method"] == method])
         for method in main_methods(run)
@@ -291,7 +295,7 @@ def ledger(run: Run) -> str:
 
 
 def doubling(run: Run) -> str:
-    """State what the last doubling of the steps brought each method, and what training cost."""
+    """State the gain of each method from the last doubling of the steps, and the cost of training."""
     rows = {gained["method"]: gained for gained in run.get("last_doubling", [])}
     named = [
         f"`{method}` {signed(rows[method]['gain'])} dB ({between(rows[method]['interval'])})"
@@ -305,7 +309,7 @@ def doubling(run: Run) -> str:
 
 
 def twice_the_steps(halved: Run, early: Run, late: Run, doubled: Run) -> str:
-    """Tabulate what twice the steps bring: between two trainings of the same constants, and within the longer one."""
+    """Tabulate the effect of twice the steps, between two trainings of the same constants and within the longer one."""
     runs = [(halved, early), (late, doubled)]
     alike = [all(density_of(a, method) == density_of(b, method) for method in (BASELINE, FAVOURITE)) for a, b in runs]
     columns = [_of_twice_the_steps(*pair) for pair, same in zip(runs, alike, strict=True) if same]
@@ -316,7 +320,6 @@ def twice_the_steps(halved: Run, early: Run, late: Run, doubled: Run) -> str:
 
 
 def _of_twice_the_steps(shorter: Run, longer: Run) -> dict[str, str]:
-    """Map the name of a row to the entry of two runs, over the scenes and seeds that both have."""
     cells = [
         {(cell["scene"], cell["seed"], cell["method"]): cell["psnr"] for cell in run["cells"]}
         for run in (shorter, longer)
@@ -331,7 +334,7 @@ def _of_twice_the_steps(shorter: Run, longer: Run) -> dict[str, str]:
         for scores in cells
     )
 
-    def told(differences: np.ndarray) -> str:
+    def mean_of(differences: np.ndarray) -> str:
         mean = judged(dict(zip(scenes, differences, strict=True)), "psnr", family=1)
         return _with_interval(mean.difference, mean.chosen.interval)
 
@@ -339,13 +342,13 @@ def _of_twice_the_steps(shorter: Run, longer: Run) -> dict[str, str]:
     entries = {"test PSNR, 95 %": f"{steps} steps; {counted(len(scenes), 'scene')}, {counted(len(seeds), 'seed')}"}
     own = {gained["method"]: gained for gained in longer["last_doubling"]}
     for method in before:
-        entries[f"`{method}`, longer training − shorter"] = told(after[method] - before[method])
-        within = own[method]  # of all seeds of the run, where the other rows have those that both runs have
+        entries[f"`{method}`, longer training − shorter"] = mean_of(after[method] - before[method])
+        within = own[method]  # over all seeds of the run; the other rows use only the seeds of both runs
         entries[f"`{method}`, last doubling of the longer, all its cells"] = _with_interval(
             within["gain"], within["interval"]
         )
     for scores, which in ((before, "shorter"), (after, "longer")):
-        entries[f"`{FAVOURITE}` − `{BASELINE}`, {which}"] = told(scores[FAVOURITE] - scores[BASELINE])
+        entries[f"`{FAVOURITE}` − `{BASELINE}`, {which}"] = mean_of(scores[FAVOURITE] - scores[BASELINE])
     return entries
 
 
@@ -354,27 +357,28 @@ def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> 
 
 
 def processors(run: Run, published: Run) -> str:
-    """State how far the same plan and seeds move on another processor, and what the published run and these share."""
+    """State how far scores move on another processor, and what the published run and the replicates share."""
     here = ", ".join(
         f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}"
         for place, (ours, theirs) in run["origins"].items()
     )
     by_verdict: dict[str, list[str]] = {}
-    for (first, second), found in replicated(published, run).items():
-        unlike = "" if found.repeated else f", published as {found.verdicts[0].phrase}"
-        pair = f"`{first}` − `{second}` ({in_runs(found.differences)}{unlike})"
-        by_verdict.setdefault(common(found.verdicts).phrase, []).append(pair)
-    told = "; ".join(f"*{phrase}* for {listed(pairs)}" for phrase, pairs in by_verdict.items())
+    for (first, second), runs in replicated(published, run).items():
+        unlike = "" if runs.repeated else f", published as {runs.verdicts[0].phrase}"
+        pair = f"`{first}` − `{second}` ({in_runs(runs.differences)}{unlike})"
+        by_verdict.setdefault(common(runs.verdicts).phrase, []).append(pair)
+    stated = "; ".join(f"*{phrase}* for {listed(pairs)}" for phrase, pairs in by_verdict.items())
     return (
         f"The same plan and seeds on another processor or instruction set (here: {here}) {_moved(run)} "
-        f"(`python -m harness compare A B`). What the published run and these share over all scenes: {told}."
+        f"(`python -m harness compare A B`). What the published run and these share over all scenes: {stated}."
     )
 
 
 def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> str:
     """State how far a GPU's scores are from the processor's, whether it repeats its bits, and how fast it is."""
+    key = ("scene", "method", "seed")
     cell = next(cell for cell in there["cells"] if cell["method"] == BASELINE)
-    alike = next(one for one in here["cells"] if all(one[key] == cell[key] for key in ("scene", "method", "seed")))
+    alike = next(other for other in here["cells"] if all(other[name] == cell[name] for name in key))
     measured = {check.id: check for _, check in speed.checks()}
     plain, ours, bfloat16 = (
         number(measured[f"training.dense.{side}.rate"].value) for side in ("plain", "float32", "accelerated")
@@ -393,16 +397,17 @@ def on_a_gpu(apart: Run, again: Run, there: Run, speed: Studies, here: Run) -> s
 
 
 def _moved(run: Run) -> str:
-    """State how far scores moved, and by how much the differences at equal steps did, where it was recorded."""
-    moves, told = [], []
-    for found in run.get("moved", ()):
-        known = found["scenes_like_these"] or found["on_these_scenes"]
-        if found["budget"] == "steps" and known and known["simultaneous"]:
-            moves.append(found["difference"])
+    """State how far scores moved, and how far the differences at equal steps moved, if that was recorded."""
+    moves, signed_moves = [], []
+    for move in run.get("moved", ()):
+        known = move["scenes_like_these"] or move["on_these_scenes"]
+        if move["budget"] == "steps" and known and known["simultaneous"]:
+            moves.append(move["difference"])
             if (verdict := verdict_in(known)).sign != "open":
                 words = judged_in_words(known["simultaneous"], verdict)
-                told.append(f"`{found['method']}` − `{found['against']}` {signed(found['difference'])} dB ({words})")
-    signs = f"with a sign: {listed(told)}" if told else "no sign is known of any"
+                pair = f"`{move['method']}` − `{move['against']}`"
+                signed_moves.append(f"{pair} {signed(move['difference'])} dB ({words})")
+    signs = f"with a sign: {listed(signed_moves)}" if signed_moves else "no sign is known of any"
     return (
         f"move a training's score by {number(run['all']['rms'])} dB (RMS of {run['all']['cells']}; at most "
         f"{number(abs(run['all']['largest']))})"
