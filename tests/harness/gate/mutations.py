@@ -137,7 +137,7 @@ MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
     ("encoding", "bands of directions", "4 → 5"): lambda patch: _network(patch, direction_bands=5),
     ("density", "unit", "× 1.01"): lambda patch: _result_scaled(patch, composition.Parts, "density_unit"),
     ("density", "shift before softplus", "× 1.01"): lambda patch: patch.setitem(
-        amplifiers.AMPLIFIERS, "none", lambda start: amplifiers.NoAmplifier(MORE * start)
+        amplifiers.AMPLIFIERS, "none", lambda start: amplifiers.NoAmplifier(start and MORE * start)
     ),
     ("amplifier", "φ of Eq. 4", "× 1.01"): lambda patch: _scaled(patch, amplifier, "PHI"),
     ("amplifier", "first α", "× 1.01"): lambda patch: _after_init(
