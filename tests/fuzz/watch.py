@@ -11,7 +11,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-LIMITS = {"processor": 5.0, "clock": 60.0}
+LIMITS = {"processor": 20.0, "clock": 60.0}
 """Seconds; the wall clock has a higher limit, as the machine may be busy."""
 MOST_BYTES = 2 << 30
 LONGEST_REFUSAL = 2000
