@@ -11,7 +11,11 @@ from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from runpy import run_path
 from typing import TYPE_CHECKING, TextIO
+
+if __name__ == "__main__":  # before anything is imported that a folder of the user may replace
+    run_path(str(Path(__file__).parents[1] / "harness" / "__main__.py"))["require_ours"]()
 
 from scenes.files.errors import DamagedRecord, printable
 from scenes.files.installed import packages_needed

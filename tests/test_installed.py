@@ -103,3 +103,18 @@ def test_a_full_disk_behind_standard_output_is_named() -> None:
 def test_another_broken_pipe_is_reported_as_a_bug() -> None:
     with pytest.raises(BrokenPipeError), packages_needed():
         raise BrokenPipeError
+
+
+@pytest.mark.parametrize("package", ["harness", "reports"])
+@pytest.mark.parametrize("foreign", ["scenes", "baselines"])
+def test_a_package_in_the_current_folder_that_hides_one_of_ours_is_named(
+    package: str, foreign: str, tmp_path: Path
+) -> None:
+    (tmp_path / foreign).mkdir()
+    (tmp_path / foreign / "__init__.py").touch()
+    words = [sys.executable, "-m", package, "--help"]
+    surroundings = {**os.environ, "PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(words, cwd=tmp_path, env=surroundings, capture_output=True, text=True)
+    assert ended.returncode == 2, ended.stderr
+    assert ended.stderr.startswith(f"error: {tmp_path / foreign / '__init__.py'}: is not the package `{foreign}`")
+    assert ended.stderr.count("\n") == 1

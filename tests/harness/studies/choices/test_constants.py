@@ -95,7 +95,7 @@ def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(constants, "trained_cells", lambda tasks, workers: map(trained_cell, tasks))
-    monkeypatch.setattr(constants, "UNITS", (3.0, 25.0, 100.0, 250.0))
+    monkeypatch.setattr(constants, "UNITS", (3.0, 25.0))
     folder = ball_with_validation_views(tmp_path / "ball")
     plan = replace(planned("smoke", methods=["qnerf"], budget_steps=2 * SHARE, resolution=16), scenes=("ball",))
     rows = list(chain(*search(plan, {"ball": folder}, tmp_path, 1, "cpu", [])))
