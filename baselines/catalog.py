@@ -67,7 +67,11 @@ class Method:
     def deviations_with(self, own: Any) -> list[str]:
         """Return the sentences that a report states of a training with these settings."""
         values = {} if own is None else asdict(own)
-        return [text.format_map(values) for text in self.deviations]
+        texts = [text.format_map(values) for text in self.deviations]
+        if isinstance(own, Parts) and own.own_training:
+            listed = ", ".join(f"{name} {value}" for name, value in own.own_training.items())
+            texts.append(f"It trains with {listed}, the other methods with the loss and schedule of the run.")
+        return texts
 
 
 def _planes(spec: FieldSpec) -> nn.Module:

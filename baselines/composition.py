@@ -66,6 +66,11 @@ class Parts:
         return replace(given, **self._given("depth", "width"))
 
     @property
+    def own_training(self) -> dict[str, Any]:
+        """Return its loss and the parts of its schedule that are not the run's, by name."""
+        return ({} if self.loss == Parts.loss else {"loss": self.loss}) | self.schedule
+
+    @property
     def schedule(self) -> dict[str, Any]:
         """Return the settings that replace the run's schedule, under their names in `TrainSettings`."""
         return self._given("learning_rate", "last_learning_rate", "decay", "warm_up_steps")

@@ -18,7 +18,6 @@ from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
-    from harness.plan.run_plan import Machine
     from harness.studies.framework import Shelf, StudyContext
 
 
@@ -90,15 +89,12 @@ def _measure(
     options: argparse.Namespace,
     show: "Progress",
     shelf: "Shelf",
-    machine: "Machine",
-    make: "Callable[..., StudyContext]",
-    *own: object,
-    quick: bool | None = None,
+    context_in: "Callable[[Path], StudyContext]",
     afterwards: Callable[[Path], None] | None = None,
 ) -> int:
     """Measure the studies that `options` name, in a locked folder; returns the exit code. Raises `InputError`.
 
-    `make` makes the context, of which `own` are the fields that other shelves lack.
+    `context_in` makes the context for the folder; `afterwards` is called before the folder is unlocked.
     """
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
@@ -109,8 +105,7 @@ def _measure(
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
     out = options.out or fresh_folder(shelf.name, resume=False)
     with locked_folder(out):
-        context = make(out, options.view_sets, out, options.quick if quick is None else quick, show, machine, *own)
-        code = run(shelf, [name for name in shelf.studies if name in chosen], context, options.resume)
+        code = run(shelf, [name for name in shelf.studies if name in chosen], context_in(out), options.resume)
         if afterwards is not None:
             afterwards(out)
     show.line(f"{shelf.noun} in {out / shelf.file}")
@@ -129,7 +124,12 @@ def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
 
     device = chosen_device(options.device)
     machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
-    return _measure(options, show, SHELF, machine, EvidenceContext, multiplies_bfloat16(device))
+    as_planned = multiplies_bfloat16(device)
+
+    def context(out: Path) -> EvidenceContext:
+        return EvidenceContext(out, options.view_sets, out, options.quick, show, machine, as_planned)
+
+    return _measure(options, show, SHELF, context)
 
 
 def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
@@ -168,7 +168,11 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
     amount = AMOUNTS["quick" if options.quick else "long" if options.long else "default"]
     amount = replace(amount, **{name: value for name, value in given.items() if value})
     machine, as_planned = Machine("cpu", available_cores(), 1), multiplies_bfloat16(chosen_device("cpu"))
-    return _measure(options, show, SHELF, machine, FrontierContext, as_planned, amount, quick=False)
+
+    def context(out: Path) -> FrontierContext:
+        return FrontierContext(out, options.view_sets, out, False, show, machine, as_planned, amount)
+
+    return _measure(options, show, SHELF, context)
 
 
 def run_stability(options: argparse.Namespace, show: "Progress") -> int:
@@ -183,7 +187,11 @@ def run_stability(options: argparse.Namespace, show: "Progress") -> int:
 
     methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
     machine = Machine("cpu", available_cores(), available_cores())
-    return _measure(options, show, SHELF, machine, StabilityContext, methods)
+
+    def context(out: Path) -> StabilityContext:
+        return StabilityContext(out, options.view_sets, out, options.quick, show, machine, methods)
+
+    return _measure(options, show, SHELF, context)
 
 
 def run_speed(options: argparse.Namespace, show: "Progress") -> int:
@@ -201,11 +209,14 @@ def run_speed(options: argparse.Namespace, show: "Progress") -> int:
     # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
     machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
 
-    def afterwards(out: Path) -> None:
+    def context(out: Path) -> SpeedContext:
+        return SpeedContext(out, options.view_sets, out, options.quick, show, machine, seconds)
+
+    def append_to_history(out: Path) -> None:
         if not options.quick:
             remember(options.history, out / SHELF.file, class_here(), show)
 
-    return _measure(options, show, SHELF, machine, SpeedContext, seconds, afterwards=afterwards)
+    return _measure(options, show, SHELF, context, append_to_history)
 
 
 def run_serving(options: argparse.Namespace, show: "Progress") -> int:
@@ -225,8 +236,12 @@ def run_serving(options: argparse.Namespace, show: "Progress") -> int:
         known = " ".join(map(str, finished.run.seeds))
         raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
     machine = Machine(chosen_device(options.device).type, 1, options.threads)
-    own = finished, scenes, methods, options.seed, options.width
-    return _measure(options, show, SHELF, machine, ServingContext, *own)
+
+    def context(out: Path) -> ServingContext:
+        own = finished, scenes, methods, options.seed, options.width
+        return ServingContext(out, options.view_sets, out, options.quick, show, machine, *own)
+
+    return _measure(options, show, SHELF, context)
 
 
 def run_conformance(options: argparse.Namespace, show: "Progress") -> int:

@@ -109,11 +109,6 @@ def _of_training(train: TrainSettings, parts: Mapping[str, Parts]) -> Iterator[s
             f"The learning rate falls from {train.learning_rate:g} to {train.last_learning_rate:g}, as the original "
             "NeRF's does; the paper prints one rate."
         )
-    for method, of in parts.items():
-        replaced = ({"loss": of.loss} if of.loss != "squared" else {}) | of.schedule
-        if replaced:
-            listed = ", ".join(f"{name} {value}" for name, value in replaced.items())
-            yield f"{method}: It trains with {listed}, the other methods with the loss and schedule of the run."
     if train.optimiser != paper.optimiser:
         yield (
             f"The optimiser is {OPTIMISER_TITLES[train.optimiser.name]} with β {train.optimiser.betas[0]:g} and "

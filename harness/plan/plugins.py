@@ -211,9 +211,7 @@ def _wrong_with(method: object) -> str | None:
             return f"its {kind} {getattr(method.parts, kind)!r} is unknown; known: {known}"
     if isinstance(method.parts, Parts) and method.parts.quadrature not in QUADRATURES:
         return f"its quadrature {method.parts.quadrature!r} is unknown; known: {' '.join(QUADRATURES)}"
-    if method.parts is not None:
-        return _wrong_in_replaced(method.parts)
-    return None
+    return None if method.parts is None else _wrong_in_replaced(method.parts)
 
 
 def _wrong_in_replaced(parts: Parts) -> str | None:

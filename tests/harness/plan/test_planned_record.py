@@ -43,3 +43,12 @@ def test_what_the_reader_of_images_noted_and_what_was_forced_is_said_once() -> N
         "Of the view set of cup: No test views.",
     ]
     assert len(beginning(plan, "Forced by --need, whatever the scene needs: kept are ")) == 1
+
+
+def test_a_loss_or_schedule_of_its_own_is_stated_with_the_method() -> None:
+    plan = planned("reduced", methods=["nerf", "qnerf"])
+    assert not beginning(plan, "qnerf: It trains with")
+    own = plan.own_settings(["qnerf"])["qnerf"]
+    own = replace(own, loss="huber", learning_rate=0.003)
+    (sentence,) = beginning(replace(plan, train=replace(plan.train, own={"qnerf": own})), "qnerf: It trains with")
+    assert "loss huber, learning_rate 0.003, the other methods" in sentence
