@@ -15,11 +15,12 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from scenes.files.digest import file_digest
 from scenes.files.errors import InputError, short
 from scenes.modelling.needs import Need, Needs
-from scenes.modelling.normalise import check_scale
+from scenes.modelling.normalise import check_unit
 from scenes.modelling.placement import Placement, upright
 from scenes.modelling.scene import Scene
 from scenes.view_sets.viewpoints import Z_AXIS
@@ -94,7 +95,7 @@ def loaded(mi: ModuleType, file: Path, up: np.ndarray) -> tuple[Any, Placement, 
     if not scene.emitters():
         raise InputError(f"{file}: no light, so everything is black; add an <emitter>")
     try:
-        check_scale(extent)
+        check_unit(extent)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
     return scene, upright(extent, up), extent
@@ -198,13 +199,34 @@ class _Reader:
         return value
 
     def up(self) -> np.ndarray:
-        """Return the first sensor's upward direction if it has a <lookat>, else z."""
+        """Return the upward direction of the first sensor with a place: the `up` of its <lookat>, or the second column
+        of its matrices and turns; else z.
+        """
         for element in self.elements:
-            if element.tag == "sensor" and (given := element.find(".//lookat")) is not None and given.get("up"):
-                values = _floats(self._plain(given.get("up", "")))
-                if len(values) == 3 and np.isfinite(values).all() and np.abs(values).max() > 0:
-                    return values
+            if element.tag != "sensor":
+                continue
+            up = None
+            for step in element.findall("./transform/*"):
+                up = self._turned(step, np.array([0.0, 1.0, 0.0]) if up is None else up)
+            if up is not None and np.isfinite(up).all() and np.abs(up).max() > 0:
+                return up
         return Z_AXIS
+
+    def _turned(self, step: ET.Element, up: np.ndarray) -> np.ndarray:
+        """Return a direction after one step of a <transform>, as Mitsuba applies it."""
+
+        def numbers(name: str) -> np.ndarray:
+            return _floats(self._plain(step.get(name, "")))
+
+        if step.tag == "lookat" and len(given := numbers("up")) == 3:
+            return given
+        if step.tag == "matrix" and (side := {9: 3, 16: 4}.get(len(values := numbers("value")))):
+            return np.asarray(values.reshape(side, side)[:3, :3] @ up)
+        if step.tag == "rotate" and len(angle := numbers("angle")) == 1:
+            axis = np.array([next(iter(numbers(name)), 0.0) for name in "xyz"])
+            axis = axis if np.any(axis) or len(axis := numbers("value")) == 3 else Z_AXIS
+            return np.asarray(Rotation.from_rotvec(np.radians(angle) * axis / np.linalg.norm(axis)).apply(up))
+        return up
 
     def max_depth(self) -> int:
         """Return the depth of the file's integrator, at most 64; 8 if it has none or is unlimited."""
@@ -250,7 +272,8 @@ def _parsed(file: Path) -> ET.Element:
         data = file.read_bytes()
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror})") from error
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+    plain = data.replace(b"\0", b"")  # as in UTF-16
+    if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:
         raise InputError(f"{file}: declares a document type or entities, which no scene needs; remove them")
     try:
         return ET.fromstring(data)

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 PACKAGES = ("scenes", "baselines", "harness", "reports")
+OF_UNIX = ("resource", "pwd", "termios")
+"""Modules of the standard library that Windows lacks."""
 
 
 @contextmanager
@@ -32,6 +34,9 @@ def packages_needed() -> Iterator[None]:
         name = (error.name or "").partition(".")[0]
         if name in PACKAGES:
             raise
+        if name in OF_UNIX:
+            sys.stderr.write(f"error: Python has no {name} on this system; this program runs on Linux and macOS\n")
+            sys.exit(2)
         sys.stderr.write(
             f"error: {sys.executable} has no package {name}; activate the environment that nox made "
             "(. .nox/benchmark/bin/activate), or see what is missing with `python -m harness doctor`\n"

@@ -19,6 +19,10 @@ SOUND = (1e-2, 1e2)
 """The range of half the longest side that Mitsuba renders without a visible bias (0.14 % at 1e-2)."""
 FARTHEST = 1e2
 """The largest distance from the origin without a visible bias."""
+LARGEST_RATIO = 102.0
+"""The largest ratio of 1 + |p| to half the longest side without a visible bias: that of a unit, `FARTHEST` away."""
+LARGEST_HALF = 1e6
+"""The largest half of the longest side: single precision holds the squares of such lengths, and their differences."""
 
 _UNIT_BOXES = {
     "cube": ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
@@ -147,6 +151,19 @@ def check_scale(box: np.ndarray) -> None:
             f"the scene is {2 * half:.3g} units long and {away:.3g} from the origin: Mitsuba's ray epsilon makes such "
             "images too bright (9 % at scale 1e-4 or 1e4 away); bring it to unit scale with scenes.modelling.normalise "
             f"(half its longest side {SOUND[0]:g} to {SOUND[1]:g}, centre within {FARTHEST:g})"
+        )
+
+
+def check_unit(box: np.ndarray) -> None:
+    """Raise `InputError` if rendering the geometry in that box [2, 3] would be biased, with cameras about it in its own
+    unit: the ray epsilon grows with the distance from the origin, so only its ratio to the size matters.
+    """
+    half, away = _measures(box)
+    if not (half > 0 and (1.0 + away + half) / half <= LARGEST_RATIO and half <= LARGEST_HALF):
+        raise InputError(
+            f"the scene is {2 * half:.3g} units long and {away:.3g} from the origin: Mitsuba's ray epsilon, 9e-5 times "
+            "1 + the distance from the origin, makes such images too bright; move its shapes and lights to the origin, "
+            "and scale them to about a unit, by <translate> and <scale> in their to_world"
         )
 
 

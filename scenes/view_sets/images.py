@@ -3,8 +3,10 @@
 import errno
 import os
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +15,14 @@ from scenes.files.errors import InputError
 LARGEST_VALUES = 208 * 1024 * 1024
 """The maximum of pixels times channels of an image: 4096 × 4096 in 13 channels, the largest render, 832 MiB."""
 MOST_CHANNELS = 64
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
+"""The suffixes of pictures, in any case."""
+
+
+def pictures(folder: Path) -> list[Path]:
+    """Return the pictures of a folder by their suffixes, without hidden files, resolved and sorted."""
+    files = (file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and not file.name.startswith("."))
+    return sorted(file.resolve() for file in files if file.is_file())
 
 
 def read_image(file: Path) -> np.ndarray:
@@ -29,44 +39,89 @@ def read_channels(file: Path) -> dict[str, np.ndarray]:
     return {name: pixels[..., index] for index, name in enumerate(names)}
 
 
-def display_image(file: Path) -> np.ndarray:
+class Header(NamedTuple):
+    width: int
+    height: int
+    channels: int
+    orientation: int
+    """How a viewer turns the stored pixels, by EXIF: 1 not at all, 5 to 8 by a quarter."""
+
+
+def header(file: Path) -> Header:
+    """Read the size of an image without its pixels; errors as in `read_image`."""
+    with _opened(file, complete=False) as source:
+        return _header(source.spec())
+
+
+def _header(spec: Any) -> Header:
+    return Header(spec.width, spec.height, spec.nchannels, spec.get_int_attribute("Orientation", 1))
+
+
+def display_image(file: Path, as_stored: bool = False) -> np.ndarray:
     """Read an image of display colour, 8 or 16 bits per channel; errors as in `read_image`, and for floating-point
-    pixels, which usually are linear light, and for an image that a viewer would turn.
+    pixels, which usually are linear light, and, unless `as_stored`, for an image that a viewer would turn.
     """
     import OpenImageIO as oiio
 
     pixels, _, spec = _read(file)
     if spec.format.basetype in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE):
         raise InputError(f"{file}: has floating-point pixels, up to {pixels.max():.4g}; save display colour as PNG")
-    if (turned := spec.get_int_attribute("Orientation", 1)) != 1:
+    if not as_stored and (turned := _header(spec).orientation) != 1:
         raise InputError(f"{file}: a viewer turns it (EXIF orientation {turned}), cameras may not; save it upright")
     return pixels
 
 
-def display_rgba(file: Path, channels: int) -> np.ndarray:
-    """Read straight RGBA as `display_image` does; RGB is fully opaque. Raises `InputError` also if only one of this
-    image and the first of its set, which has `channels` channels, has alpha.
+def display_levels(file: Path, channels: int) -> np.ndarray:
+    """Read display colour as it is stored, uint8 or uint16 [h, w, 3 or 4]; grey becomes RGB. Raises `InputError` as
+    `display_image`, and if only one of this image and the first of its set, which has `channels`, has alpha.
     """
-    pixels = display_image(file)
-    own = pixels.shape[2]
-    if {own, channels} == {3, 4}:
+    import OpenImageIO as oiio
+
+    with _opened(file) as source:
+        kind = source.spec().format.basetype
+        if kind in (oiio.HALF, oiio.FLOAT, oiio.DOUBLE):
+            raise InputError(f"{file}: has floating-point pixels; save display colour as PNG")
+        levels = _pixels(source, file, oiio.UINT8 if kind == oiio.UINT8 else oiio.UINT16)
+    if levels.shape[2] < 3:  # grey, perhaps with alpha
+        levels = np.concatenate([levels[..., :1]] * 2 + [levels], axis=-1)
+    own, expected = levels.shape[2], channels + 2 * (channels < 3)
+    if {own, expected} == {3, 4}:
         alpha = "no alpha, but the first view has it" if own == 3 else "alpha, but the first view has none"
         raise InputError(f"{file}: has {alpha}; save all views of a set with alpha, or all without")
     if own not in (3, 4):
         raise InputError(f"{file}: {own} channels; views must be RGB or RGBA: save them so")
-    covered = np.ones((*pixels.shape[:2], 4 - own), dtype=pixels.dtype)
-    return np.concatenate([pixels, covered], axis=-1)
+    return levels
 
 
 def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...], Any]:
     """Return pixels, names of channels, and the `ImageSpec` of a file."""
+    import OpenImageIO as oiio
+
+    with _opened(file) as source:
+        spec = source.spec()
+        return _pixels(source, file, oiio.FLOAT), tuple(spec.channelnames), spec
+
+
+def _pixels(source: Any, file: Path, kind: Any) -> np.ndarray:
+    """Return the pixels [h, w, channels] of an opened image as numbers of that kind."""
+    spec = source.spec()
+    pixels = source.read_image(kind)
+    failure = source.geterror()
+    if pixels is None or failure:
+        raise InputError(f"{file}: this image is truncated or damaged ({_reason(failure)}); get it again")
+    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+
+
+@contextmanager
+def _opened(file: Path, complete: bool = True) -> Iterator[Any]:
+    """Open a file as an `ImageInput` and check its size, and whether a PNG is complete. Raises `InputError`."""
     import OpenImageIO as oiio  # not at the top: slow, and reading a manifest does not need it
 
     if not file.is_file():
         raise InputError(f"{file}: this image is missing")
     if file.stat().st_size == 0:
         raise InputError(f"{file}: this image file is empty; get it again")
-    if file.suffix.lower() == ".png":
+    if complete and file.suffix.lower() == ".png":
         _check_png(file)
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # leave straight alpha as it is stored
@@ -83,12 +138,7 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...], Any]:
                 f"{file}: {spec.width} × {spec.height} pixels in {spec.nchannels} channels is larger than the "
                 f"{LARGEST_VALUES} values in {MOST_CHANNELS} channels that are read; make it smaller"
             )
-        pixels = source.read_image(oiio.FLOAT)
-        failure = source.geterror()
-        if pixels is None or failure:
-            raise InputError(f"{file}: this image is truncated or damaged ({_reason(failure)}); get it again")
-        shape = (spec.height, spec.width, spec.nchannels)
-        return np.asarray(pixels, dtype=np.float32).reshape(shape), tuple(spec.channelnames), spec
+        yield source
     except UnicodeDecodeError as error:  # OpenImageIO includes a damaged name in its messages
         raise InputError(f"{file}: this image is damaged (a name in it is not text); get it again") from error
     finally:

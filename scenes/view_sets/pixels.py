@@ -59,6 +59,7 @@ def area_weights(size: int, new_size: int, scale: float) -> NDArray[np.float64]:
 
 def area_average(image: Pixels, width: int) -> NDArray[np.float64]:
     """Resize [h, w, channels] to [floor(h · width / w), width, channels], each pixel the mean of its area; float64.
+    Integers count as `fractions`.
 
     Pixels stay square and the optical axis stays in the centre: a remaining fraction of a new row is cut off evenly
     above and below.
@@ -68,8 +69,20 @@ def area_average(image: Pixels, width: int) -> NDArray[np.float64]:
     new_height = max(1, int(height / scale + 1e-9))
     rows = area_weights(height, new_height, min(scale, height / new_height))
     columns = area_weights(old_width, width, scale)
-    mean: NDArray[np.float64] = np.einsum("ih,hwc,jw->ijc", rows, image.astype(np.float64), columns, optimize=True)
-    return mean
+    by_columns = np.moveaxis(_weighted(rows, image), 1, 0)
+    return np.moveaxis(_weighted(columns, by_columns), 0, 1)
+
+
+def _weighted(weights: NDArray[np.float64], values: Pixels) -> NDArray[np.float64]:
+    """Return `weights` [new, old] times values [old, …], which reads each value about once: rows have few weights."""
+    flat = values.reshape(len(values), -1)
+    result = np.empty((len(weights), flat.shape[1]))
+    for row, one in enumerate(weights):
+        (there,) = np.nonzero(one)
+        part = slice(there[0], there[-1] + 1)
+        # of a photograph only these rows are held as floats
+        result[row] = one[part] @ fractions(flat[part]).astype(np.float64)
+    return result.reshape(len(weights), *values.shape[1:])
 
 
 def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:
@@ -79,6 +92,31 @@ def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:
     """
     premultiplied = np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
     return straight_from_premultiplied(area_average(premultiplied, width)).clip(0.0, 1.0).astype(np.float32)
+
+
+def fractions(levels: np.ndarray) -> np.ndarray:
+    """Return integers as fractions of their largest, float32 as OpenImageIO computes them; floats as they are."""
+    if levels.dtype.kind != "u":
+        return levels
+    return np.asarray(levels * np.float32(1.0 / np.iinfo(levels.dtype).max), dtype=np.float32)
+
+
+def resized(levels: np.ndarray, width: int) -> np.ndarray:
+    """Return display colour, opaque or with straight alpha [h, w, 3 or 4], integers or floats, as float32 at `width`
+    pixels.
+    """
+    if width == levels.shape[1]:
+        return fractions(levels).astype(np.float32, copy=False)
+    if levels.shape[2] == 4:
+        return area_average_straight(fractions(levels), width)
+    return area_average(levels, width).astype(np.float32)
+
+
+def straight_at(levels: np.ndarray, width: int | None = None) -> np.ndarray:
+    """Return straight RGBA, float32, as `resized` does; without alpha it is opaque, `width` defaults to its own."""
+    image = resized(levels, width or levels.shape[1])
+    covered = np.ones((*image.shape[:2], 4 - image.shape[2]), dtype=np.float32)
+    return np.concatenate([image, covered], axis=-1)
 
 
 def area_average_hits(values: np.ndarray, coverage: np.ndarray, width: int) -> np.ndarray:

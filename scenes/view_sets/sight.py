@@ -1,11 +1,11 @@
-"""What the training cameras see of the box. Poses in other axes, or inverted, see nothing of it."""
+"""What cameras see of the box. Poses in other axes, or inverted, see nothing of it."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from scenes.view_sets.source import LEAST_ALPHA
-from scenes.view_sets.view_set import ViewSet
+from scenes.view_sets.view_set import Split, ViewSet
 
 ACROSS = 100
 """The maximum number of tested pixels per row."""
@@ -18,12 +18,14 @@ OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Sight:
-    """Shares of the training views' pixels, 0 … 1."""
+    """Shares of the pixels of some views, 0 … 1."""
 
     rays: float
     """The share of all pixels whose ray meets the box between near and far."""
     covered: float | None
     """The share of the covered pixels that see the box; None if all pixels are covered, as without alpha, or none."""
+    views: np.ndarray
+    """The share of each view: of its covered pixels, or, as above, of all; NaN for a view without covered pixels."""
 
     @property
     def share(self) -> float:
@@ -36,14 +38,15 @@ class Sight:
         return f"{self.rays:.0%} of the training rays meet the box{covered}"
 
 
-def sight(views: ViewSet) -> Sight:
-    """Return what the training views, at least one, see of the box of `views`."""
-    return _sight(views, views.train.camera_to_world, _seen(views), views.near, views.far)
+def sight(views: ViewSet, split: Split | None = None) -> Sight:
+    """Return what the views of a split, by default those of training, see of the box of `views`; at least one view."""
+    split = split or views.train
+    return _sight(views, split.camera_to_world, _seen(views, split), views.near, views.far)
 
 
-def likely_cause(views: ViewSet) -> str | None:
+def likely_cause(views: ViewSet, split: Split) -> str | None:
     """Return why the cameras do not see the box, and the remedy; None if no other reading of the poses sees it."""
-    poses, seen = views.train.camera_to_world, _seen(views)
+    poses, seen = split.camera_to_world, _seen(views, split)
     inverse = np.linalg.inv(poses)
     readings = {
         "near and far leave it out: choose others (--near, --far)": poses,
@@ -59,10 +62,10 @@ def likely_cause(views: ViewSet) -> str | None:
     return None
 
 
-def _seen(views: ViewSet) -> np.ndarray:
+def _seen(views: ViewSet, split: Split) -> np.ndarray:
     """Return whether the tested pixels are covered, bool [views, pixels]."""
     step = _step(views)
-    return np.stack([(image[::step, ::step, 3] >= LEAST_ALPHA).ravel() for image in views.train.rgba])
+    return np.stack([(image[::step, ::step, 3] >= LEAST_ALPHA).ravel() for image in split.rgba])
 
 
 def _step(views: ViewSet) -> int:
@@ -77,10 +80,12 @@ def _sight(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float, far
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     met = np.stack([_met(pose, rays, views.bounds, near, far) for pose in poses])
     if seen.all() or not seen.any():
-        return Sight(float(met.mean()), None)
+        return Sight(float(met.mean()), None, met.mean(axis=1))
     # geometry that covers a part of a pixel may lie off its central ray
-    covered = np.stack([_met(pose, rays, _wider(views, pose), near, far) for pose in poses])[seen]
-    return Sight(float(met.mean()), float(covered.mean()))
+    covered = seen & np.stack([_met(pose, rays, _wider(views, pose), near, far) for pose in poses])
+    pixels = seen.sum(axis=1)
+    of_views = np.where(pixels > 0, covered.sum(axis=1) / np.maximum(pixels, 1), np.nan)
+    return Sight(float(met.mean()), float(covered.sum() / seen.sum()), of_views)
 
 
 def _wider(views: ViewSet, pose: np.ndarray) -> np.ndarray:

@@ -21,6 +21,9 @@ from scenes.view_sets.viewpoints import SPLITS
 LEAST, MOST = 1e-12, 1e12
 """The range of lengths whose squares fit single precision."""
 
+THINNEST = 1e-4
+"""The minimum ratio of a box's shortest side to its longest: rays would have no samples in a thinner one."""
+
 
 @dataclass(frozen=True)
 class Region:
@@ -37,6 +40,9 @@ class Region:
             if len(box) != 6 or not all(abs(x) <= MOST for x in box) or any(box[i] >= box[i + 3] for i in range(3)):
                 corners = f"two corners, x y z each, up to {MOST:g}, the lower one first"
                 raise InputError(f"bounds {list(box)}: give {corners}")
+            sides = [box[i + 3] - box[i] for i in range(3)]
+            if min(sides) < THINNEST * max(sides):
+                raise InputError(f"bounds {list(box)}: a box of sides {sides} holds nothing; make it thicker")
         given = [distance for distance in (self.near, self.far) if distance is not None]
         if not all(LEAST <= distance <= MOST for distance in given) or given != sorted(set(given)):
             between = f"distances between {LEAST:g} and {MOST:g}, near the smaller one"
@@ -71,8 +77,11 @@ class Source:
     name: str
     frames: Callable[[str], Frames | None]
     """Return all views of a split, or None for a missing optional split; raises `InputError` for invalid data."""
-    pixels: Callable[[Path], np.ndarray]
-    """Return straight RGBA float32 [h, w, 4] of one of the frames' files; raises `InputError`."""
+    pixels: Callable[[Path, int | None], np.ndarray]
+    """Return straight RGBA float32 [h, w, 4] of one of the frames' files, at a width (None: as `size`); raises
+    `InputError`."""
+    size: Callable[[Path], tuple[int, int]]
+    """Return height and width of one of the frames' files before it is resized; raises `InputError`."""
     region: Region
     """The region as the format gives it; missing values are derived from the cameras (`completed`)."""
     notes: tuple[str, ...] = ()

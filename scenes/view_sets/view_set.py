@@ -29,7 +29,6 @@ from scenes.view_sets.manifest import NAME, DamagedViewSet, checked, read_manife
 from scenes.view_sets.pixels import (
     area_average,
     area_average_hits,
-    area_average_straight,
     decode_srgb,
     display_from_linear,
     over_white,
@@ -85,7 +84,7 @@ class ViewSet:
     notes: tuple[str, ...] = ()
     """The assumptions made about images of other programs, one sentence each."""
     content: str | None = None
-    """The digest of the cameras and the stored pixels that were read; None with a manifest."""
+    """The digest of the cameras and of the pixels at this width; None with a manifest."""
 
     @property
     def focal(self) -> float:
@@ -212,7 +211,7 @@ class _Reader:
     size: tuple[int, int] | None = None
     """The height and width after resizing."""
     content: hashlib.blake2b = field(default_factory=lambda: hashlib.blake2b(digest_size=32))
-    """The digest of the stored pixels in the order of reading, without a manifest."""
+    """The digest of the pixels in the order of reading, without a manifest."""
 
     def split(self, frames: Frames, geometry: bool) -> Split:
         root = self.folder.resolve()
@@ -238,17 +237,17 @@ class _Reader:
         return Split(tuple(names), frames.camera_to_world, stacks[0], depth, normal, np.array(noise) if noise else None)
 
     def digest(self, chosen: dict[str, Frames]) -> str:
-        """Return the digest of the stored pixels that were read, and of the cameras."""
+        """Return the digest of the pixels that were read, and of the cameras."""
         for name, frames in chosen.items():
             self.content.update(f"{name} {len(frames.files)}\n".encode())
             self.content.update(np.ascontiguousarray(frames.camera_to_world, dtype=np.float64).tobytes())
         return self.content.hexdigest()
 
     def _foreign(self, file: Path) -> np.ndarray:
-        pixels = self.source.pixels(file)
-        self._fits(file, pixels.shape[:2])
+        self._fits(file, self.source.size(file))
+        pixels = self.source.pixels(file, self.width)
         self.content.update(np.ascontiguousarray(pixels, dtype=np.float32).data)
-        return pixels if self.width == pixels.shape[1] else area_average_straight(pixels, self.width)
+        return pixels
 
     def _own(self, file: Path, geometry: bool) -> list[np.ndarray]:
         """Read colour, and with `geometry` depth and normals."""

@@ -135,8 +135,48 @@ def by_azimuth(poses: np.ndarray) -> np.ndarray:
     return np.argsort(np.round(azimuth, 6) % 360.0, kind="stable")
 
 
-def check_poses(poses: np.ndarray, names: list[str]) -> None:
-    """Raise `InputError`, naming the view, unless every [4, 4] is finite and rigid (rotation and translation).
+ROUNDED = 0.012
+"""The maximum deviation from a rotation that is taken for rounding, to three decimals or nearly to two."""
+EXACT = 1e-5
+"""The deviation from a rotation that single precision leaves."""
+
+
+def rigid(poses: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
+    """Return the poses [n, 4, 4] as the readers of the field take them, and notes on what was changed: a matrix whose
+    last number is not 1 is divided by it, or if only its last row is scaled, that is ignored; a rounded rotation is
+    replaced by the nearest one.
+
+    Raises `InputError` as `check_poses`, but for a deviation above `ROUNDED` only.
+    """
+    poses, notes = poses.copy(), []
+    last = poses[:, 3, 3]
+    scaled = (
+        (np.abs(poses[:, 3, :3]).max(axis=1) == 0.0) & (last > 0.0) & (last != 1.0) & np.isfinite(poses).all((1, 2))
+    )
+    if scaled.any():
+        size = np.cbrt(np.abs(np.linalg.det(poses[scaled, :3, :3])))
+        divided = np.abs(size - last[scaled]) <= ROUNDED * last[scaled]
+        poses[scaled] /= np.where(divided, last[scaled], 1.0)[:, None, None]
+        poses[scaled, 3, 3] = 1.0
+        notes.append(
+            f"{int(scaled.sum())} of {len(poses)} camera matrices have a last number other than 1: it is undone."
+        )
+    check_poses(poses, names, ROUNDED)
+    rotation = poses[:, :3, :3]
+    off = np.abs(np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)).max(axis=(1, 2))
+    if (rounded := off > EXACT).any():
+        left, _, right = np.linalg.svd(rotation[rounded])
+        poses[rounded, :3, :3] = left @ right
+        notes.append(
+            f"{int(rounded.sum())} of {len(poses)} camera matrices are off by up to {off.max():.2g} from a rotation, "
+            "as if rounded: the nearest rotation is taken."
+        )
+    return poses, notes
+
+
+def check_poses(poses: np.ndarray, names: list[str], tolerance: float = 1e-3) -> None:
+    """Raise `InputError`, naming the view, unless every [4, 4] is finite and rigid (rotation and translation) up to
+    `tolerance`.
 
     Mitsuba renders a clean background for a NaN matrix without any message.
     """
@@ -149,7 +189,7 @@ def check_poses(poses: np.ndarray, names: list[str]) -> None:
         if np.abs(rotation).max() > 1e100:  # whose square would be infinite
             raise InputError(f"{name}: its camera matrix is not a rotation: it holds {np.abs(rotation).max():.3g}")
         off = float(np.abs(rotation.T @ rotation - np.eye(3)).max())
-        if off > 1e-3 or np.linalg.det(rotation) < 0:
+        if off > tolerance or np.linalg.det(rotation) < 0:
             raise InputError(
                 f"{name}: its camera matrix is not a rotation and a translation (off by {off:.3g}, determinant "
                 f"{np.linalg.det(rotation):.3g}); scaled, mirrored and singular matrices cannot be rendered"

@@ -91,6 +91,7 @@ def lens(**values: Any) -> Spoil:
 MISSING, NOT_JSON = "transforms_train.json: missing", "transforms_train.json: not valid JSON"
 NO_IMAGE, NOT_READ = "restore it or drop the frame", "not an image that can be read"
 READ: dict[str, Spoil] = {
+    "endings in capitals": every_image(lambda file: file.rename(file.with_suffix(".PNG"))),
     "lines of Windows": text(lambda old: old.replace(b"\n", b"\r\n")),
     "one image of 16 bits": replaced(IMAGE, lambda file: file.write_bytes(DEEP)),
     "grey with alpha": every_image(lambda file: file.write_bytes(GREY_WITH_ALPHA)),
@@ -108,7 +109,6 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "a listing that is a folder": (replaced(LISTING, Path.mkdir), MISSING),
     "a listing that is a pipe": (replaced(LISTING, os.mkfifo), MISSING),
     "a listing without an end": (replaced(LISTING, lambda file: file.symlink_to("/dev/zero")), MISSING),
-    "endings in capitals": (every_image(lambda file: file.rename(file.with_suffix(".PNG"))), NO_IMAGE),
     "an image that is a folder": (replaced(IMAGE, Path.mkdir), NO_IMAGE),
     "an image that is a pipe": (replaced(IMAGE, os.mkfifo), NO_IMAGE),
     "an image that is itself": (replaced(IMAGE, lambda file: file.symlink_to(file)), NO_IMAGE),
@@ -128,8 +128,8 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "two focal lengths": (lens(camera_angle_x=2.0), "camera_angle_x is 2, and fl_x and w say 0.691"),
     "a frame's own focal length": (nerfstudio(fl_x=90.0), "fl_x is 90.0, and 33.3"),
     "a frame's own size": (nerfstudio(w=12, h=12), "w is 12.0, and 24.0 for all frames"),
-    "a centre outside": (lens(cx=500), "off-centre lenses are not supported"),
-    "the size of other images": (lens(w=2 * SIZE), "off-centre lenses are not supported"),
+    "a centre outside": (lens(cx=500), "no pinhole fits into this lens"),
+    "the size of other images": (lens(w=2 * SIZE), "24 × 24 pixels, its camera has 48 × 24"),
     "a name from right to left": (nerfstudio(file_path="train/\u202e0_r.png"), "no image"),
     "a split of nothing": (lens(train_filenames=["x.png"], test_filenames=["train/r_0.png"]), NO_IMAGE),
 }  # fmt: skip

@@ -6,7 +6,8 @@ Poses are used unchanged, neither rotated nor scaled.
 
 import math
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -16,23 +17,23 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scenes.files.errors import InputError, short
-from scenes.view_sets.formats.lens import Lens
+from scenes.view_sets.formats.lens import (
+    MODELS,
+    NAMES,
+    Lens,
+    common_pinhole,
+    looked_into,
+    read_through,
+    resampling_note,
+    seen_size,
+)
 from scenes.view_sets.formats.transforms import Frames, image_file, shown
-from scenes.view_sets.images import display_image, display_rgba
+from scenes.view_sets.images import pictures
 from scenes.view_sets.source import Region, Source
-from scenes.view_sets.viewpoints import check_field_of_view, check_poses
+from scenes.view_sets.viewpoints import rigid
 
 IMAGES, LLFF = "images", "poses_bounds.npy"
-MODELS = {
-    0: ("SIMPLE_PINHOLE", ("f", "cx", "cy")),
-    1: ("PINHOLE", ("fx", "fy", "cx", "cy")),
-    2: ("SIMPLE_RADIAL", ("f", "cx", "cy", "k1")),
-    3: ("RADIAL", ("f", "cx", "cy", "k1", "k2")),
-    4: ("OPENCV", ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")),
-}
-"""Map COLMAP's number of a supported model → its name and parameters."""
-OTHERS = {5: ("OPENCV_FISHEYE", 8), 6: ("FULL_OPENCV", 12), 7: ("FOV", 5), 8: ("SIMPLE_RADIAL_FISHEYE", 4),
-          9: ("RADIAL_FISHEYE", 5), 10: ("THIN_PRISM_FISHEYE", 12)}  # fmt: skip
+OTHERS = {7: ("FOV", 5), 10: ("THIN_PRISM_FISHEYE", 12)}
 """Map COLMAP's number of a refused model → its name and number of parameters."""
 LARGEST_BYTES = 1 << 30
 HELD_OUT = 8
@@ -67,14 +68,12 @@ def read_colmap(path: Path, sparse: Path) -> Source:
     """
     end = "bin" if (sparse / "cameras.bin").is_file() else "txt"
     tables = {name: sparse / f"{name}.{end}" for name in ("cameras", "images", "points3D")}
-    try:
+    with _undamaged(tables["cameras"]):
         lenses = dict(_cameras(tables["cameras"]))
+    with _undamaged(tables["images"]):
         posed = sorted(_images(tables["images"]), key=lambda image: image.name)
+    with _undamaged(tables["points3D"]):
         points = _points(tables["points3D"])
-    except (struct.error, ValueError, IndexError, OverflowError, UnicodeDecodeError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{sparse}: is damaged or cut off ({short(error, 120)}); export the model again") from error
     if not posed:
         raise InputError(f"{tables['images']}: lists no image; name a folder whose reconstruction has cameras")
     if unknown := next((image for image in posed if image.camera not in lenses), None):
@@ -82,47 +81,66 @@ def read_colmap(path: Path, sparse: Path) -> Source:
     names = [image.name for image in posed]
     if twice := next((first for first, second in pairwise(names) if first == second), None):
         raise InputError(f"{tables['images']}: lists {shown(twice)} twice; keep one")
-    folder = path / IMAGES
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; put the images of the reconstruction there")
+    folder, notes = _pictures_of(path)
     files = [image_file(folder, image.name, f"{tables['images']}: {shown(image.name)}") for image in posed]
-    used = {number: lenses[number] for number in {image.camera for image in posed}}
-    sizes = {(lens.width, lens.height) for lens in used.values()}
-    if len(sizes) > 1:
-        raise InputError(f"{tables['cameras']}: cameras have sizes {sorted(sizes)}; all images must have one size")
-    focal = max(lens.pinhole_focal(f"{tables['cameras']}: camera {number}") for number, lens in used.items())
-    ((width, _),) = sizes
-    of_file = dict(zip(files, (lenses[image.camera] for image in posed), strict=True))
-    poses = np.array([image.camera_to_world for image in posed])
-    check_poses(poses, [f"{tables['images']}: {shown(name)}" for name in names])
-    notes = []
-    if any(not lens.is_pinhole or lens.fx != focal for lens in used.values()):
-        notes.append(f"Distortion is undone: images are resampled to a pinhole of {focal:.6g} pixels at {width}.")
+    poses, rounded = rigid(
+        np.array([image.camera_to_world for image in posed]), [f"{tables['images']}: {shown(name)}" for name in names]
+    )
     depths = np.concatenate([_depths(points, pose) for pose in poses]) if len(points) >= LEAST_POINTS else np.zeros(0)
-    frames = Frames(_angle(width, focal, str(tables["cameras"])), files, poses)
+    of_file = dict(zip(files, (lenses[image.camera] for image in posed), strict=True))
+    if len(of_file) < len(files):
+        again = next(file for number, file in enumerate(files) if file in files[:number])
+        raise InputError(f"{tables['images']}: two names are those of {again}; keep one")
+    return _capture(path, of_file, poses, depths, _around(points), [*notes, *rounded], str(tables["cameras"]))
 
-    def read(file: Path, channels: int) -> np.ndarray:
-        return _through(file, of_file[file], focal, channels)
 
-    return _capture(path, frames, read, depths, _around(points), notes)
+@contextmanager
+def _undamaged(file: Path) -> Iterator[None]:
+    try:
+        yield
+    except InputError:
+        raise
+    except (struct.error, ValueError, IndexError, OverflowError) as error:
+        raise InputError(f"{file}: is damaged or cut off ({short(error, 120)}); export the model again") from error
+
+
+def _pictures_of(path: Path) -> tuple[Path, list[str]]:
+    """Return the folder of the pictures, and a note if it is one of the smaller copies that are kept next to it."""
+    if (folder := path / IMAGES).is_dir():
+        return folder, []
+    smaller = {
+        int(number): place
+        for place in path.glob(f"{IMAGES}_*")
+        if place.is_dir() and (number := place.name.removeprefix(f"{IMAGES}_")).isdecimal()
+    }
+    if not smaller:
+        raise InputError(f"{folder}: no such folder (nor {IMAGES}_2, …); put the images of the cameras there")
+    folder = smaller[min(smaller)]
+    return folder, [f"There is no folder {IMAGES}: {folder.name} is read."]
 
 
 def _capture(
-    path: Path, frames: Frames, read: Callable[[Path, int], np.ndarray], depths: np.ndarray,
-    bounds: tuple[float, ...] | None, notes: list[str],
+    path: Path, lenses: dict[Path, Lens], poses: np.ndarray, depths: np.ndarray, bounds: tuple[float, ...] | None,
+    notes: list[str], where: str,
 ) -> Source:  # fmt: skip
-    """Return the source of views in the order of their names; `depths` [n] are those of the points that they see."""
+    """Return the source of views, file → lens, in the order of their names; `depths` [n] are those of the points that
+    they see, `where` names the file of the lenses.
+    """
+    pinhole = common_pinhole(lenses.values(), where)
+    frames = Frames(pinhole.fov_x_radians, list(lenses), poses)
     count = len(frames.files)
     test = list(range(0, count, HELD_OUT))
     train = [number for number in range(count) if number % HELD_OUT]
     if not train:
         raise InputError(f"{path}: {count} view is too few to hold one out for testing; give two or more")
     notes = [f"Every eighth view by name, {len(test)} of {count}, is a test view; the others train.", *notes]
-    unbounded, channels = "", display_image(frames.files[0]).shape[2]
+    notes += resampling_note(lenses.values(), pinhole)
+    channels, of_pictures = looked_into(frames.files)
+    notes += of_pictures
+    unbounded = ""
     if channels == 4:
         bounds = None  # silhouettes bound the object better than points do
     else:
-        notes.append("Images without alpha count as fully opaque, background included.")
         near, far = np.percentile(depths[depths > 0], [1.0, 99.0]) if (depths > 0).any() else (1.0, 1.0)
         if far > MOST_RANGE * near:
             bounds = None
@@ -132,32 +150,13 @@ def _capture(
     return Source(
         name=path.resolve().name,
         frames=lambda split: frames.of(train if split == "train" else test) if split in ("train", "test") else None,
-        pixels=lambda file: read(file, channels),
+        pixels=lambda file, width: read_through(file, lenses[file], pinhole, channels, width),
+        size=lambda file: seen_size(file, lenses[file], pinhole),
         region=Region(bounds),
         notes=tuple(notes),
         bounds_assumed=True,
         unbounded=unbounded,
     )
-
-
-def _through(file: Path, lens: Lens, focal: float, channels: int) -> np.ndarray:
-    """Return straight RGBA of an image, resampled to the common pinhole."""
-    pixels = display_rgba(file, channels)
-    height, width = pixels.shape[:2]
-    if abs(height - width * lens.height / lens.width) > 1.0:
-        raise InputError(
-            f"{file}: {width} × {height} pixels, its camera has {lens.width} × {lens.height}; give the images that "
-            "were reconstructed, or resized copies of the complete pictures"
-        )
-    if lens.is_pinhole and lens.fx == focal:
-        return pixels
-    return lens.scaled(width, height).as_pinhole(pixels, focal * width / lens.width)
-
-
-def _angle(width: float, focal: float, where: str) -> float:
-    angle = 2.0 * math.atan(0.5 * width / focal)
-    check_field_of_view(angle, f"{where}: focal length {focal:g}")
-    return angle
 
 
 def _depths(points: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -181,15 +180,15 @@ def _bytes(file: Path) -> bytes:
     return file.read_bytes()
 
 
-def _lines(file: Path) -> list[list[str]]:
-    """Return the words of each line that is not a comment; an empty line is an image without points."""
-    text = _bytes(file).decode("utf-8")
-    return [line.split() for line in text.splitlines() if not line.startswith("#")]
+def _lines(file: Path) -> list[str]:
+    """Return the lines that are neither empty nor comments."""
+    text = _bytes(file).decode("utf-8-sig")
+    return [line for line in map(str.strip, text.splitlines()) if line and not line.startswith("#")]
 
 
 def _cameras(file: Path) -> Iterator[tuple[int, Lens]]:
     if file.suffix == ".txt":
-        for number, model, width, height, *numbers in filter(None, _lines(file)):
+        for number, model, width, height, *numbers in map(str.split, _lines(file)):
             yield int(number), _lens(file, int(number), model, int(width), int(height), [float(n) for n in numbers])
         return
     data = _bytes(file)
@@ -205,24 +204,28 @@ def _cameras(file: Path) -> Iterator[tuple[int, Lens]]:
 
 def _lens(file: Path, number: int, model: str, width: int, height: int, numbers: Sequence[float]) -> Lens:
     where = f"{file}: camera {number}"
-    names = next((names for name, names in MODELS.values() if name == model), None)
-    if names is None:
-        known = " ".join(name for name, _ in MODELS.values())
-        raise InputError(f"{where} is {shown(model)}; {known} are read: undistort with COLMAP's image_undistorter")
-    values = dict(zip(names, numbers, strict=True))
-    if "f" in values:
-        values["fx"] = values["fy"] = values.pop("f")
-    if not all(map(math.isfinite, numbers)) or min(width, height, values["fx"], values["fy"]) <= 0:
+    parameters = next((parameters for name, parameters in MODELS.values() if name == model), None)
+    if parameters is None:
+        raise InputError(
+            f"{where} is {shown(model)}; {' '.join(NAMES)} are read: undistort with COLMAP's image_undistorter"
+        )
+    lens = Lens.of(model, width, height, dict(zip(parameters, numbers, strict=True)))
+    if not all(map(math.isfinite, numbers)) or min(width, height, lens.fx, lens.fy) <= 0:
         raise InputError(f"{where} has size {width} × {height} and parameters {list(numbers)}; export the model again")
-    return Lens(width, height, **values)
+    return lens
 
 
 def _images(file: Path) -> Iterator[_Posed]:
     if file.suffix == ".txt":
-        lines = _lines(file)
-        for words in lines[::2]:
-            if words:
-                yield _pose(" ".join(words[9:]), int(words[8]), [float(word) for word in words[1:8]])
+        follows_image = False
+        for line in _lines(file):
+            # the points of an image, which may have none and no line
+            if follows_image and _are_numbers(line.split()):
+                follows_image = False
+                continue
+            *words, name = line.split(maxsplit=9)
+            yield _pose(file, name, int(words[8]), [float(word) for word in words[1:8]])
+            follows_image = True
         return
     data = _bytes(file)
     (count,), at = struct.unpack_from("<Q", data), 8
@@ -230,18 +233,24 @@ def _images(file: Path) -> Iterator[_Posed]:
         *numbers, camera = struct.unpack_from("<7di", data, at + 4)
         at += 4 + 56 + 4
         end = data.index(b"\0", at)
-        yield _pose(data[at:end].decode("utf-8"), camera, numbers)
+        yield _pose(file, data[at:end].decode("utf-8"), camera, numbers)
         (points,) = struct.unpack_from("<Q", data, end + 1)
         at = end + 9 + 24 * points
     if at > len(data):
         raise ValueError("the last image is cut off")
 
 
-def _pose(name: str, camera: int, numbers: list[float]) -> _Posed:
+def _are_numbers(words: list[str]) -> bool:
+    with suppress(ValueError):
+        return len(list(map(float, words))) % 3 == 0
+    return False
+
+
+def _pose(file: Path, name: str, camera: int, numbers: list[float]) -> _Posed:
     """Return an image from a quaternion w x y z and a translation, world to camera, in OpenCV's axes."""
     w, x, y, z, *translation = numbers
     if not all(map(math.isfinite, numbers)) or not math.hypot(w, x, y, z) > 0:
-        raise InputError(f"{name}: its pose is {numbers}; export the model again")
+        raise InputError(f"{file}: the pose of {shown(name)} is {numbers}; export the model again")
     rotation = Rotation.from_quat([x, y, z, w]).as_matrix().T
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, -rotation @ np.array(translation)
@@ -253,7 +262,7 @@ def _points(file: Path) -> np.ndarray:
     if not file.is_file():
         return np.zeros((0, 3))
     if file.suffix == ".txt":
-        points = [[float(word) for word in words[1:4]] for words in _lines(file) if words]
+        points = [[float(word) for word in line.split()[1:4]] for line in _lines(file)]
     else:
         data, points = _bytes(file), []
         (count,), at = struct.unpack_from("<Q", data), 8
@@ -274,33 +283,33 @@ def read_llff(path: Path) -> Source:
     file = path / LLFF
     try:
         rows = np.load(file, allow_pickle=False, mmap_mode="r")
+        if not isinstance(rows, np.ndarray):
+            raise ValueError("an archive of several arrays")
         rows = np.array(rows, dtype=np.float64) if rows.nbytes <= LARGEST_BYTES else np.zeros(0)
     except (OSError, ValueError, EOFError, TypeError, SyntaxError) as error:
         raise InputError(f"{file}: cannot be read ({short(error, 120)}); make it again") from error
     if rows.ndim != 2 or rows.shape[1] != 17 or not len(rows) or not np.isfinite(rows).all():
         raise InputError(f"{file}: is {rows.shape}; it must be finite numbers [views, 17]")
-    folder = path / IMAGES
-    files = sorted(file.resolve() for file in folder.iterdir() if file.is_file()) if folder.is_dir() else []
+    folder, notes = _pictures_of(path)
+    files = pictures(folder)
     if len(files) != len(rows):
         raise InputError(f"{folder}: has {len(files)} images, {LLFF} {len(rows)} poses; give one image per pose")
     matrices, depths = rows[:, :15].reshape(-1, 3, 5), rows[:, 15:]
-    height, width, focal = matrices[0, :, 4]
-    if np.ptp(matrices[:, :, 4], axis=0).max() > 1e-3 * focal or min(height, width, focal) <= 0:
-        raise InputError(f"{file}: images of several sizes or focal lengths; one lens is supported")
+    height, width, focal = matrices[:, :, 4].T
+    if min(height.min(), width.min()) < 1 or focal.min() <= 0:
+        raise InputError(f"{file}: sizes and focal lengths must be positive; make it again")
     if not (depths > 0).all() or not (depths[:, 0] < depths[:, 1]).all():
         raise InputError(f"{file}: depths must be positive, the near one first; make it again")
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     # LLFF's axes are down, right, backwards
     poses[:, :3, 0], poses[:, :3, 1] = matrices[:, :, 1], -matrices[:, :, 0]
     poses[:, :3, 2], poses[:, :3, 3] = matrices[:, :, 2], matrices[:, :, 3]
-    check_poses(poses, [f"{file}: row {number}" for number in range(len(rows))])
-    across, down = 0.5 * width / focal, 0.5 * height / focal
-    corners = np.array([[x, y, -1.0] for x in (-across, across) for y in (-down, down)])
-    rays = np.einsum("nij,cj->nci", poses[:, :3, :3], corners)[:, None]
+    poses, rounded = rigid(poses, [f"{file}: row {number}" for number in range(len(rows))])
+    half = 0.5 * np.stack([width / focal, height / focal, -2.0 * np.ones_like(focal)], axis=1)
+    signs = np.array([[x, y, 1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+    rays = np.einsum("nij,ncj->nci", poses[:, :3, :3], half[:, None] * signs)[:, None]
     ends = poses[:, None, None, :3, 3] + depths[:, :, None, None] * rays
     bounds = tuple(np.concatenate([ends.min(axis=(0, 1, 2)), ends.max(axis=(0, 1, 2))]).tolist())
-    lens = Lens(round(width), round(height), focal, focal, width / 2, height / 2)
-    frames = Frames(_angle(width, focal, str(file)), files, poses)
-    return _capture(
-        path, frames, lambda image, channels: _through(image, lens, focal, channels), depths.ravel(), bounds, []
-    )
+    lenses = [Lens.pinhole(round(w), round(h), f) for w, h, f in zip(width, height, focal, strict=True)]
+    of_file = dict(zip(files, lenses, strict=True))
+    return _capture(path, of_file, poses, depths.ravel(), bounds, [*notes, *rounded], str(file))

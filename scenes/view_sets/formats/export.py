@@ -13,7 +13,7 @@ from scenes.files.errors import InputError
 from scenes.view_sets.formats.foreign import LARGEST_BYTES, source_of, write_tiny_nerf
 from scenes.view_sets.formats.nerfstudio import NAME, write_nerfstudio
 from scenes.view_sets.formats.transforms import Frames, transforms_file, write_transforms
-from scenes.view_sets.images import write_png
+from scenes.view_sets.images import display_image, write_png
 from scenes.view_sets.manifest import NAME as MANIFEST
 from scenes.view_sets.manifest import check_all
 from scenes.view_sets.source import Region, completed
@@ -46,14 +46,14 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
         split: frames for split in SPLITS if split not in empty and (frames := source.frames(split)) is not None
     }
     first = next(iter(views.values()))
-    height, width = source.pixels(first.files[0]).shape[:2]
+    height, width = source.size(first.files[0])
     box, near, far = completed(region_of(source, manifest, path), source, first.fov_x_radians, (height, width), path)
     region = Region(tuple(box.ravel().tolist()), near, far)
     focal = float(0.5 * width / np.tan(0.5 * first.fov_x_radians))
 
     def pixels(file: Path) -> np.ndarray:
         """Raise `InputError` for an image that is damaged or of another size, rather than pass the fault on."""
-        image = source.pixels(file)
+        image = source.pixels(file, None)
         if image.shape[:2] != (height, width):
             raise InputError(f"{file}: not {width} × {height} pixels, as the others are; give all images one size")
         return image
@@ -76,7 +76,8 @@ def _write(path: Path, form: str, out: Path) -> list[str]:
         for name, file in zip(names[split], frames.files, strict=True):
             image = pixels(file)
             stored = file.read_bytes() if file.suffix.lower() == ".png" else b""
-            if stored[24:26] == b"\x08\x06":  # bit depth and colour type of 8-bit RGBA in a PNG's header
+            # bit depth and colour type of 8-bit RGBA in a PNG's header; a lens may have been undone
+            if stored[24:26] == b"\x08\x06" and np.array_equal(image, display_image(file, as_stored=True)):
                 (out / f"{name}.png").write_bytes(stored)
             else:
                 write_png(out / f"{name}.png", image)

@@ -1,10 +1,12 @@
 """The choice of a reader by path, the tiny-NeRF format, and the defaults of the Blender format."""
 
+import io
 import math
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +14,12 @@ import numpy as np
 from scenes.files.errors import InputError, short
 from scenes.view_sets.formats import captures, nerfstudio
 from scenes.view_sets.formats.nerfstudio import read_nerfstudio
-from scenes.view_sets.formats.transforms import Frames, read_transforms, transforms_file
-from scenes.view_sets.images import display_image
-from scenes.view_sets.pixels import straight_from_premultiplied
+from scenes.view_sets.formats.transforms import Frames, Listing, read_listing, transforms_file
+from scenes.view_sets.images import header
+from scenes.view_sets.manifest import NAME as MANIFEST
+from scenes.view_sets.pixels import straight_at, straight_from_premultiplied
 from scenes.view_sets.source import Region, Source, nine_to_one, region_in
-from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, check_poses
+from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, rigid
 
 TRAINED = 100
 NEAR, FAR = 2.0, 6.0
@@ -42,7 +45,10 @@ def _array(file: Path, name: str, limit: int = LARGEST_SMALL) -> np.ndarray:
         with zipfile.ZipFile(file) as archive, archive.open(f"{name}.npy") as stream:
             major, _ = np.lib.format.read_magic(stream)
             read = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
-            shape, fortran, dtype = read(stream)
+            length = stream.read(2 if major == 1 else 4)
+            if (header_size := int.from_bytes(length, "little")) > LARGEST_SMALL:
+                raise InputError(f"{where} has a header of {header_size} bytes; get the file again")
+            shape, fortran, dtype = read(io.BytesIO(length + stream.read(header_size)))
             if dtype.kind not in "fiu" or fortran:
                 raise InputError(f"{where} holds {dtype}{' in Fortran order' * fortran}; save plain numbers")
             size = math.prod(shape) * dtype.itemsize
@@ -83,10 +89,11 @@ def read_tiny_nerf(file: Path) -> Source:
         raise InputError(f"{file}: focal must be one positive number of pixels")
     fov = 2 * math.atan(0.5 * width / focal[0])
     check_field_of_view(fov, f"{file}: focal {focal[0]}")
-    check_poses(cameras, [f"{file}: pose {number}" for number in range(count)])
+    cameras, rounded = rigid(cameras, [f"{file}: pose {number}" for number in range(count)])
     with zipfile.ZipFile(file) as archive:
         names = {name.removesuffix(".npy") for name in archive.namelist()}
     splits, notes = _splits(file, names, count)
+    notes += rounded
     alpha = _array(file, "alpha", LARGEST_BYTES) if "alpha" in names else None
     if alpha is not None and alpha.shape != images.shape[:3]:
         raise InputError(f"{file}: alpha is {alpha.shape}; it must be {images.shape[:3]}, as the images are")
@@ -100,7 +107,7 @@ def read_tiny_nerf(file: Path) -> Source:
     frames = Frames(fov, [file.resolve() / "images" / str(number) for number in range(count)], cameras)
     largest = 255.0 if images.dtype.kind in "iu" else 1.0
 
-    def pixels(name: Path) -> np.ndarray:
+    def pixels(name: Path, new_width: int | None) -> np.ndarray:
         number = int(name.name)
         colour = images[number].astype(np.float64) / largest
         if colour.min() < -1e-6 or colour.max() > 1 + 1e-6:
@@ -111,13 +118,13 @@ def read_tiny_nerf(file: Path) -> Source:
         if alpha is not None:
             covered = np.clip(alpha[number].astype(np.float64), 0.0, 1.0)[..., None]
             rgba = straight_from_premultiplied(np.concatenate([rgba[..., :3], covered], axis=-1))
-        straight_rgba: np.ndarray = np.clip(rgba, 0.0, 1.0)
-        return straight_rgba.astype(np.float32)
+        return straight_at(np.clip(rgba, 0.0, 1.0).astype(np.float32), new_width)
 
     return Source(
         name=file.stem,
         frames=lambda split: frames.of(splits[split]) if splits.get(split) else None,
         pixels=pixels,
+        size=lambda name: (height, width),
         region=_region(file, names),
         notes=tuple(notes),
     )
@@ -187,17 +194,33 @@ KNOWN = (
 )
 
 
-def _rgba(file: Path) -> np.ndarray:
-    pixels = display_image(file)
-    if pixels.shape[2] == 2:
-        pixels = pixels[..., [0, 0, 0, 1]]
-    if pixels.shape[2] != 4:
-        raise InputError(
-            f"{file}: {pixels.shape[2]} channels, no alpha; views must be RGBA, because alpha excludes the background "
-            f"from training: save them as PNG with an alpha channel, or list them in a {nerfstudio.NAME}, where images "
-            "without alpha count as fully opaque"
-        )
-    return pixels
+def read_blender(folder: Path) -> Source:
+    """Return the source of a folder in the Blender format, whose listings are read when they are needed."""
+
+    @cache
+    def listing(split: str) -> Listing:
+        return read_listing(transforms_file(folder, split))
+
+    def frames(split: str) -> Frames | None:
+        return None if split == "val" and split not in there else listing(split).frames
+
+    def of(file: Path) -> Listing:
+        return next(known for split in there if file in (known := listing(split)).lenses)
+
+    def pixels(file: Path, width: int | None) -> np.ndarray:
+        channels = header(file).channels
+        if channels not in (2, 4):
+            raise InputError(
+                f"{file}: {channels} channels, no alpha; views must be RGBA, because alpha excludes the background "
+                f"from training: save them as PNG with an alpha channel, or list them in a {nerfstudio.NAME}, where "
+                "images without alpha count as fully opaque"
+            )
+        return of(file).read(file, channels, width)
+
+    there = [split for split in SPLITS if transforms_file(folder, split).exists()]
+    notes = () if (folder / MANIFEST).exists() else tuple(listing(there[0]).notes)
+    name = folder.resolve().name
+    return Source(name, frames, pixels, lambda file: of(file).size(file), BLENDER_REGION, notes, bounds_assumed=True)
 
 
 def source_of(path: Path) -> Source:
@@ -208,12 +231,7 @@ def source_of(path: Path) -> Source:
     """
     if path.is_dir():
         if any(transforms_file(path, split).exists() for split in ("train", "test")):
-
-            def frames(split: str) -> Frames | None:
-                missing = split == "val" and not transforms_file(path, split).exists()
-                return None if missing else read_transforms(path, split)
-
-            return Source(path.resolve().name, frames, _rgba, BLENDER_REGION, bounds_assumed=True)
+            return read_blender(path)
         if (path / nerfstudio.NAME).is_file():
             return read_nerfstudio(path)
         if (sparse := captures.sparse_folder(path)) is not None:

@@ -1,23 +1,48 @@
-"""Lenses with distortion, and the resampling of their images to a pinhole with square pixels and a centred axis."""
+"""The camera model of all formats: a lens, perhaps with distortion, and the resampling of its pictures to a pinhole
+with square pixels and a centred axis.
+"""
 
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from scipy.ndimage import map_coordinates
 
 from scenes.files.errors import InputError
-from scenes.view_sets.pixels import straight_from_premultiplied
+from scenes.view_sets.images import display_levels, header
+from scenes.view_sets.pixels import resized, straight_at, straight_from_premultiplied
+from scenes.view_sets.viewpoints import check_field_of_view
 
-CENTRED = 0.51
-"""The maximum offset of an axis from the centre, in pixels: some programs write the centre of the middle pixel."""
-SQUARE = 1e-3
-LONGEST = 16.0
-"""The maximum focal length of the search, in focal lengths of the lens."""
+MODELS = {
+    0: ("SIMPLE_PINHOLE", ("f", "cx", "cy")),
+    1: ("PINHOLE", ("fx", "fy", "cx", "cy")),
+    2: ("SIMPLE_RADIAL", ("f", "cx", "cy", "k1")),
+    3: ("RADIAL", ("f", "cx", "cy", "k1", "k2")),
+    4: ("OPENCV", ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")),
+    5: ("OPENCV_FISHEYE", ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")),
+    6: ("FULL_OPENCV", ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
+    8: ("SIMPLE_RADIAL_FISHEYE", ("f", "cx", "cy", "k1")),
+    9: ("RADIAL_FISHEYE", ("f", "cx", "cy", "k1", "k2")),
+}
+"""Map COLMAP's number of a model → its name and parameters."""
+NAMES = tuple(name for name, _ in MODELS.values())
+SAME = 1e-4
+"""The distance in pixels below which two lenses show the same picture."""
+LONGEST, SHORTEST = 16.0, 0.25
+"""The range of the search for a pinhole, in focal lengths of its lenses."""
+SUPERSAMPLED = 2
+"""The pixels of a resampled picture, per pixel of its reduced size along each axis."""
+SHRUNK = 1.5
+"""The reduction from which areas are averaged before a picture is resampled, which looks at four pixels only."""
 
 
 @dataclass(frozen=True)
 class Lens:
-    """Brown's model as COLMAP and OpenCV have it; lengths in pixels, the corner of the first pixel is (0, 0)."""
+    """A lens as COLMAP and OpenCV define it; lengths in pixels, the corner of the first pixel is (0, 0)."""
 
     width: int
     height: int
@@ -25,62 +50,215 @@ class Lens:
     fy: float
     cx: float
     cy: float
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
+    radial: tuple[float, ...] = ()
+    """k1, k2, …: the factor 1 + k1 r² + k2 r⁴ + …, of a fisheye in powers of the angle from its axis."""
+    divisor: tuple[float, ...] = ()
+    """k4, k5, k6 of FULL_OPENCV, by whose factor it is divided."""
+    tangential: tuple[float, float] = (0.0, 0.0)
+    """p1, p2."""
+    is_fisheye: bool = False
+
+    @staticmethod
+    def of(model: str, width: int, height: int, values: Mapping[str, float]) -> "Lens":
+        """Return the lens of a model in `NAMES` with its parameters by name; missing ones of distortion are 0.
+
+        Only FULL_OPENCV has a divisor; nerfstudio's OPENCV continues the factor with k3 and k4.
+        """
+        k = tuple(values.get(f"k{number}", 0.0) for number in range(1, 7))
+        parts = (k[:3], k[3:]) if model == "FULL_OPENCV" else (k[:4], ())
+        radial, divisor = (part if any(part) else () for part in parts)
+        lens = Lens(
+            width,
+            height,
+            values["f"] if "f" in values else values["fx"],
+            values["f"] if "f" in values else values["fy"],
+            values["cx"],
+            values["cy"],
+            radial,
+            divisor,
+            (values.get("p1", 0.0), values.get("p2", 0.0)),
+            "FISHEYE" in model,
+        )
+        middles = lens.cx - width / 2, lens.cy - height / 2
+        if max(abs(middle + 0.5) for middle in middles) < SAME and not (radial or divisor or any(lens.tangential)):
+            # (w − 1) / 2 is the centre if pixels are counted from the middle of the first one
+            return replace(lens, cx=width / 2, cy=height / 2)
+        return lens
+
+    @staticmethod
+    def pinhole(width: int, height: int, focal: float) -> "Lens":
+        return Lens(width, height, focal, focal, width / 2, height / 2)
 
     @property
-    def is_pinhole(self) -> bool:
-        straight = not any((self.k1, self.k2, self.p1, self.p2))
-        centred = max(abs(self.cx - self.width / 2), abs(self.cy - self.height / 2)) <= CENTRED
-        return straight and centred and abs(self.fx - self.fy) <= SQUARE * self.fx
+    def fov_x_radians(self) -> float:
+        """The horizontal field of view without distortion, about a centred axis."""
+        return 2.0 * math.atan(0.5 * self.width / self.fx)
 
     def scaled(self, width: int, height: int) -> "Lens":
-        """Return the lens of the same images at another size."""
+        """Return the lens of the same pictures at another size."""
         across, down = width / self.width, height / self.height
-        focal = {"fx": self.fx * across, "fy": self.fy * down, "cx": self.cx * across, "cy": self.cy * down}
-        return replace(self, width=width, height=height, **focal)
+        fx, fy, cx, cy = self.fx * across, self.fy * down, self.cx * across, self.cy * down
+        return replace(self, width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
 
     def seen_at(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return column and row in the image of directions (x, y, 1) in the camera's frame, y down."""
+        """Return column and row in the picture of directions (x, y, 1) in the camera's frame, y down."""
         square = x * x + y * y
-        radial = 1.0 + self.k1 * square + self.k2 * square * square
-        column = x * radial + 2.0 * self.p1 * x * y + self.p2 * (square + 2.0 * x * x)
-        row = y * radial + 2.0 * self.p2 * x * y + self.p1 * (square + 2.0 * y * y)
+        stretch = self._stretch(square)
+        p1, p2 = self.tangential
+        column = x * stretch + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x)
+        row = y * stretch + 2.0 * p2 * x * y + p1 * (square + 2.0 * y * y)
         return self.fx * column + self.cx, self.fy * row + self.cy
 
-    def holds(self, focal: float) -> bool:
-        """Return whether a pinhole of this focal length sees nothing outside the image, and no folding."""
-        half = np.array([0.5 * self.width, 0.5 * self.height]) / focal
-        across, down = np.linspace(-half[0], half[0], 65), np.linspace(-half[1], half[1], 65)
-        x = np.concatenate([across, across, np.full(65, -half[0]), np.full(65, half[0])])
-        y = np.concatenate([np.full(65, -half[1]), np.full(65, half[1]), down, down])
+    def _stretch(self, square: np.ndarray) -> np.ndarray:
+        """Return the factor by which the lens moves directions of tan² = `square` away from the axis."""
+        if self.is_fisheye:
+            tangent = np.sqrt(square)
+            angle = np.arctan(tangent)
+            ratio = np.where(tangent > 1e-9, angle / np.maximum(tangent, 1e-9), 1.0)
+            return np.asarray(ratio * polyval(angle * angle, (1.0, *self.radial)))
+        return np.asarray(polyval(square, (1.0, *self.radial)) / polyval(square, (1.0, *self.divisor)))
+
+    def holds(self, pinhole: "Lens") -> bool:
+        """Return whether a pinhole sees nothing outside this lens's picture, and no direction twice."""
+        x, y = _outline(pinhole)
         column, row = self.seen_at(x, y)
         inside = (column >= 0) & (column <= self.width) & (row >= 0) & (row <= self.height)
-        square = x * x + y * y
-        return bool(inside.all() and (1.0 + 3.0 * self.k1 * square + 5.0 * self.k2 * square * square > 0.0).all())
+        tangent = np.linspace(0.0, np.hypot(x, y).max(), 65)
+        return bool(inside.all() and (np.diff(tangent * self._stretch(tangent * tangent)) > 0.0).all())
 
-    def pinhole_focal(self, where: str) -> float:
-        """Return the focal length of the widest centred pinhole whose pixels all lie in the image.
+    def shows(self, pinhole: "Lens") -> bool:
+        """Return whether the picture of this lens is that of the pinhole, pixel by pixel."""
+        if (self.width, self.height) != (pinhole.width, pinhole.height):
+            return False
+        x, y = (np.concatenate([0.5 * part, part]) for part in _outline(pinhole))
+        both = np.stack(self.seen_at(x, y)) - np.stack(pinhole.seen_at(x, y))
+        return bool(np.abs(both).max() < SAME)
 
-        Raises `InputError`, which names `where`, if there is none.
-        """
-        if self.is_pinhole:
-            return self.fx
-        narrow, wide = LONGEST * max(self.fx, self.fy), 0.25 * min(self.fx, self.fy)
-        if not self.holds(narrow):
-            raise InputError(f"{where}: no pinhole fits into this lens ({self}); undistort the images")
-        for _ in range(50):
+    def kept(self, pinhole: "Lens") -> float:
+        """Return the share of this lens's picture that a pinhole in it shows."""
+        column, row = self.seen_at(*_outline(pinhole))
+        area = 0.5 * abs(np.dot(column, np.roll(row, 1)) - np.dot(row, np.roll(column, 1)))
+        return float(area / (self.width * self.height))
+
+
+def _outline(pinhole: Lens) -> tuple[np.ndarray, np.ndarray]:
+    """Return directions (x, y, 1) along the edge of a pinhole's picture, once around."""
+    side = np.linspace(-1.0, 1.0, 65)[:-1]
+    one = np.ones_like(side)
+    x, y = np.concatenate([side, one, -side, -one]), np.concatenate([-one, side, one, -side])
+    return 0.5 * pinhole.width / pinhole.fx * x, 0.5 * pinhole.height / pinhole.fy * y
+
+
+def common_pinhole(lenses: Iterable[Lens], where: str) -> Lens:
+    """Return the widest centred pinhole with square pixels whose picture lies in the pictures of all lenses. Its size
+    is that of the lenses, the smallest width and height if they differ; it is the lens itself where all are one such
+    pinhole.
+
+    Raises `InputError`, which names `where`, if there is none.
+    """
+    several = list(dict.fromkeys(lenses))
+    width, height = min(lens.width for lens in several), min(lens.height for lens in several)
+    for lens in several:
+        pinhole = Lens.pinhole(width, height, lens.fx * width / lens.width)
+        if all(other.shows(pinhole) for other in several):
+            break
+    else:
+        focals = [focal for lens in several for focal in (lens.fx, lens.fy)]
+        narrow, wide = LONGEST * max(focals), SHORTEST * min(focals)
+        if unfit := [lens for lens in several if not lens.holds(Lens.pinhole(width, height, narrow))]:
+            raise InputError(f"{where}: no pinhole fits into this lens ({unfit[0]}); undistort the pictures")
+        for _ in range(60):
             middle = 0.5 * (narrow + wide)
-            narrow, wide = (middle, wide) if self.holds(middle) else (narrow, middle)
-        return narrow
+            fits = all(lens.holds(Lens.pinhole(width, height, middle)) for lens in several)
+            narrow, wide = (middle, wide) if fits else (narrow, middle)
+        pinhole = Lens.pinhole(width, height, narrow)
+    check_field_of_view(pinhole.fov_x_radians, f"{where}: focal length {pinhole.fx:.6g} at {width} pixels")
+    return pinhole
 
-    def as_pinhole(self, rgba: np.ndarray, focal: float) -> np.ndarray:
-        """Resample straight RGBA [h, w, 4] of this lens to a pinhole of that focal length, linearly."""
-        column, row = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
-        at, down = self.seen_at((column - 0.5 * self.width) / focal, (row - 0.5 * self.height) / focal)
-        premultiplied = np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
-        places = np.stack([down - 0.5, at - 0.5])
-        seen = [map_coordinates(part, places, order=1, mode="nearest") for part in np.moveaxis(premultiplied, -1, 0)]
-        return straight_from_premultiplied(np.stack(seen, axis=-1)).clip(0.0, 1.0).astype(np.float32)
+
+def resampling_note(lenses: Iterable[Lens], pinhole: Lens) -> list[str]:
+    """Return what the user must know of the resampling, if there is any."""
+    several = list(dict.fromkeys(lenses))
+    if all(lens.shows(pinhole) for lens in several):
+        return []
+    least = 100.0 * min(lens.kept(pinhole) for lens in several)
+    angles = (math.degrees(2.0 * math.atan(0.5 * size / pinhole.fx)) for size in (pinhole.width, pinhole.height))
+    return [
+        f"Distortion, off-centre axes and different lenses are undone: pictures are resampled to one pinhole of "
+        f"{pinhole.fx:.6g} pixels at {pinhole.width}, {' × '.join(f'{angle:.1f}°' for angle in angles)}, which shows "
+        f"{least:.0f} % of a picture at least."
+    ]
+
+
+def looked_into(files: Sequence[Path]) -> tuple[int, list[str]]:
+    """Return the channels of the first picture, and what the user must know of all: no alpha, EXIF orientations."""
+    headers = [header(file) for file in files]
+    notes = []
+    if headers[0].channels == 3:
+        notes.append("Images without alpha count as fully opaque, background included.")
+    if turned := [(file, one.orientation) for file, one in zip(files, headers, strict=True) if one.orientation > 1]:
+        file, orientation = turned[0]
+        notes.append(
+            f"{len(turned)} of {len(files)} pictures have an EXIF orientation ({file.name}: {orientation}): pixels are "
+            "used as they are stored, as by COLMAP, nerfstudio and instant-ngp."
+        )
+    return headers[0].channels, notes
+
+
+def seen_size(file: Path, lens: Lens | None, pinhole: Lens | None) -> tuple[int, int]:
+    """Return height and width of what `read_through` returns without a `width`; errors as in `read_through`."""
+    stored = header(file)
+    if lens is None or pinhole is None:
+        return stored.height, stored.width
+    height, width = stored.height, stored.width
+    if abs(height - width * lens.height / lens.width) > max(1.0, lens.height / lens.width):  # rounding in either side
+        remedy = "give the pictures that the cameras are meant for, or resized copies of the complete pictures"
+        if stored.orientation > 4:
+            remedy = "a viewer turns it by its EXIF orientation: save it so if the cameras are meant for that"
+        raise InputError(f"{file}: {width} × {height} pixels, its camera has {lens.width} × {lens.height}; {remedy}")
+    if lens.shows(pinhole):
+        return height, width
+    share = width / lens.width
+    return round(share * pinhole.height), round(share * pinhole.width)
+
+
+def read_through(file: Path, lens: Lens | None, pinhole: Lens | None, channels: int, width: int | None) -> np.ndarray:
+    """Return straight RGBA, float32 [h, w, 4], of a lens's picture at any size, resampled to the common pinhole, at
+    `width` pixels (default: as `seen_size`). A lens that is None shows the pinhole.
+
+    Raises `InputError` if the sides do not have the lens's ratio, and as `display_levels`.
+    """
+    _, seen = seen_size(file, lens, pinhole)
+    levels = display_levels(file, channels)
+    if lens is None or pinhole is None or lens.shows(pinhole):
+        return straight_at(levels, width)
+    # no finer than the result needs, as all pixels of a photograph take seconds
+    stored = levels.shape[1]
+    finer = stored if width is None else min(stored, round(stored * SUPERSAMPLED * width / seen))
+    return straight_at(as_pinhole(resized(levels, finer), lens, pinhole), width)
+
+
+def as_pinhole(image: np.ndarray, lens: Lens, pinhole: Lens) -> np.ndarray:
+    """Resample a lens's opaque or straight image, float32 [h, w, 3 or 4], to a pinhole, linearly; both are scaled to
+    its size.
+    """
+    if lens.shows(pinhole):
+        return image
+    share = image.shape[1] / lens.width
+    goal = pinhole.scaled(round(share * pinhole.width), round(share * pinhole.height))
+    if (reduction := share * lens.fx / goal.fx) > SHRUNK:
+        image = resized(image, round(image.shape[1] / reduction))
+    places = _places(lens.scaled(image.shape[1], image.shape[0]), goal)
+    if image.shape[2] == 4:
+        image = np.concatenate([image[..., :3] * image[..., 3:], image[..., 3:]], axis=-1)
+    parts = [map_coordinates(part, places, order=1, mode="nearest") for part in np.moveaxis(image, -1, 0)]
+    seen = np.stack(parts, axis=-1)
+    return (straight_from_premultiplied(seen) if len(parts) == 4 else seen).clip(0.0, 1.0).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def _places(lens: Lens, pinhole: Lens) -> np.ndarray:
+    """Return row and column [2, h, w] in a lens's picture of each pixel of a pinhole's, counted from pixel centres."""
+    column, row = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
+    at, down = lens.seen_at((column - pinhole.cx) / pinhole.fx, (row - pinhole.cy) / pinhole.fy)
+    return np.stack([down - 0.5, at - 0.5])

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from scenes.files.errors import InputError
-from scenes.view_sets.formats.transforms import Document, ViewRegion, image_file, read_listing, shown
-from scenes.view_sets.images import display_image, display_rgba
+from scenes.view_sets.formats.lens import looked_into
+from scenes.view_sets.formats.transforms import Document, ViewRegion, image_file, read_listing
 from scenes.view_sets.source import Region, Source, nine_to_one, region_in
 from scenes.view_sets.viewpoints import SPLITS
 
@@ -54,28 +54,13 @@ def write_nerfstudio(
 
 
 def read_nerfstudio(folder: Path) -> Source:
-    """Read the folder's `transforms.json`. Raises `InputError`, naming file, value and remedy, for invalid data and for
-    cameras other than pinholes with square pixels and a centred optical axis.
-    """
+    """Read the folder's `transforms.json`. Raises `InputError`, naming file, value and remedy, for invalid data."""
     file = folder / NAME
-    document, frames, cameras = read_listing(file)
-    for number, camera in enumerate(cameras):
-        if camera.mask_path is not None:
-            raise InputError(
-                f"{file}: frame {number}: mask_path is {shown(camera.mask_path)}; pixels cannot be left out of "
-                "training: save the mask as the image's alpha channel where it cuts out an object, or remove mask_path "
-                "to use every pixel"
-            )
-    shapes = {
-        image: camera.h / camera.w if camera.w and camera.h else None
-        for image, camera in zip(frames.files, cameras, strict=True)
-    }
-    splits, notes = _splits(document, file, frames.files)
-    first = frames.files[0]
-    channels = display_image(first).shape[2]
-    if channels == 3:
-        notes.append(f"{first.name} has no alpha: images without alpha count as fully opaque, background included.")
-    given = document.view_region or ViewRegion()
+    listing = read_listing(file)
+    frames = listing.frames
+    splits, notes = _splits(listing.document, file, frames.files)
+    channels, of_pictures = looked_into(frames.files)
+    given = listing.document.view_region or ViewRegion()
     box = None if given.bounds is None else tuple(given.bounds)
     region = region_in(f"{file}: {REGION}", box, given.near, given.far)
     if region.bounds is None:
@@ -83,24 +68,11 @@ def read_nerfstudio(folder: Path) -> Source:
     return Source(
         name=folder.resolve().name,
         frames=lambda split: frames.of(splits[split]) if splits.get(split) else None,
-        pixels=lambda image: _pixels(image, shapes[image], channels),
+        pixels=lambda image, width: listing.read(image, channels, width),
+        size=listing.size,
         region=region,
-        notes=tuple(notes),
+        notes=(*notes, *listing.notes, *of_pictures),
     )
-
-
-def _pixels(image: Path, shape: float | None, expected: int) -> np.ndarray:
-    """Return pixels, float32 [h, w, 4], of an image that must have the ratio `shape` of height to width and `expected`
-    channels, those of the first image.
-    """
-    pixels = display_rgba(image, expected)
-    height, width = pixels.shape[:2]
-    if shape is not None and abs(height - shape * width) > max(1.0, shape):  # a pixel of rounding in either side
-        raise InputError(
-            f"{image}: {width} × {height} pixels, but {NAME} says h / w = {shape:.4g}; give w and h of these "
-            "images, or resized copies of the complete pictures"
-        )
-    return pixels
 
 
 def _splits(document: Document, file: Path, files: list[Path]) -> tuple[dict[str, list[int]], list[str]]:

@@ -13,10 +13,9 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from scenes.files.errors import InputError
-from scenes.view_sets.images import display_image
+from scenes.view_sets.images import display_image, pictures
 from scenes.view_sets.pixels import area_average, area_average_straight
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
 OTHER_FOLDERS = ("gt", "gt-rgb", "gt-color", "depth", "accumulation", "normal", "normals", "alpha", "train", "val")
 """The folders next to the renders, which are not searched."""
 
@@ -25,18 +24,14 @@ def pictures_in(folder: Path) -> list[Path]:
     """Return the pictures of a folder, or else of the only subfolder with pictures; raises `InputError`."""
     if not folder.is_dir():
         raise InputError(f"{folder}: is not a folder; give the one with the rendered test views")
-    if here := _pictures(folder):
+    if here := pictures(folder):
         return here
-    below = sorted({file.parent for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES})
+    below = sorted({place for place in folder.rglob("*") if place.is_dir() and pictures(place)})
     below = [place for place in below if not set(place.relative_to(folder).parts) & set(OTHER_FOLDERS)]
     if len(below) != 1:
         shown = ", ".join(place.relative_to(folder).as_posix() for place in below[:5])
         raise InputError(f"{folder}: {'has pictures in ' + shown if below else 'has no picture'}; name one folder")
-    return _pictures(below[0])
-
-
-def _pictures(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
+    return pictures(below[0])
 
 
 def of_views(files: Sequence[Path], names: Sequence[str]) -> list[Path]:

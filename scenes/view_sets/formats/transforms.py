@@ -12,22 +12,27 @@ import numpy as np
 from msgspec import Meta, Struct, ValidationError, convert, structs
 
 from scenes.files.errors import InputError
-from scenes.view_sets.viewpoints import check_field_of_view, check_poses
+from scenes.view_sets.formats.lens import NAMES, Lens, common_pinhole, read_through, resampling_note, seen_size
+from scenes.view_sets.images import header
+from scenes.view_sets.viewpoints import check_field_of_view, rigid
 
 LARGEST_FILE = 50 * 1024 * 1024
 SUFFIXES = (".png", ".jpg", ".jpeg")
 """The suffixes tried in turn if a frame's path has none."""
 SAME_FOCAL = 1e-4
-"""The relative difference below which views have one focal length: 0.04 pixels at the edge of 800."""
-BOTH_FOCAL = 0.01
-"""The relative difference below which two values of one focal length agree."""
-CAMERA_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
-"""The models that are pinholes without distortion parameters."""
-_LENS_ZERO = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4")
+"""The relative difference below which a value that is given twice is one value."""
+PIXEL = 1.0
+"""The deviation at a picture's edge, in pixels, above which two values of one focal length contradict each other."""
+PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
+"""The models whose parameters have the meaning of OPENCV's."""
 
 Number = Annotated[float, Meta(gt=-1e30, lt=1e30)]
 Pixels = Annotated[float, Meta(gt=1e-6, lt=1e9)]
 Row = tuple[Number, Number, Number, Number]
+
+DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4")
+LISTED = ("k1", "k2", "k3", "k4", "p1", "p2")
+"""The order of nerfstudio's `distortion_params`."""
 
 
 class Camera(Struct, frozen=True, kw_only=True):
@@ -60,6 +65,7 @@ class Camera(Struct, frozen=True, kw_only=True):
 
 class Frame(Camera, frozen=True, kw_only=True):
     file_path: str
+    time: Number | None = None
     transform_matrix: tuple[Row, Row, Row, Row]
 
 
@@ -84,6 +90,7 @@ class Frames:
     """The views that a file lists, or those of one split."""
 
     fov_x_radians: float
+    """The horizontal field of view of the pinhole that all views have, after resampling where a lens is none."""
     files: list[Path]
     """The image files, existing, inside the folder."""
     camera_to_world: np.ndarray
@@ -91,6 +98,26 @@ class Frames:
 
     def of(self, chosen: list[int] | np.ndarray) -> "Frames":
         return Frames(self.fov_x_radians, [self.files[i] for i in chosen], self.camera_to_world[chosen])
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A file, read and checked."""
+
+    document: Document
+    frames: Frames
+    lenses: dict[Path, Lens | None]
+    """File → its lens; None: only an angle is given, which holds for pictures of any size."""
+    pinhole: Lens | None
+    notes: list[str]
+    """What was assumed, one sentence each."""
+
+    def read(self, file: Path, channels: int, width: int | None) -> np.ndarray:
+        """Return straight RGBA of one of the frames' files as `read_through` does."""
+        return read_through(file, self.lenses[file], self.pinhole, channels, width)
+
+    def size(self, file: Path) -> tuple[int, int]:
+        return seen_size(file, self.lenses[file], self.pinhole)
 
 
 def transforms_file(folder: Path, split: str) -> Path:
@@ -108,12 +135,12 @@ def write_transforms(file: Path, fov_x_radians: float, paths: list[str], camera_
 
 def read_transforms(folder: Path, split: str) -> Frames:
     """Read a listing of one split; errors as in `read_listing`."""
-    return read_listing(transforms_file(folder, split), by_angle=True)[1]
+    return read_listing(transforms_file(folder, split)).frames
 
 
-def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, list[Camera]]:
-    """Read a file and check it: every image exists inside the folder, is listed once, and all have one pinhole with
-    square pixels. If a file gives both, `by_angle` takes the camera's angle instead of its focal length.
+def read_listing(file: Path) -> Listing:
+    """Read a file and check it: every image exists inside the folder and is listed once, and a pinhole fits into all
+    lenses.
 
     Raises `InputError` that names the file, the value and the remedy.
     """
@@ -126,7 +153,8 @@ def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, 
         ) from error
     shared = {key: value for key in Camera.__struct_fields__ if (value := getattr(document, key)) is not None}
     cameras: dict[Path, Camera] = {}
-    angles = []
+    lenses: dict[Path, Lens | None] = {}
+    notes = []
     for number, frame in enumerate(document.frames):
         where = f"{file}: frame {number}"
         image = image_file(file.parent, frame.file_path, where)
@@ -136,16 +164,34 @@ def read_listing(file: Path, by_angle: bool = False) -> tuple[Document, Frames, 
             if not _same(own := getattr(frame, key), value):
                 raise InputError(f"{where}: {key} is {shown(own)}, and {shown(value)} for all frames; keep one of them")
         cameras[image] = structs.replace(frame, **shared)
-        angles.append(_field_of_view(cameras[image], where, by_angle))
-        _check_lens(cameras[image], where, angles[-1])
-        if abs(math.tan(angles[-1] / 2) - math.tan(angles[0] / 2)) > SAME_FOCAL * math.tan(angles[0] / 2):
+        lenses[image], assumed = _lens(cameras[image], image, where)
+        notes += assumed
+    fov, pinhole = _common(list(cameras.values()), list(lenses.values()), file)
+    if pinhole is not None:
+        notes += resampling_note(filter(None, lenses.values()), pinhole)
+    names = [f"{file}: frame {i} ({frame.file_path})" for i, frame in enumerate(document.frames)]
+    poses, rounded = rigid(np.array([frame.transform_matrix for frame in document.frames], dtype=np.float64), names)
+    notes += rounded
+    if len({frame.time for frame in document.frames}) > 1:
+        notes.append("Frames have different times: they are read as one scene that does not move.")
+    return Listing(document, Frames(fov, list(cameras), poses), lenses, pinhole, list(dict.fromkeys(notes)))
+
+
+def _common(cameras: list[Camera], lenses: list[Lens | None], file: Path) -> tuple[float, Lens | None]:
+    """Return the horizontal field of view that all views have, and the pinhole of their lenses if they have any."""
+    if known := [lens for lens in lenses if lens is not None]:
+        if len(known) < len(lenses):
+            raise InputError(f"{file}: frame {lenses.index(None)} has no fl_x, as others have; give all fl_x, w and h")
+        pinhole = common_pinhole(known, str(file))
+        return pinhole.fov_x_radians, pinhole
+    first, *others = (camera.camera_angle_x or 0.0 for camera in cameras)
+    for number, angle in enumerate(others, 1):
+        if abs(math.tan(angle / 2) - math.tan(first / 2)) > SAME_FOCAL * math.tan(first / 2):
             raise InputError(
-                f"{where} has another focal length than frame 0 (fields of view {angles[-1]:.6g} and {angles[0]:.6g} "
-                "rad); one lens is supported: export the views of one camera"
+                f"{file}: frame {number} has another angle than frame 0 ({angle:.6g} and {first:.6g} rad); give fl_x, "
+                "w and h of each frame"
             )
-    poses = np.array([frame.transform_matrix for frame in document.frames], dtype=np.float64)
-    check_poses(poses, [f"{file}: frame {i} ({frame.file_path})" for i, frame in enumerate(document.frames)])
-    return document, Frames(angles[0], list(cameras), poses), list(cameras.values())
+    return first, None
 
 
 def _same(own: object, value: object) -> bool:
@@ -188,17 +234,20 @@ def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def image_file(folder: Path, path: str, where: str) -> Path:
-    """Return the existing file of a frame's path; raises `InputError` if it leads out of the folder, also by a link."""
+    """Return the existing file of a frame's path, whose suffix may be missing or differ in case.
+
+    Raises `InputError` if it leads out of the folder, also by a link.
+    """
     if not path or "\0" in path:
         raise InputError(f"{where}: file_path is {shown(path)}; it must be a path inside {folder}")
-    relative = path.replace("\\", "/")
+    root = folder.resolve()
+    relative = path.replace("\\", "/").removeprefix(f"{root.as_posix()}/")
     if relative.startswith("/") or ":" in relative.split("/")[0] or ".." in relative.split("/"):
         raise InputError(f"{where}: file_path {shown(path)} leaves the folder; paths must stay inside {folder}")
-    root = folder.resolve()
     named = root / relative
     try:
         candidates = [named, *(named.with_name(named.name + suffix) for suffix in SUFFIXES)]
-        file = next((file.resolve() for file in candidates if file.is_file()), None)
+        file = next((file.resolve() for file in candidates if file.is_file()), None) or _in_other_case(candidates)
     except (OSError, ValueError) as error:  # a name too long, a loop of links
         raise InputError(f"{where}: file_path {shown(path)} cannot be followed ({error})") from error
     if file is None:
@@ -208,66 +257,112 @@ def image_file(folder: Path, path: str, where: str) -> Path:
     return file
 
 
-def _field_of_view(camera: Camera, where: str, by_angle: bool) -> float:
-    """Return the horizontal field of view in radians."""
-    angle = camera.camera_angle_x
-    if camera.fl_x is not None and not (by_angle and angle is not None):
-        if camera.w is None:
-            raise InputError(f"{where}: fl_x without w; give the width in pixels that the focal length is meant for")
-        by_length = 2 * math.atan(0.5 * camera.w / camera.fl_x)
-        if angle is not None and abs(math.tan(angle / 2) - math.tan(by_length / 2)) > BOTH_FOCAL * math.tan(
-            by_length / 2
-        ):
-            raise InputError(
-                f"{where}: camera_angle_x is {angle:.6g}, and fl_x and w say {by_length:.6g}; correct one of them"
-            )
-        angle = by_length
-    if angle is None:
-        raise InputError(f"{where}: neither camera_angle_x nor fl_x is given; give the camera's angle in radians")
-    check_field_of_view(angle, f"{where}: camera_angle_x (in radians) or fl_x")
-    return angle
+def _in_other_case(candidates: list[Path]) -> Path | None:
+    """Return the only file next to the candidates that has the name of one but for capitals."""
+    names = {candidate.name.lower() for candidate in candidates}
+    folder = candidates[0].parent
+    there = folder.iterdir() if folder.is_dir() else ()
+    found = [file for file in there if file.name.lower() in names and file.is_file()]
+    return found[0].resolve() if len(found) == 1 else None
 
 
-def _check_lens(camera: Camera, where: str, fov_x_radians: float) -> None:
-    """Raise `InputError` if the keys describe any camera but a centred pinhole with square pixels."""
-    if camera.camera_model not in (None, *CAMERA_MODELS):
+def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[str]]:
+    """Return the lens that a frame's keys describe, None if they give an angle alone, and what was assumed.
+
+    What decides is what the readers of the field take: fl_x before camera_angle_x, and square pixels where only one
+    focal length is given. Redundant keys are compared with it.
+    """
+    if camera.mask_path is not None:
         raise InputError(
-            f"{where}: camera_model is {shown(camera.camera_model)}; only {' '.join(CAMERA_MODELS)} are read: "
-            "undistort the images to a pinhole (COLMAP's image_undistorter)"
+            f"{where}: mask_path is {shown(camera.mask_path)}; pixels cannot be left out of training: save the mask as "
+            "the image's alpha channel where it cuts out an object, or remove mask_path to use every pixel"
         )
-    for key in ("is_orthographic", "is_fisheye"):
-        if getattr(camera, key):
-            raise InputError(f"{where}: {key} is True; only pinholes are supported: undistort the images")
-    distortion = {key: getattr(camera, key) for key in _LENS_ZERO}
-    distortion |= {f"distortion_params[{i}]": value for i, value in enumerate(camera.distortion_params or [])}
-    for key, value in distortion.items():
-        if abs(value or 0.0) > 1e-9:
-            raise InputError(f"{where}: {key} is {value}; lens distortion is not supported: undistort the images")
-    for centre, size in (("cx", "w"), ("cy", "h")):
-        if (middle := getattr(camera, centre)) is None:
+    values = _distortion(camera, where)
+    angle = camera.camera_angle_x
+    if angle is not None:
+        check_field_of_view(angle, f"{where}: camera_angle_x (in radians)")
+    if camera.fl_x is None and angle is None:
+        raise InputError(f"{where}: neither camera_angle_x nor fl_x is given; give the camera's angle in radians")
+    if camera.fl_x is None and camera.fl_y is not None:
+        raise InputError(f"{where}: fl_y without fl_x; give both, or only camera_angle_x")
+    if not any(values.values()) and (camera.fl_x, camera.cx, camera.cy, camera.camera_angle_y) == (None,) * 4:
+        return None, []
+    stored = None if camera.w and camera.h else header(image)
+    width = round(camera.w or (stored.width if stored else 0))
+    height = round(camera.h or (stored.height if stored else 0))
+    by_angle = None if angle is None else 0.5 * width / math.tan(angle / 2)
+    fx = camera.fl_x if camera.fl_x is not None else by_angle
+    assert fx is not None
+    values |= {"fx": fx, "fy": camera.fl_y if camera.fl_y is not None else fx}
+    values |= {"cx": width / 2 if camera.cx is None else camera.cx}
+    values |= {"cy": height / 2 if camera.cy is None else camera.cy}
+    notes = _redundant(camera, (fx, values["fy"]), (width, height), where)
+    return Lens.of(_model(camera, where), width, height, values), notes
+
+
+def _model(camera: Camera, where: str) -> str:
+    """Return the name of the camera's model; raises `InputError` for one that is not read."""
+    if camera.is_orthographic:
+        raise InputError(
+            f"{where}: is_orthographic is {shown(camera.is_orthographic)}; only central projections are read"
+        )
+    if camera.is_fisheye:
+        return "OPENCV_FISHEYE"
+    name = (camera.camera_model or "OPENCV").upper()
+    if name in PERSPECTIVE:
+        return "OPENCV"
+    if name not in NAMES:
+        raise InputError(
+            f"{where}: camera_model is {shown(camera.camera_model)}; {' '.join(NAMES)} are read: undistort the images "
+            "to a pinhole (COLMAP's image_undistorter)"
+        )
+    return name
+
+
+def _distortion(camera: Camera, where: str) -> dict[str, float]:
+    """Return the parameters of distortion by name; raises `InputError` for those that no model that is read has."""
+    values = {key: getattr(camera, key) or 0.0 for key in DISTORTION}
+    if listed := camera.distortion_params:
+        if len(listed) > len(LISTED) and any(listed[len(LISTED) :]):
+            raise InputError(f"{where}: distortion_params has {len(listed)} numbers; {' '.join(LISTED)} are read")
+        for key, value in zip(LISTED, listed, strict=False):
+            if values[key] and abs(values[key] - value) > 1e-9:
+                raise InputError(f"{where}: {key} is {values[key]}, and {value} in distortion_params; correct one")
+            values[key] = value
+    highest = 6 if _model(camera, where) == "FULL_OPENCV" else 4
+    for key in (*(f"k{number}" for number in range(highest + 1, 7)), "p3", "p4"):
+        if abs(values[key]) > 1e-9:
+            raise InputError(f"{where}: {key} is {values[key]}, which {_model(camera, where)} does not have; undistort")
+    return values
+
+
+def _redundant(camera: Camera, focal: tuple[float, float], size: tuple[int, int], where: str) -> list[str]:
+    """Compare the angles that are given with the focal lengths in pixels that decide; return notes.
+
+    Raises `InputError` if an angle contradicts them by more than `PIXEL` at the edge, but for two that add-ons of
+    Blender write: the angle of the longer side as that of x, and that of the sensor's height as that of y.
+    """
+    notes = []
+    for axis, angle in enumerate((camera.camera_angle_x, camera.camera_angle_y)):
+        if angle is None:
             continue
-        if (length := getattr(camera, size)) is None:
-            raise InputError(f"{where}: {centre} without {size}; give {size}, the pixels that {centre} is meant for")
-        off = middle - length / 2
-        if abs(off) > 0.51:  # some programs write the centre of the middle pixel
-            raise InputError(f"{where}: {centre} is {off:+.2f} px off the centre; off-centre lenses are not supported")
-    if camera.fl_y is not None:
-        if camera.fl_x is None:
-            raise InputError(f"{where}: fl_y without fl_x; give both, or only camera_angle_x")
-        if abs(camera.fl_x - camera.fl_y) > 1e-3 * abs(camera.fl_x):
-            raise InputError(
-                f"{where}: fl_x {camera.fl_x} and fl_y {camera.fl_y} differ; pixels must be square: resample the images"
+        name = f"camera_angle_{'xy'[axis]}"
+        check_field_of_view(angle, f"{where}: {name} (in radians)")
+        half = 0.5 * size[axis]
+        if abs(half - focal[axis] * math.tan(angle / 2)) <= PIXEL:
+            continue
+        expected = 2 * math.atan(half / focal[axis])
+        longer = abs(0.5 * max(size) - focal[axis] * math.tan(angle / 2)) <= PIXEL
+        if camera.fl_x is not None and (axis == 1 or longer):
+            of = "the longer side" if longer else "something else, perhaps of the sensor"
+            notes.append(
+                f"{name} is {angle:.6g}, where focal length and size give {expected:.6g}: it is the angle of {of}, and "
+                "fl_x, w and h decide."
             )
-    if (angle := camera.camera_angle_y) is not None:
-        if camera.w is None or camera.h is None:
-            raise InputError(f"{where}: camera_angle_y without w and h; give both, or leave it out: pixels are square")
-        check_field_of_view(angle, f"{where}: camera_angle_y (in radians)")
-        expected = math.tan(fov_x_radians / 2) * camera.h / camera.w
-        if abs(math.tan(angle / 2) - expected) > 1e-3 * expected:
-            raise InputError(
-                f"{where}: camera_angle_y is {angle:.6g}, of square pixels it is {2 * math.atan(expected):.6g}; pixels "
-                "must be square: resample the images"
-            )
+            continue
+        given = "fl_x and w say" if axis == 0 else "of square pixels it is"
+        raise InputError(f"{where}: {name} is {angle:.6g}, and {given} {expected:.6g}; correct one of them")
+    return notes
 
 
 def shown(value: object) -> str:

@@ -90,3 +90,34 @@ def test_circles_and_bad_includes_are_refused_by_name(tmp_path: Path, files: dic
 def test_the_depth_of_light_paths(tmp_path: Path, value: str, depth: int) -> None:
     text = BALL + f'<integrator type="path"><integer name="max_depth" value="{value}"/></integrator>'
     assert xml_scene(written(tmp_path, {"top.xml": text}), "mine").max_depth == depth
+
+
+def up_of(folder: Path, transform: str) -> list[float]:
+    sensor = f'<sensor type="perspective"><transform name="to_world">{transform}</transform></sensor>'
+    up: list[float] = xml_scene(written(folder, {"top.xml": BALL + sensor}), "mine").build()["file"]["up"]
+    return up
+
+
+@pytest.mark.parametrize(
+    ("transform", "up"),
+    [
+        ('<lookat origin="0 0 5" target="0 0 0" up="0, 1, 0"/>', (0, 1, 0)),
+        # as Bitterli's scenes: camera to world, row by row
+        ('<matrix value="-1 0 0 0 0 1 0 1 0 0 -1 6.8 0 0 0 1"/>', (0, 1, 0)),
+        ('<matrix value="1 0 0 0 0 -1 0 1 0"/>', (0, 0, 1)),
+        ('<rotate x="1" angle="90"/><translate z="3"/>', (0, 0, 1)),
+        ('<rotate value="0 0 2" angle="-90"/>', (1, 0, 0)),
+        ('<scale value="2"/><matrix value="0 1 0 0 0 1 1 0 0"/><rotate z="1" angle="90"/>', (0, 1, 0)),
+        ("", (0, 0, 1)),
+    ],
+)
+def test_up_is_that_of_the_first_sensor(transform: str, up: tuple[float, ...], tmp_path: Path) -> None:
+    assert up_of(tmp_path, transform) == pytest.approx(up, abs=1e-12)
+
+
+def test_a_document_type_is_refused_in_any_encoding(tmp_path: Path) -> None:
+    text = '<?xml version="1.0"?><!DOCTYPE scene [<!ENTITY a "b">]><scene version="3.0.0"></scene>'
+    for encoding in ("utf-8", "utf-16"):
+        (tmp_path / "top.xml").write_text(text, encoding=encoding)
+        with pytest.raises(InputError, match="declares a document type"):
+            xml_scene(tmp_path / "top.xml", "mine")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenes.catalog.stress import fog
 from scenes.catalog.stress.scales import TINY, described, unit
 from scenes.files.errors import InputError
-from scenes.modelling.normalise import Similarity, box_of, check_scale, normalised, to_unit
+from scenes.modelling.normalise import Similarity, box_of, check_scale, check_unit, normalised, to_unit
 from scenes.modelling.scene import Description, Scene
 from scenes.rendering.variant import Variant
 from tests.scenes.loading import load
@@ -99,3 +99,14 @@ def test_rendering_as_it_is_is_refused(scalar: Variant) -> None:
         with pytest.raises(InputError, match=r"units long.*normalise"):
             load(described(change), scalar, 4)
     check_scale(np.array([[-1.0] * 3, [1.0] * 3]))
+
+
+@pytest.mark.parametrize("unit", [0.02, 1.0, 280.0, 1e5])
+def test_a_file_may_have_any_unit_in_which_the_ray_epsilon_is_small(unit: float) -> None:
+    box = unit * np.array([[-1.0] * 3, [1.0] * 3])
+    check_unit(box)
+    check_unit(box + 2.0 * unit)
+    with pytest.raises(InputError, match=r"units long.*<translate> and <scale>"):
+        check_unit(box + 100.0 * (1.0 + unit))
+    with pytest.raises(InputError, match="units long"):
+        check_unit(box * 1e-3 if unit <= 1.0 else box * 1e5)

@@ -1,6 +1,7 @@
 """COLMAP and LLFF folders: poses are unchanged, distortion is undone, and invalid captures are refused."""
 
 import math
+import re
 import shutil
 import struct
 from collections.abc import Callable
@@ -9,15 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from scenes.files.errors import InputError
-from scenes.view_sets.formats.captures import MODELS, OTHERS
+from scenes.view_sets.formats.captures import OTHERS
 from scenes.view_sets.formats.foreign import source_of
-from scenes.view_sets.formats.lens import Lens
+from scenes.view_sets.formats.lens import MODELS, Lens, as_pinhole, common_pinhole
+from scenes.view_sets.formats.transforms import DISTORTION
 from scenes.view_sets.images import write_png
 from scenes.view_sets.source import Region
-from scenes.view_sets.view_set import read_view_set
+from scenes.view_sets.view_set import ViewSet, read_view_set
 from tests.harness.ball import FOV_X_RADIANS, ball_view, pose
 
 WIDTH, HEIGHT, COUNT = 24, 24, 17
@@ -95,53 +98,88 @@ LENSES = {
     "SIMPLE_RADIAL": (24.0, 12.0, 12.0, -0.15),
     "RADIAL": (24.0, 12.5, 11.0, 0.2, -0.3),
     "OPENCV": (24.0, 25.0, 11.5, 12.5, -0.1, 0.05, 0.01, -0.02),
+    "FULL_OPENCV": (24.0, 25.0, 12.0, 12.5, 0.3, -0.2, 0.01, -0.01, 0.05, 0.4, -0.1, 0.02),
+    "OPENCV_FISHEYE": (18.0, 18.5, 12.0, 11.5, 0.05, -0.04, 0.02, -0.01),
+    "SIMPLE_RADIAL_FISHEYE": (20.0, 12.0, 12.0, -0.1),
+    "RADIAL_FISHEYE": (20.0, 11.0, 12.0, 0.1, -0.05),
 }
 
 
-def ideal(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
-    """Return the direction that each pixel of the lens sees, by fixed-point iteration of Brown's model."""
+def ideal(model: str, values: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the direction that each pixel of a lens sees, by fixed-point iteration of OpenCV's formulas."""
+    k1, k2, k3, k4, k5, k6, p1, p2, *_ = (values.get(name, 0.0) for name in DISTORTION)
     column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    u, v = (column - lens.cx) / lens.fx, (row - lens.cy) / lens.fy
+    u = (column - values["cx"]) / values.get("fx", values.get("f", 0.0))
+    v = (row - values["cy"]) / values.get("fy", values.get("f", 0.0))
     x, y = u.copy(), v.copy()
-    for _ in range(200):
+    for _ in range(300):
         r2 = x**2 + y**2
-        radial = 1 + lens.k1 * r2 + lens.k2 * r2**2
+        if model.endswith("FISHEYE"):
+            angle = np.arctan(np.sqrt(r2))
+            factor = angle * (1 + k1 * angle**2 + k2 * angle**4 + k3 * angle**6 + k4 * angle**8) / np.sqrt(r2)
+        else:
+            factor = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
         x, y = (
-            (u - 2 * lens.p1 * x * y - lens.p2 * (r2 + 2 * x**2)) / radial,
-            (v - 2 * lens.p2 * x * y - lens.p1 * (r2 + 2 * y**2)) / radial,
+            (u - 2 * p1 * x * y - p2 * (r2 + 2 * x**2)) / factor,
+            (v - 2 * p2 * x * y - p1 * (r2 + 2 * y**2)) / factor,
         )
     return x, y
 
 
+def plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return colours that are linear in the tangents of directions, so that every pinhole shows the same plane."""
+    return np.stack([0.5 + 0.4 * x, 0.5 + 0.4 * y, np.full_like(x, 0.25), np.ones_like(x)], axis=-1)
+
+
+def plane_of(views: ViewSet) -> np.ndarray:
+    column, row = np.meshgrid(np.arange(views.width) + 0.5, np.arange(views.height) + 0.5)
+    return plane((column - views.width / 2) / views.focal, (row - views.height / 2) / views.focal)
+
+
 @pytest.mark.parametrize("model", LENSES)
 def test_distortion_is_undone(tmp_path: Path, model: str) -> None:
-    """The colours are linear in the tangents of directions: the pinhole must show the same plane."""
     names = next(names for name, names in MODELS.values() if name == model)
-    numbers = dict(zip(names, LENSES[model], strict=True))
-    focal = numbers.pop("f", None)
-    lens = Lens(WIDTH, HEIGHT, **({"fx": focal, "fy": focal} if focal else {}), **numbers)
-    x, y = ideal(lens)
-    picture = np.stack([0.5 + 0.5 * x, 0.5 + 0.5 * y, np.full_like(x, 0.25), np.ones_like(x)], axis=-1)
-    folder = write_colmap(tmp_path / "c", (model, LENSES[model]), image=lambda matrix: picture)
-    views = read_view_set(folder)
-    assert any("Distortion is undone" in note for note in views.notes)
-    column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    across, down = (column - WIDTH / 2) / views.focal, (row - HEIGHT / 2) / views.focal
-    expected = np.stack([0.5 + 0.5 * across, 0.5 + 0.5 * down, np.full_like(across, 0.25)], axis=-1)
+    values = dict(zip(names, LENSES[model], strict=True))
+    picture = plane(*ideal(model, values))
+    views = read_view_set(write_colmap(tmp_path / "c", (model, LENSES[model]), image=lambda matrix: picture))
+    note = next(note for note in views.notes if note.startswith("Distortion, off-centre axes"))
     inner = slice(1, -1)
-    off = np.abs(views.test.rgba[0][..., :3] - expected)[inner, inner]
+    off = np.abs(views.test.rgba[0] - plane_of(views))[inner, inner]
     assert off.max() < 4 / 255  # two roundings to 8 bits, and lines that are nearly straight between pixels
-    assert lens.holds(views.focal)
-    assert not lens.holds(0.99 * views.focal)
+    lens, pinhole = Lens.of(model, WIDTH, HEIGHT, values), Lens.pinhole(WIDTH, HEIGHT, views.focal)
+    assert lens.holds(pinhole)
+    assert not lens.holds(Lens.pinhole(WIDTH, HEIGHT, 0.99 * views.focal))
+    column, row = lens.seen_at(*ideal(model, values))
+    np.testing.assert_allclose(column, np.arange(WIDTH) + 0.5 + 0 * row, atol=1e-9)
+    assert f"which shows {100 * lens.kept(pinhole):.0f} %" in note
+    assert 0.4 < lens.kept(pinhole) < 1.0
+
+
+def test_lenses_of_several_sizes_and_focal_lengths_share_one_pinhole() -> None:
+    """The widest that all hold: by the closed form of pinholes, per axis and lens."""
+    lenses = [Lens.pinhole(40, 30, 50.0), Lens(30, 40, 40.0, 44.0, 15.0, 21.0), Lens.pinhole(60, 60, 70.0)]
+    pinhole = common_pinhole(lenses, "here")
+    assert (pinhole.width, pinhole.height) == (30, 30)
+    sides = ((min(one.cx, one.width - one.cx) / one.fx, min(one.cy, one.height - one.cy) / one.fy) for one in lenses)
+    assert pinhole.fx == pytest.approx(15.0 / min(map(min, sides)), rel=1e-12)
+    for lens in lenses:
+        column, row = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5)
+        picture = plane((column - lens.cx) / lens.fx, (row - lens.cy) / lens.fy)
+        seen = as_pinhole(picture.astype(np.float32), lens, pinhole)
+        column, row = np.meshgrid(np.arange(30) + 0.5, np.arange(30) + 0.5)
+        np.testing.assert_allclose(seen, plane((column - 15) / pinhole.fx, (row - 15) / pinhole.fx), atol=1e-6)
+    assert common_pinhole([Lens.pinhole(80, 60, 100.0), Lens.pinhole(40, 30, 50.0)], "here").fx == pytest.approx(50.0)
 
 
 def test_a_pinhole_is_not_resampled() -> None:
-    lens = Lens(WIDTH, HEIGHT, 30.0, 30.0, WIDTH / 2, HEIGHT / 2)
-    assert lens.is_pinhole
-    assert lens.pinhole_focal("here") == 30.0
+    lens = Lens.pinhole(WIDTH, HEIGHT, 30.0)
+    assert common_pinhole([lens, lens], "here") == lens
     noise = np.random.default_rng(1).random((HEIGHT, WIDTH, 4)).astype(np.float32)
-    np.testing.assert_allclose(lens.as_pinhole(noise, 30.0), noise, atol=1e-6)
+    assert as_pinhole(noise, lens, lens) is noise
     assert lens.scaled(48, 48).fx == 60.0
+    # pixels counted from the middle of the first one
+    assert Lens.of("PINHOLE", 8, 6, {"fx": 9.0, "fy": 9.0, "cx": 3.5, "cy": 2.5}) == Lens.pinhole(8, 6, 9.0)
+    assert Lens.of("PINHOLE", 8, 6, {"fx": 9.0, "fy": 9.0, "cx": 3.5, "cy": 3.0}).cx == 3.5
 
 
 def test_llff_is_read_as_it_was_written(tmp_path: Path) -> None:
@@ -189,7 +227,7 @@ REFUSED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no such camera": (lambda f: broken(f, "cameras.txt", lambda text: text.replace("7 S", "8 S")), "has camera 7"),
     "no rotation": (
         lambda f: broken(f, "images.txt", lambda text: "1 0 0 0 0 0 0 0 7 v 00.png\n\n"),
-        "v 00.png: its pose is",
+        r"images.txt: the pose of 'v 00.png' is",
     ),
     "out of the folder": (
         lambda f: broken(f, "images.txt", lambda text: text.replace("v 03.png", "../v 03.png")),
@@ -221,8 +259,60 @@ def test_invalid_data_is_refused(tmp_path: Path, case: str) -> None:
         read_view_set(folder)
 
 
+AS_OTHERS_WRITE: dict[str, Callable[[Path], object]] = {
+    "no line for an image without points": lambda f: broken(
+        f, "images.txt", lambda text: "".join(line for line in text.splitlines(True) if line.strip())
+    ),
+    "points of every image": lambda f: broken(
+        f, "images.txt", lambda text: text.replace(".png\n\n", ".png\n10.5 11.25 3 7 8.5 -1\n")
+    ),
+    "a byte order mark": lambda f: broken(f, "cameras.txt", lambda text: "\ufeff" + text),
+    "hidden files": lambda f: (f / "images" / ".DS_Store").write_bytes(b"x"),
+    "smaller copies only": lambda f: (f / "images").rename(f / "images_4").with_name("images_8").mkdir(),
+    "rounded to three decimals": lambda f: broken(f, "images.txt", lambda text: re.sub(r"(\.\d{3})\d+", r"\1", text)),
+}
+
+
+@pytest.mark.parametrize("case", AS_OTHERS_WRITE)
+def test_what_other_programs_write_is_read(tmp_path: Path, case: str) -> None:
+    folder = write_colmap(tmp_path / "c", binary=False)
+    AS_OTHERS_WRITE[case](folder)
+    views = read_view_set(folder)
+    assert [len(split.names) for split in (views.train, views.test)] == [COUNT - 3, 3]
+    atol = 2e-2 if "rounded" in case else 1e-12
+    np.testing.assert_allclose(views.test.camera_to_world, POSES[::8], atol=atol)
+    rotation = views.test.camera_to_world[:, :3, :3]
+    np.testing.assert_allclose(np.swapaxes(rotation, 1, 2) @ rotation, np.tile(np.eye(3), (3, 1, 1)), atol=1e-12)
+    assert ("images_4 is read" in " ".join(views.notes)) == (case == "smaller copies only")
+
+
+def test_pixels_are_those_that_are_stored_whatever_a_viewer_turns(tmp_path: Path) -> None:
+    folder = write_colmap(tmp_path / "c", alpha=False)
+    before = read_view_set(folder).test.rgba[0]
+    exif = Image.Exif()
+    exif[0x0112] = 3
+    for number in (0, 3):
+        file = folder / "images" / f"v {number:02d}.png"
+        Image.open(file).copy().save(file, exif=exif)
+    views = read_view_set(folder)
+    np.testing.assert_array_equal(views.test.rgba[0], before)
+    assert any("2 of 17 pictures have an EXIF orientation (v 00.png: 3)" in note for note in views.notes)
+    exif[0x0112] = 6
+    Image.new("RGB", (12, 24)).save(folder / "images" / "v 03.png", exif=exif)
+    with pytest.raises(InputError, match=r"v 03\.png: 12 × 24 pixels, its camera has 24 × 24; a viewer turns it"):
+        read_view_set(folder)
+
+
+def test_llff_counts_pictures_alone(tmp_path: Path) -> None:
+    folder = write_llff(tmp_path / "l")
+    for name in (".DS_Store", "Thumbs.db", "._v00.png"):
+        (folder / "images" / name).write_bytes(b"x")
+    (folder / "images" / "v03.png").rename(folder / "images" / "v03.PNG")
+    assert len(read_view_set(folder).train.names) == COUNT - 3
+
+
 @pytest.mark.parametrize("model", [name for name, _ in OTHERS.values()])
-def test_fisheyes_are_refused_by_name(tmp_path: Path, model: str) -> None:
+def test_other_lenses_are_refused_by_name(tmp_path: Path, model: str) -> None:
     many = next(many for name, many in OTHERS.values() if name == model)
     folder = write_colmap(tmp_path / "c", (model, (1.0,) * many))
     with pytest.raises(InputError, match=f"'{model}'.*image_undistorter"):
@@ -246,10 +336,15 @@ def test_a_file_that_is_cut_off_is_refused_wherever_it_is_cut(tmp_path: Path, na
         (np.full((COUNT, 17), np.nan), "it must be finite numbers"),
         (np.ones((2, 17)), "17 images, poses_bounds.npy 2 poses"),
         (np.array([{"a": 1}]), "cannot be read"),
+        (None, "an archive of several arrays"),
     ],
 )
-def test_other_arrays_are_refused(tmp_path: Path, rows: np.ndarray, message: str) -> None:
+def test_other_arrays_are_refused(tmp_path: Path, rows: np.ndarray | None, message: str) -> None:
     folder = write_llff(tmp_path / "l")
-    np.save(folder / "poses_bounds.npy", rows)
+    if rows is None:
+        np.savez(folder / "poses.npz", rows=np.zeros((COUNT, 17)))
+        (folder / "poses.npz").replace(folder / "poses_bounds.npy")
+    else:
+        np.save(folder / "poses_bounds.npy", rows)
     with pytest.raises(InputError, match=message):
         read_view_set(folder)

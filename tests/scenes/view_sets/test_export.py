@@ -146,6 +146,15 @@ def test_opaque_images_get_an_alpha_when_they_are_exported(tmp_path: Path) -> No
     assert len(poses) == 9
 
 
+def test_a_lens_is_undone_when_its_pictures_are_exported(tmp_path: Path) -> None:
+    folder = capture(tmp_path / "desk", 10, all_poses("train")[:10], channels=4, k1=-0.2)
+    export(folder, "nerfstudio", tmp_path / "out")
+    before, after = read_view_set(folder), read_view_set(tmp_path / "out")
+    assert after.focal == pytest.approx(before.focal, rel=1e-12)
+    assert after.focal < 19.9, "a barrel sees more"
+    np.testing.assert_allclose(list(after.test.rgba), list(before.test.rgba), atol=0.5 / 255 + 1e-6)
+
+
 def test_instant_ngp_s_box_holds_everything(tmp_path: Path) -> None:
     for reach, scale in ((1.5, 1), (1.6, 2), (20.0, 16), (1e4, 128)):
         region = Region((-reach, -1, -1, 1, 1, 1), 1.0, 2.0)

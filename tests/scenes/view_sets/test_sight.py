@@ -69,7 +69,7 @@ def test_shares_are_those_of_closed_forms() -> None:
 )
 def test_cameras_that_see_nothing_are_refused(wrong, cause) -> None:  # type: ignore[no-untyped-def]
     views = wrong(ball_seen())
-    with pytest.raises(InputError, match="0% of the covered pixels see the box") as sentence:
+    with pytest.raises(InputError, match="0% of the covered training pixels see the box") as sentence:
         cautions(views, sight(views))
     assert cause in str(sentence.value)
     assert str(sentence.value).startswith("ball: ")
@@ -79,7 +79,7 @@ def test_a_box_beside_the_object_is_refused_though_rays_meet_it() -> None:
     views = with_poses(ball_seen(), poses_on_sphere(np.linspace(0.0, 6.0, 8), np.full(8, 0.1), RADIUS))
     views = replace(views, bounds=np.array([[-0.05, -0.05, -1.35], [0.05, 0.05, -1.25]]))
     assert sight(views).rays > 0.0
-    with pytest.raises(InputError, match="0% of the covered pixels see the box"):
+    with pytest.raises(InputError, match="0% of the covered training pixels see the box"):
         cautions(views, sight(views))
 
 
@@ -91,10 +91,54 @@ def test_inverted_poses_are_named(axes: np.ndarray, cause: str) -> None:
         cautions(views, sight(views))
 
 
+def test_test_cameras_are_looked_at_like_training_cameras() -> None:
+    views = ball_seen()
+    views = replace(views, test=replace(views.train, names=tuple(f"test/r_{k}" for k in range(8))))
+    assert len(cautions(views, sight(views))) == 1, "the same pictures"
+    turned = replace(views, test=replace(views.test, camera_to_world=views.test.camera_to_world @ OPENCV))
+    with pytest.raises(InputError, match=r"0% of the covered test pixels see the box .*OpenCV's axes"):
+        cautions(turned, sight(turned))
+
+
+def test_single_cameras_that_are_off_are_named() -> None:
+    views = ball_seen(20)
+    poses = views.train.camera_to_world.copy()
+    poses[3] = poses[3] @ OPENCV
+    views = with_poses(views, poses)
+    (sentence,) = cautions(views, sight(views))
+    assert sentence.startswith("1 of 20 training cameras see little or nothing of the box")
+    assert sentence.endswith("others see it: train/r_3")
+    opaque = with_training(views, *[np.random.default_rng(0).random((SIZE, SIZE, 4)).round()] * 20)
+    assert sight(opaque).views.shape == (20,)
+
+
+def with_training(views: ViewSet, *images: np.ndarray) -> ViewSet:
+    return replace(views, train=replace(views.train, rgba=stack(*images)))
+
+
+def test_odd_alpha_is_a_caution() -> None:
+    views = ball_seen()
+    disc = next(iter(views.train.rgba))
+    inverted = with_training(views, *[1.0 - disc] * 8)
+    assert any("alpha seems inverted" in sentence for sentence in cautions(inverted, sight(views)))
+    opaque = with_training(views, *[np.ones((SIZE, SIZE, 4))] * 8)
+    (sentence,) = cautions(opaque, sight(opaque))
+    assert sentence.startswith("no training view has a transparent pixel")
+    assert cautions(replace(opaque, notes=("Images without alpha count as opaque.",)), sight(opaque)) == []
+
+
+def test_pictures_of_test_views_that_were_trained_on_are_named() -> None:
+    views = ball_seen()
+    disc = next(iter(views.train.rgba))
+    test = Split(("test/a", "test/b"), views.train.camera_to_world[:2], stack(disc, 0.5 * disc))
+    (sentence,) = cautions(replace(views, test=test), sight(views))
+    assert sentence == "test pictures are training pictures: test/a shows what train/r_7 shows"
+
+
 def test_a_box_that_cuts_the_object_is_a_caution() -> None:
     views = replace(ball_seen(), bounds=np.array([[-0.3] * 3, [0.3] * 3]))
     (sentence,) = cautions(views, sight(views))
-    assert re.match("only [0-9]+% of the covered pixels see the box -0.3", sentence)
+    assert re.match("only [0-9]+% of the covered training pixels see the box -0.3", sentence)
 
 
 def test_without_alpha_only_rays_count() -> None:

@@ -11,7 +11,14 @@ import numpy as np
 import pytest
 
 from scenes.files.errors import InputError
-from scenes.view_sets.formats.transforms import LARGEST_FILE, read_transforms, write_transforms
+from scenes.view_sets.formats.lens import Lens, common_pinhole
+from scenes.view_sets.formats.transforms import (
+    LARGEST_FILE,
+    Listing,
+    read_listing,
+    read_transforms,
+    write_transforms,
+)
 from scenes.view_sets.images import write_png
 from scenes.view_sets.viewpoints import all_poses
 
@@ -49,9 +56,11 @@ def test_what_is_written_is_read(folder: Path) -> None:
     assert np.shape(data["frames"][0]["transform_matrix"]) == (4, 4)
 
 
-@pytest.mark.parametrize("path", ["train/r_0", "./train/r_0.png", "train//r_0.png", "train\\r_0"])
+@pytest.mark.parametrize(
+    "path", ["train/r_0", "./train/r_0.png", "train//r_0.png", "train\\r_0", "train/R_0.PNG", "{folder}/train/r_0"]
+)
 def test_paths_with_and_without_suffix(folder: Path, path: str) -> None:
-    edit(folder, lambda data: data["frames"][0].update(file_path=path))
+    edit(folder, lambda data: data["frames"][0].update(file_path=path.format(folder=folder.resolve())))
     assert read_transforms(folder, "train").files[0] == (folder / "train" / "r_0.png").resolve()
 
 
@@ -72,7 +81,78 @@ def test_a_lens_that_is_said_to_be_ours_is_ours(folder: Path) -> None:
     lens = {"w": 4, "h": 3, "fl_x": focal, "fl_y": focal, "cx": 2, "cy": 1.5, "camera_angle_y": height, "k1": None}
     more = {"distortion_params": [0.0] * 6, "is_orthographic": False, "camera_model": None, "p1": 0, "cx": None}
     edit(folder, lambda data: data.update({**lens, **more}))
-    assert read_transforms(folder, "train").fov_x_radians == angle
+    assert read_transforms(folder, "train").fov_x_radians == pytest.approx(angle, rel=1e-14)
+
+
+def listing(folder: Path, **head: Any) -> Listing:
+    edit(folder, lambda data: data.update(head))
+    return read_listing(folder / "transforms_train.json")
+
+
+def test_a_lens_may_be_distorted_off_centre_and_oblong(folder: Path) -> None:
+    head = {"camera_angle_x": None, "w": 400, "h": 400, "fl_x": 500.0, "fl_y": 505.0, "cx": 203.0, "cy": 198.0}
+    read = listing(folder, **head, k1=0.1, k2=-0.2, p1=0.01, p2=0.02)
+    (lens,) = set(read.lenses.values())
+    assert lens == Lens(400, 400, 500.0, 505.0, 203.0, 198.0, (0.1, -0.2, 0.0, 0.0), (), (0.01, 0.02))
+    assert read.pinhole == common_pinhole([lens], "here")
+    assert "pictures are resampled to one pinhole" in read.notes[0]
+    flat = dict.fromkeys(("k1", "k2", "p1", "p2"))
+    # nerfstudio's list, and what its OPENCV and FULL_OPENCV do with k4
+    (lens,) = set(listing(folder, **flat, distortion_params=[0.1, 0.2, 0.3, 0.4, 0.01, 0.02]).lenses.values())
+    assert lens is not None
+    assert (lens.radial, lens.divisor, lens.tangential) == ((0.1, 0.2, 0.3, 0.4), (), (0.01, 0.02))
+    full = {"camera_model": "FULL_OPENCV", "k4": 0.4, "k6": 0.6, "distortion_params": None}
+    (lens,) = set(listing(folder, **full).lenses.values())
+    assert lens is not None
+    assert (lens.radial, lens.divisor) == ((), (0.4, 0.0, 0.6))
+    flat |= {"camera_model": None, "k4": None, "k6": None}
+    assert all(lens and lens.is_fisheye for lens in listing(folder, **flat, is_fisheye=True).lenses.values())
+
+
+def test_sizes_that_are_not_given_are_those_of_the_pictures(folder: Path) -> None:
+    read = listing(folder, fl_x=2.0 / math.tan(0.345), cx=2.0)
+    assert read.pinhole == Lens.pinhole(4, 4, pytest.approx(2.0 / math.tan(0.345)))
+    assert read.notes == []
+
+
+def test_focal_lengths_decide_over_the_angles_that_add_ons_write(folder: Path) -> None:
+    """Blender's angles: that of the longer side as x, that of the sensor's height as y."""
+    lens = {"w": 600, "h": 800, "fl_x": 900.0, "fl_y": 900.0}
+    of_longer, of_sensor = 2 * math.atan(400 / 900), 2 * math.atan(266 / 900)
+    read = listing(folder, **lens, camera_angle_x=of_longer, camera_angle_y=of_sensor)
+    assert read.frames.fov_x_radians == pytest.approx(2 * math.atan(300 / 900), rel=1e-12)
+    assert [note.partition(" is ")[0] for note in read.notes] == ["camera_angle_x", "camera_angle_y"]
+    with pytest.raises(InputError, match=r"camera_angle_x is 0\.5, and fl_x and w say 0\.6435"):
+        listing(folder, camera_angle_x=0.5)
+    # a pixel at the edge is no contradiction
+    assert listing(folder, camera_angle_x=2 * math.atan(300.9 / 900)).notes[0].startswith("camera_angle_y")
+
+
+def test_every_frame_may_have_a_lens(folder: Path) -> None:
+    def change(data: dict[str, Any]) -> None:
+        for number, frame in enumerate(data["frames"]):
+            frame.update(w=40 + number, h=40, fl_x=60.0 + number, cx=20.0 + number / 2, cy=20.0, time=number / 2)
+        del data["camera_angle_x"]
+
+    edit(folder, change)
+    read = listing(folder)
+    lenses = [lens for lens in read.lenses.values() if lens is not None]
+    assert [(lens.width, lens.fx) for lens in lenses] == [(40, 60.0), (41, 61.0), (42, 62.0)]
+    assert read.pinhole == common_pinhole(lenses, "here")
+    assert any("one scene that does not move" in note for note in read.notes)
+    alone = {**dict.fromkeys(("w", "h", "fl_x", "cx", "cy")), "camera_angle_x": 0.64}
+    edit(folder, lambda data: data["frames"][1].update(alone))
+    with pytest.raises(InputError, match="frame 1 has no fl_x, as others have"):
+        listing(folder)
+
+
+def test_another_last_number_of_a_matrix_is_undone(folder: Path) -> None:
+    edit(folder, lambda data: data["frames"][0].update(transform_matrix=matrix_with(3, 3, 0.0012)))
+    scaled = (0.0012 * POSES[1]).tolist()
+    edit(folder, lambda data: data["frames"][1].update(transform_matrix=scaled))
+    read = listing(folder)
+    np.testing.assert_allclose(read.frames.camera_to_world, POSES, atol=1e-12)
+    assert any("2 of 3 camera matrices have a last number other than 1" in note for note in read.notes)
 
 
 def matrix_with(row: int, column: int, value: Any) -> list[list[Any]]:
@@ -130,18 +210,16 @@ HEAD_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
     ("zero frames", {"frames": []}, "length >= 1 .*frames"),
     ("frames of another type", {"frames": {"a": 1}}, "`object` .*frames"),
     ("frame of another type", {"frames": [7]}, r"`int` .*frames\[0\]"),
-    ("distortion", {"k1": 0.1}, "distortion"),
-    ("off-centre", {"cx": 1.0, "w": 4}, "off the centre"),
-    ("oblong pixels", {"fl_x": 100.0, "fl_y": 90.0}, "square"),
-    ("oblong pixels by angle", {"camera_angle_y": 0.5, "w": 4, "h": 4}, "camera_angle_y.*square"),
-    ("vertical angle without a size", {"camera_angle_y": 0.6911112070083618}, "camera_angle_y without w and h"),
+    ("two focal lengths", {"fl_x": 100.0, "fl_y": 90.0}, "camera_angle_x is 0.69, and fl_x and w say 0.0399"),
+    ("two angles", {"camera_angle_y": 0.5, "w": 40, "h": 40}, "camera_angle_y is 0.5, and of square pixels it is 0.69"),
     ("only a vertical focal length", {"fl_y": 90.0}, "fl_y without fl_x"),
-    ("centre without a size", {"cx": 2.0}, "cx without w"),
-    ("centre without a height", {"cy": 2.0, "w": 4}, "cy without h"),
     ("no width", {"cx": 2.0, "w": 0}, r"`float` > 1e-06 .*\.w`"),
     ("orthographic", {"is_orthographic": True}, "is_orthographic is True"),
-    ("fish-eye", {"camera_model": "OPENCV_FISHEYE"}, "OPENCV_FISHEYE.*undistort"),
-    ("distortion as a list", {"distortion_params": [0, 0.1, 0, 0]}, r"distortion_params\[1\] is 0.1.*undistort"),
+    ("a panorama", {"camera_model": "EQUIRECTANGULAR"}, "EQUIRECTANGULAR.*undistort"),
+    ("two distortions", {"k1": 0.1, "distortion_params": [0.2]}, "k1 is 0.1, and 0.2 in distortion_params"),
+    ("a long list", {"distortion_params": [0.0] * 6 + [0.1]}, "distortion_params has 7 numbers"),
+    ("no pinhole", {"cx": 9.0, "w": 4, "h": 4}, "no pinhole fits"),
+    ("a mask", {"mask_path": "mask.png"}, "mask_path.*alpha"),
     ("distortion of another type", {"distortion_params": 0.1}, "`float` .*distortion_params"),
     ("distortion of a high order", {"k6": 0.1}, "k6 is 0.1"),
 ]

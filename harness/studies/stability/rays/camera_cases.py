@@ -47,7 +47,7 @@ WAYS_TO_LOOK = {
 def _damaged() -> dict[str, np.ndarray]:
     good = poses_on_sphere(np.array([0.4]), np.array([0.3]))[0]
     sheared, row, nan, infinite = (good.copy() for _ in range(4))
-    sheared[:3, 0] += 0.01 * sheared[:3, 1]
+    sheared[:3, 0] += 0.02 * sheared[:3, 1]
     row[3, 0] = 1e-3
     nan[1, 1] = math.nan
     infinite[0, 3] = math.inf
