@@ -34,17 +34,20 @@ def judge(
     lower: Sequence[str] = (),
     margin: float | None = None,
     baseline: str | None = None,
+    methods: Sequence[str] = (),
     out: str | Path | None = None,
 ) -> "JudgementRecord":
-    """Judge a table of results: one or several files, rows, or a data frame, with the columns scene, method, a metric,
-    and optionally seed, steps, seconds.
+    """Judge a table of results: one or several files in the forms of docs/judge.md, rows, or a data frame, with the
+    columns scene, method, a metric, and optionally seed, steps, seconds.
 
-    A missing value of a data frame is a missing result, which the judgement names. `margin` is the smallest effect of
-    interest. The judgement is written into the folder `out`, if given, for `report`.
+    `methods` are judged together, by default all of the table. A missing value of a data frame is a missing result,
+    which the judgement names. `margin` is the smallest effect of interest. The judgement is written into the folder
+    `out`, if given, for `report`.
     """
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
     from harness.verdicts.judging import judgement
-    from harness.verdicts.judging.result_table import rows_given, table_of
+    from harness.verdicts.tables.result_table import table_of
+    from harness.verdicts.tables.rows import rows_given
 
     if isinstance(table, str | Path):
         table = [table]
@@ -53,9 +56,9 @@ def judge(
     rows = [each for each in table if isinstance(each, Mapping)]
     files = [Path(each) for each in table if not isinstance(each, Mapping)]
     if files:
-        judged = judgement.judge_files(files, metric, lower, margin, baseline)
+        judged = judgement.judge_files(files, metric, lower, margin, baseline, methods)
     else:
-        judged = judgement.judge(table_of(rows_given(rows), metric, lower), margin, baseline, {})
+        judged = judgement.judge(table_of(rows_given(rows), metric, lower, methods), margin, baseline, {})
     if out is not None:
         write_judgement(Path(out) / JUDGEMENT_FILE, judged)
     return judged

@@ -13,13 +13,14 @@ if TYPE_CHECKING:
 
 JUDGE: Options = {
     "tables": option(
-        "CSV, Parquet (extra parquet) or JSON with columns scene, method, a metric, perhaps seed, steps, seconds; "
-        "nerfbaselines' result files or a folder of them; summary.json of a run",
+        "CSV, Markdown, LaTeX, Parquet (extra parquet) or JSON: a row per result or a column per scene; results of "
+        "nerfbaselines, 3D Gaussian Splatting, ns-eval or gsplat, or a folder of them; summary.json of a run",
         "TABLE",
         Path,
         nargs="+",
     ),
-    "--metric": option("column to judge (default: psnr, else the first one)", "NAME"),
+    "--metric": option("metric to judge (default: psnr, else the first one)", "NAME"),
+    "--methods": option("methods to judge together (default: all of the table)", "NAME", nargs="+", default=[]),
     "--lower": option("metrics that are better when lower", "NAME", nargs="+", default=[]),
     "--margin": option("smallest effect of interest (default: 0.2 dB of psnr, …)", "SIZE", float),
     "--baseline": option("compare each method only with this one (default: all pairs)", "METHOD"),
@@ -60,11 +61,15 @@ def run_judge(options: argparse.Namespace, show: "Progress") -> int:
 
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
     from harness.verdicts.judging.judgement import judge_files, lines
+    from harness.verdicts.judging.printed import write_tables
 
-    record = judge_files(options.tables, options.metric, options.lower, options.margin, options.baseline)
+    record = judge_files(
+        options.tables, options.metric, options.lower, options.margin, options.baseline, options.methods
+    )
     out = options.out or Path("out") / f"judge-{time.strftime('%Y%m%d-%H%M%S')}"
     require_folder(out)
     write_judgement(out / JUDGEMENT_FILE, record)
+    write_tables(out, record)
     for line in lines(record):
         show.line(line)
     return reported(out)

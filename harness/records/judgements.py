@@ -24,7 +24,10 @@ class Pair(Record, frozen=True):
     scenes_like_these: Estimate | None
     """The estimate that the verdict comes from; None with fewer than two shared scenes."""
     on_these_scenes: Estimate | None
-    """The estimate whose error comes from seeds only; None without seeds."""
+    """The estimate whose error comes from seeds only; None without seeds that both have."""
+    scenes_to_settle: int | None = None
+    """The number of scenes with this difference and spread whose sign 80 % of tables would find; None if the sign is
+    known, if the difference is 0, or between methods that are not neighbours in the order."""
 
     @property
     def verdict(self) -> Verdict:
@@ -45,8 +48,13 @@ class Place(Record, frozen=True):
     seconds: float | None
     steps: float | None
     groups: list[int]
-    """The numbers of its groups, starting from 1; empty against a baseline."""
+    """The numbers of its letters, from 1: two methods share one if and only if they are not distinguished. Empty
+    against a baseline; in older records runs of neighbours, which need not be so."""
     core_seconds: float | None = None
+    rank: tuple[int, int] | None = None
+    """Its first and last possible place: in 95 % of tables the places of all methods lie in theirs."""
+    best: float | None = None
+    """The probability that its mean over scenes like these is the best, by the Bayesian bootstrap over scenes."""
 
 
 class Ranking(Record, frozen=True):
@@ -95,6 +103,8 @@ class JudgementRecord(Record, frozen=True):
     """The verdicts without the suspect results; None without a suspect."""
     digests: dict[str, str]
     """The SHA-256 of each file of the table."""
+    read_as: str = ""
+    """The table in one sentence, as it was understood."""
     schema: int = JUDGEMENT_SCHEMA
 
 

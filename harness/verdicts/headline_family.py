@@ -13,10 +13,10 @@ from msgspec.structs import replace
 
 from harness.records.cells import Budget, Comparison, Estimate
 from harness.records.metric_table import METRICS, PRIMARY
-from harness.records.verdict import Sign, Verdict, verdict_of
 from harness.verdicts.estimates.multiplicity import holm
+from harness.verdicts.statistics import decided
 
-LEVEL = 0.05
+MARGIN = METRICS[PRIMARY].smallest_of_interest
 SENSES: tuple[Literal["on_these_scenes", "scenes_like_these"], ...] = ("on_these_scenes", "scenes_like_these")
 
 
@@ -38,20 +38,8 @@ def by_holm(rows: list[Comparison], along: Sequence[Budget]) -> list[Comparison]
         adjusted = holm([each.p if each else None for each in known], len(places))
         for place, each, p in zip(places, known, adjusted, strict=True):
             if each is not None and p is not None:
-                rows[place] = _with(rows[place], sense, _decide(each, p, rows[place].difference or 0.0))
+                rows[place] = _with(rows[place], sense, decided(each, p, rows[place].difference or 0.0, MARGIN))
     return rows
-
-
-def _decide(known: Estimate, adjusted: float, difference: float) -> Estimate:
-    interval = known.simultaneous
-    if interval is None:
-        return known
-    sign: Sign = "open"
-    if adjusted <= LEVEL and difference:
-        sign = "above 0" if difference > 0 else "below 0"
-        interval = (max(interval[0], 0.0), interval[1]) if difference > 0 else (interval[0], min(interval[1], 0.0))
-    size = verdict_of(interval, METRICS[PRIMARY].smallest_of_interest).size
-    return replace(known, p_adjusted=adjusted, simultaneous=interval, verdict=Verdict(sign, size))
 
 
 def _with(row: Comparison, sense: str, known: Estimate) -> Comparison:

@@ -15,14 +15,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from msgspec.structs import replace
 from scipy.optimize import brentq
 from scipy.special import gammainc, stdtr, stdtrit  # scipy.stats takes a second longer to import
 
 from harness.records.cells import Estimate
-from harness.records.verdict import OPEN, Verdict, verdict_of
+from harness.records.verdict import OPEN, Sign, Verdict, verdict_of
 from harness.verdicts.estimates import nested
 
 CONFIDENCE = 0.95
+LEVEL = 0.05
+"""The largest adjusted p-value of a known sign."""
 LEAST_FREEDOM = 1.0
 """The minimum degrees of freedom of an error with an interval: with fewer, the interval would be useless."""
 MOST_FREEDOM = 1e6
@@ -196,6 +199,25 @@ def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
 def verdict(result: PairedDifference, smallest_of_interest: float) -> Verdict:
     """Return the verdict that the simultaneous interval allows."""
     return verdict_of(result.simultaneous, smallest_of_interest)
+
+
+def decided(known: Estimate, adjusted: float, difference: float, smallest_of_interest: float) -> Estimate:
+    """Return an estimate with the sign that a procedure for its family decides by an adjusted p-value of at most 5 %.
+
+    The simultaneous interval ends at 0 where that procedure and its own disagree, so that sign and interval never
+    contradict each other.
+    """
+    interval = known.simultaneous
+    if interval is None:
+        return known
+    sign: Sign = "open"
+    if adjusted <= LEVEL and difference:
+        sign = "above 0" if difference > 0 else "below 0"
+        interval = (max(interval[0], 0.0), interval[1]) if difference > 0 else (interval[0], min(interval[1], 0.0))
+    else:
+        interval = min(interval[0], 0.0), max(interval[1], 0.0)
+    size = verdict_of(interval, smallest_of_interest).size
+    return replace(known, p_adjusted=adjusted, simultaneous=interval, verdict=Verdict(sign, size))
 
 
 def estimate(result: PairedDifference, smallest_of_interest: float, settled: bool = True) -> Estimate:

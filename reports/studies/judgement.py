@@ -10,8 +10,9 @@ from markupsafe import Markup
 from harness.records.cells import Estimate
 from harness.records.judgements import JudgementRecord, Pair, Ranking, changed_pairs
 from harness.records.verdict import Verdict
+from harness.verdicts.estimates.max_t import written
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
-from harness.verdicts.judging.judgement import headline, missing_line, number, shown_groups, suspect_line, without_line
+from harness.verdicts.judging.judgement import headline, missing_line, number, suspect_line, without_line
 from reports.data.wording import duration, mark_of, tone_of_sign
 from reports.drawing.figure import padded, plots
 from reports.drawing.palette import INK, KNOWN, MUTED
@@ -38,9 +39,7 @@ class Square(NamedTuple):
 
 
 def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_BEST) -> Grid:
-    """Return methods from best to worst with their groups and their difference from the next method, or from the
-    baseline.
-    """
+    """Return methods from best to worst with letters, rank and difference from the next, or from the baseline."""
     everything = record.baseline is None
     by_method = {pair.method: pair for pair in (ranking.neighbours if everything else ranking.pairs)}
     rival = "the next" if everything else str(record.baseline)
@@ -48,11 +47,14 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         Column("method", numeric=False),
         Column(f"mean {record.metric}{f' ({record.unit})' if record.unit else ''}"),
         Column("scenes"),
-        Column("groups", numeric=False),
+        Column("letters", numeric=False),
+        Column("rank", small="95 %, all together"),
+        Column("best", small="probability"),
         Column(f"minus {rival}", small="on scenes like these"),
         Column("sign, size", numeric=False),
         Column("q", small="false discovery rate"),
         Column("detectable gap"),
+        Column("scenes to settle"),
         Column(f"minus {rival}", small="on these scenes"),
         Column("training"),
         Column("core seconds"),
@@ -68,11 +70,16 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(place.method),
                 Entry(number(record, place.mean), value=place.mean),
                 Entry(str(place.scenes), value=place.scenes),
-                Entry(shown_groups(place.groups)) if everything else EMPTY,
+                Entry(written(place.groups)) if everything else EMPTY,
+                Entry("–".join(map(str, dict.fromkeys(place.rank))), value=place.rank[0]) if place.rank else EMPTY,
+                Entry(f"{100 * place.best:.0f} %", value=place.best) if place.best is not None else EMPTY,
                 difference(record, pair, estimate),
                 Entry(estimate.verdict.phrase, tone=tone(record, estimate.verdict)) if estimate else EMPTY,
                 Entry(f"{q[pair]:.3f}", value=q[pair]) if pair in q else EMPTY,
                 Entry(number(record, least), value=least) if least is not None else EMPTY,
+                Entry(str(pair.scenes_to_settle), value=pair.scenes_to_settle)
+                if pair and pair.scenes_to_settle
+                else EMPTY,
                 difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
                 *(
                     Entry(duration(spent), value=spent) if spent is not None else EMPTY
@@ -82,11 +89,16 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
             ]
         )
     note = (
-        f"Intervals are at 95 % for all {ranking.family} comparisons together. The detectable gap is the "
-        "smallest true difference whose sign such a table finds in 80 % of cases. q is the lowest false discovery rate "
-        "at which a pair counts as different (Benjamini and Hochberg, over all pairs)."
+        f"Signs and intervals are at 95 % for all {ranking.family} comparisons together: signs by the step-down max-T "
+        "procedure over flips of the scenes' signs (Holm's with fewer than six scenes), intervals by Bonferroni's t, "
+        "which end at 0 where the two disagree. The detectable gap is the smallest true difference whose sign such a "
+        "table finds in 80 % of cases, and the scenes to settle are as many as would find this one. q is the lowest "
+        "false discovery rate at which a pair counts as different (Benjamini and Hochberg, over all pairs)."
     )
-    groups = " Groups are the longest sequences of neighbours in which no two are distinguished."
+    groups = (
+        " Two methods are distinguished unless they share a letter. The probability of being best is that of the mean "
+        "over scenes like these (Bayesian bootstrap)."
+    )
     return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=3)
 
 
@@ -145,9 +157,9 @@ def suspects_grid(record: JudgementRecord) -> Grid:
         for suspect in record.suspects
     ]
     note = (
-        "Expected is the value of a fit of method plus scene by medians. A result is suspect if it is off by 8 robust "
-        "standard deviations of its method, its scene or the table, whichever is largest, and by 10 times the smallest "
-        "effect of interest."
+        "Expected is the value of a fit of method plus scene by medians. A result is suspect if it is off by 7 robust "
+        "standard deviations of the table, or of its method and scene together if that is more, and by 10 times the "
+        "smallest effect of interest."
     )
     return Grid("Results far from the expectation for their method and scene", columns, rows, note=note)
 
@@ -164,7 +176,7 @@ def changes_grid(record: JudgementRecord) -> Grid:
 
 
 def panel(record: JudgementRecord) -> Panel:
-    """Return means with a bar for each group below; with a baseline, differences with their intervals."""
+    """Return means with a bar for each letter below; with a baseline, differences with their intervals."""
     return _groups(record) if record.baseline is None else _against(record)
 
 
@@ -181,17 +193,21 @@ def _groups(record: JudgementRecord) -> Panel:
         else f"{place.method} ({number(record, place.mean)})"
         for place in places
     ]
-    ends = [sorted((several[0].mean, several[-1].mean)) for several in bars.values()]
+    ends = [(min(of), max(of)) for several in bars.values() if (of := [place.mean for place in several])]
     lows, highs = tuple(low for low, _ in ends), tuple(high for _, high in ends)
     at = tuple(map(float, range(len(places) + len(bars))))
+    under = [
+        (place.mean, row) for row, several in zip(at[len(places) :], bars.values(), strict=True) for place in several
+    ]
+    members_means, members_at = zip(*under, strict=True) if under else ((), ())
     traces = (
-        Trace("mean", KNOWN["nerf"].light, "dots", tuple(means), at[: len(places)]),
+        Trace("mean", KNOWN["nerf"].light, "dots", (*means, *members_means), (*at[: len(places)], *members_at)),
         Trace("not distinguished", INK.light, "range", lows, at[len(places) :], highs),
     )
-    title = f"Mean {record.metric} and the groups that are not distinguished"
-    words = [f"group {group}: {', '.join(place.method for place in several)}" for group, several in bars.items()]
-    rows += [f"group {group}" for group in bars]
-    made = _panel(record, title, f"mean {record.metric}", traces, words or ["No group has several methods"], rows)
+    title = f"Mean {record.metric}, and methods that share a letter"
+    words = [f"{written([group])}: {', '.join(place.method for place in several)}" for group, several in bars.items()]
+    rows += [written([group]) for group in bars]
+    made = _panel(record, title, f"mean {record.metric}", traces, words or ["No two methods share a letter"], rows)
     return replace(made, x_limits=limits)
 
 
@@ -254,7 +270,11 @@ def judgement_page(record: JudgementRecord) -> str:
         ],
         [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))],
         record=record,
-        notes=[*([missing_line(record)] if record.missing else []), *record.notes],
+        notes=[
+            *([f"{record.read_as}."] if record.read_as else []),
+            *([missing_line(record)] if record.missing else []),
+            *record.notes,
+        ],
         suspects=[suspect_line(record, suspect) for suspect in record.suspects[:3]],
         without=without,
     )

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from harness.records.cells import read_cell, write_cell
 from harness.training.scoring.evaluate import View, mean_scores, view_scores
 from harness.verdicts.comparisons import compare
-from harness.verdicts.judging.result_table import LOWER, MARGINS
+from harness.verdicts.tables.result_table import LOWER, MARGINS
 from reports.data.load import read_records
 from reports.run.curves import diagrams
 from reports.run.run_page import page

@@ -9,7 +9,7 @@ import pytest
 
 from harness.records.judgements import JudgementRecord, changed_pairs
 from harness.verdicts.judging.judgement import judge, lines
-from harness.verdicts.judging.result_table import read_table
+from harness.verdicts.tables.result_table import read_table
 from tests.harness.shell import ROOT
 
 EXAMPLES = ROOT / "docs" / "examples"
@@ -82,7 +82,7 @@ def sentences() -> list[str]:
         f"The row of `{suspect.method}` is a single collapsed cell: {suspect.value:.2f} dB on {suspect.scene}, where "
         f"{suspect.expected:.2f} dB is to be expected and its own paper prints {paper:.2f} dB.",
         f"Without that cell its adjusted mean is {adjusted:.2f} instead of {mean:.2f} dB, and it moves from place "
-        f"{before} to place {now}; {f'{changes} verdicts change' if changes else 'no verdict changes'}.",
+        f"{before} to place {now}; {changes or 'no'} verdict{'s' * (changes > 1)} change{'s' * (changes < 2)}.",
         f"Our own published run, {judged(SEEDED).seeds} seeds per cell",
     ]
 

@@ -33,7 +33,7 @@ from harness.records.judgements import read_judgement, write_judgement
 from harness.records.pictures import last_of, read_renders, read_truth
 from harness.run_folder.output_folder import claim
 from harness.verdicts.judging.judgement import judge
-from harness.verdicts.judging.result_table import read_table
+from harness.verdicts.tables.result_table import read_table
 from harness.viewer.asked import BadRequest, parsed
 from reports.__main__ import main as reports
 from reports.data.load import NoRecords, read_records

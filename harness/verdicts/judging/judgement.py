@@ -1,18 +1,29 @@
 """Judgement of a table of results: distinguished methods, groups, suspect results, and the lines that report them."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
+from msgspec import structs
 
 from harness.records.json_record import file_digest
 from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
 from harness.records.metric_table import PRIMARY
-from harness.verdicts.judging.result_table import MARGINS, ResultTable, read_table
-from harness.verdicts.statistics import estimate, on_these_scenes, paired_difference
+from harness.verdicts.estimates.max_t import LEAST_UNITS, letters, step_down_max_t, written
+from harness.verdicts.estimates.multiplicity import holm
+from harness.verdicts.statistics import (
+    critical,
+    decided,
+    estimate,
+    on_these_scenes,
+    paired_difference,
+    shift_found,
+)
+from harness.verdicts.tables.result_table import MARGINS, ResultTable, read_table
 from scenes.files.errors import InputError
 
 
@@ -60,18 +71,16 @@ def without_line(record: JudgementRecord) -> str:
 
 def lines(record: JudgementRecord) -> Iterator[str]:
     """Yield the table of a terminal, suspect results, missing ones, and notes for the reader."""
+    if record.read_as:
+        yield f"{record.read_as}."
     yield headline(record)
-    pairs = {pair.method: pair for pair in record.given.pairs}
-    last = "groups" if record.baseline is None else f"against {record.baseline}"
-    rows = [("method", f"mean {record.metric}", "scenes", last)]
-    for place in record.given.places:
-        last = shown_groups(place.groups) if record.baseline is None else _against(record, pairs.get(place.method))
-        rows.append((place.method, number(record, place.mean), str(place.scenes), last))
+    rows = table(record)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for name, mean, scenes, last in rows:
-        yield f"  {name:{widths[0]}}  {mean:>{widths[1]}}  {scenes:>{widths[2]}}  {last}"
+    for name, *numbers, last in rows:
+        middle = "  ".join(f"{text:>{width}}" for text, width in zip(numbers, widths[1:-1], strict=True))
+        yield f"  {name:{widths[0]}}  {middle}  {last}".rstrip()
     if record.baseline is None:
-        yield "No two methods of a group are distinguished."
+        yield "Two methods are distinguished unless they share a letter. Ranks hold together in 95 %."
     for suspect in record.suspects[:10]:
         yield f"suspect: {suspect_line(record, suspect)}"
     if len(record.suspects) > 10:
@@ -83,14 +92,37 @@ def lines(record: JudgementRecord) -> Iterator[str]:
     yield from record.notes
 
 
+def table(record: JudgementRecord) -> Sequence[tuple[str, ...]]:
+    """Return a header and a row per method, best first: letters, rank and difference from the next, or from the
+    baseline.
+    """
+    first = ("method", f"mean {record.metric}", "scenes")
+    if record.baseline is not None:
+        of = {pair.method: pair for pair in record.given.pairs}
+        return [(*first, f"against {record.baseline}")] + [
+            (*_first(record, place), _against(record, of.get(place.method))) for place in record.given.places
+        ]
+    of = {pair.method: pair for pair in record.given.neighbours}
+    return [(*first, "letters", "rank", "best", "to settle", "minus the next")] + [
+        (
+            *_first(record, place),
+            written(place.groups) or "–",
+            "–".join(map(str, dict.fromkeys(place.rank or ()))),
+            "" if place.best is None else f"{100 * place.best:.0f} %",
+            str(pair.scenes_to_settle) if (pair := of.get(place.method)) and pair.scenes_to_settle else "",
+            _against(record, pair),
+        )
+        for place in record.given.places
+    ]
+
+
+def _first(record: JudgementRecord, place: Place) -> tuple[str, str, str]:
+    return place.method, number(record, place.mean), str(place.scenes)
+
+
 def missing_line(record: JudgementRecord) -> str:
     shown = "; ".join(record.missing[:5]) + (f"; {len(record.missing) - 5} more" if len(record.missing) > 5 else "")
     return f"Without a result ({len(record.missing)}): {shown}. Pairs are compared on the scenes that both have."
-
-
-def shown_groups(groups: list[int]) -> str:
-    """Format groups as `2`, or `2–4`: a method's groups follow each other."""
-    return "–".join(map(str, dict.fromkeys([*groups[:1], *groups[-1:]])))
 
 
 def _against(record: JudgementRecord, pair: Pair | None) -> str:
@@ -101,9 +133,9 @@ def _against(record: JudgementRecord, pair: Pair | None) -> str:
     return f"{number(record, pair.difference, '+')}{within} {pair.verdict.phrase}"
 
 
-SUSPECT_DEVIATIONS = 8.0
+SUSPECT_DEVIATIONS = 7.0
 """The distance from the fit, in robust standard deviations, at which a result is suspect. Tables with normal residuals
-have almost no suspect; one in ten tables of 17 methods and 8 scenes has one if residuals follow Student's t with four
+have almost no suspect; one in four tables of 17 methods and 8 scenes has one if residuals follow Student's t with four
 degrees of freedom.
 """
 SUSPECT_MARGINS = 10.0
@@ -111,13 +143,21 @@ SUSPECT_MARGINS = 10.0
 SMALLEST_FIT = 3
 """The minimum number of methods and of scenes: with two, it is unknown which result is an outlier."""
 POLISHES = 20
+BOOTSTRAPS = 4000
+MOST_SCENES = 100_000
+"""The number of scenes above which a difference counts as not to be settled."""
 
 
 def judge_files(
-    paths: Sequence[Path], metric: str | None, lower: Sequence[str], margin: float | None, baseline: str | None
+    paths: Sequence[Path],
+    metric: str | None,
+    lower: Sequence[str],
+    margin: float | None,
+    baseline: str | None,
+    methods: Sequence[str] = (),
 ) -> JudgementRecord:
     """Judge the table in `paths` with the digests of its files; raises `InputError` as `read_table` and `judge`."""
-    table = read_table(paths, metric, lower)
+    table = read_table(paths, metric, lower, methods)
     return judge(table, margin, baseline, {str(path): file_digest(path) for path in paths if path.is_file()})
 
 
@@ -148,24 +188,30 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None, digest
         given=ranking(table, margin, baseline),
         without_suspects=ranking(cleaned, margin, baseline) if cleaned else None,
         digests=digests,
+        read_as=table.read_as,
     )
 
 
 def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> Ranking:
     """Compare every pair, or every method with `baseline`; return the methods from best to worst."""
-    means = adjusted_means(scene_means(table.values))
+    cells = scene_means(table.values)
+    means = adjusted_means(cells)
     order = [int(place) for place in np.argsort(-means if table.higher_is_better else means, kind="stable")]
     if baseline is None:
         duels = list(combinations(order, 2))
     else:
         rival = table.methods.index(baseline)
         duels = [(row, rival) for row in order if row != rival]
-    pairs = [
-        _pair(table.methods[a], table.methods[b], table.values[a] - table.values[b], len(duels), margin)
-        for a, b in duels
-    ]
-    groups = _groups([table.methods[row] for row in order], pairs) if baseline is None else [[] for _ in order]
+    pairs = _signed([_pair(table, a, b, len(duels), margin) for a, b in duels], _differences(cells, duels), margin)
+    if baseline is None:
+        neighbours = {(table.methods[a], table.methods[b]) for a, b in pairwise(order)}
+        pairs = [_settled(p, len(duels)) if (p.method, p.against) in neighbours else p for p in pairs]
+        at = {table.methods[row]: place for place, row in enumerate(order)}
+        groups = letters(len(order), [(at[p.method], at[p.against]) for p in pairs if p.distinguished])
+    else:
+        groups = [[] for _ in order]
     scenes = np.isfinite(table.values).any(axis=2).sum(axis=1)
+    best = best_shares(cells, table.higher_is_better) if baseline is None else [None] * len(order)
     places = [
         Place(
             method=table.methods[row],
@@ -175,10 +221,78 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
             steps=table.steps[row],
             groups=of,
             core_seconds=table.core_seconds[row],
+            rank=_rank(table.methods[row], pairs, len(order), table.higher_is_better) if baseline is None else None,
+            best=best[row],
         )
         for row, of in zip(order, groups, strict=True)
     ]
     return Ranking(places, pairs, len(duels))
+
+
+def _differences(cells: np.ndarray, duels: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Return the differences [pairs, scenes] of scene means [methods, scenes]."""
+    return np.array([cells[a] - cells[b] for a, b in duels]).reshape(len(duels), -1)
+
+
+def _signed(pairs: list[Pair], differences: np.ndarray, margin: float) -> list[Pair]:
+    """Return the pairs with signs that hold together: by sign flips, or for few scenes by Holm's procedure on t."""
+    if differences.shape[1] >= LEAST_UNITS:
+        adjusted: Sequence[float | None] = step_down_max_t(differences).tolist()
+    else:
+        adjusted = holm([pair.scenes_like_these.p if pair.scenes_like_these else None for pair in pairs], len(pairs))
+    return [
+        structs.replace(pair, scenes_like_these=decided(known, p, pair.difference or 0.0, margin))
+        if (known := pair.scenes_like_these) is not None and p is not None
+        else pair
+        for pair, p in zip(pairs, adjusted, strict=True)
+    ]
+
+
+def _settled(pair: Pair, family: int) -> Pair:
+    """Return the pair with the number of scenes that would settle its sign, if that is open."""
+    known = pair.scenes_like_these
+    if pair.distinguished or known is None or not known.effect:
+        return pair
+    effect = abs(known.effect)
+
+    def finds(scenes: int) -> bool:
+        freedom = float(scenes - 1)
+        return shift_found(critical(freedom, family), freedom) <= effect * math.sqrt(scenes)
+
+    high = pair.scenes + 1
+    while not finds(high):
+        high *= 2
+        if high > MOST_SCENES:
+            return pair
+    low = high // 2
+    while high - low > max(1, low // 200):
+        low, high = (low, middle) if finds(middle := (low + high) // 2) else (middle, high)
+    return structs.replace(pair, scenes_to_settle=high)
+
+
+def _rank(method: str, pairs: Sequence[Pair], count: int, higher_is_better: bool) -> tuple[int, int]:
+    """Return the first and the last place that the known signs leave: they hold together for all methods."""
+    winning = "above 0" if higher_is_better else "below 0"
+    results = [
+        (pair.verdict if pair.method == method else pair.verdict.turned).sign == winning
+        for pair in pairs
+        if pair.distinguished and method in (pair.method, pair.against)
+    ]
+    return 1 + results.count(False), count - results.count(True)
+
+
+def best_shares(cells: np.ndarray, higher_is_better: bool) -> Sequence[float | None]:
+    """Return the probability of each method that its mean is the best, over scenes drawn again with Dirichlet weights
+    (Rubin 1981); None if a cell of [methods, scenes] is missing.
+    """
+    if not np.isfinite(cells).all():
+        return [None] * len(cells)
+    weights = np.random.default_rng(0).dirichlet(np.ones(cells.shape[1]), BOOTSTRAPS)
+    means = weights @ (cells if higher_is_better else -cells).T
+    # methods that are equal share a draw
+    best = means >= means.max(axis=1, keepdims=True) - 1e-12
+    shares: list[float] = (best / best.sum(axis=1, keepdims=True)).mean(axis=0).tolist()
+    return shares
 
 
 def scene_means(values: np.ndarray) -> np.ndarray:
@@ -205,31 +319,28 @@ def adjusted_means(cells: np.ndarray) -> np.ndarray:
     return np.asarray(of_method + (0.0 if there.all() else of_scene.mean()))
 
 
-def _pair(method: str, against: str, differences: np.ndarray, family: int, margin: float) -> Pair:
+def seeds_meet(first: np.ndarray, second: np.ndarray) -> bool:
+    """Return whether two methods [scenes, seeds] have results of the same seeds on each scene that both have."""
+    there, other = np.isfinite(first), np.isfinite(second)
+    both = there.any(axis=1) & other.any(axis=1)
+    return bool((there == other)[both].all())
+
+
+def _pair(table: ResultTable, row: int, against: int, family: int, margin: float) -> Pair:
+    """Compare two methods, paired by scene and seed, or by scene where their seeds are not the same."""
+    first, second = table.values[row], table.values[against]
+    paired = seeds_meet(first, second)
+    differences = first - second if paired else np.subtract(*scene_means(np.stack([first, second])))[:, None]
+    names = table.methods[row], table.methods[against]
     means = scene_means(differences[None])[0]
     there = means[np.isfinite(means)]
     if not there.size:
-        return Pair(method, against, 0, None, None, None)
+        return Pair(*names, 0, None, None, None)
     like = estimate(paired_difference(there, family), margin) if there.size > 1 else None
     seeded = np.isfinite(differences).sum(axis=1).max() > 1
-    table = {str(place): row for place, row in enumerate(differences)}
-    here = estimate(on_these_scenes(table, family), margin) if seeded else None
-    return Pair(method, against, int(there.size), float(there.mean()), like, here)
-
-
-def _groups(names: list[str], pairs: list[Pair]) -> list[list[int]]:
-    """Return each method's groups: the maximal runs of neighbours in which no two methods are distinguished."""
-    apart = {frozenset((pair.method, pair.against)) for pair in pairs if pair.distinguished}
-    runs: list[tuple[int, int]] = []
-    first = 0
-    for last in range(len(names)):
-        while any(frozenset((names[place], names[last])) in apart for place in range(first, last)):
-            first += 1
-        if runs and runs[-1][0] == first:
-            runs[-1] = first, last
-        else:
-            runs.append((first, last))
-    return [[number for number, (a, b) in enumerate(runs, 1) if a <= place <= b] for place in range(len(names))]
+    of_scenes = {str(place): row for place, row in enumerate(differences)}
+    here = estimate(on_these_scenes(of_scenes, family), margin) if seeded else None
+    return Pair(*names, int(there.size), float(there.mean()), like, here)
 
 
 def suspects(table: ResultTable, margin: float) -> list[Suspect]:
@@ -245,7 +356,8 @@ def suspects(table: ResultTable, margin: float) -> list[Suspect]:
     taken = ((methods - 1) * (scenes - 1) / (methods * scenes)) ** 0.5
     of_method = _median(sizes.reshape(methods, -1), 1)[:, None, None]
     of_scene = _median(sizes.transpose(1, 0, 2).reshape(scenes, -1), 1)[None, :, None]
-    spread = 1.4826 * np.maximum(np.nanmedian(sizes), np.maximum(of_method, of_scene)) / taken
+    # of a table, or of its method and scene together: a spread of one of them alone would hide most of its outliers
+    spread = 1.4826 * np.maximum(np.nanmedian(sizes), np.sqrt(of_method * of_scene)) / taken
     limit = np.maximum(SUSPECT_DEVIATIONS * spread, SUSPECT_MARGINS * margin)
     rounding = 1e-9 * np.nanmax(np.abs(values))
     far = []
@@ -293,9 +405,11 @@ def notes(table: ResultTable, margin: float) -> Iterator[str]:
         yield f"Methods were trained for {min(known):,.0f} to {max(known):,.0f} steps: scores are compared as they are."
     if (np.isfinite(table.values).sum(axis=2) > 1).any():
         yield (
-            "On these scenes: the error comes from seeds only. On scenes like these: scenes are drawn too, Student's "
-            "t over their means; verdicts and groups are of this kind. Seeds are paired by their names."
+            "On these scenes: the error comes from seeds only. On scenes like these: scenes are drawn too; verdicts, "
+            "letters and ranks are of this kind. Seeds are paired by their names."
         )
+        if not all(seeds_meet(first, second) for first, second in combinations(table.values, 2)):
+            yield "Methods have different seeds: where two have other seeds, their means over seeds are compared."
     else:
         yield (
             "One result per method and scene: the spread of seeds is not known. Nothing is said about these very "

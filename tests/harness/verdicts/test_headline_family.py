@@ -5,8 +5,7 @@ import pytest
 
 from harness.records.cells import CellRecord, Comparison
 from harness.verdicts.comparisons import compare
-from harness.verdicts.headline_family import LEVEL
-from harness.verdicts.statistics import critical, scenes_like_these
+from harness.verdicts.statistics import LEVEL, critical, scenes_like_these
 from tests.harness.cells import cell, checkpoint, with_core_seconds
 
 METHODS = ["nerf", "nerf_matched", "qnerf"]

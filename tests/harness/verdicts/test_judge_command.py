@@ -39,11 +39,13 @@ def test_a_table_gives_a_table_a_record_and_a_page(tmp_path: Path, capfd: pytest
     path = table_file(tmp_path, collapsed())
     assert main(["judge", str(path), "--out", str(tmp_path / "out")]) == 0
     said = capfd.readouterr().out.splitlines()
-    assert said[0].startswith("5 methods on 8 scenes: ")
-    assert said[2].split()[0] == "m4"
+    assert said[0] == "read as 5 methods × 8 scenes, psnr ↑."
+    assert said[1].startswith("5 methods on 8 scenes: ")
+    assert said[3].split()[0] == "m4"
     assert any(line.startswith("suspect: m2 on s6: ") for line in said)
     assert said[-1] == str(tmp_path / "out" / "judgement.html")
-    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["judgement.html", JUDGEMENT_FILE]
+    suffixes = ("csv", "html", JUDGEMENT_FILE.partition(".")[2], "md", "tex")
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == [f"judgement.{each}" for each in suffixes]
     page = (tmp_path / "out" / "judgement.html").read_text(encoding="utf-8")
     assert re.findall(r'(?:src|href)="(?!#|data:)[^"]+"', page) == []
     assert "default-src &#39;none&#39;" in page
@@ -52,7 +54,7 @@ def test_a_table_gives_a_table_a_record_and_a_page(tmp_path: Path, capfd: pytest
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("", "no such file; give a table as CSV, Parquet or JSON"),
+        ("", "no such file; give a table as CSV, Markdown, LaTeX, Parquet or JSON"),
         ("--metric ssim", "--metric ssim: no such column; metrics of the table: psnr"),
         ("--baseline nerf", "--baseline nerf: no such method"),
         ("--margin nan", "--margin nan: must be 0 or more"),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.verdicts.judging.result_table import MOST_CELLS, ResultTable, read_table
+from harness.verdicts.tables.result_table import MOST_CELLS, ResultTable, read_table
 from scenes.files.errors import InputError
 
 ROWS: list[dict[str, Any]] = [
@@ -116,7 +116,7 @@ BAD = {
     "scene,method,psnr\na,x,nan\na,y,2\n": "line 2: psnr is 'nan', not a finite number within ±1e+12; leave the field",
     "scene,method,psnr\na,x,inf\na,y,2\n": "line 2: psnr is 'inf'",
     "scene,method,psnr\na,x,2\na,y,-1e308\n": "line 3: psnr is '-1e308'",
-    "scene,method,psnr\na,x,1\na,y,26.3 dB\n": "line 3: psnr is '26.3 dB'",
+    "scene,method,psnr\na,x,1\na,y,26.3 cm\n": "line 3: psnr is '26.3 cm'",
     "scene,method,psnr,steps\na,x,1,9\na,y,2,9k\n": "line 3: steps is '9k'",
     "scene,method,psnr\na,x,1\na,y,2\n": "has 1 scene with results",
     "scene,method,psnr\na,x,1\nb,x,2\n": "has 1 method with results; a comparison needs two",
@@ -147,7 +147,7 @@ def test_what_cannot_be_judged_is_refused_in_a_line(text: str, tmp_path: Path) -
     [
         ("t.json", '[{"scene": "a", "method": "x", "psnr": NaN}]', "is not JSON .*write null"),
         ("t.json", '[{"scene": "a", "method": "x", "psnr": true}]', "row 1: psnr is True"),
-        ("t.json", '{"psnr": 3}', "holds no rows; JSON must be"),
+        ("t.json", '{"odd": 3}', "holds no rows; JSON must be"),
         ("t.json", "[1, 2]", "holds no rows"),
         ("t.json", "{", "is not JSON"),
         ("t.parquet", "scene", "t.parquet: "),

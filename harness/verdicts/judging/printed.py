@@ -1,0 +1,43 @@
+"""The table of a judgement in the forms that are pasted into papers and pages: Markdown, LaTeX and CSV."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from harness.records.judgements import JudgementRecord
+from harness.verdicts.judging.judgement import table
+from scenes.files.atomic import write_atomically
+
+ESCAPED = {"\\": "\\textbackslash{}", **{sign: f"\\{sign}" for sign in "&%$#_{}"}, "−": "$-$", "–": "--"}
+
+
+def write_tables(folder: Path, record: JudgementRecord) -> None:
+    """Write `judgement.md`, `judgement.tex` and `judgement.csv` into a folder."""
+    rows = table(record)
+    for suffix, text in (("md", as_markdown(rows)), ("tex", as_latex(rows)), ("csv", as_csv(rows))):
+        write_atomically(folder / f"judgement.{suffix}", text.encode("utf-8"))
+
+
+def as_markdown(rows: Sequence[Sequence[str]]) -> str:
+    head, *body = [[cell.replace("|", "\\|") for cell in row] for row in rows]
+    lines = [head, ["---"] * len(head), *body]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def as_latex(rows: Sequence[Sequence[str]]) -> str:
+    """Return a `tabular` with the rules of booktabs."""
+
+    def line(row: Sequence[str]) -> str:
+        return " & ".join("".join(ESCAPED.get(letter, letter) for letter in cell) for cell in row) + " \\\\\n"
+
+    head, *body = rows
+    columns = "l" + "r" * (len(head) - 2) + "l"
+    inner = f"\\toprule\n{line(head)}\\midrule\n{''.join(map(line, body))}\\bottomrule\n"
+    return f"\\begin{{tabular}}{{{columns}}}\n{inner}\\end{{tabular}}\n"
+
+
+def as_csv(rows: Sequence[Sequence[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()

@@ -1,0 +1,127 @@
+"""Results as JSON: rows, records of this program, and the files that other trainers write.
+
+nerfbaselines' result files, 3D Gaussian Splatting's `results.json` and `per_view.json`, nerfstudio's `ns-eval`, and the
+statistics of gsplat (`stats/val_step29999.json`).
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from harness.records.json_record import load_json
+from harness.records.metric_table import METRICS
+from harness.verdicts.tables.rows import Rows, rows_of
+from scenes.files.errors import InputError
+
+FORMS = (
+    "JSON must be a list of rows {scene, method, psnr, …}, {cells: such rows}, {method, scenes: {scene: {metric: "
+    "value}}}, or a file of results of nerfbaselines, 3D Gaussian Splatting, ns-eval or gsplat"
+)
+STATISTICS = ("stats", "results", "eval", "test")
+"""Folders between the folder of a scene and its file of results."""
+
+
+def read_json_rows(path: Path, label: str) -> Rows:
+    """Return the rows of a file. `label` names the method where the file and its folders do not.
+
+    Raises `InputError` for a file that holds no rows.
+    """
+    try:
+        data = load_json(path)
+    except (OSError, ValueError) as error:
+        why = f"is not JSON ({error})" if isinstance(error, msgspec.DecodeError) else str(error)
+        raise InputError(f"{path}: {why}; write null for a missing result") from error
+    metrics = data.get("metrics") if isinstance(data, dict) else None
+    declared = [each for each in metrics if isinstance(each, dict)] if isinstance(metrics, list) else []
+    lower = frozenset(str(each.get("id")) for each in declared if each.get("ascending") is False)
+    rows = _rows(data, path, label)
+    if not rows or not all(isinstance(row, dict) for row in rows):
+        raise InputError(f"{path}: holds no rows; {FORMS}")
+    rows = [_with_protocol(row) for row in rows]
+    names = list(dict.fromkeys(name for row in rows for name, value in row.items() if _is_plain(value)))
+    columns = [[row.get(name) if _is_plain(row.get(name)) else None for row in rows] for name in names]
+    return rows_of(path, names, columns, lower=lower)
+
+
+def _is_plain(value: object) -> bool:
+    return value is None or isinstance(value, str | int | float)
+
+
+def _with_protocol(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row of `harness score` with what was scored as columns."""
+    made = row.get("made")
+    if not isinstance(made, dict) or "width" not in made:
+        return row
+    views = {"views": len(row["views"])} if isinstance(row.get("views"), list) else {}
+    return {**row, "width": made["width"], **views}
+
+
+def _rows(data: Any, path: Path, label: str) -> list[Any]:
+    if isinstance(data, list):
+        nested = data and all(isinstance(each, dict) and isinstance(each.get("scenes"), dict) for each in data)
+        return [row for each in data for row in _of_method(each)] if nested else data
+    if not isinstance(data, dict):
+        return []
+    if isinstance(data.get("metrics"), dict):
+        return [_of_scene_file(data, path)]
+    if isinstance(data.get("results"), dict) and "method_name" in data:
+        return [{**_scores(data["results"]), "scene": data.get("experiment_name"), "method": data["method_name"]}]
+    if isinstance(data.get("scenes"), dict):
+        return _of_method(data)
+    for name in ("methods", "cells"):
+        # a run's summary has a list of method names besides its cells
+        if isinstance(data.get(name), list) and all(isinstance(each, dict) for each in data[name]):
+            return _rows(data[name], path, label)
+    if "scene" not in data and _scores(data):
+        return [{**_scores(data), "scene": _scene_folder(path).name, "method": label or "gsplat"}]
+    if data and all(isinstance(each, dict) and _scores(each) for each in data.values()):
+        return _of_gaussian_splatting(data, path, label)
+    return []
+
+
+def _scores(data: Mapping[str, Any]) -> dict[str, float]:
+    """Return the known metrics of an object, in lower case; scores by view are averaged."""
+    scores = {name.lower(): value for name, value in data.items() if name.lower() in METRICS}
+    means = {
+        name: sum(value.values()) / len(value) if isinstance(value, dict) and value else value
+        for name, value in scores.items()
+        if not isinstance(value, dict) or all(isinstance(each, int | float) for each in value.values())
+    }
+    return {name: value for name, value in means.items() if isinstance(value, int | float)}
+
+
+def _scene_folder(path: Path) -> Path:
+    folder = path.resolve().parent
+    return folder.parent if folder.name in STATISTICS else folder
+
+
+def _of_gaussian_splatting(data: dict[str, Any], path: Path, label: str) -> list[dict[str, Any]]:
+    """Return a row for each number of steps: `ours_7000`, `ours_30000`."""
+    several = len(data) > 1 or not label
+    return [
+        {
+            **_scores(scores),
+            "scene": _scene_folder(path).name,
+            "method": " ".join(filter(None, (label, name if several else ""))),
+        }
+        for name, scores in data.items()
+    ]
+
+
+def _of_method(row: dict[str, Any]) -> list[dict[str, Any]]:
+    name = row.get("id", row.get("method", row.get("name")))
+    scenes = row["scenes"].items()
+    return [{**scores, "scene": scene, "method": name} for scene, scores in scenes if isinstance(scores, dict)]
+
+
+def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return the row of a result file of one method on one scene; older files name the method only by the folder."""
+    info: dict[str, Any] = next((data[name] for name in ("nb_info", "info") if isinstance(data.get(name), dict)), {})
+    places = [data.get("render_dataset_metadata"), info.get("dataset_metadata")]
+    scenes = [place.get("scene") for place in places if isinstance(place, dict)]
+    scene = next(filter(None, [*scenes, info.get("dataset_scene")]), path.stem)
+    method = info.get("method") or path.parent.parent.name
+    seconds = {"seconds": info["total_train_time"]} if "total_train_time" in info else {}
+    return {**data["metrics"], **seconds, "scene": scene, "method": method}

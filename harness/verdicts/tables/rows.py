@@ -1,0 +1,85 @@
+"""Rows of results as columns, with the place of each row in its file."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scenes.files.errors import InputError
+
+SCENE = ("scene", "dataset", "data", "object", "experiment", "experiment_name")
+METHOD = ("method", "model", "algorithm", "approach", "method_name", "name")
+"""The names of a column of scenes or methods, the preferred one first."""
+SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
+"""The names of `seconds` and `core_seconds` in nerfbaselines and in the summary of a run."""
+GIVEN = Path("the given table")
+"""The name of a table in memory in messages."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of one or several files, as columns of equal length."""
+
+    columns: dict[str, list[object]]
+    stretches: list[tuple[Path, str, Sequence[int]]]
+    """The path of each file, `line` or `row`, and the number of each of its rows."""
+    lower: frozenset[str] = frozenset()
+    """The metrics that a file itself declares to be better when lower."""
+    notes: list[str] = field(default_factory=list)
+    """What a reader assumed or left out, one sentence each."""
+
+    def __len__(self) -> int:
+        return sum(len(numbers) for _, _, numbers in self.stretches)
+
+    def where(self, row: int) -> str:
+        for path, unit, numbers in self.stretches:
+            if row < len(numbers):
+                return f"{path}, {unit} {numbers[row]}"
+            row -= len(numbers)
+        raise IndexError(row)
+
+
+def rows_given(rows: Sequence[Mapping[str, object]]) -> Rows:
+    """Return rows in memory, where None is a missing value, with the errors of `joined`."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return joined([rows_of(GIVEN, names, [[row.get(name) for row in rows] for name in names])])
+
+
+def rows_of(
+    path: Path,
+    names: Iterable[object],
+    columns: list[list[object]],
+    unit: str = "row",
+    numbers: Sequence[int] | None = None,
+    lower: frozenset[str] = frozenset(),
+    notes: Sequence[str] = (),
+) -> Rows:
+    """Return rows with lower-case column names, synonyms replaced; raises `InputError` if two names are equal."""
+    known = [str(name).strip().lower() for name in names]
+    known = [SYNONYMS.get(name, name) if SYNONYMS.get(name) not in known else name for name in known]
+    for name, synonyms in (("scene", SCENE), ("method", METHOD)):
+        if name not in known and (other := next((other for other in synonyms if other in known), None)):
+            known[known.index(other)] = name
+    twice = next((name for name in known if known.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{path}: two columns are called {twice!r}; rename one")
+    many = len(columns[0]) if columns else 0
+    places = range(1, many + 1) if numbers is None else numbers
+    return Rows(dict(zip(known, columns, strict=True)), [(path, unit, places)], lower, list(notes))
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Return the rows of several files; raises `InputError` for one without scenes, methods or rows."""
+    for part in parts:
+        source = part.stretches[0][0]
+        if lacking := [name for name in ("scene", "method") if name not in part.columns]:
+            known = ", ".join(part.columns) or "none"
+            raise InputError(f"{source}: has no column {' and no column '.join(lacking)} (columns: {known})")
+        if not len(part):
+            raise InputError(f"{source}: has a header and no rows")
+    names = dict.fromkeys(name for part in parts for name in part.columns)
+    columns = {
+        name: [value for part in parts for value in part.columns.get(name) or [None] * len(part)] for name in names
+    }
+    stretches = [stretch for part in parts for stretch in part.stretches]
+    notes = list(dict.fromkeys(note for part in parts for note in part.notes))
+    return Rows(columns, stretches, frozenset().union(*(part.lower for part in parts)), notes)

@@ -1,0 +1,91 @@
+"""Step-down max-T against its definition and by simulation; letters against the relation that they display."""
+
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+
+from harness.verdicts.estimates import max_t
+from harness.verdicts.estimates.max_t import letters, step_down_max_t, written
+
+
+def by_definition(differences: np.ndarray) -> list[float]:
+    """Return adjusted p-values: of each pair, over all flips, the share in which the largest |t| of it and of all pairs
+    with smaller |t| reaches its own; no smaller than that of a pair before it.
+    """
+    pairs, units = differences.shape
+
+    def score(values: np.ndarray) -> float:
+        deviation = values.std(ddof=1)
+        return abs(values.mean()) / deviation * units**0.5 if deviation > 0 else np.inf
+
+    observed = [score(row) for row in differences]
+    order = sorted(range(pairs), key=lambda pair: -observed[pair])
+    flipped = [[score(row * signs) for row in differences] for signs in product((1, -1), repeat=units)]
+    adjusted, before = [0.0] * pairs, 0.0
+    for place, pair in enumerate(order):
+        rest = order[place:]
+        reached = np.mean([max(scores[other] for other in rest) >= observed[pair] - 1e-9 for scores in flipped])
+        adjusted[pair] = before = max(before, float(reached))
+    return adjusted
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_p_values_are_those_of_the_definition(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(max_t, "CHUNK", 7)
+    values = np.random.default_rng(seed).normal(np.arange(4)[:, None] * 0.5, 1.0, (4, 7))
+    differences = np.array([values[a] - values[b] for a, b in combinations(range(4), 2)])
+    assert step_down_max_t(differences) == pytest.approx(by_definition(differences), abs=1e-12)
+
+
+def test_signs_scale_and_order_change_nothing() -> None:
+    differences = np.random.default_rng(3).normal(0.4, 1.0, (5, 9))
+    expected = step_down_max_t(differences)
+    assert step_down_max_t(-differences[::-1] * [[1e-6], [1.0], [-3.0], [1e6], [2.0]]) == pytest.approx(expected[::-1])
+    assert step_down_max_t(differences[:, ::-1]) == pytest.approx(expected)
+
+
+def test_missing_equal_and_constant_differences() -> None:
+    differences = np.random.default_rng(4).normal(0.0, 1.0, (4, 8))
+    differences[0], differences[1], differences[2, 1:] = 0.0, 0.3, np.nan
+    p = step_down_max_t(differences)
+    assert (p[0], p[2]) == (1.0, 1.0), "no difference, and one scene alone"
+    assert p[1] == 1 / 2**7, "the smallest that eight scenes allow"
+    more = np.concatenate([differences, np.full((4, 2), np.nan)], axis=1)
+    assert step_down_max_t(more) == pytest.approx(p), "scenes without results"
+
+
+def test_many_scenes_are_sampled_alike_each_time() -> None:
+    differences = np.random.default_rng(5).normal(0.5, 1.0, (3, 40))
+    assert max_t.MOST_FLIPS < 2**39
+    assert (step_down_max_t(differences) == step_down_max_t(differences.copy())).all()
+
+
+def test_a_table_without_differences_has_a_wrong_sign_in_3_to_6_of_100_cases() -> None:
+    """2000 tables of 5 methods on 8 scenes, whose scenes and methods have unequal spreads."""
+    wrong, pairs = 0, list(combinations(range(5), 2))
+    for seed in range(2000):
+        random = np.random.default_rng(seed)
+        spread = random.gamma(2.0, 0.5, 8) * np.array([0.2, 0.5, 0.5, 1.0, 2.0])[:, None]
+        values = random.normal(0.0, 3.0, 8) + random.normal(0.0, 1.0, (5, 8)) * spread
+        wrong += bool((step_down_max_t(np.array([values[a] - values[b] for a, b in pairs])) <= 0.05).any())
+    assert 60 <= wrong <= 120
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_share_a_letter_if_and_only_if_they_are_not_distinguished(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    count = 9
+    apart = [pair for pair in combinations(range(count), 2) if random.random() < (0.1, 0.3, 0.5, 0.7, 0.9, 1.0)[seed]]
+    given = [set(numbers) for numbers in letters(count, apart)]
+    for a, b in combinations(range(count), 2):
+        assert bool(given[a] & given[b]) == ((a, b) not in apart)
+    members = [{k for k in range(count) if number in given[k]} for number in set().union(*given)]
+    assert not any(one < other for one in members for other in members), "no letter says less than another"
+    assert min(given[0]) == 1
+
+
+def test_letters_are_written_as_in_the_alphabet() -> None:
+    assert [written(numbers) for numbers in ([1], [1, 3], [26, 27], [53], [])] == ["a", "ac", "z aa", "ba", ""]
+    chain = [(k, k + 1) for k in range(0, 24, 2)]
+    assert letters(24, chain) == [[]] * 24, "2¹² letters help nobody"
