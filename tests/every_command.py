@@ -36,7 +36,7 @@ python -m harness study serving {here}/run --methods qnerf --width 16 --quick {s
 python -m harness tensorboard {here}/run
 python -m scenes render hotdog --resolution 16 --train 3 --test 1 --spp-train 2 --spp-test 2 {ceilings} {sets}
 python -m scenes export {here}/sets/{set} --format blender --out {here}/blender
-python -m harness score {here}/blender/test --view-set {here}/blender --method me --seconds 9 --to {here}/scores.json
+python -m harness score {here}/blender/test --view-set {here}/blender --method me {score} --to {here}/scores.json
 python -m scenes export {here}/sets/{set} --format nerfstudio --out {here}/nerfstudio
 python -m scenes export {here}/sets/{set} --format npz --out {here}/tiny.npz
 python -m harness run --profile smoke --view-set {here}/blender {tiny} {region} --no-serving --out {here}/foreign
@@ -84,6 +84,7 @@ FILLED = {
     "{smoke}": "--profile smoke --no-serving",
     "{job}": "--job timeout_min=9 --workers 1 --threads 1 --device cpu",
     "{one}": "--studies error_against_time needs --scenes lego",
+    "{score}": "--seconds 9 --as-they-are",
     "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam",
     "{ceilings}": "--val 1 --ceiling-train 20 --ceiling-val 20 --ceiling-test 20",
 }

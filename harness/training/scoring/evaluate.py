@@ -1,5 +1,6 @@
 """Scores of a trained method on the views, its properties, and pictures for the report."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import torch
 from harness.plan.seeds import generator_for
 from harness.records.cells import ViewScore
 from harness.records.json_record import finite_or_none
-from harness.records.metric_table import LARGEST_PSNR, METRICS
+from harness.records.metric_table import LARGEST_PSNR, METRICS, POSSIBLE
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
 from harness.training.scoring import metrics
@@ -66,9 +67,19 @@ def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None
     rows = []
     for image, rgba in zip(images, split.rgba, strict=True):
         truth = over_white(rgba)
-        rows.append([score(image.colour, truth) for score in (_capped_psnr, metrics.ssim, metrics.rmse_linear)])
+        scores = {"psnr": _capped_psnr, "ssim": metrics.ssim, "rmse_linear": metrics.rmse_linear}
+        rows.append([_possible(name, score(image.colour, truth), image) for name, score in scores.items()])
     means = np.mean(rows, axis=0)
     return {name: finite_or_none(value) for name, value in zip(("psnr", "ssim", "rmse_linear"), means, strict=True)}
+
+
+def _possible(name: str, score: float, image: View) -> float:
+    """Return a score; raises `ValueError` for one that no colours in 0 … 1 have, which no record can hold."""
+    low, high = POSSIBLE.get(name, (-math.inf, math.inf))
+    if not math.isnan(score) and not low <= score <= high:
+        ends = f"{image.colour.min():.3g} to {image.colour.max():.3g}"
+        raise ValueError(f"{name} is {score:.4g}, as it renders colours from {ends}; they must lie in 0 … 1")
+    return score
 
 
 Distance = Callable[[np.ndarray, np.ndarray], float | None]
@@ -94,7 +105,7 @@ def view_scores(
         arrays = sides.get(METRICS[name].compares)
         measure = lpips if METRICS[name].compares == "features" else getattr(metrics, name)
         score = None if arrays is None or measure is None else measure(*arrays)
-        scores[name] = None if score is None else min(score, METRICS[name].largest)
+        scores[name] = None if score is None else _possible(name, min(score, METRICS[name].largest), image)
     noise = None if split.noise_mse is None else float(split.noise_mse[index])
     ceiling = None if noise is None else finite_or_none(metrics.psnr_from_mse(noise))
     return ViewScore(view=split.names[index], psnr_ceiling=ceiling, **scores)

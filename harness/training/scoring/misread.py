@@ -17,6 +17,12 @@ FAR = 2.0
 """The factor of the mean squared error, 3 dB, by which another reading must be nearer to the truth."""
 FITS = 0.01
 """The mean squared error, 20 dB, that the other reading must reach: a method's failure must not pass as a mistake."""
+FAR_ALONE = 8.0
+"""The same of one view, if the others are read rightly."""
+IDENTICAL = 2e-6
+"""The mean squared error, 57 dB, below which pictures are copies of the truth: the rounding to 8 bits alone is more
+than half of it.
+"""
 MOST_TRIED = 12
 THUMBNAIL = 32
 """The width of the pictures with which views are distinguished."""
@@ -73,6 +79,8 @@ def likely_mistake(pictures: Images, truths: Images) -> str | None:
     """
     tried = spread_indices(MOST_TRIED, len(truths))
     own = np.array([mse(*as_read(pictures[view], truths[view])) for view in tried])
+    if own.max() < IDENTICAL:
+        return "seem to be copies of the truth: give the rendered ones"
     for mistake, reading in READINGS.items():
         if reading is _premultiplied and pictures[0].shape[-1] == 3:
             continue
@@ -81,6 +89,8 @@ def likely_mistake(pictures: Images, truths: Images) -> str | None:
         errors = np.array([mse(*reading(pictures[view], truths[view])) for view in tried])
         if errors.mean() < FITS and (FAR * errors < own).mean() > 0.9:
             return f"seem to be {mistake}"
+        if len(odd := np.flatnonzero((errors < FITS) & (FAR_ALONE * errors < own))):
+            return f"of {len(odd)} of {len(tried)} views, such as view {tried[int(odd[0])]}, seem to be {mistake}"
     return _other_order(pictures, truths, tried)
 
 

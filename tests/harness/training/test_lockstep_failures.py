@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +143,26 @@ def test_what_is_not_finite_in_the_warm_up_or_at_a_checkpoint_is_a_divergence(
     cells = group(ball, tmp_path, ("nerf", "qnerf"))
     assert (cells["nerf"].status, cells["qnerf"].status) == ("diverged", "done")
     assert cells["nerf"].reason == f"not finite at step {said}"
+
+
+def test_colours_that_no_score_is_defined_for_cost_their_own_cell_alone(
+    trained: dict[str, CellRecord], ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original = evaluate.render_view
+
+    def beyond(trainer: Trainer, *others: Any) -> evaluate.View:
+        view = original(trainer, *others)
+        return replace(view, colour=view.colour * 30.0) if trainer.method == "nerf" else view
+
+    monkeypatch.setattr(evaluate, "render_view", beyond)
+    cells = group(ball, tmp_path)
+    assert cells["nerf"].status == "error"
+    assert "psnr is -" in (cells["nerf"].reason or "")
+    assert "renders colours from " in (cells["nerf"].reason or "")
+    for cell in cells.values():
+        write_cell(tmp_path, cell)
+        assert read_cell(cell_path(tmp_path, "ball", cell.method, 0)).status == cell.status
+    assert others_are_the_same(cells, trained, "nerf")
 
 
 def test_a_mistake_of_the_user_ends_the_group(ball: ViewSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

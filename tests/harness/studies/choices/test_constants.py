@@ -27,6 +27,7 @@ from harness.studies.choices.constants import (
 )
 from scenes.files.errors import InputError
 from tests.harness.ball import ball_with_validation_views
+from tests.harness.tiny import TRAIN
 from tests.replacing import replace
 
 SCENES = ("a", "b")
@@ -97,7 +98,8 @@ def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
     monkeypatch.setattr(constants, "trained_cells", lambda tasks, workers: map(trained_cell, tasks))
     monkeypatch.setattr(constants, "UNITS", (3.0, 25.0))
     folder = ball_with_validation_views(tmp_path / "ball")
-    plan = replace(planned("smoke", methods=["qnerf"], budget_steps=2 * SHARE, resolution=16), scenes=("ball",))
+    smoke = planned("smoke", methods=["qnerf"], budget_steps=2 * SHARE, resolution=16)
+    plan = replace(smoke, scenes=("ball",), train=replace(smoke.train, rays=32, network=TRAIN.network))
     rows = list(chain(*search(plan, {"ball": folder}, tmp_path, 1, "cpu", [])))
     brief, full = ([row.constants for row in rows if row.steps == steps] for steps in (2, 2 * SHARE))
     assert brief == pairs_of("qnerf")

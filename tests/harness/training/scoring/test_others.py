@@ -12,7 +12,7 @@ from harness.command.main import main
 from harness.records.scored_pictures import read_scores
 from harness.training.scoring.misread import likely_mistake
 from harness.training.scoring.others import score_pictures
-from harness.verdicts.judging.result_table import read_table
+from harness.verdicts.tables.result_table import read_table
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.rendered_pictures import of_views, pictures_in
 from scenes.view_sets.images import write_png
@@ -80,7 +80,7 @@ def test_a_straight_alpha_is_put_over_white_and_large_pictures_are_averaged(
     tmp_path: Path, ball: Path, truths: list[np.ndarray]
 ) -> None:
     twice = [np.repeat(np.repeat(truth, 2, axis=0), 2, axis=1) for truth in truths]
-    row = score_pictures(write(tmp_path / "large", twice), ball, "theirs", resolution=24)
+    row = score_pictures(write(tmp_path / "large", twice), ball, "theirs", resolution=24, as_they_are=True)
     assert row.psnr > 50.0  # alpha and colour are rounded to 8 bits, and over white once more
 
 
@@ -106,6 +106,16 @@ def test_a_usual_mistake_is_named_and_not_scored(
     assert row.made["as_they_are"]
 
 
+def test_one_odd_view_and_copies_of_the_truth_are_named(truths: list[np.ndarray]) -> None:
+    pictures = [darker(truth) for truth in truths]
+    assert likely_mistake(pictures, truths) is None
+    pictures[1] = darker(truths[1])[::-1]
+    said = likely_mistake(pictures, truths) or ""
+    assert said.startswith(f"of 1 of {VIEWS} views, such as view 1, seem to be upside down")
+    copies = [np.round(over_white(truth) * 255) / 255 for truth in truths]
+    assert "copies of the truth" in (likely_mistake(copies, truths) or "")
+
+
 @pytest.mark.parametrize("turn", [1, 5])
 def test_another_order_is_named(truths: list[np.ndarray], turn: int) -> None:
     moved = [over_white(truths[(view + turn) % VIEWS]) for view in range(VIEWS)]
@@ -117,20 +127,19 @@ def test_another_order_is_named(truths: list[np.ndarray], turn: int) -> None:
 @pytest.mark.parametrize(
     "picture",
     [
-        lambda white: white,
         lambda white: np.full_like(white, 0.5),
         np.ones_like,
         lambda white: white * 0.6 + 0.4,  # a density that is too thin
         lambda white: np.clip(white + np.random.default_rng(1).normal(0.0, 0.2, white.shape), 0.0, 1.0),
     ],
-    ids=["the truth", "grey", "nothing", "faint", "noise"],
+    ids=["grey", "nothing", "faint", "noise"],
 )
 def test_a_bad_method_is_not_taken_for_a_mistake(truths: list[np.ndarray], picture: Callable[..., np.ndarray]) -> None:
     assert likely_mistake([picture(over_white(truth)) for truth in truths], truths) is None
 
 
 def test_pictures_that_do_not_fit_are_refused(tmp_path: Path, ball: Path, truths: list[np.ndarray]) -> None:
-    pictures = [over_white(truth) for truth in truths]
+    pictures = [darker(truth) for truth in truths]
     good = write(tmp_path / "good", pictures)
 
     def broken(change: Callable[[Path], object]) -> Path:
