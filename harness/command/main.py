@@ -114,7 +114,6 @@ def run_as_process(call: Callable[[list[str]], int], arguments: list[str]) -> No
     """Call a command and end this process with its exit code."""
     os.environ.update(wait_policy(os.environ))  # before torch is imported; child processes inherit it
     os.environ.update(ours_first(os.environ))
-    os.environ["MPLBACKEND"] = "Agg"  # no window is shown, and a notebook's backend cannot be imported here
     go_on_unheard()
     stop_on_signals()
     with packages_needed():

@@ -18,6 +18,7 @@ def packages_needed() -> Iterator[None]:
     Import errors within a user's scene file or package are reported where it is read, and do not arrive here. If
     standard output is closed, as by `| head`, the command ends silently.
     """
+    os.environ["MPLBACKEND"] = "Agg"  # no command shows a window, and a notebook's backend cannot be imported here
     try:
         try:
             yield

@@ -21,8 +21,8 @@ FARTHEST = 1e2
 """The largest distance from the origin without a visible bias."""
 LARGEST_RATIO = 102.0
 """The largest ratio of 1 + |p| to half the longest side without a visible bias: that of a unit, `FARTHEST` away."""
-LARGEST_HALF = 1e6
-"""The largest half of the longest side: single precision holds the squares of such lengths, and their differences."""
+LARGEST_HALF = 1e4
+"""The largest half of the longest side: cameras that see all of it stand within the far plane of `scenes.rendering`."""
 
 _UNIT_BOXES = {
     "cube": ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),

@@ -165,7 +165,11 @@ def _require_visible(scene: Scene, facts: list[Facts]) -> None:
     """Raise `InputError` for a user's scene that no view shows; views of older versions count as showing it."""
     seen, lit = (any(of_view.get(key, True) for of_view in facts) for key in ("seen", "lit"))
     if scene.file is not None and not (seen and lit):
-        what = "no light reaches what is seen, every view is black" if seen else "nothing is seen in any view"
+        what = (
+            "no light reaches what is seen, every view is black (a room is, from most sides: render more)"
+            if seen
+            else "nothing is seen in any view"
+        )
         raise InputError(f"{scene.file}: {what}; fix the scene")
 
 

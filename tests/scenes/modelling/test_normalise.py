@@ -101,7 +101,7 @@ def test_rendering_as_it_is_is_refused(scalar: Variant) -> None:
     check_scale(np.array([[-1.0] * 3, [1.0] * 3]))
 
 
-@pytest.mark.parametrize("unit", [0.02, 1.0, 280.0, 1e5])
+@pytest.mark.parametrize("unit", [0.02, 1.0, 280.0, 9e3])
 def test_a_file_may_have_any_unit_in_which_the_ray_epsilon_is_small(unit: float) -> None:
     box = unit * np.array([[-1.0] * 3, [1.0] * 3])
     check_unit(box)
