@@ -101,7 +101,7 @@ def table_of(
         core_seconds=core_seconds,
         steps=steps,
         notes=[*(note for encoded in of_rows for note in encoded.notes), *rows.notes, *notes, *guess],
-        read_as=f"read as {size}, {chosen} {'↑' if higher else '↓'}{left_out}",
+        read_as=f"Read as {size}, {chosen} {'↑' if higher else '↓'}{left_out}",
     )
 
 

@@ -39,7 +39,7 @@ def test_a_table_gives_a_table_a_record_and_a_page(tmp_path: Path, capfd: pytest
     path = table_file(tmp_path, collapsed())
     assert main(["judge", str(path), "--out", str(tmp_path / "out")]) == 0
     said = capfd.readouterr().out.splitlines()
-    assert said[0] == "read as 5 methods × 8 scenes, psnr ↑."
+    assert said[0] == "Read as 5 methods × 8 scenes, psnr ↑."
     assert said[1].startswith("5 methods on 8 scenes: ")
     assert said[3].split()[0] == "m4"
     assert any(line.startswith("suspect: m2 on s6: ") for line in said)

@@ -91,7 +91,7 @@ def test_every_printed_form_gives_the_same_table_and_judgement(form: str, tmp_pa
     rows, columns = map(table.methods.index, METHODS), list(map(table.scenes.index, SCENES))
     assert np.array_equal(table.values[list(rows)][:, columns, 0], VALUES)
     assert (table.metric, table.higher_is_better) == ("psnr", True)
-    assert table.read_as.startswith("read as 3 methods × 4 scenes, psnr ↑")
+    assert table.read_as.startswith("Read as 3 methods × 4 scenes, psnr ↑")
     assert ("left out" in table.read_as) == (form != "latex")
     expected = judge(read(tmp_path, "expected.csv", wide()), None, None, {})
     assert [pair.verdict for pair in judge(table, None, None, {}).given.pairs] == [
