@@ -74,3 +74,8 @@ SMALLEST_SAVING = 5.0
 def metric_of(name: str) -> Metric:
     """Return a line of the table; a metric that this version does not know is labelled by its name."""
     return METRICS.get(name) or Metric(name, name, "", 3, 4, True, 0.0, "")
+
+
+def possible_range(name: str) -> tuple[float, float]:
+    """Return the range of possible scores; all numbers for a metric that is not known."""
+    return POSSIBLE.get(name, (-math.inf, math.inf))

@@ -12,7 +12,16 @@ from harness.records.judgements import JudgementRecord, Pair, Ranking, changed_p
 from harness.records.verdict import Verdict
 from harness.verdicts.estimates.max_t import written
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
-from harness.verdicts.judging.judgement import headline, missing_line, number, suspect_line, without_line
+from harness.verdicts.judging.judgement import (
+    headline,
+    letters_line,
+    missing_line,
+    number,
+    shown_best,
+    shown_rank,
+    suspect_line,
+    without_line,
+)
 from reports.data.wording import duration, mark_of, tone_of_sign
 from reports.drawing.figure import padded, plots
 from reports.drawing.palette import INK, KNOWN, MUTED
@@ -71,8 +80,8 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(number(record, place.mean), value=place.mean),
                 Entry(str(place.scenes), value=place.scenes),
                 Entry(written(place.groups)) if everything else EMPTY,
-                Entry("–".join(map(str, dict.fromkeys(place.rank))), value=place.rank[0]) if place.rank else EMPTY,
-                Entry(f"{100 * place.best:.0f} %", value=place.best) if place.best is not None else EMPTY,
+                Entry(shown_rank(place), value=place.rank[0]) if place.rank else EMPTY,
+                Entry(shown_best(place), value=place.best) if place.best is not None else EMPTY,
                 difference(record, pair, estimate),
                 Entry(estimate.verdict.phrase, tone=tone(record, estimate.verdict)) if estimate else EMPTY,
                 Entry(f"{q[pair]:.3f}", value=q[pair]) if pair in q else EMPTY,
@@ -96,8 +105,8 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         "false discovery rate at which a pair counts as different (Benjamini and Hochberg, over all pairs)."
     )
     groups = (
-        " Two methods are distinguished unless they share a letter. The probability of being best is that of the mean "
-        "over scenes like these (Bayesian bootstrap)."
+        f" {letters_line(ranking)} The probability of being best is that of the mean over scenes like these (Bayesian "
+        "bootstrap)."
     )
     return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=3)
 
@@ -193,15 +202,13 @@ def _groups(record: JudgementRecord) -> Panel:
         else f"{place.method} ({number(record, place.mean)})"
         for place in places
     ]
-    ends = [(min(of), max(of)) for several in bars.values() if (of := [place.mean for place in several])]
-    lows, highs = tuple(low for low, _ in ends), tuple(high for _, high in ends)
+    of_bars = [[place.mean for place in several] for several in bars.values()]
+    lows, highs = tuple(map(min, of_bars)), tuple(map(max, of_bars))
     at = tuple(map(float, range(len(places) + len(bars))))
-    under = [
-        (place.mean, row) for row, several in zip(at[len(places) :], bars.values(), strict=True) for place in several
-    ]
-    members_means, members_at = zip(*under, strict=True) if under else ((), ())
+    dots = [*zip(means, at, strict=False)]
+    dots += [(mean, row) for row, some in zip(at[len(places) :], of_bars, strict=True) for mean in some]
     traces = (
-        Trace("mean", KNOWN["nerf"].light, "dots", (*means, *members_means), (*at[: len(places)], *members_at)),
+        Trace("mean", KNOWN["nerf"].light, "dots", tuple(x for x, _ in dots), tuple(y for _, y in dots)),
         Trace("not distinguished", INK.light, "range", lows, at[len(places) :], highs),
     )
     title = f"Mean {record.metric}, and methods that share a letter"

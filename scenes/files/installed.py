@@ -16,7 +16,7 @@ def packages_needed() -> Iterator[None]:
     """Wrap a command: if a package is not installed, the command ends with a line about it and exit code 2.
 
     Import errors within a user's scene file or package are reported where it is read, and do not arrive here. If
-    standard output is closed, as by `| head`, the command ends silently.
+    standard output is closed, as by `| head`, the command ends silently. Matplotlib gets no backend of a notebook.
     """
     os.environ["MPLBACKEND"] = "Agg"  # no command shows a window, and a notebook's backend cannot be imported here
     try:

@@ -95,17 +95,17 @@ def _of_cameras(views: ViewSet, split: Split, seen: Sight, what: str) -> list[st
 
 def _of_alpha(views: ViewSet) -> list[str]:
     """Return what is odd about the alpha of training views."""
-    alphas = [image[..., 3] for image in views.train.rgba]
-    if all((alpha == 1.0).all() for alpha in alphas):
-        return [] if any("without alpha" in note for note in views.notes) else [
-            "no training view has a transparent pixel: the background counts as a part of the object"
-        ]  # fmt: skip
-    height, width = alphas[0].shape
+    height, width = views.height, views.width
     middle = np.s_[2 * height // 5 : 3 * height // 5 + 1, 2 * width // 5 : 3 * width // 5 + 1]
     border = np.ones((height, width), dtype=bool)
     border[1:-1, 1:-1] = False
-    outside, inside = (float(np.mean([alpha[part].mean() for alpha in alphas])) for part in (border, middle))
-    if outside > INVERTED and inside < 1.0 - INVERTED:
+    alphas = (image[..., 3] for image in views.train.rgba)  # one at a time: all of them may not fit into memory
+    of_views = [(alpha.min(), alpha[border].mean(), alpha[middle].mean()) for alpha in alphas]
+    least, outside, inside = zip(*of_views, strict=True)
+    if min(least) == 1.0:
+        said = "no training view has a transparent pixel: the background counts as a part of the object"
+        return [] if any("without alpha" in note for note in views.notes) else [said]
+    if np.mean(outside) > INVERTED and np.mean(inside) < 1.0 - INVERTED:
         return ["alpha seems inverted: the middle of the pictures is transparent, their border is not"]
     return []
 

@@ -10,7 +10,7 @@ import torch
 from harness.plan.seeds import generator_for
 from harness.records.cells import ViewScore
 from harness.records.json_record import finite_or_none
-from harness.records.metric_table import LARGEST_PSNR, METRICS, POSSIBLE
+from harness.records.metric_table import LARGEST_PSNR, METRICS, possible_range
 from harness.training.batches import Cameras
 from harness.training.learner import Learner
 from harness.training.scoring import metrics
@@ -64,18 +64,17 @@ def render_split(trainer: Learner, cameras: Cameras, chunk: int) -> Iterator[Vie
 
 def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None]:
     """Return psnr, ssim and rmse_linear, each the mean over all views of the split."""
+    quick = {"psnr": _capped_psnr, "ssim": metrics.ssim, "rmse_linear": metrics.rmse_linear}
     rows = []
     for image, rgba in zip(images, split.rgba, strict=True):
         truth = over_white(rgba)
-        scores = {"psnr": _capped_psnr, "ssim": metrics.ssim, "rmse_linear": metrics.rmse_linear}
-        rows.append([_possible(name, score(image.colour, truth), image) for name, score in scores.items()])
-    means = np.mean(rows, axis=0)
-    return {name: finite_or_none(value) for name, value in zip(("psnr", "ssim", "rmse_linear"), means, strict=True)}
+        rows.append([_possible(name, score(image.colour, truth), image) for name, score in quick.items()])
+    return {name: finite_or_none(value) for name, value in zip(quick, np.mean(rows, axis=0), strict=True)}
 
 
 def _possible(name: str, score: float, image: View) -> float:
     """Return a score; raises `ValueError` for one that no colours in 0 … 1 have, which no record can hold."""
-    low, high = POSSIBLE.get(name, (-math.inf, math.inf))
+    low, high = possible_range(name)
     if not math.isnan(score) and not low <= score <= high:
         ends = f"{image.colour.min():.3g} to {image.colour.max():.3g}"
         raise ValueError(f"{name} is {score:.4g}, as it renders colours from {ends}; they must lie in 0 … 1")

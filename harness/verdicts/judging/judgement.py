@@ -1,4 +1,4 @@
-"""Judgement of a table of results: distinguished methods, groups, suspect results, and the lines that report them."""
+"""Judgement of a table of results: distinguished methods, letters, suspect results, and the lines that report them."""
 
 import math
 from collections import Counter
@@ -23,7 +23,7 @@ from harness.verdicts.statistics import (
     paired_difference,
     shift_found,
 )
-from harness.verdicts.tables.result_table import MARGINS, ResultTable, read_table
+from harness.verdicts.tables.result_table import MARGINS, ResultTable, read_table, scene_means
 from scenes.files.errors import InputError
 
 
@@ -80,7 +80,7 @@ def lines(record: JudgementRecord) -> Iterator[str]:
         middle = "  ".join(f"{text:>{width}}" for text, width in zip(numbers, widths[1:-1], strict=True))
         yield f"  {name:{widths[0]}}  {middle}  {last}".rstrip()
     if record.baseline is None:
-        yield "Two methods are distinguished unless they share a letter. Ranks hold together in 95 %."
+        yield f"{letters_line(record.given)} Ranks hold together in 95 %."
     for suspect in record.suspects[:10]:
         yield f"suspect: {suspect_line(record, suspect)}"
     if len(record.suspects) > 10:
@@ -107,13 +107,28 @@ def table(record: JudgementRecord) -> Sequence[tuple[str, ...]]:
         (
             *_first(record, place),
             written(place.groups) or "–",
-            "–".join(map(str, dict.fromkeys(place.rank or ()))),
-            "" if place.best is None else f"{100 * place.best:.0f} %",
+            shown_rank(place),
+            shown_best(place),
             str(pair.scenes_to_settle) if (pair := of.get(place.method)) and pair.scenes_to_settle else "",
             _against(record, pair),
         )
         for place in record.given.places
     ]
+
+
+def letters_line(ranking: Ranking) -> str:
+    if any(place.groups for place in ranking.places):
+        return "Two methods are distinguished unless they share a letter."
+    return "No letters are given, as too many would be needed: the pairs say which methods are distinguished."
+
+
+def shown_rank(place: Place) -> str:
+    """Format a rank as `2`, or `2–4`; empty if it has none."""
+    return "–".join(map(str, dict.fromkeys(place.rank or ())))
+
+
+def shown_best(place: Place) -> str:
+    return "" if place.best is None else f"{100 * place.best:.0f} %"
 
 
 def _first(record: JudgementRecord, place: Place) -> tuple[str, str, str]:
@@ -293,13 +308,6 @@ def best_shares(cells: np.ndarray, higher_is_better: bool) -> Sequence[float | N
     best = means >= means.max(axis=1, keepdims=True) - 1e-12
     shares: list[float] = (best / best.sum(axis=1, keepdims=True)).mean(axis=0).tolist()
     return shares
-
-
-def scene_means(values: np.ndarray) -> np.ndarray:
-    """Return the means [methods, scenes] over the known seeds of [methods, scenes, seeds]; NaN without a seed."""
-    there = np.isfinite(values)
-    counts = there.sum(axis=2)
-    return np.where(counts > 0, np.where(there, values, 0.0).sum(axis=2) / np.maximum(counts, 1), np.nan)
 
 
 def adjusted_means(cells: np.ndarray) -> np.ndarray:

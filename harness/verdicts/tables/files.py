@@ -1,6 +1,6 @@
 """Files and folders of results in any form, read as rows."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from harness.records.json_record import LARGEST_FILE
@@ -56,13 +56,16 @@ def _files(path: Path) -> list[Path]:
     return [path]
 
 
-def _results_below(folder: Path) -> Iterator[Path]:
-    """Yield the JSON files below a folder; of a scene's results those of all views, not also those by view."""
-    every = [file for file in folder.rglob("*.json") if not any(part.startswith(".") for part in file.parts)]
-    if of_scenes := [file for file in every if file.name == RESULTS]:
-        # 3D Gaussian Splatting keeps cameras.json and per_view.json next to it
-        return iter(of_scenes)
-    return (file for file in every if file.name != PER_VIEW or len(every) == sum(f.name == PER_VIEW for f in every))
+def _results_below(folder: Path) -> list[Path]:
+    """Return the JSON files below a folder; of a scene's results those of all views, not also those by view."""
+    every = [
+        file
+        for file in folder.rglob("*.json")
+        if not any(part.startswith(".") for part in file.relative_to(folder).parts)
+    ]
+    # 3D Gaussian Splatting keeps cameras.json and per_view.json next to it
+    of_scenes = [file for file in every if file.name == RESULTS]
+    return of_scenes or [file for file in every if file.name != PER_VIEW] or every
 
 
 def _from_parquet(path: Path) -> Rows:

@@ -12,14 +12,16 @@ from harness.verdicts.tables.numbers import ARROWS, has_spread, is_missing, numb
 from harness.verdicts.tables.rows import METHOD, SCENE, Rows, rows_of
 from scenes.files.errors import InputError
 
-AVERAGES = ("mean", "average", "avg", "avg.", "mean ↑", "overall", "all", "total")
-"""The names of rows and columns that hold means of the others."""
+LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
+LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer"}
+"""The metrics that are better when lower, also as part of a name, as in `lpips_vgg`."""
+HIGHER = {"psnr", "ssim", "iou", "msssim", "accuracy", "f1"}
+KNOWN = {*METRICS, *LOWER, *HIGHER, "ms-ssim"}
 ASIDE = (
     "year", "venue", "publication", "params", "#params", "fps", "time", "training time", "train time", "memory", "size",
     "mem", "steps", "iterations", "rank", "gpu",
 )  # fmt: skip
 """The names of columns of a wide table that are no scenes."""
-KNOWN = (*METRICS, "rmse", "mse", "mae", "fid", "kid", "dists", "msssim", "ms-ssim")
 PSNR_RANGE = (8.0, 70.0)
 """The range in which all numbers of a table without a name of a metric must lie to be read as PSNR."""
 
@@ -125,7 +127,7 @@ def metric_in(text: str) -> str | None:
     """Return the known metric that a text names as a word, in lower case."""
     words = re.findall(r"[a-z0-9_\-]+", text.lower())
     words += [part for word in words for part in word.split("_")]
-    return next((name for word in words for name in KNOWN if name == word), None)
+    return next((word for word in words if word in KNOWN), None)
 
 
 def _bare(name: str) -> str:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.records.metric_table import METRICS, POSSIBLE, PRIMARY
+from harness.records.metric_table import METRICS, PRIMARY, possible_range
 from harness.verdicts.tables.files import read_rows
-from harness.verdicts.tables.grids import AVERAGES
+from harness.verdicts.tables.grids import HIGHER, LOWER
 from harness.verdicts.tables.numbers import LARGEST, decimals, is_column_of_numbers, is_missing, number
 from harness.verdicts.tables.rows import Rows
 from scenes.files.errors import InputError
@@ -18,10 +18,8 @@ PROTOCOL = ("width", "resolution", "views", "view_set", "colour_space", "color_s
 """The columns that say how a score was made: scores of a scene that differ in one are not comparable."""
 KEYS = ("scene", "method", "seed", "steps", "seconds", "core_seconds", *PROTOCOL)
 """The columns that are not metrics."""
-LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
-LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer"}
-"""The metrics that are better when lower, also as part of a name, as in `lpips_vgg`."""
-HIGHER = {"psnr", "ssim", "iou", "msssim", "accuracy", "f1"}
+AVERAGES = ("mean", "average", "avg", "mean ↑", "overall", "all", "total")
+"""The names of scenes that hold means of the others."""
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
 """The smallest effect of interest of each known metric."""
 MOST_METHODS = 200
@@ -73,7 +71,7 @@ def table_of(
     averages = _averages(scenes, values)
     kept_scenes = [k for k in range(len(scenes)) if k not in averages and np.isfinite(values[:, k]).any()]
     there = np.isfinite(values[:, kept_scenes]).any(axis=(1, 2))
-    asked = range(len(names)) if not methods else [_place(name, names) for name in methods]
+    asked = range(len(names)) if not methods else [_place(name, names) for name in dict.fromkeys(methods)]
     kept = [k for k in asked if there[k]]
     notes = [f"{names[k]}: has no result, left out." for k in asked if not there[k]]
     if len(kept) < 2:
@@ -142,8 +140,7 @@ def _averages(scenes: list[str], values: np.ndarray) -> list[int]:
     others = [k for k in range(len(scenes)) if k not in named]
     if len(others) <= LEAST_AVERAGED or len(values) < 2:
         return named
-    counts = np.isfinite(values).sum(axis=2)
-    cells = np.where(counts > 0, np.nansum(values, axis=2) / np.maximum(counts, 1), np.nan)
+    cells = scene_means(values)
     tolerance = 1.01 * 10.0 ** -decimals(cells[np.isfinite(cells)].tolist())
     for place in {others[0], others[-1]}:
         rest = [k for k in others if k != place]
@@ -201,7 +198,9 @@ def _encode(rows: Rows, key: str) -> _Encoded:
         if key != "seed" and not name.strip():
             raise InputError(f"{rows.where(row)}: has no {key}")
         as_number = number(value) if key == "seed" else None
-        same = f"{as_number:g}" if as_number is not None else " ".join(name.split()).casefold()
+        same = " ".join(name.split()).casefold()
+        if as_number is not None:
+            same = f"{as_number:.0f}" if as_number.is_integer() else repr(as_number)
         spellings.setdefault(same, {})[name] = None
         codes.append(places.setdefault(same, len(places)))
     notes = [
@@ -243,7 +242,7 @@ def _numbers(rows: Rows, name: str) -> np.ndarray:
 
 
 def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
-    low, high = POSSIBLE.get(name, (-math.inf, math.inf))
+    low, high = possible_range(name)
     wrong = np.flatnonzero((scores < low) | (scores > high))
     if wrong.size:
         first = int(wrong[0])
@@ -251,6 +250,13 @@ def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
             f"{rows.where(first)}: {name} is {scores[first]:g}, but lies between {low:g} and {high:g} for any two "
             "images; correct it, or give the column another name"
         )
+
+
+def scene_means(values: np.ndarray) -> np.ndarray:
+    """Return the means [methods, scenes] over the known seeds of [methods, scenes, seeds]; NaN without a seed."""
+    there = np.isfinite(values)
+    counts = there.sum(axis=2)
+    return np.where(counts > 0, np.where(there, values, 0.0).sum(axis=2) / np.maximum(counts, 1), np.nan)
 
 
 def _mean(values: np.ndarray) -> float | None:

@@ -67,18 +67,10 @@ class Lens:
         k = tuple(values.get(f"k{number}", 0.0) for number in range(1, 7))
         parts = (k[:3], k[3:]) if model == "FULL_OPENCV" else (k[:4], ())
         radial, divisor = (part if any(part) else () for part in parts)
-        lens = Lens(
-            width,
-            height,
-            values["f"] if "f" in values else values["fx"],
-            values["f"] if "f" in values else values["fy"],
-            values["cx"],
-            values["cy"],
-            radial,
-            divisor,
-            (values.get("p1", 0.0), values.get("p2", 0.0)),
-            "FISHEYE" in model,
-        )
+        fx, fy = (values[name] for name in (("f", "f") if "f" in values else ("fx", "fy")))
+        tangential = values.get("p1", 0.0), values.get("p2", 0.0)
+        cx, cy = values["cx"], values["cy"]
+        lens = Lens(width, height, fx, fy, cx, cy, radial, divisor, tangential, "FISHEYE" in model)
         middles = lens.cx - width / 2, lens.cy - height / 2
         if max(abs(middle + 0.5) for middle in middles) < SAME and not (radial or divisor or any(lens.tangential)):
             # (w − 1) / 2 is the centre if pixels are counted from the middle of the first one
@@ -208,12 +200,17 @@ def looked_into(files: Sequence[Path]) -> tuple[int, list[str]]:
 def seen_size(file: Path, lens: Lens | None, pinhole: Lens | None) -> tuple[int, int]:
     """Return height and width of what `read_through` returns without a `width`; errors as in `read_through`."""
     stored = header(file)
+    return _seen(file, (stored.height, stored.width), lens, pinhole)
+
+
+def _seen(file: Path, stored: tuple[int, ...], lens: Lens | None, pinhole: Lens | None) -> tuple[int, int]:
+    """Return height and width of a picture of the size `stored` once it is resampled."""
+    height, width = stored
     if lens is None or pinhole is None:
-        return stored.height, stored.width
-    height, width = stored.height, stored.width
+        return height, width
     if abs(height - width * lens.height / lens.width) > max(1.0, lens.height / lens.width):  # rounding in either side
         remedy = "give the pictures that the cameras are meant for, or resized copies of the complete pictures"
-        if stored.orientation > 4:
+        if header(file).orientation > 4:
             remedy = "a viewer turns it by its EXIF orientation: save it so if the cameras are meant for that"
         raise InputError(f"{file}: {width} × {height} pixels, its camera has {lens.width} × {lens.height}; {remedy}")
     if lens.shows(pinhole):
@@ -228,8 +225,8 @@ def read_through(file: Path, lens: Lens | None, pinhole: Lens | None, channels: 
 
     Raises `InputError` if the sides do not have the lens's ratio, and as `display_levels`.
     """
-    _, seen = seen_size(file, lens, pinhole)
     levels = display_levels(file, channels)
+    _, seen = _seen(file, levels.shape[:2], lens, pinhole)
     if lens is None or pinhole is None or lens.shows(pinhole):
         return straight_at(levels, width)
     # no finer than the result needs, as all pixels of a photograph take seconds

@@ -277,7 +277,8 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
             f"{where}: mask_path is {shown(camera.mask_path)}; pixels cannot be left out of training: save the mask as "
             "the image's alpha channel where it cuts out an object, or remove mask_path to use every pixel"
         )
-    values = _distortion(camera, where)
+    model = _model(camera, where)
+    values = _distortion(camera, model, where)
     angle = camera.camera_angle_x
     if angle is not None:
         check_field_of_view(angle, f"{where}: camera_angle_x (in radians)")
@@ -287,9 +288,7 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
         raise InputError(f"{where}: fl_y without fl_x; give both, or only camera_angle_x")
     if not any(values.values()) and (camera.fl_x, camera.cx, camera.cy, camera.camera_angle_y) == (None,) * 4:
         return None, []
-    stored = None if camera.w and camera.h else header(image)
-    width = round(camera.w or (stored.width if stored else 0))
-    height = round(camera.h or (stored.height if stored else 0))
+    width, height = round(camera.w or header(image).width), round(camera.h or header(image).height)
     by_angle = None if angle is None else 0.5 * width / math.tan(angle / 2)
     fx = camera.fl_x if camera.fl_x is not None else by_angle
     assert fx is not None
@@ -297,7 +296,7 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
     values |= {"cx": width / 2 if camera.cx is None else camera.cx}
     values |= {"cy": height / 2 if camera.cy is None else camera.cy}
     notes = _redundant(camera, (fx, values["fy"]), (width, height), where)
-    return Lens.of(_model(camera, where), width, height, values), notes
+    return Lens.of(model, width, height, values), notes
 
 
 def _model(camera: Camera, where: str) -> str:
@@ -319,8 +318,8 @@ def _model(camera: Camera, where: str) -> str:
     return name
 
 
-def _distortion(camera: Camera, where: str) -> dict[str, float]:
-    """Return the parameters of distortion by name; raises `InputError` for those that no model that is read has."""
+def _distortion(camera: Camera, model: str, where: str) -> dict[str, float]:
+    """Return the parameters of distortion by name; raises `InputError` for those that the model does not have."""
     values = {key: getattr(camera, key) or 0.0 for key in DISTORTION}
     if listed := camera.distortion_params:
         if len(listed) > len(LISTED) and any(listed[len(LISTED) :]):
@@ -329,10 +328,10 @@ def _distortion(camera: Camera, where: str) -> dict[str, float]:
             if values[key] and abs(values[key] - value) > 1e-9:
                 raise InputError(f"{where}: {key} is {values[key]}, and {value} in distortion_params; correct one")
             values[key] = value
-    highest = 6 if _model(camera, where) == "FULL_OPENCV" else 4
+    highest = 6 if model == "FULL_OPENCV" else 4
     for key in (*(f"k{number}" for number in range(highest + 1, 7)), "p3", "p4"):
         if abs(values[key]) > 1e-9:
-            raise InputError(f"{where}: {key} is {values[key]}, which {_model(camera, where)} does not have; undistort")
+            raise InputError(f"{where}: {key} is {values[key]}, which {model} does not have; undistort")
     return values
 
 

@@ -11,7 +11,7 @@ from harness.records.judgements import JudgementRecord, Ranking, changed_pairs
 from harness.records.verdict import OPEN, Verdict
 from harness.verdicts.estimates.max_t import step_down_max_t
 from harness.verdicts.estimates.multiplicity import holm
-from harness.verdicts.judging.judgement import adjusted_means, judge, ranking, suspects, without
+from harness.verdicts.judging.judgement import adjusted_means, judge, letters_line, ranking, suspects, without
 from harness.verdicts.tables.result_table import ResultTable, read_table
 from tests.harness.shell import ROOT
 
@@ -90,6 +90,15 @@ def test_the_scenes_that_would_settle_a_sign_find_it_in_80_of_100_tables() -> No
     assert 0.77 < found / 2000 < 0.83
     (known,) = ranking(table_of(values + np.array([[9.0], [0.0]])), 0.0).pairs
     assert known.scenes_to_settle is None
+
+
+def test_without_letters_no_line_speaks_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = ranking(table_of(drawn(1)), margin=0.0)
+    assert letters_line(result) == "Two methods are distinguished unless they share a letter."
+    monkeypatch.setattr("harness.verdicts.estimates.max_t.MOST_LETTERS", 0)
+    without_letters = ranking(table_of(drawn(1, effect=0.5)), margin=0.0)
+    assert any(pair.distinguished for pair in without_letters.pairs)
+    assert letters_line(without_letters).startswith("No letters are given")
 
 
 @pytest.mark.parametrize("change", [-10.0, 10.0])

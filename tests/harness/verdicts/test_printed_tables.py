@@ -174,10 +174,15 @@ def gsplat(folder: Path, method: str, add: float) -> None:
 
 @pytest.mark.parametrize("write", [gaussian_splatting, ns_eval, gsplat])
 def test_files_of_other_trainers_are_read_as_they_lie(
-    write: Callable[[Path, str, float], None], tmp_path: Path
+    write: Callable[[Path, str, float], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for method, add in (("ours", 0.5), ("theirs", 0.0)):
         write(tmp_path, method, add)
+    (tmp_path / ".hidden").mkdir()
+    (tmp_path / ".hidden" / "results.json").write_text("{}")
+    (tmp_path / ".cache").mkdir()
+    monkeypatch.chdir(tmp_path / ".cache")
+    assert read_table([Path("..")]).methods == read_table([tmp_path]).methods
     table = read_table([tmp_path])
     assert (sorted(table.methods), sorted(table.scenes)) == (["ours", "theirs"], sorted(SCENES))
     ours, theirs = (table.values[table.methods.index(method), :, 0] for method in ("ours", "theirs"))
@@ -217,6 +222,8 @@ def test_seeds_are_numbers_and_methods_with_other_seeds_are_compared_by_their_me
     mixed = [row.replace("theirs,42", "theirs,0").replace("theirs,43", "theirs,1.0") for row in rows]
     same = read(tmp_path, "t.csv", "\n".join(row.replace("theirs,44", "theirs,2.0") for row in mixed))
     assert same.seeds == ["0", "1", "2"]
+    large = [row.replace(",0,", ",20260001,").replace(",1,", ",20260002,") for row in rows]
+    assert {"20260001", "20260002"} <= set(read(tmp_path, "t.csv", "\n".join(large)).seeds)
     assert judge(same, None, None, {}).given.pairs[0].on_these_scenes
 
 
@@ -238,6 +245,7 @@ def test_only_the_methods_that_are_asked_for_are_judged_together(tmp_path: Path)
     table = read_table([tmp_path / "t.csv"], methods=["3DGS", "Ours"])
     assert table.methods == ["3DGS", "Ours"]
     assert judge(table, None, None, {}).given.family == 1
+    assert read_table([tmp_path / "t.csv"], methods=["3DGS", "Ours", "3DGS"]).methods == table.methods
     with pytest.raises(InputError, match="--methods NeRF: no such method; methods of the table: Ours, 3DGS"):
         read_table([tmp_path / "t.csv"], methods=["NeRF", "Ours"])
 
