@@ -101,17 +101,13 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _noise(options: argparse.Namespace) -> None:
-    from scenes.rendering.noise_study import errors, rerender
+    from scenes.rendering.noise_study import rerender
     from scenes.rendering.variant import choose_variant
 
-    variant, settings = choose_variant(options.variant), (options.resolution, options.spp, options.reference_spp)
-    if not options.folders and not options.scenes:
-        raise InputError("noise: name view sets with --folders or scenes with --scenes")
-    for item in (*options.folders, *options.scenes):
-        repeats = options.repeats
-        rows = rerender(item, repeats, variant) if isinstance(item, Path) else errors(item, *settings, repeats, variant)
-        for row in rows:
-            print(json.dumps({"item": str(item), **asdict(row)}), flush=True)
+    variant = choose_variant(options.variant)
+    for folder in options.folders:
+        for row in rerender(folder, options.repeats, variant):
+            print(json.dumps({"item": str(folder), **asdict(row)}), flush=True)
 
 
 def _repeats(options: argparse.Namespace) -> None:
@@ -155,13 +151,9 @@ def _parser() -> argparse.ArgumentParser:
     integrators.add_argument("--resolution", type=int, default=100, metavar="PX")
     integrators.add_argument("--views", type=int, default=4, metavar="N")
     integrators.add_argument("--spp", type=int, default=64, metavar="N", help="samples per pixel")
-    noise = commands.add_parser("noise", help="noise of stored views, or error against samples, as JSON lines")
-    noise.add_argument("--folders", type=Path, nargs="+", default=[], metavar="DIR", help="render test views again")
-    noise.add_argument("--scenes", nargs="+", default=[], metavar="NAME", help="render a test view at each --spp")
-    noise.add_argument("--resolution", type=int, default=100, metavar="PX")
-    noise.add_argument("--spp", type=int, nargs="+", default=[1, 4, 16, 64, 256], metavar="N", help="samples per pixel")
-    noise.add_argument("--reference-spp", type=int, default=2048, metavar="N", help="reference samples per pixel")
-    noise.add_argument("--repeats", type=int, default=2, metavar="N", help="renders per view, one more with --scenes")
+    noise = commands.add_parser("noise", help="the noise of stored test views, from new renders, as JSON lines")
+    noise.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="rendered view sets")
+    noise.add_argument("--repeats", type=int, default=2, metavar="N", help="new renders of each view")
     repeats = commands.add_parser("repeats", help="render one view repeatedly with independent noise, as OUT/NAME.npy")
     repeats.add_argument("out", type=Path, metavar="OUT", help="folder to write to")
     repeats.add_argument("names", nargs="+", metavar="NAME")

@@ -48,7 +48,7 @@ python -m harness run --profile full --device cpu --dry-run {sets}
 python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
 python -m harness run {smoke} --scene-file docs/examples/my_scene.xml {tiny} --claim "nerf>=9dB" --out {here}/own {sets}
 python -m scenes integrators glass --resolution 8 --views 1 --spp 2
-python -m scenes noise --scenes lego --resolution 8 --spp 1 2 --reference-spp 4 --repeats 1
+python -m scenes noise {here}/sets/{set} --repeats 1
 python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
 nox -s stability -- --cases E1 --quick --out {here}/stability {sets} → 3

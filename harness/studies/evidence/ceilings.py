@@ -4,7 +4,7 @@ import math
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 from harness.execution.ground_truth import view_set_folders
 from harness.records.study import Table, check
@@ -17,7 +17,7 @@ from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError
 
 PrintedRows = dict[str, list[dict[str, Any]]]
-"""Folder or scene → the rows printed about it."""
+"""Folder → the rows printed about it."""
 TOLERANCE_DB = 0.1
 TRAINING = "objections"
 """The training whose view sets are examined, with those of the other classics at the same settings."""
@@ -26,7 +26,6 @@ REPEATS = 2
 
 
 def noise_rows(
-    kind: Literal["folders", "scenes"],
     items: Sequence[str],
     options: Sequence[str] = (),
     show: Callable[[str], None] = lambda line: None,
@@ -44,13 +43,13 @@ def noise_rows(
             show(f"rendering {row['scene']} ({len(rows) + 1} of {len(items)})")
         rows.setdefault(row["item"], []).append(row)
 
-    code, complaints = printed_rows(["noise", f"--{kind}", *items, *options], on_row, module=module)
+    code, complaints = printed_rows(["noise", *items, *options], on_row, module=module)
     if code < 0:
         show(f"rendering was ended by signal {-code}; continuing with scalar_rgb")
         if rows:
             rows.popitem()
         rest = [item for item in items if item not in rows]
-        words = ["noise", f"--{kind}", *rest, *options, "--variant", "scalar_rgb"]
+        words = ["noise", *rest, *options, "--variant", "scalar_rgb"]
         code, complaints = printed_rows(words, on_row, module=module)
     if code == 2:
         raise InputError(complaints.removeprefix("scenes: "))
@@ -96,7 +95,7 @@ def ceilings(context: EvidenceContext) -> Iterator[Found]:
     plan = replace(context.plan(TRAINING), scenes=tuple(CLASSICS)[: 2 if context.quick else None])
     folders = view_set_folders(plan, context.view_sets, context.show)
     items = [str(folders[name]) for name in plan.scenes]
-    rows = noise_rows("folders", items, ["--repeats", str(REPEATS)], context.show.line)
+    rows = noise_rows(items, ["--repeats", str(REPEATS)], context.show.line)
     agreements = [
         agreement(name, *([row[key] for row in rows[item]] for key in ("stored", "again", "halves")))
         for name, item in zip(plan.scenes, items, strict=True)

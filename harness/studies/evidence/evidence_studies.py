@@ -42,15 +42,6 @@ STUDIES: dict[str, Study] = catalogue(
            "Five readings of density with ten seeds in the scenes' own boxes, and thin scenes in cubes of up to "
            "twice their size. Trainings are short, as a collapse happens early.",
            "collapse:collapse", 2000, "box_own", "box_1_5", "box_1_8", "box_2_4"),
-    asking("rendering", "Error against time of rendering",
-           "Which quadrature rule and which sampler reach a given error first?",
-           "One trained field, rendered with every rule and sampler at growing numbers of samples, against a rendering "
-           "so fine that its own error is negligible.",
-           "work.rendering_work:rendering_work", 120, "no_encoding"),
-    asking("ground_truth", "Error against time of the ground truth",
-           "How much time does Mitsuba need for a given noise?",
-           "One view of every scene at growing numbers of samples per pixel, against a render with many more.",
-           "work.ground_truth_work:ground_truth_work", 120),
 )  # fmt: skip
 
 SHELF = Shelf("evidence", "studies", STUDIES, folders=(TRAININGS_FOLDER,), beside=True)

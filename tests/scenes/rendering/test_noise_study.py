@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.__main__ import main
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Scene
 from scenes.rendering import noise_study
-from scenes.rendering.noise_study import errors_of, rerender, rerender_noise
-from scenes.rendering.render import RenderError
+from scenes.rendering.noise_study import rerender, rerender_noise
 from scenes.rendering.variant import Variant
 from scenes.view_sets.manifest import read_manifest
 
@@ -58,24 +56,6 @@ def test_what_lies_above_white_has_no_noise() -> None:
     assert rerender_noise(Grey(level=3.0), stored, POSE, 16, 1, "test/r_0") == (0.0, 0.0)
 
 
-def test_the_variance_of_the_reference_is_taken_off() -> None:
-    """It has no more samples than the renders: left in, it would double their errors."""
-    rows = list(errors_of(Grey(), "grey", POSE, (4, 16), 16, 4, "none"))
-    assert [row.spp for row in rows] == [4, 16]
-    for row in rows:
-        assert (len(row.seconds), row.reference_spp) == (4, 16)
-        assert min(row.seconds) > 0
-        for measure, slope in (("display", SLOPE), ("linear", 1.0)):
-            assert len(row.mse[measure]) == 5
-            assert np.mean(row.mse[measure]) == pytest.approx((slope * SIGMA) ** 2 / row.spp, rel=0.1)
-            assert row.reference_mse[measure] == pytest.approx((slope * SIGMA) ** 2 / 16, rel=0.1)
-
-
-def test_a_render_that_is_not_finite_is_named() -> None:
-    with pytest.raises(RenderError, match="12288 values of a render are not finite"):
-        list(errors_of(Grey(level=np.nan), "grey", POSE, (4,), 16, 1, "none"))
-
-
 def test_test_views_of_a_view_set_are_rendered_again(
     stored_once: Path, tiny_scene: Scene, scalar: Variant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -92,9 +72,7 @@ def test_test_views_of_a_view_set_are_rendered_again(
         assert len({row.again, row.stored, row.halves}) == 3
 
 
-def test_wrong_input_is_named(
-    tmp_path: Path, scalar: Variant, render_tiny: Callable[..., Path], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_input_is_named(tmp_path: Path, scalar: Variant, render_tiny: Callable[..., Path]) -> None:
     with pytest.raises(InputError, match="not a rendered view set"):
         next(rerender(tmp_path, 1, scalar))
     with pytest.raises(InputError, match="--repeats 0"):
@@ -102,11 +80,3 @@ def test_wrong_input_is_named(
     without = render_tiny(tmp_path, counts={"train": 1, "val": 0, "test": 0})
     with pytest.raises(InputError, match="has no test views"):
         next(rerender(without, 1, scalar))
-    for arguments, message in (
-        ([], "name view sets with --folders or scenes with --scenes"),
-        (["--scenes", "lego", "--spp", "0"], "--spp 0"),
-        (["--scenes", "lego", "--reference-spp", "1"], "--reference-spp 1"),
-        (["--scenes", "nothing"], "unknown scene 'nothing'"),
-    ):
-        assert main(["noise", *arguments, "--variant", "scalar_rgb"]) == 2
-        assert message in capsys.readouterr().err

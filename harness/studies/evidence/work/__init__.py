@@ -1,1 +1,0 @@
-"""Error against time: of rendering a field, and of the ground truth."""
