@@ -24,8 +24,8 @@ from scenes.files.stopping import stop_on_signals
 
 if TYPE_CHECKING:
     from harness.records.study import Studies
-    from reports.data.beside import Beside
     from reports.data.load import Records
+    from reports.data.shelf_records import ShelfRecords
     from reports.studies.study_page import ShelfShown
 
 Show = Callable[[str], None]
@@ -125,13 +125,13 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
         if not any((out / file).exists() for file in (*SHELVES.values(), records_folder(out).name)):
             return 0
 
-    from reports.data.beside import Beside
-    from reports.data.kept_pictures import damaged as damaged_pictures
-    from reports.data.load import NoRecords, if_sound, read_records
+    from reports.data.load import NoRecords, if_valid, read_records
+    from reports.data.saved_pictures import damaged as damaged_pictures
+    from reports.data.shelf_records import ShelfRecords
     from reports.data.studies_load import find_studies
 
     damaged: list[str] | None = [] if partly else None
-    read = {shelf: if_sound(partial(find_studies, out, shelf), None, damaged) for shelf in SHELVES}
+    read = {shelf: if_valid(partial(find_studies, out, shelf), None, damaged) for shelf in SHELVES}
     studies = {shelf: record for shelf, record in read.items() if record is not None}
     if publish is not None:
         for record in studies.values():
@@ -154,12 +154,12 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
     shown = {shelf: shelf_shown(record, out) for shelf, record in studies.items()}
     failed = [build_shelf(shelf, out, publish, records is not None, show) for shelf in shown.values()]
     if records is not None:
-        beside = Beside(*(studies.get(shelf) for shelf in ("stability", "evidence", "serving")))
-        failed.append(build_report(records, publish, beside, shown, show))
+        shelves = ShelfRecords(*(studies.get(shelf) for shelf in ("stability", "evidence", "serving")))
+        failed.append(build_report(records, publish, shelves, shown, show))
         if export is not None:
             from reports.run.saving.export import write_export
 
-            write_export(records, export, beside)
+            write_export(records, export, shelves)
             _say(export)
     elif export is not None:
         raise NoRecords(f"{out}: --export writes the figures of a run, but there is no run; leave it out")
@@ -206,17 +206,17 @@ def build_shelf(shown: "ShelfShown", out: Path, publish: Path | None, has_report
 
 
 def build_report(
-    records: "Records", publish: Path | None, beside: "Beside", shown: "dict[str, ShelfShown]", show: Show
+    records: "Records", publish: Path | None, shelves: "ShelfRecords", shown: "dict[str, ShelfShown]", show: Show
 ) -> bool:
     from reports.claims.headline import headline
     from reports.run.run_page import write_page
     from reports.run.saving.publish import write_published, write_summary
 
     out = records.out
-    write_summary(records, out / "summary.json", beside)
-    write_page(records, out / "report.html", beside, shown)
+    write_summary(records, out / "summary.json", shelves)
+    write_page(records, out / "report.html", shelves, shown)
     if publish is not None:
-        write_published(records, publish, beside)
+        write_published(records, publish, shelves)
     show(headline(records).title)
     for cell in records.failed:
         show(f"{cell.scene}, {cell.method}, seed {cell.seed}: {cell.status} ({cell.reason or 'no reason recorded'})")

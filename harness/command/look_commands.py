@@ -44,7 +44,7 @@ def run_view(options: argparse.Namespace, show: "Progress") -> int:
 
 def _serve_view(options: argparse.Namespace, show: "Progress") -> None:
     from harness.machine.device import chosen_device, rendering_threads, use_threads
-    from harness.viewer.asked import LARGEST_WIDTH
+    from harness.viewer.requests import LARGEST_WIDTH
     from harness.viewer.shown_run import ShownRun
 
     require_between(options, port=(0, 65535), threads=(1, 256), resolution=(8, LARGEST_WIDTH))

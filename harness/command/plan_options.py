@@ -137,7 +137,9 @@ def _changes() -> dict[str, Change]:
         "scene_file": _with_scene_file,
         "render_limit": lambda plan, seconds: replace(plan, render_limit=seconds if plan.scene_file else None),
         # a user who names methods wants only these
-        "methods": lambda plan, names: replace(plan.alone(), methods=known_names("--methods", names, method_names())),
+        "methods": lambda plan, names: replace(
+            plan.without_extras(), methods=known_names("--methods", names, method_names())
+        ),
         "seeds": lambda plan, count: replace(plan, seeds=tuple(range(count))),
         "first_seed": lambda plan, first: replace(plan, seeds=tuple(range(first, first + len(plan.seeds)))),
         "budget_steps": budget("steps"),
@@ -222,7 +224,7 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
             raise InputError(f"{' '.join(seen)}: {error}") from error
     plan = planned(options.profile, **values)
     if options.command != "run":  # further methods and the guest explain only the result of a run
-        plan = plan.alone()
+        plan = plan.without_extras()
     # last, as it may join a cluster
     device, bfloat16 = device_and_bfloat16(options, *say)
     if options.precision == "auto" and not bfloat16:

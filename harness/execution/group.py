@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from harness.plan.group_task import GroupTask
-from harness.records.cells import CellRecord, cell_path, unscored, with_files, write_cell
+from harness.records.cells import CellRecord, cell_path, empty_cell, with_files, write_cell
 from harness.records.snapshot import drop_ended
 from scenes.files.errors import InputError
 
@@ -70,7 +70,7 @@ def missing_methods(task: GroupTask) -> tuple[str, ...]:
 
 def failed_cells(task: GroupTask, reason: str) -> list[CellRecord]:
     """Write and return a record of status `error` for each method of the group without a record."""
-    cells = [unscored(task.scene, method, task.seed, "error", reason) for method in missing_methods(task)]
+    cells = [empty_cell(task.scene, method, task.seed, "error", reason) for method in missing_methods(task)]
     for cell in cells:
         write_cell(task.out, cell)
     return cells

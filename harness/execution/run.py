@@ -16,7 +16,7 @@ from harness.execution.local_executor import run_locally
 from harness.execution.progress import Progress
 from harness.execution.run_record import measured_at_printed_size, scene_record
 from harness.machine.device import use_threads
-from harness.machine.mixed_code import clocks_apart, code_apart, made_elsewhere
+from harness.machine.mixed_cells import mixed_hardware, mixed_sources, stale_cells
 from harness.machine.provenance import provenance
 from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
@@ -123,7 +123,7 @@ def _read_view_sets(
 
 def _write(out: Path, keys: list[Key], record: RunRecord, phases: Phases, finished: bool = False) -> None:
     cells = list(read_cells_of(out, keys))
-    not_tested = [*record.not_tested, *clocks_apart(cells), *code_apart(cells)]
+    not_tested = [*record.not_tested, *mixed_hardware(cells), *mixed_sources(cells)]
     write_run(out, structs.replace(record, phases=phases.seconds(), finished=finished, not_tested=not_tested))
 
 
@@ -136,8 +136,8 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
         del kept[key]
     missing = [replace(task, methods=methods) for task in tasks if (methods := missing_methods(task))]
     cells = list(kept.values())
-    elsewhere = made_elsewhere(cells, origin, out)
-    if elsewhere and (missing or code_apart(cells)):
+    elsewhere = stale_cells(cells, origin, out)
+    if elsewhere and (missing or mixed_sources(cells)):
         show.line(elsewhere)
     show.start_training(len(keys), sum(len(task.methods) for task in missing))
     for event in _events(missing, machine, origin["commit"], show):

@@ -22,7 +22,7 @@ from harness.training.scoring.evaluate import floor_psnr
 from harness.training.scoring.metrics import psnr_from_mse
 from scenes.modelling.needs import left_out
 from scenes.view_sets.cautions import cautions
-from scenes.view_sets.sight import sight
+from scenes.view_sets.visibility import visibility_of
 
 
 def measured_at_printed_size(file: ClaimFile) -> ClaimFile:
@@ -55,7 +55,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
     """
     scene, out = task.scene, task.out
     views = read_views(task.view_set, task.views, out)
-    seen = sight(views)
+    seen = visibility_of(views)
     cautioned = cautions(views, seen)  # refuses cameras that see nothing, before anything is written
     if not finished_on(out, [key for key in keys if key[0] == scene], views):
         drop_truth(out, scene)

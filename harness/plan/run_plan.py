@@ -130,7 +130,7 @@ class Plan:
         """Return (scene, method, seed) of the guest's cells."""
         return [(scene, guest, self.seeds[0]) for guest in self.guests for scene in self.scenes]
 
-    def alone(self) -> "Plan":
+    def without_extras(self) -> "Plan":
         """Return the plan without further methods and guest."""
         return replace(self, extras=(), guest=None)
 

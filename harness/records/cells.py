@@ -470,7 +470,7 @@ def read_comparisons(out: Path, cells: Iterable[CellRecord] = ()) -> list[Compar
     return record.rows
 
 
-def unscored(scene: str, method: str, seed: int, status: Status, reason: str) -> CellRecord:
+def empty_cell(scene: str, method: str, seed: int, status: Status, reason: str) -> CellRecord:
     """Return the record of a cell that has no steps, scores or weights, with the reason."""
     return CellRecord(
         scene, method, seed, status, reason, steps=0, train_seconds=0.0, scores={}, curve=[], views=[], trace={},

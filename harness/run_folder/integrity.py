@@ -44,7 +44,7 @@ def sweep(out: Path) -> int:
     return sum(remove_leftovers(out / folder) for folder in (".", *FOLDERS)) + remove_abandoned(out)
 
 
-def mend(out: Path, plan: Plan, say: Say) -> None:
+def repair(out: Path, plan: Plan, say: Say) -> None:
     """Repair the folder, so that it holds only valid files; reports each fault and its remedy.
 
     Raises `OSError` if a file cannot be moved, and `InputError` if OUT/damaged is a file.
@@ -52,7 +52,7 @@ def mend(out: Path, plan: Plan, say: Say) -> None:
     for folder in FOLDERS:
         if (out / folder).exists() and not (out / folder).is_dir():
             say(f"{folder}: is not a folder; moved to {DAMAGED}")
-            aside(out, folder)
+            quarantine(out, folder)
     sweep(out)
     cells = files = 0
     for scene, method, seed in plan.cells():
@@ -68,13 +68,13 @@ def mend(out: Path, plan: Plan, say: Say) -> None:
         if wrong is not None:
             say(f"{wrong}: {scene}, {method}, seed {seed} is trained again")
             for name in (path.relative_to(out).as_posix(), *names):
-                aside(out, name)
+                quarantine(out, name)
         elif cell is not None:
             cells, files = cells + 1, files + len(cell.files)
         else:
             for name in names:  # an unfinished cell writes its files again
                 if (out / name).is_dir():
-                    aside(out, name)
+                    quarantine(out, name)
     _move_aside(out, _other_faults(out, plan), say)
     say(f"{cells} finished cells and their {files} files are valid")
 
@@ -82,7 +82,7 @@ def mend(out: Path, plan: Plan, say: Say) -> None:
 def _move_aside(out: Path, faults: Iterator[tuple[str, str]], say: Say) -> None:
     for name, wrong in faults:
         say(wrong)
-        aside(out, name)
+        quarantine(out, name)
 
 
 def plan_of_cells(out: Path, plan: Plan) -> list[str]:
@@ -174,7 +174,7 @@ def reason_of(error: Exception, path: Path) -> str:
     return " ".join(str(error).split()).removeprefix(f"{path}: ").rsplit("; ", 1)[0][:200]
 
 
-def aside(out: Path, name: str) -> None:
+def quarantine(out: Path, name: str) -> None:
     """Move a file or folder, if it exists, to OUT/damaged under a free name."""
     path = out / name
     if not (path.exists() or path.is_symlink()):

@@ -13,7 +13,7 @@ from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import records_folder
 from harness.records.json_record import load_record, shown, write_record
 from harness.run_folder.folder_lock import LOCK_FILE, locked_folder
-from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells, reason_of, sweep
+from harness.run_folder.integrity import DAMAGED, plan_of_cells, quarantine, reason_of, repair, sweep
 from scenes.files.atomic import replacing
 from scenes.files.errors import DamagedRecord, InputError
 
@@ -57,26 +57,26 @@ def make_ours(out: Path, remedy: str = "name another one") -> None:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}); name another folder") from error
 
 
-def gone_on_with(
+def resumable_record(
     out: Path,
     file: str,
     resume: bool,
     read: Callable[[Path], Record],
     say: Callable[[str], None],
-    beside: bool = False,
+    in_run_folder: bool = False,
     folders: tuple[str, ...] = (),
 ) -> Record | None:
     """Claim the folder for a measurement whose only record is `file`; returns the record to resume, None for a fresh
     start.
 
-    With `beside`, OUT may be the folder of a finished run that lacks `file`. With `resume`, a damaged record is
+    With `in_run_folder`, OUT may be the folder of a finished run that lacks `file`. With `resume`, a damaged record is
     reported and moved to OUT/damaged, and the measurement starts afresh; likewise if the record is missing, but one of
     `folders` or an earlier damaged record shows that OUT belongs to the measurement. Raises `InputError` for a folder
     that is in use, and with `resume` for one without the record.
     """
     path = out / file
     if not resume:
-        if not (beside and (records_folder(out) / "run.json").exists() and not path.exists()):
+        if not (in_run_folder and (records_folder(out) / "run.json").exists() and not path.exists()):
             make_ours(out, "name another one, or add --resume")
         return None
     if not path.exists():
@@ -91,7 +91,7 @@ def gone_on_with(
         return read(path)
     except DamagedRecord as error:
         say(f"{file}: {reason_of(error, path)}: everything in it is measured again")
-        aside(out, file)
+        quarantine(out, file)
     return None
 
 
@@ -108,7 +108,7 @@ def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable
             if lost is not None:
                 say(f"records/plan.json: {lost}: written again from the options, which match the finished cells")
             if resume:
-                mend(out, plan, say)
+                repair(out, plan, say)
             yield
         except InputError:
             release(out)
@@ -171,7 +171,7 @@ def _same_plan(out: Path, plan: Plan, started_with: dict[str, object]) -> str | 
                 f"({unlike[0]}); use the same options or a new folder"
             ) from error
         if path.is_dir():
-            aside(out, path.relative_to(out).as_posix())
+            quarantine(out, path.relative_to(out).as_posix())
         return "missing" if isinstance(error, FileNotFoundError) else str(error)
     now = json.loads(json.dumps(started_with))
     if any(settings.get("machine", {}).get("executor") for settings in (before, now)):

@@ -62,9 +62,9 @@ class Shelf:
     studies: dict[str, Study]
     folders: tuple[str, ...] = ()
     """The folders under OUT that only this shelf writes: OUT is known by them."""
-    beside: bool = False
+    in_run_folder: bool = False
     """Whether OUT may also hold a run, whose report then includes the shelf."""
-    anew: bool = False
+    replaces: bool = False
     """Whether an existing record is replaced unless it is resumed."""
     resumes: bool = True
     """Whether a stopped measurement can be resumed and reported."""
@@ -239,18 +239,20 @@ def list_lines(shelf: Shelf) -> list[str]:
 def _claimed(shelf: Shelf, context: StudyContext, resume: bool) -> Studies:
     """Return the record to resume, or a fresh one; raises `InputError`."""
     from harness.machine.provenance import provenance
-    from harness.run_folder.integrity import aside
-    from harness.run_folder.output_folder import gone_on_with
+    from harness.run_folder.integrity import quarantine
+    from harness.run_folder.output_folder import resumable_record
 
     out, settings = context.out, json.loads(json.dumps(context.settings()))
     say = context.show.line
-    if shelf.anew and not resume:
+    if shelf.replaces and not resume:
         try:
             read_studies(out / shelf.file)
             (out / shelf.file).unlink()
         except DamagedRecord:
-            aside(out, shelf.file)
-    record = gone_on_with(out, shelf.file, resume, read_studies, say, beside=shelf.beside, folders=shelf.folders)
+            quarantine(out, shelf.file)
+    record = resumable_record(
+        out, shelf.file, resume, read_studies, say, in_run_folder=shelf.in_run_folder, folders=shelf.folders
+    )
     if record is None:
         record = Studies(shelf.name, provenance(context.device), settings)
         write_studies(out / shelf.file, record)

@@ -17,7 +17,7 @@ from harness.machine.provenance import provenance
 from harness.plan.run_plan import Plan
 from harness.records.cells import CellRecord, SceneRecord, cell_path, read_cells, read_cells_of, read_run
 from harness.records.study import Studies
-from harness.run_folder.integrity import DAMAGED, aside, mend, plan_of_cells
+from harness.run_folder.integrity import DAMAGED, plan_of_cells, quarantine, repair
 from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, StudyContext
 from scenes.files.errors import DamagedRecord
 
@@ -49,7 +49,7 @@ class TrainedContext(StudyContext):
         plan, folder = self.plan(name), folder_of(self.out, name)
         if is_of_another_plan(folder, plan):
             self.show.line(f"{folder}: of another plan, moved to {self.out / DAMAGED}: trained again")
-            aside(self.out, folder.relative_to(self.out).as_posix())
+            quarantine(self.out, folder.relative_to(self.out).as_posix())
         if lacks_cells(folder, plan):
             folder.mkdir(parents=True, exist_ok=True)
             execution.run(plan, folder, self.view_sets, self.machine, self.command, self.show)
@@ -63,7 +63,7 @@ class TrainedContext(StudyContext):
         plan, folder = self.plan(name), folder_of(self.out, name)
         if not folder.exists() or is_of_another_plan(folder, plan):
             return False
-        mend(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
+        repair(folder, plan, lambda line: self.show.line(f"{name}: {line}"))
         return lacks_cells(folder, plan)
 
     def trainings(self, *studies: Study) -> list[str]:

@@ -10,7 +10,7 @@ from harness.plan.group_task import GroupTask
 from harness.plan.needed import for_scene
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
-from harness.records.cells import CellRecord, unscored
+from harness.records.cells import CellRecord, empty_cell
 from harness.training.batches import Batches
 from harness.training.cell_training import CellTraining, IncompatibleSnapshot
 from harness.training.checkpoints import Keeping
@@ -82,12 +82,12 @@ def _started(
         with left_as_it_was():
             runner = fresh(method)
     except NotAvailable as missing:
-        return unscored(task.scene, method, task.seed, "not_available", str(missing))
+        return empty_cell(task.scene, method, task.seed, "not_available", str(missing))
     except InputError:
         raise
     except (Exception, SystemExit) as error:
         reason = f"{type(error).__name__} before the first step: {error}"
-        return unscored(task.scene, method, task.seed, "error", reason)
+        return empty_cell(task.scene, method, task.seed, "error", reason)
     if (failed := runner.warm_up()) is not None:
         return failed
     try:

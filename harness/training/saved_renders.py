@@ -44,7 +44,7 @@ version.
 """
 
 
-def kept_views(test: Split, count: int) -> list[int]:
+def saved_views(test: Split, count: int) -> list[int]:
     """Return indices of at most `count` evenly spread test views, the same for every cell of a scene; fewer or none if
     the file of their truth would be too large.
     """
@@ -77,7 +77,7 @@ def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
     """
     test = views.test
     now = []
-    for index in kept_views(test, count):
+    for index in saved_views(test, count):
         name, rgba = test.names[index], test.rgba[index]
         light = linear_over_white(views, name)
         linear = None if light is None else half(light)
@@ -122,7 +122,7 @@ class KeptRenders:
 
     @staticmethod
     def of(test: Split, count: int, seed: int, checkpoints: int) -> "KeptRenders":
-        chosen = kept_views(test, count)
+        chosen = saved_views(test, count)
         fits = checkpoints * len(chosen) * _pixels(test) * RENDER_BYTES <= ROOM
         is_first = seed == EVERY_CHECKPOINT_SEED
         return KeptRenders(chosen, test.names, fits and is_first, turned(test) if chosen and is_first else [])

@@ -21,7 +21,7 @@ Table = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Situation:
+class Condition:
     """Cells, and the budget at which their methods are compared."""
 
     cells: list[CellRecord]
@@ -45,7 +45,7 @@ class Change:
 
 
 def change(
-    method: str, against: str, before: Situation, after: Situation, metric: str = PRIMARY, family: int = 1
+    method: str, against: str, before: Condition, after: Condition, metric: str = PRIMARY, family: int = 1
 ) -> Change | None:
     """Return the change of a difference, one of `family` that are judged together; None without a shared scene."""
     tables, seeds = [], []
@@ -56,7 +56,7 @@ def change(
     return change_of(method, against, *tables, paired=seeds[0] == seeds[1], metric=metric, family=family)
 
 
-def changes(methods: Iterable[str], before: Situation, after: Situation, metric: str = PRIMARY) -> list[Change]:
+def changes(methods: Iterable[str], before: Condition, after: Condition, metric: str = PRIMARY) -> list[Change]:
     """Return the changes of all compared pairs of `methods`, which form a family."""
     pairs = USUAL.pairs(methods)
     all_changes = (change(*pair, before, after, metric, len(pairs)) for pair in pairs)

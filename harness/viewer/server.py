@@ -22,7 +22,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response, Strea
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from harness.viewer.asked import LARGEST_BODY, BadRequest, ViewRequest, parsed, view_number
+from harness.viewer.requests import LARGEST_BODY, BadRequest, ViewRequest, parsed, view_number
 from harness.viewer.shown_run import ShownRun
 from harness.viewer.wire import message
 

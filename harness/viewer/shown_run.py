@@ -18,8 +18,8 @@ from harness.playback.store import ViewStore
 from harness.records.cells import SceneRecord, cell_path, read_cell
 from harness.training.batches import Camera
 from harness.viewer import engine
-from harness.viewer.asked import LARGEST_WIDTH, BadRequest, Orbit, ViewRequest, covering, orbit_of
 from harness.viewer.attended import ATTENTIONS
+from harness.viewer.requests import LARGEST_WIDTH, BadRequest, Orbit, ViewRequest, covering, orbit_of
 from harness.viewer.wire import frame_message, message, picture_message
 from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.pixels import over_white

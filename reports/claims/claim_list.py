@@ -11,9 +11,9 @@ from harness.records.claims import QUANTITIES, Statement
 from reports.claims import arithmetic, scores, serving
 from reports.claims import time as times
 from reports.claims.ledger import Bench, Claim, Finding, claim_of
-from reports.data.beside import ALONE, Beside
 from reports.data.load import Records
 from reports.data.scale import in_a_line
+from reports.data.shelf_records import NO_SHELVES, ShelfRecords
 from reports.data.wording import UNTESTED, VERDICTS, Verdict, number, signed
 
 KINDS = {
@@ -50,10 +50,10 @@ RULES: dict[str, tuple[str, Judge]] = {
 """Quantity of a claim → its kind of statement, and its judge."""
 
 
-def claims(records: Records, beside: Beside = ALONE) -> list[Claim]:
+def claims(records: Records, shelves: ShelfRecords = NO_SHELVES) -> list[Claim]:
     here = in_a_line(records)
     benches = [
-        Bench(records, file, beside.evidence, records.targets, beside.serving) for file in records.run.claims or []
+        Bench(records, file, shelves.evidence, records.targets, shelves.serving) for file in records.run.claims or []
     ]
     return [_claim(bench, entry, here) for bench in benches for entry in bench.file.claims]
 

@@ -14,9 +14,9 @@ from harness.records.study import Studies
 from reports.claims.estimands import SENSES, between, difference_in_words
 from reports.claims.ledger import Claim, by_cause
 from reports.claims.table import LOOKS, in_a_sentence, measured_entry, printed_entry, printed_text
-from reports.data.beside import Beside
 from reports.data.load import Records
 from reports.data.scale import in_a_line
+from reports.data.shelf_records import ShelfRecords
 from reports.data.wording import NARROW, UNTESTED, counted, listed, number
 from reports.page.grid import Entry
 from reports.studies.check_words import describe
@@ -49,7 +49,7 @@ class FirstScreen(NamedTuple):
     tally: str
 
 
-def first_screen(records: Records, claims: list[Claim], beside: Beside) -> FirstScreen:
+def first_screen(records: Records, claims: list[Claim], shelves: ShelfRecords) -> FirstScreen:
     shown, here, lines = principal(records, claims), in_a_line(records), []
     for words, claim in shown:
         if claim.verdict != UNTESTED:
@@ -61,7 +61,7 @@ def first_screen(records: Records, claims: list[Claim], beside: Beside) -> First
     return FirstScreen(
         question(records, claims),
         lines,
-        how_sure(records, beside.evidence),
+        how_sure(records, shelves.evidence),
         guests(records),
         [sentence for sentence, _ in by_cause([claim for _, claim in shown])],
         in_a_sentence(claims),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from harness.records.cells import Budget, Comparison
 from harness.records.verdict import phrase_with
-from harness.verdicts.changes import Situation, change
+from harness.verdicts.changes import Condition, change
 from harness.verdicts.headline_family import headline_budgets
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
@@ -173,7 +173,7 @@ def from_steps_to_time(records: Records, method: str) -> list[str]:
     """State how each difference of `method` changes from equal steps to equal time, judged as a change."""
     steps, time = budgets_of(records)
     pairs = [(duel.method, duel.against) for duel in duels(records) if duel.method == method]
-    before, after = Situation(records.cells, steps), Situation(records.cells, time)
+    before, after = Condition(records.cells, steps), Condition(records.cells, time)
     changes = [change(*pair, before, after, family=len(pairs)) for pair in pairs]
     stated = [change_in_words(known) for known in changes if known is not None]
     return [f"From equal steps to {BUDGETS[time]}: {'; '.join(stated)}."] if stated else []

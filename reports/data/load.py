@@ -148,16 +148,16 @@ def read_records(out: Path, partly: bool = False) -> Records:
     if run.claims is None:
         run = structs.replace(run, claims=claims_of(run.methods, ()), roles=usual_roles())
     left_out: list[str] | None = [] if partly else None
-    cells = [cell for path in paths if (cell := if_sound(partial(read_cell, path), None, left_out)) is not None]
+    cells = [cell for path in paths if (cell := if_valid(partial(read_cell, path), None, left_out)) is not None]
     if not cells:
         raise NoRecords(f"{folder}: no finished cell is valid; {finish}")
-    comparisons: list[Comparison] = if_sound(partial(read_comparisons, out, cells), [], left_out)
+    comparisons: list[Comparison] = if_valid(partial(read_comparisons, out, cells), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
     known = _in_order(run.main_methods, (cell.method for cell in cells if cell.method not in extra))
-    targets = if_sound(partial(_targets, out, known, cells), None, left_out)
+    targets = if_valid(partial(_targets, out, known, cells), None, left_out)
     if len(cells) < len(paths):  # the recorded ones include cells that are not shown
         compared = [name for name in run.methods if name not in run.guests]
-        comparisons, targets = compare(of_whole_groups(cells, run.main_methods), compared, run.roles), None
+        comparisons, targets = compare(in_complete_groups(cells, run.main_methods), compared, run.roles), None
     scenes = _in_order([scene.name for scene in run.scenes], (cell.scene for cell in cells))
     methods = [*known, *run.methods]
     cells.sort(key=lambda cell: (scenes.index(cell.scene), methods.index(cell.method), cell.seed))
@@ -174,7 +174,7 @@ def read_records(out: Path, partly: bool = False) -> Records:
     )
 
 
-def of_whole_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRecord]:
+def in_complete_groups(cells: list[CellRecord], methods: list[str]) -> list[CellRecord]:
     """Return the cells of scenes and seeds that have every method: only these are compared."""
     ended = Counter((cell.scene, cell.seed) for cell in cells if cell.method in methods)
     return [cell for cell in cells if ended[cell.scene, cell.seed] == len(methods)]
@@ -194,7 +194,7 @@ def _in_order(first: list[str], then: Iterable[str]) -> list[str]:
     return list(dict.fromkeys([*first, *sorted(set(then) - set(first))]))
 
 
-def if_sound(read: Callable[[], Value], without: Value, left_out: list[str] | None) -> Value:
+def if_valid(read: Callable[[], Value], without: Value, left_out: list[str] | None) -> Value:
     """Return what `read` returns; for a `DamagedRecord` `without`, and a line in `left_out` unless that is None."""
     try:
         return read()

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reports.data.kept_pictures import inside
+from reports.data.saved_pictures import inside
 
 Picture = NDArray[np.float64]
 """A picture `[height, width, 3]`, display colour, 0 … 1."""

@@ -17,9 +17,9 @@ import numpy as np
 from harness.records.cells import CellRecord, SceneRecord
 from harness.records.pictures import Render, Truth, last_of
 from reports.data import packing
-from reports.data.kept_pictures import NOT_KEPT, Kept, kept
 from reports.data.load import Records
 from reports.data.packing import Packed
+from reports.data.saved_pictures import NOT_KEPT, Kept, kept
 from reports.data.wording import counted, number
 from reports.drawing.images import Picture, data_uri, delta_e, side_for, smaller
 from reports.drawing.palette import colours_of

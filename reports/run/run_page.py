@@ -17,11 +17,11 @@ from reports.claims.ledger import Claim, in_short, not_tested
 from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters, folds
 from reports.data import glossary, wording
-from reports.data.beside import ALONE, Beside
 from reports.data.load import Records
 from reports.data.packing import as_data
 from reports.data.scale import compared_with, facts, in_a_line, is_at_scale, standing
 from reports.data.selection import behind_difference
+from reports.data.shelf_records import NO_SHELVES, ShelfRecords
 from reports.drawing.figure import plots
 from reports.drawing.palette import colours_of
 from reports.page import shell
@@ -78,25 +78,25 @@ CLAIMS = Markup(
 )
 
 
-def page(records: Records, beside: Beside = ALONE) -> str:
+def page(records: Records, shelves: ShelfRecords = NO_SHELVES) -> str:
     """Return the complete page as text, with a section for each record of `beside`."""
-    return _page(records, beside, picture_data(records), {})
+    return _page(records, shelves, picture_data(records), {})
 
 
-def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
+def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
     layout = Layout(colours_of([*records.methods, *records.run.guests]))
     filters = {"signed": wording.signed, "interval": wording.interval, "tone_of_sign": wording.tone_of_sign}
     filters |= {"phrase_with": phrase_with, "as_data": as_data, "behind": behind_difference}
     layout.environment.filters.update(filters)
-    run, ledger = records.run, claims(records, beside)
-    studies = [record for record in (beside.evidence, beside.stability, beside.serving) if record is not None]
-    shelves = {record.shelf: shown.get(record.shelf) or shelf_shown(record, records.out) for record in studies}
+    run, ledger = records.run, claims(records, shelves)
+    studies = [record for record in (shelves.evidence, shelves.stability, shelves.serving) if record is not None]
+    shown = {record.shelf: shown.get(record.shelf) or shelf_shown(record, records.out) for record in studies}
     work, missing = diagrams(records), not_tested(run.not_tested, ledger)
     answer, source = headline(records), compared_with(records)
     return layout.page(
         "page.html",
         answer.title,
-        _sections(_Content(records, layout, ledger, shelves, pixels, work)),
+        _sections(_Content(records, layout, ledger, shown, pixels, work)),
         provenance(records),
         fold_origins=True,
         scripts=SCRIPTS,
@@ -107,7 +107,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         headline=answer,
         equal_time=wording.BUDGETS[budgets_of(records)[1]],
         ruler_like=any(duel.steps and duel.steps.scenes_like_these for duel in answer.duels),
-        first=first_screen(records, ledger, beside),
+        first=first_screen(records, ledger, shelves),
         facts=facts(records),
         scale=in_a_line(records),
         source=source,
@@ -120,7 +120,7 @@ def _page(records: Records, beside: Beside, pixels: PictureData | None, shown: d
         warned=sum(bool(cell.all_warnings) for cell in records.cells),
         warning_kinds=metrics_table.warning_kinds(records),
         waiting=metrics_table.waiting(records),
-        shelves=shelves.values(),
+        shelves=shown.values(),
         pages_beside=[
             (page_of(shelf), words.link) for shelf, words in WORDS.items() if (records.out / SHELVES[shelf]).is_file()
         ],
@@ -276,7 +276,7 @@ def provenance(records: Records) -> shell.Groups:
 
 
 def write_page(
-    records: Records, path: Path, beside: Beside = ALONE, shown: dict[str, ShelfShown] | None = None
+    records: Records, path: Path, shelves: ShelfRecords = NO_SHELVES, shown: dict[str, ShelfShown] | None = None
 ) -> None:
     """Write the pictures, then the page, each atomically: a reader never sees an incomplete page.
 
@@ -285,5 +285,5 @@ def write_page(
     pixels = picture_data(records)
     files = pixels.files if pixels else {}
     write_files(files, path.parent)
-    write_atomically(path, _page(records, beside, pixels, shown or {}), fsync=False)
+    write_atomically(path, _page(records, shelves, pixels, shown or {}), fsync=False)
     remove_others(files, path.parent)

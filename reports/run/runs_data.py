@@ -2,7 +2,7 @@
 
 from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS
-from reports.data.load import Records, of_whole_groups
+from reports.data.load import Records, in_complete_groups
 from reports.data.table import SCORES
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import rounded
@@ -21,7 +21,7 @@ DENSITY = ("before", "after", "before_inside", "after_inside", "before_outside",
 def runs_data(records: Records) -> dict[str, object]:
     """Return scores and curves in columns, a list per name, so that names are not repeated for every value."""
     differing = settings_that_differ(records.cells)
-    compared = {(cell.scene, cell.seed) for cell in of_whole_groups(records.cells, records.run.main_methods)}
+    compared = {(cell.scene, cell.seed) for cell in in_complete_groups(records.cells, records.run.main_methods)}
     return {
         "scenes": records.scenes,
         "views": {cell.scene: [view.view for view in cell.views] for cell in records.cells if cell.views},

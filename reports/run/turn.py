@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.records.pictures import EVERY_CHECKPOINT_SEED, Turn, read_turn, truth_pictures
-from reports.data.kept_pictures import inside
 from reports.data.load import Records
+from reports.data.saved_pictures import inside
 from reports.drawing.images import data_uri, smaller
 from scenes.files.errors import DamagedRecord
 

@@ -16,6 +16,7 @@ from scenes.view_sets.images import read_channels
 from scenes.view_sets.manifest import checked, read_manifest
 from scenes.view_sets.pixels import display_from_linear, over_white
 
+
 @dataclass(frozen=True)
 class Rerender:
     """A stored view and renders of it with other random numbers, by the same procedure: two halves each."""

@@ -5,9 +5,8 @@ from hashlib import blake2b
 import numpy as np
 
 from scenes.files.errors import InputError
-from scenes.view_sets.sight import LEAST_COVERED, Sight, likely_cause
-from scenes.view_sets.sight import sight as sight_of
 from scenes.view_sets.view_set import Split, ViewSet
+from scenes.view_sets.visibility import LEAST_COVERED, Visibility, likely_cause, visibility_of
 
 THIN = (0.1, 0.4)
 """The range of alphas that straight colours often exceed, and premultiplied colours never."""
@@ -27,15 +26,15 @@ NOTHING = "no training view has a covered pixel"
 ELSE = "choose a box around the object, in the units of the poses (--bounds)"
 
 
-def cautions(views: ViewSet, sight: Sight) -> list[str]:
-    """Return sentences for a reader of scores on these views, whose training cameras see `sight`.
+def cautions(views: ViewSet, visible: Visibility) -> list[str]:
+    """Return sentences for a reader of scores on these views, whose training cameras see as `visible` says.
 
     Raises `InputError`, with the likely cause, if no ray or no covered pixel of training or test meets the box, or only
     a few do and another reading of the poses would see it.
     """
-    sentences = _of_cameras(views, views.train, sight, "training")
+    sentences = _of_cameras(views, views.train, visible, "training")
     if len(views.test.names):
-        sentences += _of_cameras(views, views.test, sight_of(views, views.test), "test")
+        sentences += _of_cameras(views, views.test, visibility_of(views, views.test), "test")
     if not any(image[..., 3].any() for image in views.train.rgba):
         if not views.rendered:
             raise InputError(
@@ -71,7 +70,7 @@ def _in_both(views: ViewSet) -> list[tuple[str, str]]:
     return [(trained[digest], name) for digest, name in tested if digest and digest in trained]
 
 
-def _of_cameras(views: ViewSet, split: Split, seen: Sight, what: str) -> list[str]:
+def _of_cameras(views: ViewSet, split: Split, seen: Visibility, what: str) -> list[str]:
     """Return what the cameras of a split do not see; raises `InputError` as `cautions`."""
     box = " ".join(f"{value:.3g}" for value in views.bounds.ravel())
     if seen.share == 0.0 or (seen.covered is not None and seen.covered < LEAST_COVERED):

@@ -34,7 +34,7 @@ from harness.records.pictures import last_of, read_renders, read_truth
 from harness.run_folder.output_folder import claim
 from harness.verdicts.judging.judgement import judge
 from harness.verdicts.tables.result_table import read_table
-from harness.viewer.asked import BadRequest, parsed
+from harness.viewer.requests import BadRequest, parsed
 from reports.__main__ import main as reports
 from reports.data.load import NoRecords, read_records
 from reports.data.studies_load import find_studies

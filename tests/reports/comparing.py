@@ -14,7 +14,7 @@ from reports.run import pictures
 from tests.reports.browsing import opened, until
 
 FILES = ("state.js", "element.js", "numbers.js", "download.js", "filter.js", *pictures.SCRIPTS)
-ALONE = ("element.js", "numbers.js", "chunks.js", "kept.js", "pixels.js", "colour_space.js", "delta_e.js", "flip.js",
+MATHS = ("element.js", "numbers.js", "chunks.js", "kept.js", "pixels.js", "colour_space.js", "delta_e.js", "flip.js",
          "error_maps.js")  # fmt: skip
 """The scripts of the arithmetic."""
 SIDE = 48
@@ -37,10 +37,10 @@ def write_comparer_page(path: Path, data: dict[str, Any], texts: Mapping[str, st
 
 
 def write_arithmetic_page(path: Path, body: str, texts: Mapping[str, str], given: Any) -> Path:
-    """Write a page that runs the scripts of `ALONE` and then `body` on the data `given`; `body` calls `tell` with its
+    """Write a page that runs the scripts of `MATHS` and then `body` on the data `given`; `body` calls `tell` with its
     result, which puts JSON into `#found` and sets the document's title.
     """
-    code = "(() => {\n" + "\n".join(page_script.FILES[name].read_text(encoding="utf-8") for name in ALONE)
+    code = "(() => {\n" + "\n".join(page_script.FILES[name].read_text(encoding="utf-8") for name in MATHS)
     code += "\nconst given = element.data('given', null);\n"
     code += "const tell = (found) => { document.getElementById('found').textContent = JSON.stringify(found);"
     code += " document.title = 'done'; };\n" + body + "})();"

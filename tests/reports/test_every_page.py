@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from harness.records.study import Studies
-from reports.data.beside import Beside
 from reports.data.load import read_records
+from reports.data.shelf_records import ShelfRecords
 from reports.run.run_page import page
 from reports.studies.study_page import shelf_shown, study_page
 from tests.reports.browsing import opened, unfold, weakest_contrast
@@ -45,7 +45,7 @@ FORMS = {"table": "CSV Markdown LaTeX", "chart": "SVG CSV", "picture": "PNG", "s
 
 def _report(out: Path) -> str:
     run = write_fake_studies(write_fake_run(out / "run", ("chair",), seeds=2), "serving")
-    return page(read_records(run), Beside(evidence=fake_studies("evidence"), serving=fake_studies("serving")))
+    return page(read_records(run), ShelfRecords(evidence=fake_studies("evidence"), serving=fake_studies("serving")))
 
 
 def _studies(record: Studies, out: Path) -> str:

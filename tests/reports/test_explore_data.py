@@ -9,8 +9,8 @@ from markupsafe import Markup
 
 from harness.records.study import StudyInfo, StudyRecord, check
 from reports.claims.psnr_table import scores_grid
-from reports.data.beside import ALONE
 from reports.data.selection import Selection
+from reports.data.shelf_records import NO_SHELVES
 from reports.drawing.figure import svg
 from reports.drawing.traces import Panel, Trace, rounded
 from reports.page.grid import Entry
@@ -25,7 +25,7 @@ HOSTILE = '"><img src=x onerror=alert(1)>'
 
 
 def test_every_number_of_a_table_carries_its_value(records):
-    for grid in tables(records, ALONE):
+    for grid in tables(records, NO_SHELVES):
         for row in [*grid.rows, *grid.totals]:
             for column, entry in zip(grid.columns, row, strict=True):
                 if column.numeric and re.fullmatch(r"[+−]?\d[\d.\u202f]*( ?\D{0,8})?", entry.text):

@@ -7,8 +7,8 @@ import pytest
 
 from harness.records.cells import cell_path
 from reports.__main__ import main
-from reports.data.kept_pictures import NOT_KEPT, damaged
 from reports.data.load import read_records
+from reports.data.saved_pictures import NOT_KEPT, damaged
 from reports.run.pictures import picture_data, views
 from reports.run.saving.publish import summary
 from scenes.files.errors import DamagedRecord

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from reports.data.beside import Beside
+from reports.data.shelf_records import ShelfRecords
 from reports.drawing.traces import rounded
 from reports.run.run_page import write_page
 from reports.studies.forest import forests
@@ -22,7 +22,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 @pytest.fixture(scope="module")
 def address(tmp_path_factory) -> str:
     records = fake_records(tmp_path_factory.mktemp("studies") / "run")
-    write_page(records, records.out / "report.html", Beside(evidence=fake_studies("evidence")))
+    write_page(records, records.out / "report.html", ShelfRecords(evidence=fake_studies("evidence")))
     return (records.out / "report.html").as_uri()
 
 

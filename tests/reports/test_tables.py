@@ -20,7 +20,7 @@ from reports.run.metrics_table import (
 from tests.replacing import replace
 
 ABOVE = Verdict("above 0", "open")
-ALONE = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.3, 0.7), ABOVE, 0.4, 6, 0, None, 1, None, None)
+NO_SHELVES = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.3, 0.7), ABOVE, 0.4, 6, 0, None, 1, None, None)
 
 
 def with_cells(records: Records, change) -> Records:
@@ -75,7 +75,7 @@ def test_differences_are_those_of_the_comparisons(records: Records):
     ],
 )
 def test_a_difference_has_its_interval_verdict_and_colour(changes, entry):
-    shown = difference_entry(replace(ALONE, **changes))
+    shown = difference_entry(replace(NO_SHELVES, **changes))
     assert (shown.text, shown.small, shown.tone) == (entry.text, entry.small, entry.tone)
 
 

@@ -13,7 +13,7 @@ from harness.gate.limits import NONE_DIFFERS, judge
 from harness.gate.quality.losses import DIGITS, STATISTICS, Judge, Scores, score_and_weights
 from harness.gate.quality.short_trainings import ended, trained
 from harness.gate.references import References
-from harness.records.cells import CellRecord, Checkpoint, unscored
+from harness.records.cells import CellRecord, Checkpoint, empty_cell
 from harness.records.study import Answer, Check
 from harness.verdicts.comparisons import compare
 
@@ -108,5 +108,5 @@ def stored_cells(stored: References) -> list[CellRecord]:
 def cell_with(scene: str, method: str, seed: int, scores: dict[str, float | None]) -> CellRecord:
     """Return a finished cell with only these scores."""
     point = Checkpoint(1, 1.0, 1, psnr=scores.get("psnr"))
-    empty = unscored(scene, method, seed, "done", "")
+    empty = empty_cell(scene, method, seed, "done", "")
     return structs.replace(empty, reason=None, steps=1, train_seconds=1.0, scores=scores, curve=[point])

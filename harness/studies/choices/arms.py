@@ -119,7 +119,7 @@ def kept_cell(task: CellTask) -> CellArms:
 
 def identity(task: CellTask) -> str:
     """Return the digest of all that a cell's results depend on, except its scene and seed."""
-    plan = replace(task.plan.alone(), scenes=(), methods=(task.method,), seeds=())
+    plan = replace(task.plan.without_extras(), scenes=(), methods=(task.method,), seeds=())
     arms = {name: asdict(arm) for name, arm in task.arms.items()}
     given = [plan.settings(), arms, task.view_set.name, task.device, task.scored_on]
     return digest_of([*given, versions()])[:12]

@@ -108,7 +108,7 @@ class FamilyRow:
 
 def search_plan(as_planned: bool, quick: bool = False) -> Plan:
     """Return the frontier's plan on the scenes of the search; with `quick` it trains almost nothing."""
-    plan = PROFILES["reduced"].alone()
+    plan = PROFILES["reduced"].without_extras()
     train = settings_for(BUDGET, plan.train if as_planned else replace(plan.train, precision="float32"))
     plan = replace(
         plan, scenes=SEARCHED, methods=tuple(TRIALS), seeds=(SEED,), budget=Budget(None, None, BUDGET), train=train

@@ -106,7 +106,7 @@ class EvidenceContext(TrainedContext):
             views = replace(views, resolution=12 + size // 25, train=6, val=2, test=2, spp_train=4, spp_test=4)
             seeds, steps = seeds[:2], 4
         return replace(
-            profile.alone(),
+            profile.without_extras(),
             scenes=training.scenes,
             methods=training.methods,
             seeds=seeds,

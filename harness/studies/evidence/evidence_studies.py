@@ -44,4 +44,4 @@ STUDIES: dict[str, Study] = catalogue(
            "collapse:collapse", 2000, "box_own", "box_1_5", "box_1_8", "box_2_4"),
 )  # fmt: skip
 
-SHELF = Shelf("evidence", "studies", STUDIES, folders=(TRAININGS_FOLDER,), beside=True)
+SHELF = Shelf("evidence", "studies", STUDIES, folders=(TRAININGS_FOLDER,), in_run_folder=True)

@@ -88,7 +88,7 @@ class FrontierContext(TrainedContext):
         train = profile.train if self.as_planned else replace(profile.train, precision="float32")
         budget = amount.phi_budget if is_phi else float(name.removeprefix(CORE_SECONDS))
         return replace(
-            profile.alone(),
+            profile.without_extras(),
             scenes=amount.scenes,
             methods=PHI_METHODS if is_phi else amount.families,
             seeds=amount.phi_seeds if is_phi else amount.seeds,

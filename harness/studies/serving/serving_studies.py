@@ -32,4 +32,4 @@ STUDIES: dict[str, Study] = catalogue(
            "Order and allocation of every attention map by Eq. 7's priorities, and by shares, which have no factor.",
            "attention_views:priorities", 1),
 )  # fmt: skip
-SHELF = Shelf("serving", "studies", STUDIES, beside=True, anew=True)
+SHELF = Shelf("serving", "studies", STUDIES, in_run_folder=True, replaces=True)

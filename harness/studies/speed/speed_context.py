@@ -107,7 +107,7 @@ def paper_settings(context: SpeedContext, precision: Precision | None = None) ->
 
 def reduced_plan(context: SpeedContext) -> Plan:
     """Return the profile `reduced` on `SCENE`, at the precision of a run on this machine."""
-    plan = replace(PROFILES["reduced"].alone(), scenes=(SCENE,), methods=("nerf",), seeds=(0,))
+    plan = replace(PROFILES["reduced"].without_extras(), scenes=(SCENE,), methods=("nerf",), seeds=(0,))
     plan = replace(plan, train=replace(plan.train, precision=context.precision))
     if not context.quick:
         return plan

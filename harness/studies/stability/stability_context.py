@@ -33,7 +33,7 @@ class StabilityContext(StudyContext):
 
     def plan(self, profile: str, scenes: list[str] | None = None) -> Plan:
         """Return `profile` with this run's methods, in float32, which every machine has."""
-        plan = PROFILES[profile].alone().in_float32()
+        plan = PROFILES[profile].without_extras().in_float32()
         plan = replace(plan, scenes=tuple(scenes or plan.scenes), methods=self.methods)
         if not self.quick:
             return plan

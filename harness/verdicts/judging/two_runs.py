@@ -10,7 +10,7 @@ import numpy as np
 from harness.records.cells import Budget, CellRecord, Estimate, RunRecord, read_cells, read_run
 from harness.records.json_record import plain
 from harness.records.verdict import Verdict
-from harness.verdicts.changes import Situation, changes
+from harness.verdicts.changes import Condition, changes
 from harness.verdicts.comparisons import Key, budgets_of, compare
 from scenes.files.errors import InputError
 
@@ -168,7 +168,7 @@ def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]
     budgets = [budget for budget in budgets_of(first) if budget in budgets_of(second)]
     moved = []
     for budget in budgets:
-        for change in changes(methods, Situation(first, budget), Situation(second, budget)):
+        for change in changes(methods, Condition(first, budget), Condition(second, budget)):
             judgement = change.judgement
             estimates = judgement.on_these_scenes, judgement.scenes_like_these
             moved.append(Moved(change.method, change.against, budget, judgement.difference or 0.0, *estimates))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from harness.records.json_record import load_record, write_record
 from harness.run_folder.folder_lock import LOCK_FILE
-from harness.run_folder.integrity import DAMAGED, aside
+from harness.run_folder.integrity import DAMAGED, quarantine
 from harness.run_folder.output_folder import differences
 from harness.viewer.film.frames import LISTING
 from scenes.files.atomic import remove_leftovers
@@ -58,7 +58,7 @@ def _same_film(folder: Path, now: dict[str, object], say: Callable[[str], None])
         before = load_record(folder / RECORD)
     except ValueError as error:
         say(f"{folder / RECORD}: {error}: written again")
-        aside(folder, RECORD)
+        quarantine(folder, RECORD)
         return
     if what := differences(before, now):
         raise InputError(f"--to {folder}: holds another film ({what}); use the same options or name another folder")

@@ -14,9 +14,9 @@ from reports.claims.claim_list import claims
 from reports.claims.estimands import senses_grid
 from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters
-from reports.data.beside import ALONE, Beside
 from reports.data.load import Records
 from reports.data.scale import in_a_line
+from reports.data.shelf_records import NO_SHELVES, ShelfRecords
 from reports.drawing.figure import STYLE, draw
 from reports.drawing.traces import Panel
 from reports.page.grid import Grid
@@ -44,13 +44,13 @@ def figures(records: Records) -> Iterator[tuple[str, Panel]]:
     yield from ((f"{name}-{panel.title}", panel) for name, panels in drawn for panel in panels)
 
 
-def tables(records: Records, beside: Beside) -> Iterator[Grid]:
+def tables(records: Records, shelves: ShelfRecords) -> Iterator[Grid]:
     grids: list[Grid | None] = [scores_grid(records), senses_grid(records), *differences_grids(records)]
     grids += [further_grid(records), metrics_table.costs_grid(records), separation_grid(records)]
     if (targets := records.targets) is not None:
         grids += [savings_grid(targets, ["all"]), savings_grid(targets, records.scenes), at_risk_grid(targets)]
     grids += [metrics_table.metrics_grid(records), *(grid(records) for _, grid in TABLES.values())]
-    grids += [grid for _, grid in chapters(claims(records, beside), in_a_line(records))]
+    grids += [grid for _, grid in chapters(claims(records, shelves), in_a_line(records))]
     grids.append(metrics_table.comparisons_grid(records))
     yield from (grid for grid in grids if grid is not None and grid.rows)
 
@@ -83,7 +83,7 @@ def _titles(grid: Grid) -> list[str]:
     return [" ".join(filter(None, (column.label, column.small))) for column in grid.columns]
 
 
-def write_export(records: Records, path: Path, beside: Beside = ALONE) -> None:
+def write_export(records: Records, path: Path, shelves: ShelfRecords = NO_SHELVES) -> None:
     """Write the zip atomically. Raises `OSError`."""
     buffer, taken = io.BytesIO(), set[str]()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as zipped, matplotlib.rc_context(STYLE):
@@ -98,7 +98,7 @@ def write_export(records: Records, path: Path, beside: Beside = ALONE) -> None:
                 dated = {"CreationDate": None} if ending == "pdf" else {"Date": None} if ending == "svg" else None
                 drawn.savefig(figure, format=ending, dpi=DPI, metadata=dated)
                 put("figures/", title, ending, figure.getvalue())
-        for grid in tables(records, beside):
+        for grid in tables(records, shelves):
             title = _free(grid.caption, taken)
             put("tables/", title, "csv", as_csv(grid))
             put("tables/", title, "tex", as_latex(grid))

@@ -16,9 +16,9 @@ from reports.claims.estimands import failures_of
 from reports.claims.headline import headline
 from reports.claims.ledger import not_tested
 from reports.claims.psnr_table import tone_of
-from reports.data.beside import ALONE, Beside
-from reports.data.kept_pictures import kept
 from reports.data.load import Records
+from reports.data.saved_pictures import kept
+from reports.data.shelf_records import NO_SHELVES, ShelfRecords
 from reports.data.table import cells_frame
 from reports.drawing.figure import STYLE
 from reports.drawing.images import save
@@ -37,11 +37,11 @@ CLAIM = (
 """The fields of a claim in summary.json."""
 
 
-def summary(records: Records, beside: Beside = ALONE) -> dict[str, object]:
+def summary(records: Records, shelves: ShelfRecords = NO_SHELVES) -> dict[str, object]:
     """Return JSON-ready data: a number that is not finite is None, and the status of the cell says why. `serving` is
     None if it was not measured.
     """
-    run, ledger = records.run, claims(records, beside)
+    run, ledger = records.run, claims(records, shelves)
     return {
         "schema": SCHEMA,
         "profile": run.profile,
@@ -59,8 +59,8 @@ def summary(records: Records, beside: Beside = ALONE) -> dict[str, object]:
         "comparisons": [plain(comparison) for comparison in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(failures_of(records)),
         "claims": [{name: getattr(claim, name) for name in CLAIM} for claim in ledger],
-        "serving": [{"study": study.info.id, **plain(check)} for study, check in beside.serving.checks()]
-        if beside.serving
+        "serving": [{"study": study.info.id, **plain(check)} for study, check in shelves.serving.checks()]
+        if shelves.serving
         else None,
         "left_out": [{"scene": scene.name, **plain(omission)} for scene in run.scenes for omission in scene.left_out],
         "deviations": run.deviations,
@@ -86,14 +86,14 @@ def _cell(cell: CellRecord) -> dict[str, object]:
     }
 
 
-def write_summary(records: Records, path: Path, beside: Beside = ALONE) -> None:
-    write_json(path, summary(records, beside))
+def write_summary(records: Records, path: Path, shelves: ShelfRecords = NO_SHELVES) -> None:
+    write_json(path, summary(records, shelves))
 
 
-def write_published(records: Records, folder: Path, beside: Beside = ALONE) -> None:
+def write_published(records: Records, folder: Path, shelves: ShelfRecords = NO_SHELVES) -> None:
     """Write summary.json and, if they can be drawn, psnr.png, error_vs_time.png, work_precision.png and views.png."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_summary(records, folder / "summary.json", beside)
+    write_summary(records, folder / "summary.json", shelves)
     over_time = [diagram for diagram in diagrams(records) if diagram.cost.name in ("seconds", "core_seconds")]
     errors = [panel for diagram in over_time if diagram.name == "rmse_linear-seconds" for panel in diagram.panels]
     # wall time and processor time, side by side if both are known

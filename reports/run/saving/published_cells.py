@@ -4,10 +4,10 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from harness.records.cells import CellRecord, Checkpoint, unscored
+from harness.records.cells import CellRecord, Checkpoint, empty_cell
 from harness.records.json_record import as_promised, plain
 from harness.records.metric_table import PRIMARY
-from harness.verdicts.changes import Situation
+from harness.verdicts.changes import Condition
 from harness.verdicts.claim_files import usual_roles
 from harness.verdicts.comparisons import compare
 from harness.verdicts.headline_family import SENSES, headline_budgets
@@ -36,14 +36,14 @@ def cells_of(run: Run, methods: list[str]) -> list[CellRecord]:
     return [_cell(row) for row in run["cells"] if row["method"] in methods]
 
 
-def situation(run: Run, methods: list[str], equal_time: bool = False) -> Situation:
+def situation(run: Run, methods: list[str], equal_time: bool = False) -> Condition:
     """Return the cells at equal steps, or at equal core seconds (training seconds if those were not counted)."""
     budgets = headline_budgets([row["budget"] for row in run["comparisons"]])
-    return Situation(cells_of(run, methods), budgets[equal_time])
+    return Condition(cells_of(run, methods), budgets[equal_time])
 
 
 def _cell(row: Run) -> CellRecord:
-    named = unscored(row["scene"], row["method"], row["seed"], row["status"], row["reason"] or "")
+    named = empty_cell(row["scene"], row["method"], row["seed"], row["status"], row["reason"] or "")
     return replace(
         named,
         steps=row["steps"],

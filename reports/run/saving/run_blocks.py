@@ -10,7 +10,7 @@ from harness.records.cells import Comparison
 from harness.records.json_record import as_promised
 from harness.records.study import Check, Studies
 from harness.records.verdict import common
-from harness.verdicts.changes import Situation, changes
+from harness.verdicts.changes import Condition, changes
 from harness.verdicts.comparisons import judged
 from reports.claims.estimands import SENSES, between, judged_in_words
 from reports.data.outcome import between_runs, doubts, in_runs, shared
@@ -103,7 +103,7 @@ def equal_time(run: Run) -> str:
     return f"{differences(run, time.budget)}\n\n{changed(run, steps, time, words)}"
 
 
-def changed(run: Run, before: Situation, after: Situation, words: str) -> str:
+def changed(run: Run, before: Condition, after: Condition, words: str) -> str:
     """Tabulate by how much the difference of each pair changed between two situations, in both senses."""
     trained = [{cell.method for cell in side.cells} for side in (before, after)]
     methods = [method for method in main_methods(run) if all(method in side for side in trained)]

@@ -30,7 +30,7 @@ from harness.plan.schedule import Budget
 from tests.harness.tiny import CPU
 
 SUMMARY = json.loads((Path(__file__).parents[3] / "docs/reduced/summary.json").read_text(encoding="utf-8"))
-PLAN = replace(PROFILES["reduced"].alone(), methods=tuple(SUMMARY["settings"]["methods"]))
+PLAN = replace(PROFILES["reduced"].without_extras(), methods=tuple(SUMMARY["settings"]["methods"]))
 MACHINE = Machine("cpu", 2, 1)
 PACE = Pace(first_step=0.02, step=0.015, ray=7e-6)
 PACES = Paces(dict.fromkeys(PLAN.methods, PACE), {}, start=5.0, compared=0.05, delayed=1.0)
@@ -116,7 +116,7 @@ def test_a_guest_is_counted_as_long_as_it_is_not_there() -> None:
 
 
 def test_methods_are_measured_and_those_that_cannot_run_are_named() -> None:
-    plan = replace(PROFILES["smoke"].alone(), methods=("nerf", "nowhere"))
+    plan = replace(PROFILES["smoke"].without_extras(), methods=("nerf", "nowhere"))
     paces = measure_paces(plan, CPU, threads=1)
     assert 0.0 < paces.of["nerf"].step < LONGEST
     assert 0.0 < paces.of["nerf"].ray < paces.of["nerf"].step

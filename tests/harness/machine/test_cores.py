@@ -13,9 +13,9 @@ from harness.command.machine_options import chosen_machine, shared_by, unused_by
 from harness.command.main import parsed
 from harness.machine.cores import _taken, chosen_cores, own_cores, physical_cores, quota_cores, siblings
 from harness.machine.device import available_cores, only_gpu
-from harness.machine.mixed_code import clocks_apart
+from harness.machine.mixed_cells import mixed_hardware
 from harness.plan.run_plan import Machine
-from harness.records.cells import unscored
+from harness.records.cells import empty_cell
 
 FOUR: list[tuple[int, ...]] = [(0, 4), (1, 5), (2, 6), (3, 7)]
 """Cores of two hardware threads each."""
@@ -95,10 +95,10 @@ def test_cells_that_shared_their_cores_are_counted(mine: list[int] | None, monke
         with own_cores(1, NAME) as cores:
             assert cores is None
     cells = [
-        replace(unscored("a", method, 0, "done", ""), train_seconds=1.0, provenance={"own_cores": cores})
+        replace(empty_cell("a", method, 0, "done", ""), train_seconds=1.0, provenance={"own_cores": cores})
         for method, cores in (("nerf", [0]), ("qnerf", mine))
     ]
-    (sentence,) = clocks_apart(cells)
+    (sentence,) = mixed_hardware(cells)
     assert sentence.endswith("1 of 2 could not be bound to any, so that their training seconds may be long.")
 
 

@@ -40,7 +40,7 @@ def changed(name: str, value: Any) -> Any:
 
 
 def plan_of(method: str) -> Plan:
-    return replace(PROFILES["reduced"].alone(), methods=("nerf", method))
+    return replace(PROFILES["reduced"].without_extras(), methods=("nerf", method))
 
 
 def cell_settings(plan: Plan, method: str, folder: Path) -> dict[str, Any]:

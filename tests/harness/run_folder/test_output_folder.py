@@ -16,9 +16,9 @@ from harness.run_folder.output_folder import (
     claim,
     claimed,
     fresh_folder,
-    gone_on_with,
     point_latest_to,
     release,
+    resumable_record,
 )
 from scenes.files.errors import InputError
 from tests.harness.cells import diverged
@@ -152,10 +152,10 @@ def test_a_missing_record_is_made_again_only_if_it_was_quarantined(tmp_path: Pat
     part.write_text("{")
     lines: list[str] = []
     if is_known:
-        assert gone_on_with(tmp_path, "speed.json", True, load_record, lines.append) is None
+        assert resumable_record(tmp_path, "speed.json", True, load_record, lines.append) is None
     else:
         with pytest.raises(InputError, match=r"holds no speed\.json to resume"):
-            gone_on_with(tmp_path, "speed.json", True, load_record, lines.append)
+            resumable_record(tmp_path, "speed.json", True, load_record, lines.append)
     assert lines == (["speed.json: missing: everything in it is measured again"] if is_known else [])
     assert part.exists() != is_known, "leftovers are removed only from a known folder"
 

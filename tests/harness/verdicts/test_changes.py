@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from scipy.stats import ttest_1samp
 
 from harness.records.cells import CellRecord
-from harness.verdicts.changes import Situation, change, change_of, changes
+from harness.verdicts.changes import Condition, change, change_of, changes
 from tests.harness.cells import cell, checkpoint
 
 METHODS = ["nerf", "nerf_matched", "qnerf"]
@@ -27,7 +27,7 @@ def cells_of(gains: np.ndarray, method: str = "qnerf", seeds: tuple[int, ...] = 
 def test_a_change_is_judged_by_the_pairs_of_scene_and_seed() -> None:
     draw = np.random.default_rng(0).normal
     before, after = draw(0.3, 0.2, (8, 3)), draw(-0.1, 0.2, (8, 3))
-    found = change("qnerf", "nerf", Situation(cells_of(before)), Situation(cells_of(after)))
+    found = change("qnerf", "nerf", Condition(cells_of(before)), Condition(cells_of(after)))
     assert found.seeds_paired
     moved = (after - before).mean(axis=1)
     assert (found.before, found.after) == (pytest.approx(before.mean()), pytest.approx(after.mean()))
@@ -51,7 +51,7 @@ def test_two_words_may_differ_where_nothing_changed_and_agree_where_much_did() -
 def test_other_seeds_are_not_paired_and_have_errors_of_both_sides() -> None:
     draw = np.random.default_rng(1).normal
     before, after = draw(0.0, 0.2, (4, 3)), draw(1.0, 0.5, (4, 5))
-    sides = Situation(cells_of(before)), Situation(cells_of(after, seeds=(7, 8, 9, 10, 11)))
+    sides = Condition(cells_of(before)), Condition(cells_of(after, seeds=(7, 8, 9, 10, 11)))
     found = change("qnerf", "nerf", *sides)
     assert not found.seeds_paired
     here = found.judgement.on_these_scenes
@@ -64,12 +64,12 @@ def test_only_what_both_situations_have_counts() -> None:
     gains = np.full((3, 3), 1.0) + np.random.default_rng(2).normal(0, 0.1, (3, 3))
     before, after = cells_of(gains), [one for one in cells_of(gains + 1.0) if one.scene != "2"]
     after = [replace(one, status="diverged") if (one.scene, one.seed) == ("1", 0) else one for one in after]
-    found = change("qnerf", "nerf", Situation(before), Situation(after))
+    found = change("qnerf", "nerf", Condition(before), Condition(after))
     assert set(found.by_scene) == {"0", "1"}
     assert (found.judgement.pairs, found.judgement.unpaired) == (5, 1)
     assert found.judgement.difference == pytest.approx(1.0)
     assert found.after - found.before == pytest.approx(1.0)
-    assert change("qnerf", "other", Situation(before), Situation(after)) is None
+    assert change("qnerf", "other", Condition(before), Condition(after)) is None
 
 
 def test_steps_and_seconds_of_one_run_are_two_situations() -> None:
@@ -81,7 +81,7 @@ def test_steps_and_seconds_of_one_run_are_two_situations() -> None:
         else one
         for one in cells_of(np.random.default_rng(3).normal(1.0, 0.1, (6, 3)))
     ]
-    found = change("qnerf", "nerf", Situation(cells), Situation(cells, "seconds"))
+    found = change("qnerf", "nerf", Condition(cells), Condition(cells, "seconds"))
     assert found.after < found.before, "qnerf is slower"
     assert found.judgement.chosen.verdict.sign == "below 0"
 
@@ -89,7 +89,7 @@ def test_steps_and_seconds_of_one_run_are_two_situations() -> None:
 def test_all_pairs_are_looked_at_together() -> None:
     gains = np.random.default_rng(4).normal(0.2, 0.1, (6, 3))
     cells = cells_of(gains) + [one for one in cells_of(gains, "nerf_matched") if one.method != "nerf"]
-    found = changes(METHODS, Situation(cells), Situation(cells))
+    found = changes(METHODS, Condition(cells), Condition(cells))
     assert {(one.method, one.against) for one in found} == {
         ("nerf_matched", "nerf"), ("qnerf", "nerf"), ("qnerf", "nerf_matched"),
     }  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from harness.records.cells import CellRecord, Comparison, unscored
+from harness.records.cells import CellRecord, Comparison, empty_cell
 from harness.records.metric_table import METRICS
 from harness.records.verdict import OPEN, Verdict
 from harness.verdicts.comparisons import (
@@ -75,7 +75,7 @@ def test_where_a_run_has_not_counted_core_seconds_there_is_no_such_comparison() 
     assert differences(*keyed(cells), "qnerf", "nerf", "psnr", "core_seconds") == {
         "lego": pytest.approx([math.nan], nan_ok=True)
     }
-    never = unscored("lego", "qnerf", 0, "error", "disk full")
+    never = empty_cell("lego", "qnerf", 0, "error", "disk full")
     assert "core_seconds" in budgets_of([cells[0], never]), "one that never trained has none to count"
 
 

@@ -47,8 +47,8 @@ def test_what_is_known_of_a_run() -> None:
     fallen = replace(run("nerf", 0, [20, 28]), status="diverged", steps=150)
     assert (reach(fallen, "steps", 22).known, reach(fallen, "steps", 22).why) == ("never", "diverged")
     assert reach(diverged("lego", "nerf", 0), "steps", 22).time == 7.0
-    unscored = cell("lego", "nerf", 0, [checkpoint(10, 1.0, None)])
-    assert (reach(unscored, "steps", 22).known, reach(unscored, "steps", 22).why) == ("never", "has no score")
+    empty_cell = cell("lego", "nerf", 0, [checkpoint(10, 1.0, None)])
+    assert (reach(empty_cell, "steps", 22).known, reach(empty_cell, "steps", 22).why) == ("never", "has no score")
 
 
 def test_core_seconds_are_an_axis_where_every_run_has_counted_them() -> None:

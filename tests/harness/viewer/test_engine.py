@@ -13,9 +13,9 @@ from harness.training.batches import Camera
 from harness.training.scoring.evaluate import View, render_view
 from harness.training.scoring.metrics import psnr
 from harness.training.trainer import Diverged
-from harness.viewer.asked import Orbit
 from harness.viewer.attended import Attention
 from harness.viewer.engine import FreshPixels, MethodView, frames
+from harness.viewer.requests import Orbit
 
 ORBIT = Orbit((0.0, 0.0, 0.0), 0.7, 0.4, 4.0311)
 PLAIN, FOVEAL = Attention("none"), Attention("foveal", 0.2, 0.8)

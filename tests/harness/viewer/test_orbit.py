@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.training.batches import Camera
-from harness.viewer.asked import STEEPEST, Orbit, covering, orbit_of
+from harness.viewer.requests import STEEPEST, Orbit, covering, orbit_of
 from scenes.view_sets.viewpoints import look_at
 from tests.harness.ball import pose
 

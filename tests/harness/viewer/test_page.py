@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from harness.viewer import engine
-from harness.viewer.asked import Orbit
+from harness.viewer.requests import Orbit
 from harness.viewer.shown_run import ShownRun
 from tests.harness.viewer.looking import Looking
 from tests.harness.viewer.site import Site, served

@@ -8,9 +8,9 @@ from harness.records.cells import Comparison, Estimate
 from harness.records.study import Effect, Studies, check
 from harness.records.verdict import OPEN
 from reports.claims.scores import NEEDS_STUDY
-from reports.data.beside import Beside
 from reports.data.load import Records
 from reports.data.selection import Selection
+from reports.data.shelf_records import ShelfRecords
 from reports.data.wording import UNTESTED
 from reports.run.saving.publish import summary, write_published
 from tests.replacing import replace
@@ -102,13 +102,13 @@ def test_doubts_about_the_evidence_are_in_the_note_and_quick_evidence_judges_not
 def test_the_untested_claims_of_the_ablation_are_counted(whole: Records, left_out: int, needs: list[str]):
     steps = (("nerf_phi_encoding", "nerf"), LISTING_2, ("qnerf", "nerf_phi_encoding_amplifier"))
     every = [step(pair, 0.1, metric=metric) for pair in steps for metric in ("psnr", "ssim")]
-    sentences = summary(whole, Beside(evidence=ablation(*every[left_out:])))["not_tested"]
+    sentences = summary(whole, ShelfRecords(evidence=ablation(*every[left_out:])))["not_tested"]
     remedy = "the ablation study: `nox -s evidence -- --out out/latest`."
     assert [words for words in sentences if "ablation" in words] == [f"{start} {remedy}" for start in needs]
 
 
 def test_published_claims_are_judged_by_the_same_evidence(whole: Records, tmp_path):
-    write_published(whole, tmp_path, Beside(evidence=ablation(step(LISTING_2, -2.5))))
+    write_published(whole, tmp_path, ShelfRecords(evidence=ablation(step(LISTING_2, -2.5))))
     rows = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["claims"]
     row = next(row for row in rows if row["id"] == CLAIM)
     assert (row["measured"], row["verdict"]) == (-2.5, MISSED)

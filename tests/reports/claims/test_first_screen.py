@@ -7,8 +7,8 @@ from harness.verdicts.claim_files import stated
 from reports.claims.claim_list import claims
 from reports.claims.first_screen import calibration, first_screen
 from reports.claims.ledger import in_short
-from reports.data.beside import Beside
 from reports.data.load import Records
+from reports.data.shelf_records import ShelfRecords
 from reports.drawing.palette import colours_of
 from reports.page.shell import named
 from reports.run.run_page import page
@@ -19,8 +19,8 @@ from tests.reports.fake_studies import study
 
 
 def shown(records: Records, evidence: Studies | None = None):
-    beside = Beside(evidence=evidence)
-    return first_screen(records, claims(records, beside), beside)
+    shelves = ShelfRecords(evidence=evidence)
+    return first_screen(records, claims(records, shelves), shelves)
 
 
 def calibrated(*checks: Check) -> Studies:
@@ -103,7 +103,7 @@ def test_checks_of_the_calibration_that_do_not_hold_are_stated() -> None:
 
 def test_the_page_begins_with_the_first_screen(whole: Records):
     evidence = calibrated(check("share of planted effects that are found", 0.746, low=0.8))
-    text = page(whole, Beside(evidence=evidence))
+    text = page(whole, ShelfRecords(evidence=evidence))
     top = text[: text.index("<nav")]
     places = [
         top.index(words)

@@ -8,8 +8,8 @@ from msgspec.structs import replace
 from harness.records.cells import CellRecord, RunRecord, write_cell
 from reports.claims.claim_list import claims
 from reports.claims.first_screen import first_screen, guests
-from reports.data.beside import Beside
 from reports.data.load import Records, read_records
+from reports.data.shelf_records import ShelfRecords
 from reports.run.curves import convergence
 from reports.run.metrics_table import costs_grid
 from reports.run.run_page import page
@@ -56,7 +56,7 @@ def test_the_first_screen_says_what_it_reaches_in_nerfs_core_seconds(
         f"splats reaches 30.50 dB with the same core seconds as nerf, which reaches {sum(ours) / 2:.2f} dB (2 scenes, "
         "20 core seconds per cell; one seed, not judged)"
     )
-    assert first_screen(visited, claims(visited), Beside()).guests == guests(visited)
+    assert first_screen(visited, claims(visited), ShelfRecords()).guests == guests(visited)
     assert guests(whole) == ""
     assert "splats</" in page(visited)
     assert "<dt>Other methods</dt>" not in whole_page

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from reports.data import packing
-from reports.data.kept_pictures import kept
 from reports.data.load import read_records
+from reports.data.saved_pictures import kept
 from reports.run.pictures import FOLDER, IMPORTANCE, picture_data
 from reports.run.run_page import page, write_page
 from tests.reports.fake_run import write_fake_run

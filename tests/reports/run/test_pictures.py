@@ -7,8 +7,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from reports.data.kept_pictures import kept
 from reports.data.load import read_records
+from reports.data.saved_pictures import kept
 from reports.drawing.images import delta_e
 from reports.run.pictures import picture_data, seed_shown, views
 from tests.replacing import replace

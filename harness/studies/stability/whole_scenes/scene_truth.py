@@ -14,7 +14,7 @@ from harness.execution.ground_truth import read_views, render_view_sets
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
 from harness.records.pictures import Render, last_of, read_renders
 from harness.records.study import Check, Status, Table, check
-from harness.run_folder.integrity import mend
+from harness.run_folder.integrity import repair
 from harness.studies.framework import Rows
 from harness.studies.stability.cases import CASES
 from harness.studies.stability.stability_context import StabilityContext, owner_of_method
@@ -151,7 +151,7 @@ def trained(context: StabilityContext, profile: str, scenes: Iterable[str], fold
     needed = {*scenes, *(scene.name for scene in (before.scenes if before else []))}
     plan = context.plan(profile, [name for name in context.plan(profile).scenes if name in needed])
     if folder.exists():
-        mend(folder, plan, lambda line: context.show.line(f"  {folder.name}: {line}"))
+        repair(folder, plan, lambda line: context.show.line(f"  {folder.name}: {line}"))
     complete = all(cell_path(folder, *cell).exists() for cell in plan.cells())
     if not (complete and before and before.finished and before.settings == json.loads(json.dumps(plan.settings()))):
         folder.mkdir(parents=True, exist_ok=True)

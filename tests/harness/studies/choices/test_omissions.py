@@ -12,7 +12,7 @@ from harness.execution.progress import Quiet
 from harness.plan.needed import LEFT_OUT_BY, for_scene, kept, needs_here
 from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
-from harness.records.cells import LeftOut, unscored
+from harness.records.cells import LeftOut, empty_cell
 from harness.studies.choices.arms import Arm, CellArms, CellTask, Ended, Rerendered, trained_cell
 from harness.studies.choices.omissions import (
     cell_tasks,
@@ -261,6 +261,6 @@ def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
 
 
 def test_without_a_trained_method_of_the_plan_nothing_is_tried(tmp_path: Path) -> None:
-    explaining = unscored("ball", "qnerf_printed", 0, "done", "")
-    cells = [unscored("ball", "nerf", 0, "diverged", "loss"), explaining]
+    explaining = empty_cell("ball", "qnerf_printed", 0, "done", "")
+    cells = [empty_cell("ball", "nerf", 0, "diverged", "loss"), explaining]
     assert verify_run(ball_plan(), Machine("cpu", 1, 1), tmp_path, Quiet(), cells, [], {}) == []

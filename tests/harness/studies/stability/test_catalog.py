@@ -8,7 +8,7 @@ import pytest
 
 from harness.command.main import main
 from harness.records.study import CHAPTERS, check, read_studies
-from harness.run_folder.integrity import mend
+from harness.run_folder.integrity import repair
 from harness.studies.framework import Found, Shelf
 from harness.studies.stability.cases import CASES
 from harness.studies.stability.stability_context import METHODS, StabilityContext
@@ -26,7 +26,7 @@ refused = partial(shell.refused, command="stability")
 
 
 def trains_in_the_same_folder(context: StabilityContext) -> Iterator[Found]:
-    mend(context.out, context.plan("smoke"), lambda line: None)
+    repair(context.out, context.plan("smoke"), lambda line: None)
     assert context.scratch.is_dir()
     yield check("a figure", 0.5, high=1.0)
 

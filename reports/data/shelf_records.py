@@ -6,7 +6,7 @@ from harness.records.study import Studies
 
 
 @dataclass(frozen=True)
-class Beside:
+class ShelfRecords:
     """The studies of a run's folder; None for a shelf that was not measured."""
 
     stability: Studies | None = None
@@ -14,4 +14,4 @@ class Beside:
     serving: Studies | None = None
 
 
-ALONE = Beside()
+NO_SHELVES = ShelfRecords()

@@ -17,7 +17,7 @@ OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
-class Sight:
+class Visibility:
     """Shares of the pixels of some views, 0 … 1."""
 
     rays: float
@@ -38,10 +38,10 @@ class Sight:
         return f"{self.rays:.0%} of the training rays meet the box{covered}"
 
 
-def sight(views: ViewSet, split: Split | None = None) -> Sight:
+def visibility_of(views: ViewSet, split: Split | None = None) -> Visibility:
     """Return what the views of a split, by default those of training, see of the box of `views`; at least one view."""
     split = split or views.train
-    return _sight(views, split.camera_to_world, _seen(views, split), views.near, views.far)
+    return _visibility(views, split.camera_to_world, _seen(views, split), views.near, views.far)
 
 
 def likely_cause(views: ViewSet, split: Split) -> str | None:
@@ -57,7 +57,7 @@ def likely_cause(views: ViewSet, split: Split) -> str | None:
         "column": inverse @ OPENCV,
     }
     for cause, reading in readings.items():
-        if _sight(views, reading, seen, 0.0, np.inf).share >= LEAST_COVERED:
+        if _visibility(views, reading, seen, 0.0, np.inf).share >= LEAST_COVERED:
             return cause
     return None
 
@@ -72,7 +72,7 @@ def _step(views: ViewSet) -> int:
     return max(1, views.width // ACROSS)
 
 
-def _sight(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float, far: float) -> Sight:
+def _visibility(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float, far: float) -> Visibility:
     step = _step(views)
     column, row = np.meshgrid(np.arange(0, views.width, step), np.arange(0, views.height, step))
     x, y = column + 0.5 - 0.5 * views.width, 0.5 * views.height - row - 0.5
@@ -80,12 +80,12 @@ def _sight(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float, far
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     met = np.stack([_met(pose, rays, views.bounds, near, far) for pose in poses])
     if seen.all() or not seen.any():
-        return Sight(float(met.mean()), None, met.mean(axis=1))
+        return Visibility(float(met.mean()), None, met.mean(axis=1))
     # geometry that covers a part of a pixel may lie off its central ray
     covered = seen & np.stack([_met(pose, rays, _wider(views, pose), near, far) for pose in poses])
     pixels = seen.sum(axis=1)
     of_views = np.where(pixels > 0, covered.sum(axis=1) / np.maximum(pixels, 1), np.nan)
-    return Sight(float(met.mean()), float(covered.sum() / seen.sum()), of_views)
+    return Visibility(float(met.mean()), float(covered.sum() / seen.sum()), of_views)
 
 
 def _wider(views: ViewSet, pose: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from harness.machine.mixed_code import code_apart, made_elsewhere
+from harness.machine.mixed_cells import mixed_sources, stale_cells
 from harness.records.cells import CellRecord
 from tests.harness import cells
 
@@ -24,19 +24,19 @@ ALIKE = [made("a", "nerf"), made("a", "qnerf"), made("b", "nerf")]
 
 def test_cells_of_the_same_code_have_no_sentence() -> None:
     others = [made("b", "qnerf", commit="docs changed"), made("c", "nerf", packages={"torch": "2", "mitsuba": "4"})]
-    assert code_apart([]) == code_apart([*ALIKE, *others]) == []
-    assert made_elsewhere([*ALIKE, *others], HERE, Path("out")) is None
+    assert mixed_sources([]) == mixed_sources([*ALIKE, *others]) == []
+    assert stale_cells([*ALIKE, *others], HERE, Path("out")) is None
     # old records have no digest
-    assert code_apart([*ALIKE, made("b", "qnerf", sources=None)]) == []
-    assert made_elsewhere([made("b", "qnerf", sources=None)], HERE, Path("out")) is None
+    assert mixed_sources([*ALIKE, made("b", "qnerf", sources=None)]) == []
+    assert stale_cells([made("b", "qnerf", sources=None)], HERE, Path("out")) is None
     # a cell that never began
     failed = cells.cell("a", "nerf", 0, [], status="error", provenance={})
-    assert code_apart([*ALIKE, failed]) == []
-    assert made_elsewhere([failed], HERE, Path("out")) is None
+    assert mixed_sources([*ALIKE, failed]) == []
+    assert stale_cells([failed], HERE, Path("out")) is None
 
 
 def test_groups_that_mix_code_are_counted() -> None:
-    (sentence,) = code_apart([*ALIKE, made("b", "qnerf", sources="11", commit="old")])
+    (sentence,) = mixed_sources([*ALIKE, made("b", "qnerf", sources="11", commit="old")])
     assert sentence.startswith(
         "One code and one set of packages for all cells: they differ in sources 22 (3 cells), 11 (1"
     )
@@ -45,22 +45,22 @@ def test_groups_that_mix_code_are_counted() -> None:
 
 
 def test_records_without_the_digest_are_distinguished_by_their_commit() -> None:
-    (sentence,) = code_apart([*ALIKE, made("b", "qnerf", sources=None, commit="old")])
+    (sentence,) = mixed_sources([*ALIKE, made("b", "qnerf", sources=None, commit="old")])
     assert "differ in commit new (3 cells), old (1 cells). In 1 of 2" in sentence
 
 
 def test_a_package_of_the_user_matters_only_to_its_own_method() -> None:
     first, second = (made(scene, "mine", plugins=plugin(digest)) for scene, digest in (("a", "aa"), ("b", "bb")))
-    (sentence,) = code_apart([*ALIKE, first, second])
+    (sentence,) = mixed_sources([*ALIKE, first, second])
     assert "differ in package of mine pack 1.0 (aa) (1 cells), pack 1.0 (bb) (1 cells)" in sentence
-    sentence = made_elsewhere([first, second], {**HERE, "plugins": plugin("bb")}, Path("out")) or ""
+    sentence = stale_cells([first, second], {**HERE, "plugins": plugin("bb")}, Path("out")) or ""
     assert sentence.startswith("1 of 2 finished cells")
     assert "a.mine.0: package of mine pack 1.0 (aa) instead of pack 1.0 (bb)" in sentence
 
 
 def test_cells_of_other_code_are_named_with_the_remedy() -> None:
     old = [made(scene, "nerf", commit="old", sources="11") for scene in "cdefgh"]
-    sentence = made_elsewhere([*ALIKE, *old, made("i", "nerf", packages={"torch": "1"})], HERE, Path("out"))
+    sentence = stale_cells([*ALIKE, *old, made("i", "nerf", packages={"torch": "1"})], HERE, Path("out"))
     assert sentence == (
         "7 of 10 finished cells were made by other code or packages (c.nerf.0, d.nerf.0, e.nerf.0, f.nerf.0 and 2 "
         "more: sources 11 instead of 22, commit old instead of new; i.nerf.0: torch 1 instead of 2) and are compared "

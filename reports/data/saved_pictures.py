@@ -8,7 +8,7 @@ from pathlib import Path
 
 from harness.records.cells import CellRecord
 from harness.records.pictures import Render, Truth, read_renders, read_truth, truth_pictures
-from reports.data.load import Records, if_sound
+from reports.data.load import Records, if_valid
 from scenes.files.errors import DamagedRecord
 
 NOT_KEPT = "no picture was kept"
@@ -51,7 +51,7 @@ def damaged(records: Records) -> list[str]:
             if path is None:
                 lines.append(f"{relative}: leads out of the records")
             else:
-                if_sound(partial(read, path), None, lines)
+                if_valid(partial(read, path), None, lines)
     return lines
 
 

@@ -17,7 +17,7 @@ from harness.records.json_record import digest_of, load_record, write_record
 from harness.records.pictures import Truth, truth_pictures, write_truth
 from harness.records.snapshot import Unfinished, unfinished_path, write_unfinished
 from harness.run_folder.folder_lock import scratch_folder
-from harness.run_folder.integrity import DAMAGED, mend, sweep
+from harness.run_folder.integrity import DAMAGED, repair, sweep
 from scenes.files.errors import DamagedRecord, InputError
 from tests.harness.cells import diverged
 from tests.harness.shell import ROOT
@@ -48,7 +48,7 @@ def out(tmp_path: Path) -> Path:
 
 def said(out: Path, plan: Plan) -> list[str]:
     lines: list[str] = []
-    mend(out, plan, lines.append)
+    repair(out, plan, lines.append)
     return lines
 
 

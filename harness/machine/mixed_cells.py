@@ -9,7 +9,7 @@ from harness.machine.provenance import CHECKED
 from harness.records.cells import CellRecord, cell_path
 
 
-def clocks_apart(cells: list[CellRecord]) -> list[str]:
+def mixed_hardware(cells: list[CellRecord]) -> list[str]:
     """Return the sentences on mixed hardware for the list of what a run did not test."""
     timed = [cell for cell in cells if cell.provenance and cell.train_seconds > 0]
     groups: dict[tuple[str, int], set[str]] = defaultdict(set)
@@ -47,7 +47,7 @@ NAMED = 4
 """The maximum number of cells of the same origin that are named; the others are counted."""
 
 
-def code_apart(cells: Sequence[CellRecord]) -> list[str]:
+def mixed_sources(cells: Sequence[CellRecord]) -> list[str]:
     """Return the sentence on mixed code, if it is mixed, for the list of what a run did not test."""
     groups: dict[tuple[str, int], list[dict[str, str]]] = defaultdict(list)
     for cell in cells:
@@ -73,7 +73,7 @@ def code_apart(cells: Sequence[CellRecord]) -> list[str]:
     return [f"One code and one set of packages for all cells: they differ in {what}. {consequence}"]
 
 
-def made_elsewhere(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) -> str | None:
+def stale_cells(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) -> str | None:
     """Return a line on the finished cells whose code or packages differ from `here`, and how to renew them."""
     unlike: dict[str, list[str]] = defaultdict(list)
     for cell in cells:
