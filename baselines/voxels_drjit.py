@@ -7,7 +7,7 @@ engineering, coarse to fine. Importing this module imports Dr.Jit but not Mitsub
 import importlib
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import drjit as dr
 import torch
@@ -20,13 +20,15 @@ from baselines.numerics.amplifier import softplus_shift
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 
+JitArray: TypeAlias = Any
+"""An array of Dr.Jit, of the CPU or of a GPU; Dr.Jit has no common type of them."""
 THIN = 0.05
 """The optical depth below which 1 − exp(−τ) is computed from its series, as Dr.Jit has no expm1. The omitted terms are
 below 3e-9 of the result, while the difference would lose a digit for each power of ten.
 """
 
 
-def corners(unit: Any, shape: tuple[int, int, int]) -> list[tuple[Any, Any]]:
+def corners(unit: JitArray, shape: tuple[int, int, int]) -> list[tuple[JitArray, JitArray]]:
     """Return index and weight of each of the eight voxels around points in [0, 1]³ in a grid of `shape` (x, y, z)
     voxels. Values belong to voxel centres, and the border is extended.
 
@@ -50,34 +52,34 @@ def corners(unit: Any, shape: tuple[int, int, int]) -> list[tuple[Any, Any]]:
     return weighted
 
 
-def interpolated(values: Any, at: list[tuple[Any, Any]], kind: type) -> Any:
+def interpolated(values: JitArray, at: list[tuple[JitArray, JitArray]], kind: type) -> JitArray:
     """Interpolate a flat array that holds one `kind` (a number, or a few adjacent numbers) per voxel."""
     return sum(weight * dr.gather(kind, values, dr.uint32_array_t(type(index))(index)) for index, weight in at)
 
 
-def softplus(x: Any) -> Any:
+def softplus(x: JitArray) -> JitArray:
     """Return log(1 + exp x), without overflow."""
     return dr.maximum(x, 0.0) + dr.log(1.0 + dr.exp(-dr.abs(x)))
 
 
-def sigmoid(x: Any) -> Any:
+def sigmoid(x: JitArray) -> JitArray:
     return 1.0 / (1.0 + dr.exp(-x))
 
 
-def lost(tau: Any) -> Any:
+def lost(tau: JitArray) -> JitArray:
     """Return 1 − exp(−τ), accurate to all digits, and so is its gradient."""
     series = tau * (1.0 - tau * (1 / 2 - tau * (1 / 6 - tau * (1 / 24 - tau * (1 / 120 - tau / 720)))))
     thin = tau < THIN
     return dr.select(thin, series, 1.0 - dr.exp(-dr.select(thin, 1.0, tau)))
 
 
-def ray_weights(tau: Any, bins: int) -> tuple[Any, Any]:
+def ray_weights(tau: JitArray, bins: int) -> tuple[JitArray, JitArray]:
     """Return the weight of each point (Eq. 6), and the transmittance behind the last one of each ray."""
     before = dr.block_prefix_reduce(dr.ReduceOp.Add, tau, bins, exclusive=True)
     return dr.exp(-before) * lost(tau), dr.exp(-dr.block_reduce(dr.ReduceOp.Add, tau, bins))
 
 
-def over_rays(values: Any, bins: int) -> Any:
+def over_rays(values: JitArray, bins: int) -> JitArray:
     return dr.block_reduce(dr.ReduceOp.Add, values, bins)
 
 
@@ -93,11 +95,11 @@ DEGREE = 1
 class Samples:
     """Points along the rays that meet the box, as Dr.Jit arrays."""
 
-    origin: Any
-    direction: Any
+    origin: JitArray
+    direction: JitArray
     """The directions of the rays."""
-    t: Any
-    delta: Any
+    t: JitArray
+    delta: JitArray
     """The bin lengths of the points, ray after ray."""
     rays: int
     bins: int
@@ -191,7 +193,7 @@ class VoxelField:
         share: float,
         smooth: Int[Tensor, " voxels"],
         smoothing: float,
-    ) -> tuple[float, float, dict[str, Any]]:
+    ) -> tuple[float, float, dict[str, JitArray]]:
         """Return `share` times the sum of squared errors of the display colours over white; the sum of squares of the
         gradient; and the gradient, which includes that of `smoothing` times the mean squared difference of the voxels
         `smooth` from their neighbours.
@@ -226,7 +228,7 @@ class VoxelField:
             far[inside] = self._torch(depth, device)
         return Rendering(white, nothing, far, samples.rays * bins)
 
-    def _seen(self, samples: Samples) -> tuple[list[Any], Any, Any]:
+    def _seen(self, samples: Samples) -> tuple[list[JitArray], JitArray, JitArray]:
         """Return the rays' colours over white by channel, the weights of their points, and the rays' opacities."""
         types, bins = self.types, samples.bins
         ray = dr.arange(types.UInt32, samples.rays * bins) // bins
@@ -244,11 +246,11 @@ class VoxelField:
             shown.append(over_rays(w * value, bins) + T_end)
         return shown, w, over_rays(w, bins)
 
-    def _density(self, at: Any) -> Any:
+    def _density(self, at: JitArray) -> JitArray:
         raw = interpolated(self.values["density"], at, self.types.Float)
         return self.density_unit * softplus(raw + self.shift)
 
-    def _roughness(self, voxel: Any) -> Any:
+    def _roughness(self, voxel: JitArray) -> JitArray:
         """Return the mean squared difference of the chosen voxels from the next voxel along each axis."""
         nx, ny, nz = self.shape
         x, y, z = voxel % nx, voxel // nx % ny, voxel // (nx * ny)
@@ -266,7 +268,7 @@ class VoxelField:
                 total = total + dr.mean(square if kind is self.types.Float else dr.sum(square, axis=0))
         return total
 
-    def _in_box(self, x: Any) -> Any:
+    def _in_box(self, x: JitArray) -> JitArray:
         size = [high - low for low, high in zip(self.lower, self.upper, strict=True)]
         return self.types.Array3f(*((x[i] - self.lower[i]) / size[i] for i in range(3)))
 
@@ -276,14 +278,14 @@ class VoxelField:
 
     # the border between torch and Dr.Jit
 
-    def _flat(self, values: Tensor) -> Any:
+    def _flat(self, values: Tensor) -> JitArray:
         _finished(values.device)
         return self.types.Float(self.types.TensorXf(values.detach().float().contiguous()).array)
 
-    def _triple(self, x: Points) -> Any:
+    def _triple(self, x: Points) -> JitArray:
         return self.types.Array3f(*(self._flat(x[:, i]) for i in range(3)))
 
-    def _torch(self, values: Any, device: torch.device) -> Tensor:
+    def _torch(self, values: JitArray, device: torch.device) -> Tensor:
         held = dr.detach(values)
         dr.eval(held)
         dr.sync_thread()
@@ -317,7 +319,7 @@ class Adam:
             for name, old in values.items():
                 values[name] = type(old)(tensors[f"{kind}.{name}"].cpu().numpy())
 
-    def step(self, field: VoxelField, gradients: dict[str, Any], rate: float, scale: float) -> None:
+    def step(self, field: VoxelField, gradients: dict[str, JitArray], rate: float, scale: float) -> None:
         """Take one step with `gradients` times `scale`."""
         self.steps += 1
         number = field.types.Float
@@ -342,7 +344,7 @@ def shape_of(box: Box, voxels: int) -> tuple[int, int, int]:
     return x, y, z
 
 
-def _zeros(kind: Any, sizes: dict[str, int]) -> dict[str, Any]:
+def _zeros(kind: Any, sizes: dict[str, int]) -> dict[str, JitArray]:
     """Return zeros, each in separate memory. Dr.Jit compiles a literal or shared zero into the kernel, so that the
     first steps would need other kernels than later steps.
     """

@@ -4,10 +4,11 @@ import argparse
 import shutil
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from harness.command.options import Command, Options, flag, option, require_between, shared
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
+from scenes.files.json_object import JsonObject
 
 if TYPE_CHECKING:
     import torch
@@ -211,7 +212,7 @@ def _decibels(psnr: float | None) -> str:
     return "diverged" if psnr is None else f"{psnr:.2f} dB"
 
 
-def _written(file: Path, result: dict[str, Any]) -> dict[str, Any]:
+def _written(file: Path, result: JsonObject) -> JsonObject:
     from harness.records.json_record import write_json
 
     write_json(file, result)

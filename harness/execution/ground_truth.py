@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from harness.execution.progress import Progress, Range, RenderProgress
 from harness.machine.device import available_cores
@@ -25,6 +25,7 @@ from harness.plan.defaults import RENDER_LIMIT
 from harness.plan.run_plan import Plan
 from harness.plan.settings import ViewSettings
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 from scenes.modelling.needs import with_needs
 from scenes.rendering.variant import llvm_libraries
 from scenes.view_sets.formats.foreign import source_of
@@ -218,12 +219,12 @@ def _render(
         raise RuntimeError(f"rendering ended with exit code {code}: {complaint[-2000:]}")
 
 
-def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[str, Any] | None]:
+def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[JsonObject | None]:
     """Yield the renderer's messages until they end, and None after each `beat` seconds without one.
 
     After its end a child process may keep its pipe open: messages then end after two beats without one.
     """
-    messages: queue.Queue[dict[str, Any] | None] = queue.Queue()
+    messages: queue.Queue[JsonObject | None] = queue.Queue()
     output = process.stdout
     assert isinstance(output, io.TextIOWrapper)
 
@@ -253,7 +254,7 @@ def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[dict[st
         yield message
 
 
-def _event(message: dict[str, Any]) -> RenderProgress:
+def _event(message: JsonObject) -> RenderProgress:
     path = Path(message["path"]) if message.get("path") else None
     done, total = message.get("done", 0), message.get("total", 0)
     view = message.get("view")
@@ -262,7 +263,7 @@ def _event(message: dict[str, Any]) -> RenderProgress:
     return RenderProgress(message["scene"], done, total, path, message.get("note", ""), doing, kept, share)
 
 
-def _message(line: str) -> dict[str, Any] | None:
+def _message(line: str) -> JsonObject | None:
     """Return the message, or None for a line that a user's scene printed."""
     try:
         message = json.loads(line)

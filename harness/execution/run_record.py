@@ -1,6 +1,6 @@
 """Facts of a run's record that need no training: those of a scene's view set, and measurements for claims."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -20,6 +20,7 @@ from harness.training.cell_training import content_of, finished_on
 from harness.training.saved_renders import drop_truth, keep_truth
 from harness.training.scoring.evaluate import floor_psnr
 from harness.training.scoring.metrics import psnr_from_mse
+from scenes.files.json_object import JsonObject
 from scenes.modelling.needs import left_out
 from scenes.view_sets.cautions import cautions
 from scenes.view_sets.visibility import visibility_of
@@ -87,7 +88,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
     return SceneRead(record, content_of(views), views.notes)
 
 
-def _left_out(row: dict[str, Any]) -> LeftOut:
+def _left_out(row: JsonObject) -> LeftOut:
     """Return an omission of the manifest; an older manifest has no bounds."""
     known = ("name", "concerns", "bound", "unit")
     return LeftOut(row["what"], row["reason"], None, None, None, **{key: row[key] for key in known if key in row})

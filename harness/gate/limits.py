@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from msgspec import field, structs
@@ -23,6 +23,7 @@ from harness.records.study import Check, check
 from harness.verdicts.statistics import POWER, shift_found
 from scenes.files.atomic import write_atomically
 from scenes.files.errors import DamagedRecord, InputError
+from scenes.files.json_object import JsonObject
 
 LEVEL = 0.01 / 80
 EULER = 0.5772156649
@@ -104,8 +105,8 @@ def _quantile(share: float, freedom: int) -> float:
 class KindFacts(Record, frozen=True):
     """The settings and the provenance of the measurement of a kind."""
 
-    settings: dict[str, Any]
-    provenance: dict[str, Any]
+    settings: JsonObject
+    provenance: JsonObject
     seconds: float
     files: dict[str, str] = field(default_factory=dict)
 

@@ -4,7 +4,7 @@ order of methods predicts that of a complete run.
 
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta, field
 
@@ -12,6 +12,7 @@ from harness.gate.gates import Kind
 from harness.gate.limits import SCHEMA, KindFacts, read_stored
 from harness.records.json_record import Record, load_json, write_json
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,7 +110,7 @@ def publish(run: Path, folder: Path) -> str:
     return f"{folder / RANK_FILE}: {rank_line(record)}"
 
 
-def rank_line(record: dict[str, Any]) -> str:
+def rank_line(record: JsonObject) -> str:
     run = record["run"]
     return (
         f"Against the {run['profile']} run of commit {run['commit']}: Spearman {record['spearman']:.2f}, Kendall "

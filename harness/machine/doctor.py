@@ -12,10 +12,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from harness.machine.cores import allowed_cpus, own_cores, quota_cores
 from harness.machine.wait_policy import SPINS, VARIABLE
+from scenes.files.json_object import JsonObject
 from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
 Verdict = Literal["ok", "limited", "missing"]
@@ -166,7 +167,7 @@ def _numbers(version: str) -> list[int]:
     return [int(part) for part in re.match(r"\d+(\.\d+)*|", version)[0].split(".") if part]  # type: ignore[index]
 
 
-def _project() -> dict[str, Any]:
+def _project() -> JsonObject:
     return tomllib.loads(PROJECT.read_text(encoding="utf-8"))
 
 

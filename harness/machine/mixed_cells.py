@@ -3,10 +3,10 @@
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from harness.machine.provenance import CHECKED
 from harness.records.cells import CellRecord, cell_path
+from scenes.files.json_object import JsonObject
 
 
 def mixed_hardware(cells: list[CellRecord]) -> list[str]:
@@ -73,7 +73,7 @@ def mixed_sources(cells: Sequence[CellRecord]) -> list[str]:
     return [f"One code and one set of packages for all cells: they differ in {what}. {consequence}"]
 
 
-def stale_cells(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) -> str | None:
+def stale_cells(cells: Sequence[CellRecord], here: JsonObject, out: Path) -> str | None:
     """Return a line on the finished cells whose code or packages differ from `here`, and how to renew them."""
     unlike: dict[str, list[str]] = defaultdict(list)
     for cell in cells:
@@ -94,7 +94,7 @@ def stale_cells(cells: Sequence[CellRecord], here: dict[str, Any], out: Path) ->
     )
 
 
-def _made_by(origin: dict[str, Any], method: str) -> dict[str, str]:
+def _made_by(origin: JsonObject, method: str) -> dict[str, str]:
     """Return name → version of all software that a cell of `method` may depend on, as far as it is known."""
     packages, plugin = origin.get("packages", {}), origin.get("plugins", {}).get(method)
     made = {"sources": origin.get("sources"), "commit": origin.get("commit"), "Python": origin.get("python")}

@@ -15,13 +15,13 @@ from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import torch
 
 from harness.machine.device import available_cores, multiplies_bfloat16
 from harness.machine.wait_policy import waits_passively
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 
 OUR_PACKAGES = ("harness", "scenes", "baselines")
 """The packages of this program that a cell needs; they are sent to every node."""
@@ -123,7 +123,7 @@ def core_module_lines() -> dict[str, int]:
 PACKAGES = (*CHECKED, "mitsuba", "colour-science")
 
 
-def provenance(device: torch.device) -> dict[str, Any]:
+def provenance(device: torch.device) -> JsonObject:
     """Return versions, processor, device, commit and a digest of the sources; no user names, no paths."""
     return {
         **code_here(),
@@ -140,7 +140,7 @@ def provenance(device: torch.device) -> dict[str, Any]:
     }
 
 
-def code_here() -> dict[str, Any]:
+def code_here() -> JsonObject:
     """Return commit, digest of the sources and packages, as of the first call: imported modules do not change."""
     return {
         "commit": commit(),

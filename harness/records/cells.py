@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from msgspec import field
 from msgspec.structs import asdict, replace
@@ -22,6 +22,7 @@ from harness.records.json_record import (
 from harness.records.metric_table import POSSIBLE
 from harness.records.verdict import Verdict
 from scenes.files.errors import DamagedRecord
+from scenes.files.json_object import JsonObject
 
 Budget = Literal["steps", "seconds", "core_seconds"]
 """The quantity of which two methods get equal amounts: training steps, or wall or core seconds of their own clocks."""
@@ -233,8 +234,8 @@ class CellRecord(Record, frozen=True):
     them."""
     warnings: list[str]
     """What a reader must know: empty collapse, billboard (train score far above test score), below the floor."""
-    settings: dict[str, Any]
-    provenance: dict[str, Any]
+    settings: JsonObject
+    provenance: JsonObject
     train_core_seconds: float | None = None
     """The processor seconds of training, as `Checkpoint.core_seconds`."""
     pictures: str | None = None
@@ -299,7 +300,7 @@ class SceneRecord(Record, frozen=True):
     """The PSNR between the ground truth and a noiseless one, from its own variance."""
     psnr_floor: float | None
     """The PSNR of copying the nearest training view."""
-    rendered: dict[str, Any]
+    rendered: JsonObject
     """How it was rendered: variant, spp, seconds, integrator, versions; empty for a foreign view set."""
     left_out: list[LeftOut]
     hull_share: float | None = None
@@ -358,8 +359,8 @@ class RunRecord(Record, frozen=True):
     deviations: list[str]
     """Sentences on where the run departs from the paper's printed text, and why."""
     seeds: list[int]
-    settings: dict[str, Any]
-    provenance: dict[str, Any]
+    settings: JsonObject
+    provenance: JsonObject
     phases: dict[str, float]
     """Wall seconds: render, train, verify, serve, total; summed over the parts of a resumed run."""
     finished: bool

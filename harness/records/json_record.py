@@ -12,6 +12,7 @@ import msgspec
 
 from scenes.files.atomic import write_atomically
 from scenes.files.errors import DamagedRecord
+from scenes.files.json_object import JsonObject
 
 DIGEST = "digest"
 """The last key of a record."""
@@ -40,12 +41,12 @@ def write_record(path: Path, record: object) -> None:
     write_json(path, {**data, DIGEST: digest_of(data)})
 
 
-def load_record(path: Path) -> dict[str, Any]:
+def load_record(path: Path) -> JsonObject:
     """Return the plain data that `write_record` wrote; raises `OSError`, and `ValueError` without the file's name."""
     return _load(path)[0]
 
 
-def _load(path: Path) -> tuple[dict[str, Any], bool]:
+def _load(path: Path) -> tuple[JsonObject, bool]:
     """Return the data, and whether they have a digest; raises `ValueError` if the digest is wrong."""
     data = load_json(path)
     if not isinstance(data, dict):

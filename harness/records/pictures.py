@@ -10,7 +10,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -22,6 +22,7 @@ from safetensors.numpy import load, save
 from harness.records.json_record import Record, as_promised, plain
 from scenes.files.atomic import write_atomically
 from scenes.files.errors import DamagedRecord
+from scenes.files.json_object import JsonObject
 
 Tensors = dict[str, np.ndarray]
 
@@ -33,7 +34,7 @@ def sealed(key: str, listing: dict[str, object], tensors: Tensors) -> bytes:
     return save({name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}, {key: text})
 
 
-def unsealed(key: str, data: bytes) -> tuple[dict[str, Any], Tensors]:
+def unsealed(key: str, data: bytes) -> tuple[JsonObject, Tensors]:
     """Return the listing and tensors of `sealed`; raises `ValueError` for anything else."""
     try:
         tensors = load(data)  # checks the header's bounds

@@ -1,10 +1,10 @@
 """The table of `python -m harness score`, with a row per scene, method and seed; `python -m harness judge` reads it."""
 
 from pathlib import Path
-from typing import Any
 
 from harness.records.cells import Scores, ViewScore
 from harness.records.json_record import Record, read_record, write_record
+from scenes.files.json_object import JsonObject
 
 SCHEMA = 1
 REMEDY = "delete it, or name another --to"
@@ -17,7 +17,7 @@ class ScoredPictures(Scores, frozen=True):
     method: str
     seed: int
     views: list[ViewScore]
-    made: dict[str, Any]
+    made: JsonObject
     """What was scored: folder and digest of the pictures, view set, width, and whether `--as-they-are`."""
     seconds: float | None = None
     """The training seconds that the user stated."""

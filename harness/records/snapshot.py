@@ -3,12 +3,12 @@
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from harness.records.cells import CellRecord
 from harness.records.pictures import Tensors, sealed, unsealed
 from scenes.files.atomic import write_atomically
 from scenes.files.errors import DamagedRecord
+from scenes.files.json_object import JsonObject
 
 FOLDER = "unfinished"
 """The folder of snapshots in OUT, and the key of their listings."""
@@ -20,7 +20,7 @@ LARGEST_BYTES = 4 << 30
 
 @dataclass(frozen=True)
 class Unfinished:
-    listing: dict[str, Any]
+    listing: JsonObject
     tensors: Tensors
 
     def under(self, prefix: str) -> Tensors:

@@ -7,7 +7,7 @@ is its answer.
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Literal, TypedDict, Unpack
 
 import msgspec
 from msgspec import field
@@ -17,6 +17,7 @@ from harness.records.former.four_words import in_two_words
 from harness.records.json_record import Record, as_promised, finite_or_none, load_record, write_record
 from harness.records.verdict import Verdict
 from scenes.files.errors import DamagedRecord
+from scenes.files.json_object import JsonObject
 
 SCHEMA = 2
 SHELVES = {
@@ -227,8 +228,8 @@ class Studies(Record, frozen=True):
     """The complete studies of one shelf, in the order of its catalogue."""
 
     shelf: str
-    provenance: dict[str, Any]
-    settings: dict[str, Any]
+    provenance: JsonObject
+    settings: JsonObject
     studies: list[StudyRecord] = field(default_factory=list)
     finished: bool = False
     schema: int = SCHEMA

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import records_folder
@@ -16,6 +16,7 @@ from harness.run_folder.folder_lock import LOCK_FILE, locked_folder
 from harness.run_folder.integrity import DAMAGED, plan_of_cells, quarantine, reason_of, repair, sweep
 from scenes.files.atomic import replacing
 from scenes.files.errors import DamagedRecord, InputError
+from scenes.files.json_object import JsonObject
 
 LEAST_FREE_BYTES = 200 << 20
 
@@ -199,7 +200,7 @@ def _differences(within: str, before: object, now: object) -> list[str]:
     return [line for key in keys for line in _differences(f"{inner}{key}", before.get(key), now.get(key))]
 
 
-def _load_plan(path: Path) -> dict[str, Any]:
+def _load_plan(path: Path) -> JsonObject:
     """Load a plan; raises the errors of `load_record`, and `ValueError` for a key that no plan has, as that of a
     damaged digest.
     """

@@ -6,12 +6,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+
+from scenes.files.json_object import JsonObject
 
 
 def printed_rows(
     words: Sequence[str],
-    on_row: Callable[[dict[str, Any]], object],
+    on_row: Callable[[JsonObject], object],
     environment: Mapping[str, str] | None = None,
     module: str = "scenes",
 ) -> tuple[int, str]:

@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from torch import nn
@@ -33,6 +32,7 @@ from harness.training.scoring.lpips import lpips_of
 from harness.training.shared_state import left_as_it_was
 from harness.training.trainer import Diverged
 from scenes.files.errors import DamagedRecord, InputError
+from scenes.files.json_object import JsonObject
 from scenes.rendering.occupancy import read_occupancy
 from scenes.view_sets.view_set import ViewSet
 
@@ -144,7 +144,7 @@ class CellTraining:
     batch_at: Callable[[int], Batch]
     views: ViewSet
     task: GroupTask
-    provenance: dict[str, Any]
+    provenance: JsonObject
     floor: float | None
 
     def __post_init__(self) -> None:

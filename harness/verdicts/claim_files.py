@@ -8,7 +8,6 @@ import tomllib
 from collections.abc import Collection, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from msgspec.structs import replace
 
@@ -17,6 +16,7 @@ from harness.records.claims import AXES, QUANTITIES, STATED, Bound, ClaimFile, N
 from harness.records.json_record import as_promised
 from harness.records.metric_table import METRICS
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 
 PRINTED = Path(__file__).parent / "printed"
 BOUNDS: dict[str, Bound] = {">=": "at least", "<=": "at most", "=": ""}
@@ -75,7 +75,7 @@ def read_claims(file: Path) -> ClaimFile:
     return replace(read, claims=tuple(claims))
 
 
-def _statement(row: dict[str, Any], place: int, at: str) -> Statement:
+def _statement(row: JsonObject, place: int, at: str) -> Statement:
     row = dict(row)
     quantity = row.setdefault("quantity", "gain" if "against" in row else "score")
     if quantity not in QUANTITIES:

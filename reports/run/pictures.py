@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from reports.data.wording import counted, number
 from reports.drawing.images import Picture, data_uri, delta_e, side_for, smaller
 from reports.drawing.palette import colours_of
 from scenes.files.atomic import write_atomically
+from scenes.files.json_object import JsonObject
 
 SCRIPTS = (
     *("chunks.js", "kept.js", "pixels.js", "colour_space.js", "colour_maps.js", "delta_e.js", "flip.js"),
@@ -132,7 +133,7 @@ BRIGHT = 1.0 + 1 / 256
 
 @dataclass
 class SceneData:
-    entry: dict[str, Any]
+    entry: JsonObject
     renders: list[tuple[int, dict[str, object], dict[str, str]]] = field(default_factory=list)
     """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; the row is empty if
     it is not packed.

@@ -24,6 +24,7 @@ from reports.studies.forest import effects_grid, forest_key, forests
 from reports.studies.matrix import PENS, groups, miniature
 from reports.studies.shelves import WORDS, ShelfWords, page_of
 from scenes.files.atomic import write_atomically
+from scenes.files.json_object import JsonObject
 
 AT_ONCE = 4
 """The number of answers after the first that are not folded."""
@@ -205,7 +206,7 @@ def sentences(record: Studies) -> list[str]:
     return [*words, *([f"Not tried: {listed(untried)}; each says why."] if untried else [])]
 
 
-def _machine(origin: dict[str, Any]) -> str:
+def _machine(origin: JsonObject) -> str:
     """Return ` on X with 2 cores and 2 threads, without units for bfloat16 matrix multiplications`, as far as known."""
     processor, device, has_units = (origin.get(name) for name in ("processor", "device", "bfloat16_products"))
     parts = [

@@ -3,12 +3,13 @@
 import json
 import shutil
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from msgspec import Meta, Struct, convert, field, to_builtins
 
 from scenes.files.digest import file_digest, json_digest
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 from scenes.view_sets.formats.transforms import Number, read_json, shown
 
 FORMAT = "radiance-verdict view set"
@@ -28,7 +29,7 @@ def write_manifest(folder: Path, facts: dict[str, object], files: list[Path]) ->
     (folder / NAME).write_text(text, encoding="utf-8")
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> JsonObject:
     """Return the manifest, or an empty dictionary if the folder has none, as those of other programs.
 
     Raises `InputError` for another version and `DamagedViewSet` if the manifest was changed.
@@ -53,7 +54,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return content
 
 
-def checked(folder: Path, file: Path, manifest: dict[str, Any]) -> Path:
+def checked(folder: Path, file: Path, manifest: JsonObject) -> Path:
     """Return the file if it is intact and listed in the manifest; raises `DamagedViewSet` if not."""
     try:
         relative = file.resolve().relative_to(folder.resolve()).as_posix()
@@ -72,7 +73,7 @@ def checked(folder: Path, file: Path, manifest: dict[str, Any]) -> Path:
     return file
 
 
-def check_all(folder: Path) -> dict[str, Any]:
+def check_all(folder: Path) -> JsonObject:
     """Return the manifest if every file that it lists is intact; raises `InputError` if not."""
     manifest = read_manifest(folder)
     if not manifest:
@@ -161,12 +162,12 @@ def note(folder: Path, order: str, name: str, facts: dict[str, object]) -> None:
         file.write(f"\n{json.dumps({**line, 'digest': json_digest(line)}, allow_nan=False)}\n")
 
 
-def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> dict[str, dict[str, Any]]:
+def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> dict[str, JsonObject]:
     """Copy the views that are intact in one of `donors` to `folder` and its journal; return view → its facts.
 
     Raises `OSError` if they cannot be copied.
     """
-    taken: dict[str, dict[str, Any]] = {}
+    taken: dict[str, JsonObject] = {}
     for donor in donors:
         for name, line in {**_from_manifest(donor, order), **_from_journal(donor, order)}.items():
             if name in taken or name not in names or line["files"] != _digests(donor, name):
@@ -180,7 +181,7 @@ def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> 
     return taken
 
 
-def _from_journal(folder: Path, order: str) -> dict[str, dict[str, Any]]:
+def _from_journal(folder: Path, order: str) -> dict[str, JsonObject]:
     try:
         text = (folder / JOURNAL).read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -197,7 +198,7 @@ def _from_journal(folder: Path, order: str) -> dict[str, dict[str, Any]]:
     return lines
 
 
-def _from_manifest(folder: Path, order: str) -> dict[str, dict[str, Any]]:
+def _from_manifest(folder: Path, order: str) -> dict[str, JsonObject]:
     """Return the facts of the views of a set that was complete."""
     try:
         manifest = read_manifest(folder)

@@ -16,11 +16,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.formats.transforms import Frames, transforms_file
 from scenes.view_sets.image_stack import ImageStack, require_room
@@ -77,7 +77,7 @@ class ViewSet:
     train: Split
     val: Split
     test: Split
-    rendered: dict[str, Any] = field(default_factory=dict)
+    rendered: JsonObject = field(default_factory=dict)
     """The manifest; empty for a view set of another program."""
     repeated_views: tuple[str, ...] = ()
     """The views with the camera of an earlier view of any split, one line each."""
@@ -160,7 +160,7 @@ def read_view_set(
     return replace(views, bounds=carved(box, views.hull)) if assumed and "train" in read else views
 
 
-def _frames(folder: Path, split: str, source: Source, manifest: dict[str, Any], count: int | None) -> Frames | None:
+def _frames(folder: Path, split: str, source: Source, manifest: JsonObject, count: int | None) -> Frames | None:
     """Return `count` evenly spread views of a split, or all views; None if the split does not exist."""
     file = transforms_file(folder, split)
     if split in manifest.get("empty_splits", []) and not file.exists():
@@ -190,7 +190,7 @@ def _repeated_views(chosen: dict[str, Frames]) -> tuple[str, ...]:
     return tuple(f"{names[later]} has the camera of {names[first]}" for first, later in pairs)
 
 
-def region_of(source: Source, manifest: dict[str, Any], folder: Path) -> Region:
+def region_of(source: Source, manifest: JsonObject, folder: Path) -> Region:
     """Return the region of the manifest, or else of the format."""
     if not manifest:
         return source.region
@@ -204,7 +204,7 @@ class _Reader:
 
     folder: Path
     resolution: int | None
-    manifest: dict[str, Any]
+    manifest: JsonObject
     source: Source
     scratch: Path | None
     stored: tuple[int, int] | None = None

@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 from statistics import fmean
-from typing import Any
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
@@ -23,6 +22,7 @@ from harness.records.json_record import as_promised, load_json
 from harness.studies.choices.arms import Arm, CellTask, trained_cells
 from harness.studies.choices.sweep import SEED
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 
 UNITS = (1.0, 3.0, 10.0, 25.0, 100.0, 250.0, 1000.0)
 """The units of density that are tried, per half of the longest side of the scene's box."""
@@ -181,9 +181,9 @@ def chosen(rows: list[ConstantsRow], steps: int, carried: Pairs | None = None) -
     return {method: best[0] for method, best in choice.items() if best}
 
 
-def settings_of(plan: Plan) -> dict[str, Any]:
+def settings_of(plan: Plan) -> JsonObject:
     """Return the settings of a search, as JSON: those of its plan without the constants that it chooses."""
-    settings: dict[str, Any] = json.loads(json.dumps(plan.settings()))
+    settings: JsonObject = json.loads(json.dumps(plan.settings()))
     for own in settings["train"]["own"].values():
         for name in DensityConstants(1.0, None).fields:
             del own[name]
@@ -192,7 +192,7 @@ def settings_of(plan: Plan) -> dict[str, Any]:
 
 def as_json(
     rows: list[ConstantsRow], plan: Plan, provenance: dict[str, object], carried: Pairs | None = None
-) -> dict[str, Any]:
+) -> JsonObject:
     """Return the record of a search, without a choice if it was stopped."""
     choice = chosen(rows, plan.budget.steps or 0, carried)
     return {

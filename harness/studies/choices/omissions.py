@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from msgspec import structs
@@ -28,6 +28,7 @@ from harness.records.cells import CellRecord, LeftOut, SceneRecord
 from harness.run_folder.earlier_run import UNMEASURED
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
 from harness.verdicts.statistics import PairedDifference, paired_difference
+from scenes.files.json_object import JsonObject
 from scenes.modelling.needs import PARTS, Unit, needs_of, useful_bands
 from scenes.view_sets.view_set import ViewSet
 
@@ -342,11 +343,11 @@ def _of_integrator(plan: Plan, scene: str) -> Omission:
 def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, object]:
     """Return `scenes.rendering.checks.Comparison` as plain data, from a separate process. Raises `InputError`."""
     output = scenes_output("integrators", scene, resolution=resolution, views=views, spp=spp)
-    comparison: dict[str, Any] = json.loads(output.splitlines()[-1])
+    comparison: JsonObject = json.loads(output.splitlines()[-1])
     return comparison
 
 
-def omission_of_integrators(comparison: dict[str, Any], samples: int) -> Omission:
+def omission_of_integrators(comparison: JsonObject, samples: int) -> Omission:
     """Return the omission, with its seconds scaled to the `samples` of a complete view set."""
     seconds = comparison["seconds"]["volpath"] - comparison["seconds"]["path"]
     squares = paired_difference(np.array(comparison["squared"]))

@@ -4,7 +4,6 @@ import math
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from harness.execution.ground_truth import view_set_folders
 from harness.records.study import Table, check
@@ -15,8 +14,9 @@ from harness.training.scoring.metrics import psnr_from_mse
 from harness.verdicts.statistics import critical
 from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 
-PrintedRows = dict[str, list[dict[str, Any]]]
+PrintedRows = dict[str, list[JsonObject]]
 """Folder → the rows printed about it."""
 TOLERANCE_DB = 0.1
 TRAINING = "objections"
@@ -38,7 +38,7 @@ def noise_rows(
     """
     rows: PrintedRows = {}
 
-    def on_row(row: dict[str, Any]) -> None:
+    def on_row(row: JsonObject) -> None:
         if row["item"] not in rows:
             show(f"rendering {row['scene']} ({len(rows) + 1} of {len(items)})")
         rows.setdefault(row["item"], []).append(row)

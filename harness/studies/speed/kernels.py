@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -36,6 +35,7 @@ from harness.studies.usual_quadrature import running_product, stock_expm1
 from harness.training.lockstep import box_of
 from harness.training.scoring.evaluate import cameras_of, render_view
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 from scenes.rendering.variant import VARIANTS, Variant, choose_variant
 
 POINTS = 65536
@@ -172,7 +172,7 @@ def seconds_per_view(scene: str, views: ViewSettings, variant: Variant, cache: P
     words = [*sizes_of(views), "--variant", variant.name, "--view-sets", str(cache)]
     moments: list[float] = []
 
-    def on_row(row: dict[str, Any]) -> None:
+    def on_row(row: JsonObject) -> None:
         if row.get("done"):
             moments.append(time.perf_counter())
 

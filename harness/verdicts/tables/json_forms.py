@@ -14,6 +14,7 @@ from harness.records.json_record import load_json
 from harness.records.metric_table import METRICS
 from harness.verdicts.tables.rows import Rows, rows_of
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 
 FORMS = (
     "JSON must be a list of rows {scene, method, psnr, …}, {cells: such rows}, {method, scenes: {scene: {metric: "
@@ -49,7 +50,7 @@ def _is_plain(value: object) -> bool:
     return value is None or isinstance(value, str | int | float)
 
 
-def _with_protocol(row: dict[str, Any]) -> dict[str, Any]:
+def _with_protocol(row: JsonObject) -> JsonObject:
     """Return a row of `harness score` with what was scored as columns."""
     made = row.get("made")
     if not isinstance(made, dict) or "width" not in made:
@@ -97,7 +98,7 @@ def _scene_folder(path: Path) -> Path:
     return folder.parent if folder.name in STATISTICS else folder
 
 
-def _of_gaussian_splatting(data: dict[str, Any], path: Path, label: str) -> list[dict[str, Any]]:
+def _of_gaussian_splatting(data: JsonObject, path: Path, label: str) -> list[JsonObject]:
     """Return a row for each number of steps: `ours_7000`, `ours_30000`."""
     several = len(data) > 1 or not label
     return [
@@ -110,15 +111,15 @@ def _of_gaussian_splatting(data: dict[str, Any], path: Path, label: str) -> list
     ]
 
 
-def _of_method(row: dict[str, Any]) -> list[dict[str, Any]]:
+def _of_method(row: JsonObject) -> list[JsonObject]:
     name = row.get("id", row.get("method", row.get("name")))
     scenes = row["scenes"].items()
     return [{**scores, "scene": scene, "method": name} for scene, scores in scenes if isinstance(scores, dict)]
 
 
-def _of_scene_file(data: dict[str, Any], path: Path) -> dict[str, Any]:
+def _of_scene_file(data: JsonObject, path: Path) -> JsonObject:
     """Return the row of a result file of one method on one scene; older files name the method only by the folder."""
-    info: dict[str, Any] = next((data[name] for name in ("nb_info", "info") if isinstance(data.get(name), dict)), {})
+    info: JsonObject = next((data[name] for name in ("nb_info", "info") if isinstance(data.get(name), dict)), {})
     places = [data.get("render_dataset_metadata"), info.get("dataset_metadata")]
     scenes = [place.get("scene") for place in places if isinstance(place, dict)]
     scene = next(filter(None, [*scenes, info.get("dataset_scene")]), path.stem)

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import fmean
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -20,8 +20,9 @@ from reports.drawing.palette import MARKERS, OTHERS
 from reports.drawing.sheet import Drawing, key_of, save_sheet
 from reports.drawing.traces import Panel, Trace
 from reports.run.saving.run_blocks import table
+from scenes.files.json_object import JsonObject
 
-Search = dict[str, Any]
+Search = JsonObject
 """What `python -m harness study constants` writes."""
 COMPARED = (
     *(("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("nerf_matched", "nerf")),

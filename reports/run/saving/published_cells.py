@@ -1,7 +1,5 @@
 """The cells of a published summary.json as records, so that the functions that judge runs also judge published runs."""
 
-from typing import Any
-
 from msgspec.structs import replace
 
 from harness.records.cells import CellRecord, Checkpoint, empty_cell
@@ -11,8 +9,9 @@ from harness.verdicts.changes import Condition
 from harness.verdicts.claim_files import usual_roles
 from harness.verdicts.comparisons import compare
 from harness.verdicts.headline_family import SENSES, headline_budgets
+from scenes.files.json_object import JsonObject
 
-Run = dict[str, Any]
+Run = JsonObject
 """The content of a published JSON file other than a record of studies."""
 
 

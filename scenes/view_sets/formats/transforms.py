@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import Meta, Struct, ValidationError, convert, structs
 
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 from scenes.view_sets.formats.lens import NAMES, Lens, common_pinhole, read_through, resampling_note, seen_size
 from scenes.view_sets.images import header
 from scenes.view_sets.viewpoints import check_field_of_view, rigid
@@ -224,8 +225,8 @@ def _refuse(constant: str) -> float:
     raise ValueError(f"{constant} is not a number; give a finite one")
 
 
-def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    content: dict[str, Any] = {}
+def _each_key_once(pairs: list[tuple[str, Any]]) -> JsonObject:
+    content: JsonObject = {}
     for key, value in pairs:
         if key in content:
             raise ValueError(f"{shown(key)} is given twice; keep one of them")
