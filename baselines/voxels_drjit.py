@@ -57,7 +57,7 @@ def interpolated(values: JitArray, at: list[tuple[JitArray, JitArray]], kind: ty
     return sum(weight * dr.gather(kind, values, dr.uint32_array_t(type(index))(index)) for index, weight in at)
 
 
-def softplus(x: JitArray) -> JitArray:
+def softplus(x: Any) -> JitArray:
     """Return log(1 + exp x), without overflow."""
     return dr.maximum(x, 0.0) + dr.log(1.0 + dr.exp(-dr.abs(x)))
 
