@@ -56,7 +56,7 @@ class GaussianSettings:
     """The number of Gaussians at the end."""
     first_opacity: float = 0.1
     degree: int = 2
-    """The degree of the spherical harmonics, 0 to 2, where colour depends on the direction."""
+    """The degree of the spherical harmonics, 0 to 3, where colour depends on the direction."""
     widened: float = 0.5
     """The standard deviation, in pixels of the training views, by which a Gaussian is widened."""
     faster: float = 1.0

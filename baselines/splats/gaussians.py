@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from baselines.contract import Box, Densities, Points, Rays, Rendering
-from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, Drawn, RayCells, add_densities
+from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, NEAREST, Drawn, Eye, RayCells, add_densities
 
 
 def rotations(quaternions: Float[Tensor, "gaussians 4"]) -> Float[Tensor, "gaussians 3 3"]:
@@ -45,11 +45,14 @@ class Pencil:
     origin: Float[Tensor, " 3"]
     axes: Float[Tensor, "3 3"]
     """The directions right, down and forward as columns; any rotation about forward will do."""
+    near: float
     cells: RayCells
 
     @staticmethod
-    def of(origin: Float[Tensor, " 3"], directions: Float[Tensor, "rays 3"]) -> "Pencil":
-        """Sort the rays. Raises `ValueError` if they span half a sphere, as no plane shows them all."""
+    def of(origin: Float[Tensor, " 3"], directions: Float[Tensor, "rays 3"], near: float) -> "Pencil":
+        """Sort the rays, which begin at the distance `near`. Raises `ValueError` if they span half a sphere, as no
+        plane shows them all.
+        """
         forward = normalize(directions.mean(dim=0), dim=0)
         right = torch.zeros(3).index_fill(0, forward.abs().argmin(), 1.0)
         right = normalize(right - (right @ forward) * forward, dim=0)
@@ -57,7 +60,7 @@ class Pencil:
         seen = directions @ axes
         if bool((seen[:, 2] < 1e-2).any()):
             raise ValueError("rays of one camera that span half a sphere: splats are drawn on a plane")
-        return Pencil(origin, axes, RayCells.of((seen[:, :2] / seen[:, 2:]).numpy()))
+        return Pencil(origin, axes, near, RayCells.of((seen[:, :2] / seen[:, 2:]).numpy()))
 
 
 @dataclass(eq=False)
@@ -73,6 +76,10 @@ class Gaussians:
     """The side of a pixel of the training views in the middle of the box, in halves of the box's longest side."""
     widened: float
     """The standard deviation, in units of `pixel`, by which a Gaussian is widened."""
+    blurred: float = 0.0
+    """The variance by which a picture is blurred, in the plane at distance 1, for Gaussians of the reference
+    implementation, which does so instead of widening them in space.
+    """
     pointwise: bool = field(default=True, init=False)
     density_limit: float = field(default=math.inf, init=False)
 
@@ -100,8 +107,9 @@ class Gaussians:
         longest side.
         """
         origin = self.box.normalised(pencil.origin).to(values.dtype).numpy()
-        camera = origin, pencil.axes.to(values.dtype).numpy()
-        return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, camera, self.widened * self.pixel, values))
+        nearest = max(NEAREST, pencil.near / self.box.half_extent)
+        eye = Eye(origin, pencil.axes.to(values.dtype).numpy(), self.widened * self.pixel, float(self.blurred), nearest)
+        return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, eye, values))
 
     def render(self, rays: Rays) -> Rendering:
         """Render rays of any cameras over white, one camera after the other. Raises `ValueError` where the rays of a
@@ -111,7 +119,7 @@ class Gaussians:
         depth, drawn = torch.full((len(rays),), rays.far), 0
         for of_camera in _by_camera(rays.origins):
             origin = rays.origins[of_camera][0]
-            out, through, count = self.draw(Pencil.of(origin, rays.directions[of_camera]), self.values)
+            out, through, count = self.draw(Pencil.of(origin, rays.directions[of_camera], rays.near), self.values)
             colour[of_camera] = out[:, :3] + through[:, None]
             opacity[of_camera] = 1.0 - through
             depth[of_camera] = out[:, 3] * self.box.half_extent + through * rays.far

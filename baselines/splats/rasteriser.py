@@ -28,7 +28,7 @@ MOST_OPAQUE = 0.99
 LET_THROUGH = 1e-4
 """The transmittance below which no further Gaussian is drawn on a ray."""
 NEAREST = 1e-3
-"""The depth, in halves of the box's longest side, below which a Gaussian is not drawn."""
+"""The smallest near plane, in halves of the box's longest side."""
 COLUMNS = {"position": 3, "log_scale": 3, "rotation": 4, "opacity": 1, "colour": 3}
 """The learnt numbers of a Gaussian, in this order, before the harmonics of red, green and blue above degree 0: position
 and scale in halves of the box's longest side, a quaternion of any length, the logit of the opacity.
@@ -38,7 +38,13 @@ OPACITY, COLOUR, HARMONICS = 10, 11, 14
 ONE, HALF, TWO = np.float32(1.0), np.float32(0.5), np.float32(2.0)
 Y0, Y1 = (np.float32(c / math.sqrt(math.pi)) for c in (0.5, math.sqrt(0.75)))
 Y2, Y20 = (np.float32(c * math.sqrt(x / math.pi)) for c, x in ((0.5, 15.0), (0.25, 5.0)))
-"""The factors of the real spherical harmonics of degree 0, 1 and 2; Y20 is that of order 0 in degree 2."""
+Y30, Y31 = (np.float32(c * math.sqrt(x / math.pi)) for c, x in ((0.25, 7.0), (0.25, 10.5)))
+Y32, Y33 = (np.float32(c * math.sqrt(x / math.pi)) for c, x in ((0.25, 105.0), (0.25, 17.5)))
+"""The factors of the real spherical harmonics of degree 0 to 3; a second digit is the order, where they differ."""
+SLANT = np.float32(2.0)
+"""The largest slope x/z and y/z at which the projection is linearised. To first order a Gaussian beside the camera
+covers the whole picture; the reference implementation limits the slope to 1.3 times that of the picture's edge.
+"""
 CLAMP, END, MOST_FAINT = np.float32(MOST_OPAQUE), np.float32(LET_THROUGH), np.float32(1.0 / FAINTEST)
 
 
@@ -75,6 +81,20 @@ class RayCells(NamedTuple):
     def bands(self, count: int) -> list[tuple[int, int]]:
         ends = [self.rows * i // count for i in range(count + 1)]
         return [(low, high) for low, high in itertools.pairwise(ends) if low < high]
+
+
+class Eye(NamedTuple):
+    """A camera, and how it blurs what it sees. Lengths are in halves of the box's longest side."""
+
+    origin: np.ndarray
+    axes: np.ndarray
+    """The directions right, down and forward as columns [3, 3]."""
+    widened: float
+    """The standard deviation by which each Gaussian is widened in space."""
+    blurred: float = 0.0
+    """The variance by which each is blurred in the plane at distance 1."""
+    nearest: float = NEAREST
+    """The depth below which a Gaussian is not drawn."""
 
 
 class Projected(NamedTuple):
@@ -126,13 +146,25 @@ def _rotate(row: np.ndarray, turn: np.ndarray) -> float:
 @njit(inline="always")
 @no_type_check
 def _fill_harmonics(x: float, y: float, z: float, out: np.ndarray) -> None:
-    """Fill `out` with the real spherical harmonics of a unit direction above degree 0: none, 3 or 8 of them."""
+    """Fill `out` with the real spherical harmonics of a unit direction above degree 0: none, 3, 8 or 15 of them."""
     if out.shape[0] > 0:
         out[0], out[1], out[2] = Y1 * y, Y1 * z, Y1 * x
     if out.shape[0] > 3:
         out[3], out[4], out[6] = Y2 * x * y, Y2 * y * z, Y2 * x * z
         out[5] = Y20 * (np.float32(3.0) * z * z - ONE)
         out[7] = HALF * Y2 * (x * x - y * y)
+    if out.shape[0] > 8:
+        three, five = np.float32(3.0), np.float32(5.0)
+        out[8], out[14] = Y33 * y * (three * x * x - y * y), Y33 * x * (x * x - three * y * y)
+        out[9], out[13] = TWO * Y32 * x * y * z, Y32 * z * (x * x - y * y)
+        out[10], out[12] = Y31 * y * (five * z * z - ONE), Y31 * x * (five * z * z - ONE)
+        out[11] = Y30 * z * (five * z * z - three)
+
+
+@njit(inline="always")
+@no_type_check
+def _limited(slope: float) -> float:
+    return min(max(slope, -SLANT), SLANT)
 
 
 @njit(inline="always")
@@ -154,19 +186,15 @@ def _flatten(
         right = scale * (turn[0, j] * axes[0, 0] + turn[1, j] * axes[1, 0] + turn[2, j] * axes[2, 0])
         down = scale * (turn[0, j] * axes[0, 1] + turn[1, j] * axes[1, 1] + turn[2, j] * axes[2, 1])
         # Eq. 5 of Kerbl et al.: the projection to first order about the centre
-        flat[j, 0], flat[j, 1] = (right - a * deep[j]) / z, (down - b * deep[j]) / z
+        flat[j, 0], flat[j, 1] = (right - _limited(a) * deep[j]) / z, (down - _limited(b) * deep[j]) / z
     return a, b, z, length
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 @no_type_check
-def _project(
-    values: np.ndarray, order: np.ndarray, camera: tuple[np.ndarray, np.ndarray], widened: float, projected: Projected
-) -> None:
-    """Fill a row of `projected` for each Gaussian of `order`, a row of `values` (`COLUMNS`); `camera` is origin and
-    axes, `widened` a standard deviation in space.
-    """
-    origin, axes = camera
+def _project(values: np.ndarray, order: np.ndarray, eye: Eye, projected: Projected) -> None:
+    """Fill a row of `projected` for each Gaussian of `order`, a row of `values` (`COLUMNS`)."""
+    origin, axes, widened = eye.origin, eye.axes, eye.widened
     shapes, halves, colours = projected.shapes, projected.halves, projected.colours
     kind = values.dtype
     turn, flat, deep = np.empty((3, 3), kind), np.empty((3, 2), kind), np.empty(3, kind)
@@ -175,8 +203,8 @@ def _project(
     for place in range(order.shape[0]):
         row = values[order[place]]
         a, b, z, _ = _flatten(row, origin, axes, turn, flat, deep)
-        wide = (widened / z) * (widened / z)
-        xx, xy, yy = wide * (ONE + a * a), wide * a * b, wide * (ONE + b * b)
+        wide, p, q = (widened / z) * (widened / z), _limited(a), _limited(b)
+        xx, xy, yy = wide * (ONE + p * p) + eye.blurred, wide * p * q, wide * (ONE + q * q) + eye.blurred
         for j in range(3):
             xx += flat[j, 0] * flat[j, 0]
             xy += flat[j, 0] * flat[j, 1]
@@ -220,11 +248,11 @@ def _rotate_back(row: np.ndarray, length: float, v_turn: np.ndarray, v_row: np.n
 @njit(cache=True, error_model="numpy", nogil=True)
 @no_type_check
 def _project_back(
-    values: np.ndarray, order: np.ndarray, camera: tuple[np.ndarray, np.ndarray], widened: float,
+    values: np.ndarray, order: np.ndarray, eye: Eye,
     projected: Projected, v_shapes: np.ndarray, v_colours: np.ndarray, v_values: np.ndarray,
 ) -> None:  # fmt: skip
     """Fill the rows `order` of `v_values` with the gradient of `_project`; `v_x` is the gradient of x throughout."""
-    origin, axes = camera
+    origin, axes, widened = eye.origin, eye.axes, eye.widened
     shapes, colours = projected.shapes, projected.colours
     kind = values.dtype
     turn, flat, deep = np.empty((3, 3), kind), np.empty((3, 2), kind), np.empty(3, kind)
@@ -241,16 +269,16 @@ def _project_back(
         v_xx = -(k_xx * k_xx * v_conic_xx + TWO * k_xx * k_xy * v_conic_xy + k_xy * k_xy * v_conic_yy)
         v_yy = -(k_xy * k_xy * v_conic_xx + TWO * k_xy * k_yy * v_conic_xy + k_yy * k_yy * v_conic_yy)
         v_xy = -TWO * (k_xx * k_xy * v_conic_xx + (k_xx * k_yy + k_xy * k_xy) * v_conic_xy + k_xy * k_yy * v_conic_yy)
-        v_wide = v_xx * (ONE + a * a) + v_yy * (ONE + b * b) + v_xy * a * b
-        v_a = v_shapes[place, 0] + wide * (TWO * v_xx * a + v_xy * b)
-        v_b = v_shapes[place, 1] + wide * (TWO * v_yy * b + v_xy * a)
+        p, q = _limited(a), _limited(b)
+        v_wide = v_xx * (ONE + p * p) + v_yy * (ONE + q * q) + v_xy * p * q
+        v_p, v_q = wide * (TWO * v_xx * p + v_xy * q), wide * (TWO * v_yy * q + v_xy * p)
         v_z = -TWO * wide * v_wide / z
         for j in range(3):
             v_right = (TWO * v_xx * flat[j, 0] + v_xy * flat[j, 1]) / z
             v_down = (TWO * v_yy * flat[j, 1] + v_xy * flat[j, 0]) / z
-            v_deep = -(a * v_right + b * v_down)
-            v_a -= v_right * deep[j]
-            v_b -= v_down * deep[j]
+            v_deep = -(p * v_right + q * v_down)
+            v_p -= v_right * deep[j]
+            v_q -= v_down * deep[j]
             v_z -= v_right * flat[j, 0] + v_down * flat[j, 1]
             scale = math.exp(row[3 + j])
             v_scale = np.float32(0.0)
@@ -259,6 +287,9 @@ def _project_back(
                 v_turn[i, j] = scale * along
                 v_scale += scale * along * turn[i, j]
             v_row[3 + j] = v_scale
+        # a slope at its limit stays there
+        v_a = v_shapes[place, 0] + (v_p if p == a else NOTHING)
+        v_b = v_shapes[place, 1] + (v_q if q == b else NOTHING)
         v_z -= (v_a * a + v_b * b) / z
         distance = colours[place, 3]
         for i in range(3):
@@ -455,16 +486,14 @@ class Drawn(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(
-        ctx: Any, rays: RayCells, camera: tuple[np.ndarray, np.ndarray], widened: float, values: Tensor
-    ) -> tuple[Tensor, Tensor, int]:
-        given, (origin, axes) = values.detach().numpy(), camera
+    def forward(ctx: Any, rays: RayCells, eye: Eye, values: Tensor) -> tuple[Tensor, Tensor, int]:
+        given = values.detach().numpy()
         kind, count = given.dtype, rays.at.shape[1]
-        depth = (given[:, :3] - origin) @ axes[:, 2]
+        depth = (given[:, :3] - eye.origin) @ eye.axes[:, 2]
         order = np.argsort(depth, kind="stable")
-        order = order[np.searchsorted(depth[order], NEAREST) :]
+        order = order[np.searchsorted(depth[order], eye.nearest) :]
         projected = Projected(*(np.empty((len(order), size), kind) for size in (6, 2, 4)))
-        _project(given, order, camera, widened, projected)
+        _project(given, order, eye, projected)
         out, through = np.zeros((4, count), kind), np.ones(count, kind)
         last = np.full(count, -1, np.int32)
 
@@ -473,7 +502,7 @@ class Drawn(torch.autograd.Function):
 
         drawn = sum(_at_once(draw, rays.bands(torch.get_num_threads())))
         ctx.save_for_backward(values, *map(torch.from_numpy, (order, *projected, through, last)))
-        ctx.rays, ctx.camera, ctx.widened = rays, camera, widened
+        ctx.rays, ctx.eye = rays, eye
         return torch.from_numpy(out[:, rays.back]).T, torch.from_numpy(through[rays.back]), drawn
 
     @staticmethod
@@ -485,8 +514,8 @@ class Drawn(torch.autograd.Function):
         behind = through * v_through.numpy()[rays.order]
         _backward(rays, projected, v_out.numpy().T[:, rays.order], through.copy(), behind, last, v_shapes, v_colours)
         v_values = np.zeros_like(values)
-        _project_back(values, order, ctx.camera, ctx.widened, projected, v_shapes, v_colours, v_values)
-        return None, None, None, torch.from_numpy(v_values)
+        _project_back(values, order, ctx.eye, projected, v_shapes, v_colours, v_values)
+        return None, None, torch.from_numpy(v_values)
 
 
 def _at_once(draw: Callable[[tuple[int, int]], int], bands: list[tuple[int, int]]) -> Iterable[int]:

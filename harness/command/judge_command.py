@@ -28,16 +28,19 @@ JUDGE: Options = {
 }
 SCORING = (
     "Scores of pictures that another program rendered of a view set's test views (3D Gaussian Splatting, nerfstudio, "
-    "instant-ngp, nerfbaselines, or any folder with a picture of each view), as a table for `judge`."
+    "instant-ngp, nerfbaselines, or any folder with a picture of each view), or of Gaussians in a .ply file, which are "
+    "drawn here, as a table for `judge`."
 )
 SCORE: Options = {
-    "pictures": option("folder of the pictures, or a folder that contains it", "PICTURES", Path),
+    "pictures": option("folder of the pictures, or one that contains it; or a .ply of Gaussians", "PICTURES", Path),
     "--view-set": option("view set with the ground truth of the pictures", "DIR", Path, required=True),
     "--method": option("name of the method in the table", "NAME", required=True),
     "--scene": option("name of the scene in the table (default: that of the view set)", "NAME"),
     "--seed": option("seed of the training, for the table (default: 0)"),
     "--seconds": option("training seconds, for the table", "S", float),
-    "--resolution": option("width at which both are compared (default: that of the pictures)"),
+    "--resolution": option(
+        "width at which both are compared (default: that of the pictures; of a .ply: that of the view set)"
+    ),
     "--lpips": {},
     "--as-they-are": flag("score pictures that seem to be in another order or colour space"),
     "--to": option(

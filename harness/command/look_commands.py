@@ -1,4 +1,4 @@
-"""`python -m harness view | render`; nothing heavy is imported for the help."""
+"""`python -m harness view | render | splats`; nothing heavy is imported for the help."""
 
 import argparse
 import errno
@@ -219,7 +219,47 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
     return 0
 
 
+SPLATS: Options = {
+    "run": FINISHED_RUN,
+    "--scene": option("scene of the run (default: the first that was trained)", "SCENE"),
+    "--method": option("method that trains Gaussians (default: the first of the run)", "METHOD"),
+    "--seed": {},
+    "--to": option("file to write (default: OUT/SCENE-METHOD-SEED.ply)", "FILE", Path),
+}
+
+
+def run_splats(options: argparse.Namespace, show: "Progress") -> int:
+    import torch
+
+    from baselines.catalog import CATALOG
+    from baselines.methods.explicit import GaussianSettings
+    from baselines.splats.gaussians import Gaussians
+    from baselines.splats.ply import ply_bytes
+    from harness.playback.run_loader import FinishedRun
+    from scenes.files.atomic import write_atomically
+    from scenes.files.errors import InputError
+
+    run = FinishedRun.of(options.run)
+    (scene, *_) = run.scenes([options.scene] if options.scene else None, "--scene")
+    of_run = [*run.run.methods, *run.run.guests]
+    explicit = [name for name in of_run if name in CATALOG and isinstance(CATALOG[name].settings, GaussianSettings)]
+    method = options.method or next(iter(explicit), "splats")
+    learner = run.trained(scene, method, options.seed, torch.device("cpu")).learner
+    if not isinstance(field := learner.field, Gaussians):
+        raise InputError(f"--method {method}: has no Gaussians; train some with --methods splats")
+    file = options.to or options.run / f"{scene.name}-{method}-{options.seed}.ply"
+    if file.suffix.lower() != ".ply":
+        raise InputError(f"--to {file}: give a name that ends in .ply")
+    try:
+        write_atomically(file, ply_bytes(field))
+    except OSError as error:
+        raise InputError(f"--to {file}: cannot be written ({error.strerror}); choose another file") from error
+    show.line(f"{file}: {len(field.values)} Gaussians of {method} on {scene.name}, in the units of its view set")
+    return 0
+
+
 COMMANDS = {
     "view": Command("view a finished run in the browser", VIEW, run_view),
     "render": Command("render a camera path through a finished run, its methods side by side", RENDER, run_render),
+    "splats": Command("write the Gaussians of a finished run as .ply, for viewers of splats", SPLATS, run_splats),
 }

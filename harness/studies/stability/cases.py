@@ -79,7 +79,7 @@ CASES: dict[str, Study] = catalogue(
           "float64, from the same weights, batches and draws",
           "rounding decides the result", "the twin"),
     _case("G1", "Gaussians", "fields.primitive_cases:gaussians", 10, "one of 1e-4 to 1 of the box, from 2 to 200 "
-          "away; a disc edge-on; 400 in another order; an opacity that rounds to 1",
+          "away; a disc edge-on; a ball beside the camera; 400 in another order; an opacity that rounds to 1",
           "a projection without extent; order by list; 0/0 behind what is opaque", "closed forms; central differences"),
     _case("G2", "Grids", "fields.primitive_cases:grids", 5,
           "points on the border, one ulp inside it and beyond; tables of 64 and of 1 entry for 226981 and 1000 nodes",

@@ -129,7 +129,7 @@ class SplatTrainer(GaussianTrainer):
         """Return the sorted rays of a view, kept as sorting them again would take a tenth of a step."""
         key = rays.origins[0].numpy().tobytes() + rays.directions[[0, -1]].numpy().tobytes()
         if (pencil := self._pencils.get(key)) is None:
-            pencil = Pencil.of(rays.origins[0], rays.directions)
+            pencil = Pencil.of(rays.origins[0], rays.directions, rays.near)
             if (len(self._pencils) + 1) * len(rays) <= KEPT_RAYS:
                 self._pencils[key] = pencil
         return pencil

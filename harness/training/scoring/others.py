@@ -5,10 +5,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from baselines.splats.ply import read_ply
 from harness.records.metric_table import METRICS
 from harness.records.scored_pictures import ScoredPictures
-from harness.training.scoring.evaluate import View, mean_scores, view_scores
+from harness.training.scoring.evaluate import View, cameras_of, mean_scores, view_scores
 from harness.training.scoring.lpips import lpips_of
 from harness.training.scoring.misread import as_read, likely_mistake
 from scenes.files.errors import InputError
@@ -38,6 +40,30 @@ class _Pictures:
 
     def digest(self) -> str:
         return _digest(file.read_bytes() for file in self.files)
+
+
+class _Drawn:
+    """Gaussians of a .ply file, drawn when they are needed."""
+
+    def __init__(self, file: Path, views: ViewSet) -> None:
+        try:
+            self.field, self.bytes = read_ply(file, views.focal), file.read_bytes()
+        except OSError as error:
+            raise InputError(f"{file}: cannot be read ({error.strerror})") from error
+        except ValueError as error:
+            raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting, or pictures") from error
+        self.cameras = cameras_of(views, views.test, torch.device("cpu"))
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def __getitem__(self, index: int) -> np.ndarray:
+        colour = self.field.render(self.cameras.all_rays(index)).colour.clamp(0.0, 1.0)
+        pixels: np.ndarray = colour.numpy().reshape(self.cameras.height, self.cameras.width, 3)
+        return pixels
+
+    def digest(self) -> str:
+        return _digest([self.bytes])
 
 
 class _Arrays:
@@ -79,11 +105,11 @@ def score_pictures(
 ) -> ScoredPictures:
     """Return the scores of pictures of the test views, under the name of the view set and seed 0.
 
-    `pictures` is a folder, compared at `resolution` pixels of width (default: their own width), or the images in the
-    order of the views: display colour [h, w, 3], or [h, w, 4] with straight alpha, uint8 or floats from 0 to 1. `lpips`
-    is the file of its weights. `each` gets the number of scored views, and of all. Raises `InputError` for pictures
-    that are not those of the test views and, unless `as_they_are`, for pictures that seem to be meant otherwise than
-    they are read.
+    `pictures` is a folder, compared at `resolution` pixels of width (default: their own width); a .ply of Gaussians,
+    drawn at that width (default: that of the view set) in its units; or the images in the order of the views: display
+    colour [h, w, 3], or [h, w, 4] with straight alpha, uint8 or floats from 0 to 1. `lpips` is the file of its weights.
+    `each` gets the number of scored views, and of all. Raises `InputError` for pictures that are not those of the test
+    views and, unless `as_they_are`, for pictures that seem to be meant otherwise than they are read.
     """
     distance = None if lpips is None else lpips_of(lpips)
     images, views, where = _read(pictures, view_set, resolution)
@@ -113,8 +139,11 @@ def score_pictures(
 
 def _read(
     pictures: Path | Sequence[np.ndarray], view_set: Path, resolution: int | None
-) -> tuple[_Pictures | _Arrays, ViewSet, Path]:
+) -> tuple[_Pictures | _Drawn | _Arrays, ViewSet, Path]:
     """Return the pictures, the truth at their size, and the folder that an error names."""
+    if isinstance(pictures, Path) and pictures.suffix.lower() == ".ply":
+        views = _truth(view_set, resolution)
+        return _Drawn(pictures, views), views, pictures
     if isinstance(pictures, Path):
         paths = pictures_in(pictures)
         views = _truth(view_set, resolution or display_image(paths[0]).shape[1])
@@ -137,7 +166,7 @@ def _truth(view_set: Path, width: int | None) -> ViewSet:
     return views
 
 
-def _as_views(pictures: _Pictures | _Arrays, views: ViewSet) -> Iterator[View]:
+def _as_views(pictures: _Pictures | _Drawn | _Arrays, views: ViewSet) -> Iterator[View]:
     nothing = np.zeros((views.height, views.width), dtype=np.float32)
     for index, truth in enumerate(views.test.rgba):
         yield View(as_read(pictures[index], truth)[0], nothing, nothing)

@@ -3,7 +3,7 @@
 DIR/film.json                     the film's settings, so that another film is not mixed into it
 DIR/<scene>/<method>/0000.png …   frames (`harness.viewer.film.frames`)
 DIR/<scene>/side_by_side/0000.png …
-DIR/<scene>/<path>.webp           the animation
+DIR/<scene>/<path>.webp           the animation; .mp4 where ffmpeg is installed
 """
 
 import os

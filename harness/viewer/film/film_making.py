@@ -14,6 +14,7 @@ from harness.viewer.film.film_folder import SIDE_BY_SIDE
 from harness.viewer.film.film_plan import FilmPlan, Part, render_frame
 from harness.viewer.film.frames import write_levels
 from harness.viewer.film.panels import side_by_side, write_animation
+from harness.viewer.film.video import ffmpeg, write_video
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
@@ -55,6 +56,8 @@ def make_film(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
         file = folder / f"{plan.spec.path}.webp"
         size = write_animation(file, sheets, fps)
         yield f"{file}: {len(sheets)} frames, {len(sheets) / fps:.1f} s, {size / 1e3:.0f} kB"
+        if program := ffmpeg():
+            yield write_video(program, file.with_suffix(".mp4"), folder / SIDE_BY_SIDE, fps)
     yield from (tally.line(method, plan.use_cache) for method, tally in tallies.items())
     if plan.use_cache and (failure := plan.store.failure) is not None:
         yield f"the view cache could not be written ({failure}): this film is complete, others cannot reuse its views"

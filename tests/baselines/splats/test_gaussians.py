@@ -112,4 +112,4 @@ def test_rays_of_several_cameras_are_drawn_camera_by_camera() -> None:
 
 def test_rays_that_span_half_a_sphere_are_refused() -> None:
     with pytest.raises(ValueError, match="half a sphere"):
-        Pencil.of(torch.zeros(3), torch.tensor([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+        Pencil.of(torch.zeros(3), torch.tensor([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.1)

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.splats.rasteriser import Drawn, RayCells
+from baselines.splats.rasteriser import Drawn, Eye, RayCells
 from tests.baselines.splats.plain_splats import drawn as plain
 
 WIDENED = 0.01
@@ -38,22 +38,48 @@ def rays(side: int = 14, kind: torch.dtype = torch.float64) -> Tensor:
     return points[torch.randperm(len(points), generator=torch.Generator().manual_seed(1))].to(kind)
 
 
-def drawn(values: Tensor, at: Tensor, widened: float = WIDENED) -> tuple[Tensor, Tensor, int]:
+def drawn(values: Tensor, at: Tensor, widened: float = WIDENED, blurred: float = 0.0) -> tuple[Tensor, Tensor, int]:
     origin, axes = (part.to(values.dtype).numpy() for part in camera())
-    return Drawn.apply(RayCells.of(at.numpy()), (origin, axes), widened, values)
+    return Drawn.apply(RayCells.of(at.numpy()), Eye(origin, axes, widened, blurred), values)
 
 
-@pytest.mark.parametrize("columns", [14, 38], ids=["one colour", "harmonics"])
-def test_picture_and_gradient_are_those_of_the_slow_reference(columns: int) -> None:
-    values, at = scene(40, columns).requires_grad_(), rays()
+@pytest.mark.parametrize("blurred", [0.0, 1e-3])
+@pytest.mark.parametrize("columns", [14, 23, 38, 59])
+def test_picture_and_gradient_are_those_of_the_slow_reference(columns: int, blurred: float) -> None:
+    values = scene(40, columns)
+    origin, axes = camera()
+    values[:3, :3] = origin + torch.tensor([[2.5, 0.1, 1.0], [-1.0, 5.0, 2.0], [3.0, -3.0, 1.0]]).double() @ axes.T
+    values[:3, 3:6] += 1.0  # beside the camera, and large
+    values.requires_grad_()
+    at = rays()
     weight = torch.randn(len(at), 4, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
     results = []
-    for out, through, *_ in (drawn(values, at), plain(values, *camera(), WIDENED, at)):
+    for out, through, *_ in (drawn(values, at, WIDENED, blurred), plain(values, *camera(), WIDENED, at, blurred)):
         loss = (weight * out).sum() + (weight[:, 0] * through).sum()
         results.append((out, through, *torch.autograd.grad(loss, values)))
     for ours, theirs in zip(*results, strict=True):
         assert float(theirs.detach().abs().max()) > 0.1
         torch.testing.assert_close(ours, theirs, rtol=1e-6, atol=1e-7)
+    assert float(results[1][2][:3].abs().max()) > 1e-3, "those beside the camera are seen"
+
+
+@pytest.mark.parametrize(("side", "depth"), [(0.5, 0.05), (3.0, 0.3), (-8.0, 1.0)])
+def test_a_ball_far_beside_the_camera_is_not_seen(side: float, depth: float) -> None:
+    """Linearised about its own direction, it would cover the middle of the picture."""
+    origin, axes = camera()
+    place = (origin + side * axes[:, 0] + depth * axes[:, 2]).tolist()
+    values = ball(0.1 * abs(side), 0.9, tuple(place))
+    eye = Eye(origin.numpy(), axes.numpy(), 0.0)
+    _, through, _ = Drawn.apply(RayCells.of(ahead().numpy()), eye, values)
+    assert float(through.min()) == 1.0
+
+
+def test_what_lies_before_the_near_plane_is_not_drawn() -> None:
+    origin, axes = camera()
+    values = ball(0.1, 0.9, tuple((origin + 0.5 * axes[:, 2]).tolist()))
+    for nearest, count in ((0.49, 1), (0.51, 0)):
+        eye = Eye(origin.numpy(), axes.numpy(), 0.0, nearest=nearest)
+        assert bool(Drawn.apply(RayCells.of(ahead().numpy()), eye, values)[2]) == bool(count)
 
 
 def ball(scale: float, opacity: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Tensor:

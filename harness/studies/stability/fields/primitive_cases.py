@@ -1,4 +1,4 @@
-"""G1, G2: Gaussians far away, edge-on, in any order, nearly opaque; grids at the border and with hash collisions."""
+"""G1, G2: Gaussians far away, edge-on, beside the camera, in any order, nearly opaque; grids at the border."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -10,7 +10,7 @@ from torch import Tensor
 from baselines.grids.hash_grid import encoded
 from baselines.grids.interpolation import PLANE_CHANNELS, TABLE_CHANNELS, Encoded, Multiplied
 from baselines.grids.planes import multiplied
-from baselines.splats.rasteriser import MOST_OPAQUE, Drawn, RayCells
+from baselines.splats.rasteriser import MOST_OPAQUE, Drawn, Eye, RayCells
 from harness.plan.seeds import generator_for
 from harness.records.study import check
 from harness.studies.framework import Found
@@ -35,6 +35,10 @@ def gaussians(context: StabilityContext) -> Iterator[Found]:
     expected = 0.9 * math.exp(-0.5 * (4.0 * 0.004 / 0.01) ** 2)
     what = "relative error of opacity next to the edge"
     yield check(what, abs(seen[1] / expected - 1.0), high=1e-5, subject="a disc edge-on")
+    beside = _ball(0.05, 0.9)
+    beside[:, 0], beside[:, 2] = 0.5, 0.05 - 4.0
+    what, seen = "opacity in the middle of the picture", _opacity(beside, 4.0)
+    yield check(what, seen[0], high=0.0, subject="a ball 84° beside the axis")
     many = _many(50 if context.quick else 400)
     order = torch.randperm(len(many), generator=generator_for("stability", "order"))
     change = float((_picture(many)[0] - _picture(many[order])[0]).abs().max())
@@ -110,8 +114,8 @@ def _opacity(values: Tensor, distance: float, widened: float = 0.0, at: Tensor |
     """Return the opacity along two rays: through the middle, and through the point `at` of the plane at distance 1."""
     up = torch.zeros(3) if at is None else at
     points = torch.stack([torch.zeros(3), up, torch.ones(3)])[:, :2].numpy()
-    camera = torch.tensor([0.0, 0.0, -distance]).numpy(), torch.eye(3).numpy()
-    _, through, _ = Drawn.apply(RayCells.of(points), camera, widened, values)
+    eye = Eye(torch.tensor([0.0, 0.0, -distance]).numpy(), torch.eye(3).numpy(), widened)
+    _, through, _ = Drawn.apply(RayCells.of(points), eye, values)
     lost: list[float] = (1.0 - through).tolist()
     return lost
 
@@ -119,8 +123,10 @@ def _opacity(values: Tensor, distance: float, widened: float = 0.0, at: Tensor |
 def _picture(values: Tensor) -> tuple[Tensor, Tensor, int]:
     axis = torch.linspace(-0.25, 0.25, 24, dtype=values.dtype)
     points = torch.cartesian_prod(axis, axis).numpy()
-    camera = torch.tensor([0.0, 0.0, -4.0], dtype=values.dtype).numpy(), torch.eye(3, dtype=values.dtype).numpy()
-    drawn: tuple[Tensor, Tensor, int] = Drawn.apply(RayCells.of(points), camera, 0.01, values)
+    origin, axes = torch.tensor([0.0, 0.0, -4.0], dtype=values.dtype), torch.eye(3, dtype=values.dtype)
+    drawn: tuple[Tensor, Tensor, int] = Drawn.apply(
+        RayCells.of(points), Eye(origin.numpy(), axes.numpy(), 0.01), values
+    )
     return drawn
 
 
