@@ -47,6 +47,8 @@ python -m harness run --profile smoke --view-set {here}/tiny.npz --dry-run
 python -m harness run --profile full --device cpu --dry-run {sets}
 python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
 python -m harness run {smoke} --scene-file docs/examples/my_scene.xml {tiny} --claim "nerf>=9dB" --out {here}/own {sets}
+python -m harness run {smoke} --scenes lego --methods splats --seeds 1 {few} --out {here}/splats {sets}
+python -m harness splats {here}/splats --scene lego --to {here}/lego.ply
 python -m scenes integrators glass --resolution 8 --views 1 --spp 2
 python -m scenes noise {here}/sets/{set} --repeats 1
 python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
@@ -81,6 +83,7 @@ python -m harness completion bash
 """
 FILLED = {
     "{tiny}": "--methods nerf --seeds 2 --budget-steps 4 --resolution 16",
+    "{few}": "--budget-steps 4 --resolution 16",
     "{smoke}": "--profile smoke --no-serving",
     "{job}": "--job timeout_min=9 --workers 1 --threads 1 --device cpu",
     "{one}": "--studies error_against_time needs --scenes lego",
