@@ -30,7 +30,7 @@ PROGRAM = "radiance-verdict"
 def judge(
     table: "str | Path | Sequence[str | Path] | Sequence[Mapping[str, Any]] | pd.DataFrame",
     *,
-    metric: str | None = None,
+    metric: str | Sequence[str] = (),
     lower: Sequence[str] = (),
     margin: float | None = None,
     baseline: str | None = None,
@@ -40,13 +40,13 @@ def judge(
     """Judge a table of results: one or several files in the forms of docs/judge.md, rows, or a data frame, with the
     columns scene, method, a metric, and optionally seed, steps, seconds.
 
-    `methods` are judged together, by default all of the table. A missing value of a data frame is a missing result,
+    `metric` is one name or several, each judged by itself; by default psnr, else the first one. `methods` are judged
+    together, by default all of the table. A missing value of a data frame is a missing result,
     which the judgement names. `margin` is the smallest effect of interest. The judgement is written into the folder
     `out`, if given, for `report`.
     """
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
     from harness.verdicts.judging import judgement
-    from harness.verdicts.tables.result_table import table_of
     from harness.verdicts.tables.rows import rows_given
 
     if isinstance(table, str | Path):
@@ -55,10 +55,11 @@ def judge(
         table = table.astype(object).where(table.notna(), None).to_dict("records")
     rows = [each for each in table if isinstance(each, Mapping)]
     files = [Path(each) for each in table if not isinstance(each, Mapping)]
+    metrics = [metric] if isinstance(metric, str) else metric
     if files:
-        judged = judgement.judge_files(files, metric, lower, margin, baseline, methods)
+        judged = judgement.judge_files(files, metrics, lower, margin, baseline, methods)
     else:
-        judged = judgement.judge(table_of(rows_given(rows), metric, lower, methods), margin, baseline, {})
+        judged = judgement.judge_rows(rows_given(rows), metrics, lower, margin, baseline, methods)
     if out is not None:
         write_judgement(Path(out) / JUDGEMENT_FILE, judged)
     return judged

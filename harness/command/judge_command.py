@@ -19,7 +19,9 @@ JUDGE: Options = {
         Path,
         nargs="+",
     ),
-    "--metric": option("metric to judge (default: psnr, else the first one)", "NAME"),
+    "--metric": option(
+        "metrics to judge, each by itself (default: psnr, else the first one)", "NAME", nargs="+", default=[]
+    ),
     "--methods": option("methods to judge together (default: all of the table)", "NAME", nargs="+", default=[]),
     "--lower": option("metrics that are better when lower", "NAME", nargs="+", default=[]),
     "--margin": option("smallest effect of interest (default: 0.2 dB of psnr, …)", "SIZE", float),

@@ -3,6 +3,8 @@
 from itertools import pairwise
 from pathlib import Path
 
+from msgspec import field
+
 from harness.records.cells import Estimate
 from harness.records.former.four_words import in_two_words
 from harness.records.json_record import Record, read_record, write_record
@@ -55,6 +57,8 @@ class Place(Record, frozen=True):
     """Its first and last possible place: in 95 % of tables the places of all methods lie in theirs."""
     best: float | None = None
     """The probability that its mean over scenes like these is the best, by the Bayesian bootstrap over scenes."""
+    origin: str = ""
+    """Where its scores come from: file, source, protocol."""
 
 
 class Ranking(Record, frozen=True):
@@ -105,6 +109,8 @@ class JudgementRecord(Record, frozen=True):
     """The SHA-256 of each file of the table."""
     read_as: str = ""
     """The table in one sentence, as it was understood."""
+    other_metrics: list["JudgementRecord"] = field(default_factory=list)
+    """The judgements of further metrics of the table, each by itself."""
     schema: int = JUDGEMENT_SCHEMA
 
 

@@ -54,6 +54,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
     rival = "the next" if everything else str(record.baseline)
     columns = [
         Column("method", numeric=False),
+        Column("source", numeric=False),
         Column(f"mean {record.metric}{f' ({record.unit})' if record.unit else ''}"),
         Column("scenes"),
         Column("letters", numeric=False),
@@ -77,6 +78,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         rows.append(
             [
                 Entry(place.method),
+                Entry(place.origin) if place.origin else EMPTY,
                 Entry(number(record, place.mean), value=place.mean),
                 Entry(str(place.scenes), value=place.scenes),
                 Entry(written(place.groups)) if everything else EMPTY,
@@ -259,6 +261,17 @@ def judgement_page(record: JudgementRecord) -> str:
     settings |= {"baseline": record.baseline} if record.baseline is not None else {}
     without, squares = without_line(record) if record.suspects else "", matrix(record)
     margin = f"{record.margin}{' ' * bool(record.unit)}{record.unit}"
+    others = [
+        section(
+            f"metric-{place}",
+            f"Another metric: {other.metric}",
+            parts.paragraph(headline(other)),
+            parts.table(methods_grid(other, other.given)),
+            parts.figures(plots([panel(other)], f"judgement-{place}"), "single"),
+            *(parts.paragraph(f"Suspect: {suspect_line(other, suspect)}.") for suspect in other.suspects[:3]),
+        )
+        for place, other in enumerate(record.other_metrics, 2)
+    ]
     return layout.page(
         "judgement_page.html",
         headline(record),
@@ -274,6 +287,7 @@ def judgement_page(record: JudgementRecord) -> str:
                 parts.table(changes_grid(record)),
                 parts.table(methods_grid(record, clean, "Without the suspect results") if clean else None),
             ),
+            *others,
         ],
         [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))],
         record=record,

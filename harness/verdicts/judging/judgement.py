@@ -23,7 +23,9 @@ from harness.verdicts.statistics import (
     paired_difference,
     shift_found,
 )
-from harness.verdicts.tables.result_table import MARGINS, ResultTable, read_table, scene_means
+from harness.verdicts.tables.files import read_rows
+from harness.verdicts.tables.result_table import MARGINS, ResultTable, scene_means, table_of
+from harness.verdicts.tables.rows import Rows
 from scenes.files.errors import InputError
 
 
@@ -90,6 +92,9 @@ def lines(record: JudgementRecord) -> Iterator[str]:
     if record.missing:
         yield missing_line(record)
     yield from record.notes
+    for other in record.other_metrics:
+        yield ""
+        yield from lines(other)
 
 
 def table(record: JudgementRecord) -> Sequence[tuple[str, ...]]:
@@ -165,15 +170,41 @@ MOST_SCENES = 100_000
 
 def judge_files(
     paths: Sequence[Path],
-    metric: str | None,
+    metrics: Sequence[str],
     lower: Sequence[str],
     margin: float | None,
     baseline: str | None,
     methods: Sequence[str] = (),
 ) -> JudgementRecord:
-    """Judge the table in `paths` with the digests of its files; raises `InputError` as `read_table` and `judge`."""
-    table = read_table(paths, metric, lower, methods)
-    return judge(table, margin, baseline, {str(path): file_digest(path) for path in paths if path.is_file()})
+    """Judge the table in `paths` with the digests of its files; raises `InputError` as `judge_rows`."""
+    rows = read_rows(paths, metrics[0] if metrics else None)
+    digests = {str(path): file_digest(path) for path in paths if path.is_file()}
+    record = judge_rows(rows, metrics, lower, margin, baseline, methods, digests)
+    return structs.replace(record, source=", ".join(map(str, paths)))
+
+
+def judge_rows(
+    rows: Rows,
+    metrics: Sequence[str],
+    lower: Sequence[str],
+    margin: float | None,
+    baseline: str | None,
+    methods: Sequence[str] = (),
+    digests: dict[str, str] | None = None,
+) -> JudgementRecord:
+    """Judge the first of `metrics`, or the primary one, and each further one by itself.
+
+    Raises `InputError` as `table_of` and `judge`, and for a margin of several metrics.
+    """
+    metrics = list(dict.fromkeys(metrics))
+    if margin is not None and len(metrics) > 1:
+        raise InputError(f"--margin {margin}: has the unit of one metric; judge one at a time, or leave it out")
+    first, *more = [table_of(rows, metric, lower, methods) for metric in (metrics or (None,))]
+    judged = {first.metric, *(table.metric for table in more)}
+    left = [name for name in first.other_metrics if name not in judged]
+    others = [judge(replace(table, other_metrics=[]), None, baseline, {}) for table in more]
+    record = judge(replace(first, other_metrics=left), margin, baseline, digests or {})
+    return structs.replace(record, other_metrics=others)
 
 
 def judge(table: ResultTable, margin: float | None, baseline: str | None, digests: dict[str, str]) -> JudgementRecord:
@@ -198,13 +229,18 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None, digest
         seeds=len(table.seeds),
         results=int(np.isfinite(table.values).sum()),
         missing=[f"{table.methods[i]}, {table.scenes[j]}" for i, j in np.argwhere(~has)],
-        notes=[*table.notes, *notes(table, margin)],
+        notes=[*table.notes, *_unjudged(table), *notes(table, margin)],
         suspects=suspicious,
         given=ranking(table, margin, baseline),
         without_suspects=ranking(cleaned, margin, baseline) if cleaned else None,
         digests=digests,
         read_as=table.read_as,
     )
+
+
+def _unjudged(table: ResultTable) -> list[str]:
+    others = ", ".join(table.other_metrics)
+    return [f"Other metrics in the table, not judged here (--metric): {others}."] if others else []
 
 
 def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> Ranking:
@@ -238,6 +274,7 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
             core_seconds=table.core_seconds[row],
             rank=_rank(table.methods[row], pairs, len(order), table.higher_is_better) if baseline is None else None,
             best=best[row],
+            origin=table.origins[row] if table.origins else "",
         )
         for row, of in zip(order, groups, strict=True)
     ]

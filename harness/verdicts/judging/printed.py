@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,10 +14,12 @@ ESCAPED = {"\\": "\\textbackslash{}", **{sign: f"\\{sign}" for sign in "&%$#_{}"
 
 
 def write_tables(folder: Path, record: JudgementRecord) -> None:
-    """Write `judgement.md`, `judgement.tex` and `judgement.csv` into a folder."""
-    rows = table(record)
-    for suffix, text in (("md", as_markdown(rows)), ("tex", as_latex(rows)), ("csv", as_csv(rows))):
-        write_atomically(folder / f"judgement.{suffix}", text.encode("utf-8"))
+    """Write `judgement.md`, `.tex` and `.csv` into a folder, and those of further metrics with the metric's name."""
+    names = ["judgement", *("judgement." + re.sub(r"\W", "_", other.metric) for other in record.other_metrics)]
+    for name, judged in zip(names, [record, *record.other_metrics], strict=True):
+        rows = table(judged)
+        for suffix, text in (("md", as_markdown(rows)), ("tex", as_latex(rows)), ("csv", as_csv(rows))):
+            write_atomically(folder / f"{name}.{suffix}", text.encode("utf-8"))
 
 
 def as_markdown(rows: Sequence[Sequence[str]]) -> str:

@@ -1,13 +1,15 @@
 """Rows of results → one metric by method, scene and seed. An ambiguous table is refused with a one-line message."""
 
 import math
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from harness.records.metric_table import METRICS, PRIMARY, possible_range
+from harness.verdicts.tables.by_view import over_views
 from harness.verdicts.tables.files import read_rows
 from harness.verdicts.tables.grids import HIGHER, LOWER
 from harness.verdicts.tables.numbers import LARGEST, decimals, is_column_of_numbers, is_missing, number
@@ -16,12 +18,16 @@ from scenes.files.errors import InputError
 
 PROTOCOL = ("width", "resolution", "views", "view_set", "colour_space", "color_space", "background")
 """The columns that say how a score was made: scores of a scene that differ in one are not comparable."""
-KEYS = ("scene", "method", "seed", "steps", "seconds", "core_seconds", *PROTOCOL)
+ORIGINS = ("source", *PROTOCOL)
+"""The columns that say where a score comes from, shown with each method."""
+KEYS = ("scene", "method", "seed", "steps", "seconds", "core_seconds", *ORIGINS)
 """The columns that are not metrics."""
 AVERAGES = ("mean", "average", "avg", "mean ↑", "overall", "all", "total")
 """The names of scenes that hold means of the others."""
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
 """The smallest effect of interest of each known metric."""
+MOST_ORIGINS = 3
+"""The maximum number of different values of an origin that are listed for a method."""
 MOST_METHODS = 200
 MOST_CELLS = 5_000_000
 LEAST_AVERAGED = 3
@@ -46,6 +52,9 @@ class ResultTable:
     notes: list[str]
     read_as: str = ""
     """The table in one sentence, as it was understood."""
+    origins: list[str] = field(default_factory=list)
+    """Where each method's scores come from: its file if there are several, `source` and the protocol."""
+    other_metrics: list[str] = field(default_factory=list)
 
 
 def read_table(
@@ -59,6 +68,7 @@ def table_of(
     rows: Rows, metric: str | None = None, lower: Sequence[str] = (), methods: Sequence[str] = ()
 ) -> ResultTable:
     """Return one metric of `rows`, as `read_table` does for files; of the named `methods` alone if there are any."""
+    rows = over_views(rows)
     source = rows.stretches[0][0]
     metrics = [name for name in rows.columns if name not in KEYS and is_column_of_numbers(rows.columns[name])]
     chosen = _choose(rows, metrics, metric)
@@ -80,8 +90,6 @@ def table_of(
     if len(kept_scenes) < 2:
         many = f"{len(kept_scenes)} scene{'s' * (len(kept_scenes) != 1)}"
         raise InputError(f"{source}: has {many} with results; the spread of scenes is not known below two")
-    if others := [name for name in metrics if name != chosen]:
-        notes.append(f"Other metrics in the table, not judged here (--metric): {', '.join(others)}.")
     higher, guess = _direction(chosen, {name.lower() for name in lower} | rows.lower)
     seconds, core_seconds, steps = ([_mean(each[of_rows[0].codes == k]) for k in kept] for each in spent)
     size = f"{len(kept)} methods × {len(kept_scenes)} scenes"
@@ -100,7 +108,20 @@ def table_of(
         steps=steps,
         notes=[*(note for encoded in of_rows for note in encoded.notes), *rows.notes, *notes, *guess],
         read_as=f"Read as {size}, {chosen} {'↑' if higher else '↓'}{left_out}",
+        origins=[_origin(rows, np.flatnonzero(of_rows[0].codes == k).tolist()) for k in kept],
+        other_metrics=[name for name in metrics if name != chosen],
     )
+
+
+def _origin(rows: Rows, of_method: list[int]) -> str:
+    parts: list[str] = []
+    if len({path for path, _, _ in rows.stretches}) > 1:
+        parts += dict.fromkeys(rows.file(row).name for row in of_method)
+    for name in (column for column in ORIGINS if column in rows.columns):
+        values = dict.fromkeys(str(v) for row in of_method if not is_missing(v := rows.columns[name][row]))
+        shown = ", ".join(values) if len(values) <= MOST_ORIGINS else f"{len(values)} different"
+        parts += [shown if name == "source" else f"{name} {shown}"] if values else []
+    return "; ".join(parts)
 
 
 def _place(method: str, names: list[str]) -> int:
@@ -167,7 +188,7 @@ def _choose(rows: Rows, metrics: list[str], metric: str | None) -> str:
 
 def _direction(metric: str, lower: set[str]) -> tuple[bool, list[str]]:
     """Return whether higher is better, and a note if that is a guess."""
-    parts = set(metric.replace("-", "_").split("_"))
+    parts = set(re.split(r"[\s_-]+", metric))
     if metric in lower or metric in LOWER or parts & LOWER:
         return False, []
     if parts & HIGHER:

@@ -37,6 +37,13 @@ class Rows:
             row -= len(numbers)
         raise IndexError(row)
 
+    def file(self, row: int) -> Path:
+        for path, _, numbers in self.stretches:
+            if row < len(numbers):
+                return path
+            row -= len(numbers)
+        raise IndexError(row)
+
 
 def rows_given(rows: Sequence[Mapping[str, object]]) -> Rows:
     """Return rows in memory, where None is a missing value, with the errors of `joined`."""

@@ -10,6 +10,7 @@ import pytest
 from harness.command.main import main
 from harness.records.judgements import JUDGEMENT_FILE, JudgementRecord, read_judgement, write_judgement
 from harness.verdicts.judging.judgement import judge
+from harness.verdicts.tables.result_table import read_table
 from reports.__main__ import main as report
 from reports.studies.judgement import judgement_page, matrix, methods_grid, panel, suspects_grid
 from scenes.files.errors import DamagedRecord
@@ -49,6 +50,29 @@ def test_a_table_gives_a_table_a_record_and_a_page(tmp_path: Path, capfd: pytest
     page = (tmp_path / "out" / "judgement.html").read_text(encoding="utf-8")
     assert re.findall(r'(?:src|href)="(?!#|data:)[^"]+"', page) == []
     assert "default-src &#39;none&#39;" in page
+
+
+def test_several_metrics_are_judged_each_by_itself_on_one_page(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    values = drawn(0, methods=3, effect=1.0)
+    path = tmp_path / "t.csv"
+    lines = [f"s{j},m{i},{v:.4f},{-v / 100:.4f},paper\n" for (i, j), v in np.ndenumerate(values)]
+    path.write_text("scene,method,psnr,lpips loss,source\n" + "".join(lines).replace(",-", ","))
+    assert main(["judge", str(path), "--metric", "psnr", "lpips loss", "--out", str(tmp_path / "out")]) == 0
+    said = capfd.readouterr().out
+    assert "psnr ↑.\n" in said
+    assert "lpips loss ↓.\n" in said
+    assert "not judged here" not in said
+    both = read_judgement(tmp_path / "out" / JUDGEMENT_FILE)
+    (other,) = both.other_metrics
+    assert other.given == judge(read_table([path], "lpips loss"), None, None, {}).given
+    assert [place.origin for place in both.given.places] == ["paper"] * 3
+    page = (tmp_path / "out" / "judgement.html").read_text(encoding="utf-8")
+    assert 'id="metric-2"' in page
+    assert (tmp_path / "out" / "judgement.lpips_loss.tex").is_file()
+    wrong = refused(capfd, path, "--metric", "psnr", "lpips loss", "--margin", "1", command="judge")
+    assert "--margin 1.0: has the unit of one metric" in wrong
 
 
 @pytest.mark.parametrize(
