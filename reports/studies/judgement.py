@@ -54,7 +54,6 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
     rival = "the next" if everything else str(record.baseline)
     columns = [
         Column("method", numeric=False),
-        Column("source", numeric=False),
         Column(f"mean {record.metric}{f' ({record.unit})' if record.unit else ''}"),
         Column("scenes"),
         Column("letters", numeric=False),
@@ -70,17 +69,16 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         Column("core seconds"),
         Column("steps"),
     ]
-    rows, q = [], _q_values(ranking)
+    rows, q, scenes_differ = [], _q_values(ranking), len({place.scenes for place in ranking.places}) > 1
     for place in ranking.places:
         pair = by_method.get(place.method)
         estimate = pair.scenes_like_these if pair else None
         least = estimate.smallest_detectable if estimate else None
         rows.append(
             [
-                Entry(place.method),
-                Entry(place.origin) if place.origin else EMPTY,
+                Entry(place.method, place.origin),
                 Entry(number(record, place.mean), value=place.mean),
-                Entry(str(place.scenes), value=place.scenes),
+                Entry(str(place.scenes), value=place.scenes) if scenes_differ else EMPTY,
                 Entry(written(place.groups)) if everything else EMPTY,
                 Entry(shown_rank(place), value=place.rank[0]) if place.rank else EMPTY,
                 Entry(shown_best(place), value=place.best) if place.best is not None else EMPTY,
@@ -110,7 +108,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         f" {letters_line(ranking)} The probability of being best is that of the mean over scenes like these (Bayesian "
         "bootstrap)."
     )
-    return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=3)
+    return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=2)
 
 
 def _q_values(ranking: Ranking) -> dict[Pair | None, float]:

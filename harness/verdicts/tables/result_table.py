@@ -92,6 +92,7 @@ def table_of(
         raise InputError(f"{source}: has {many} with results; the spread of scenes is not known below two")
     higher, guess = _direction(chosen, {name.lower() for name in lower} | rows.lower)
     seconds, core_seconds, steps = ([_mean(each[of_rows[0].codes == k]) for k in kept] for each in spent)
+    notes += _shared_cells(rows, of_rows)
     size = f"{len(kept)} methods × {len(kept_scenes)} scenes"
     size += f" × {len(seeds)} seeds" if len(seeds) > 1 else ""
     left_out = f"; left out as means of the others: {', '.join(scenes[k] for k in averages)}" if averages else ""
@@ -111,6 +112,16 @@ def table_of(
         origins=[_origin(rows, np.flatnonzero(of_rows[0].codes == k).tolist()) for k in kept],
         other_metrics=[name for name in metrics if name != chosen],
     )
+
+
+def _shared_cells(rows: Rows, of_rows: Sequence["_Encoded"]) -> list[str]:
+    """Name the methods whose results on one scene come from several files: they may be two methods."""
+    method, scene, _ = of_rows
+    files: dict[tuple[int, int], dict[str, None]] = {}
+    for row, cell in enumerate(zip(method.codes.tolist(), scene.codes.tolist(), strict=True)):
+        files.setdefault(cell, {})[str(rows.file(row))] = None
+    several = {method.names[cell[0]]: " and ".join(found) for cell, found in files.items() if len(found) > 1}
+    return [f"{name}: the results in {where} are taken as those of one method." for name, where in several.items()]
 
 
 def _origin(rows: Rows, of_method: list[int]) -> str:

@@ -45,7 +45,15 @@ def test_cells_of_different_views_are_refused(change: dict[str, str], why: str, 
 def test_the_files_of_methods_are_named_where_there_are_several(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("scene,method,psnr,source,width\ns1,m0,1,paper,800\ns2,m0,2,paper,800\n")
     (tmp_path / "b.csv").write_text("scene,method,psnr,width\ns1,m1,1,800\ns2,m1,2,800\n")
+    assert not read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).notes
     assert read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).origins == [
         "a.csv; paper; width 800",
         "b.csv; width 800",
     ]
+
+
+def test_a_method_of_two_files_on_one_scene_is_named(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("scene,method,seed,psnr\ns1,m0,0,1\ns2,m0,0,2\ns1,m1,0,1\ns2,m1,0,3\n")
+    (tmp_path / "b.csv").write_text("scene,method,seed,psnr\ns1,m0,7,1\ns2,m0,7,2\n")
+    (note,) = read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).notes
+    assert note == f"m0: the results in {tmp_path / 'a.csv'} and {tmp_path / 'b.csv'} are taken as those of one method."
