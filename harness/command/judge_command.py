@@ -107,7 +107,8 @@ def run_score(options: argparse.Namespace, show: "Progress") -> int:
     known = [METRICS[name] for name in SCORED if getattr(row, name) is not None]
     scores = ", ".join(f"{metric.label} {getattr(row, metric.name):.{metric.digits}f}" for metric in known)
     views = f"{len(row.views)} views of {row.made['width']} px"
-    show.line(f"{row.scene} {row.method} seed {row.seed}, {views}: {scores}")
+    network = f" ({row.made['lpips_network']})" if row.lpips is not None else ""
+    show.line(f"{row.scene} {row.method} seed {row.seed}, {views}: {scores}{network}")
     worst = min(row.views, key=lambda view: view.psnr or 0.0)
     show.line(f"worst view {worst.view}: {worst.psnr:.2f} dB; table {options.to} ({len(table.cells)} rows before)")
     return 0

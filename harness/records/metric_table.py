@@ -55,7 +55,7 @@ METRICS: dict[str, Metric] = {
                "absolute error over the sum of both lights + 0.01, light not clipped", "light", optional=True),
         Metric("hdr_flip", "HDR-FLIP", "", 3, 4, False, 0.005,
                "FLIP, the largest over exposures, light not clipped", "light", optional=True),
-        Metric("lpips", "LPIPS", "", 3, 4, False, 0.005, "distance of AlexNet's features, version 0.1", "features",
+        Metric("lpips", "LPIPS", "", 3, 4, False, 0.005, "distance of a network's features, version 0.1", "features",
                optional=True),
     )
 }  # fmt: skip

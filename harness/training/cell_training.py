@@ -378,7 +378,7 @@ class CellTraining:
             # the other methods of the group change no bit of this cell: after an interruption they may differ
             provenance={**self.provenance, "in_lockstep": list(task.methods)}
             | ({"resumed_at": self.resumed_at} if self.resumed_at else {})
-            | ({"lpips": self.lpips.digest} if self.lpips else {}),
+            | ({"lpips": self.lpips.digest, "lpips_network": self.lpips.network} if self.lpips else {}),
         )
 
 

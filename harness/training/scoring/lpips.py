@@ -1,8 +1,9 @@
-"""LPIPS (Zhang et al. 2018), version 0.1 with AlexNet, from a file of weights that the user provides.
+"""LPIPS (Zhang et al. 2018), version 0.1 with AlexNet or VGG-16, from a file of weights that the user provides.
 
 The file contains the state of the package `lpips`; docs/read-the-report.md says how to make it on a connected machine.
 """
 
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -16,13 +17,44 @@ from torch.nn import functional
 from harness.records.json_record import file_digest
 from scenes.files.errors import InputError, short
 
-LAYERS = (("net.slice1.0", (64, 3, 11, 11)), ("net.slice2.3", (192, 64, 5, 5)), ("net.slice3.6", (384, 192, 3, 3)),
-          ("net.slice4.8", (256, 384, 3, 3)), ("net.slice5.10", (256, 256, 3, 3)))  # fmt: skip
-"""The convolutions whose outputs are compared, and the shapes of their weights."""
-STRIDES, PADDINGS, POOLED = (4, 1, 1, 1, 1), (2, 2, 1, 1, 1), (False, True, True, False, False)
+
+@dataclass(frozen=True)
+class Stage:
+    """Convolutions, each rectified, the last of which gives the features that are compared."""
+
+    pool: tuple[int, int] | None
+    """The size and the stride of the maximum before them."""
+    convolutions: tuple[tuple[str, tuple[int, ...]], ...]
+    """The names of their weights, and the shapes."""
+    stride: int = 1
+    padding: int = 1
+
+
+def _vgg(place: int, numbers: tuple[int, ...], before: int, channels: int) -> Stage:
+    shapes = [(channels, before, 3, 3), *[(channels, channels, 3, 3)] * (len(numbers) - 1)]
+    names = [f"net.slice{place}.{number}" for number in numbers]
+    return Stage((2, 2) if place > 1 else None, tuple(zip(names, shapes, strict=True)))
+
+
+NETWORKS = {
+    "alex": (
+        Stage(None, (("net.slice1.0", (64, 3, 11, 11)),), 4, 2),
+        Stage((3, 2), (("net.slice2.3", (192, 64, 5, 5)),), 1, 2),
+        Stage((3, 2), (("net.slice3.6", (384, 192, 3, 3)),)),
+        Stage(None, (("net.slice4.8", (256, 384, 3, 3)),)),
+        Stage(None, (("net.slice5.10", (256, 256, 3, 3)),)),
+    ),
+    "vgg": (
+        _vgg(1, (0, 2), 3, 64),
+        _vgg(2, (5, 7), 64, 128),
+        _vgg(3, (10, 12, 14), 128, 256),
+        _vgg(4, (17, 19, 21), 256, 512),
+        _vgg(5, (24, 26, 28), 512, 512),
+    ),
+}
 SHIFT, SCALE = (-0.030, -0.088, -0.188), (0.458, 0.448, 0.450)
 SMALLEST = 31
-"""The minimum number of pixels of a side: with fewer, nothing is left after the layers' strides."""
+"""The minimum number of pixels of a side: with fewer, nothing is left after the strides of AlexNet."""
 
 
 class Lpips:
@@ -35,14 +67,19 @@ class Lpips:
             weights = load(file.read_bytes())
         except (OSError, SafetensorError) as error:
             raise InputError(f"--lpips {file}: cannot be read ({short(error, 120)}); name the weights") from error
-        shapes: dict[str, tuple[int, ...]] = {f"{name}.weight": shape for name, shape in LAYERS}
-        shapes |= {f"{name}.bias": shape[:1] for name, shape in LAYERS}
-        shapes |= {f"lin{place}.model.1.weight": (1, shape[0], 1, 1) for place, (_, shape) in enumerate(LAYERS)}
+        self.network = "vgg" if "net.slice1.2.weight" in weights else "alex"
+        """The name of the network in the package `lpips`."""
+        self.stages = NETWORKS[self.network]
+        shapes: dict[str, tuple[int, ...]] = {}
+        for place, stage in enumerate(self.stages):
+            for name, shape in stage.convolutions:
+                shapes |= {f"{name}.weight": shape, f"{name}.bias": shape[:1]}
+            shapes[f"lin{place}.model.1.weight"] = (1, stage.convolutions[-1][1][0], 1, 1)
         for name, shape in shapes.items():
             given = tuple(weights[name].shape) if name in weights else "missing"
             if given != shape or not bool(torch.isfinite(weights[name]).all()):
                 raise InputError(
-                    f"--lpips {file}: {name} is {given}, not finite numbers {shape}; save LPIPS with AlexNet"
+                    f"--lpips {file}: {name} is {given}, not finite numbers {shape}; save LPIPS with alex or vgg"
                 )
         self.weights = {name: weights[name].float() for name in shapes}
 
@@ -62,10 +99,11 @@ class Lpips:
         x = torch.from_numpy(np.ascontiguousarray(image, dtype=np.float32)).permute(2, 0, 1)
         x = ((2.0 * x - 1.0 - shift) / scale)[None]
         features = []
-        for (name, _), stride, padding, pooled in zip(LAYERS, STRIDES, PADDINGS, POOLED, strict=True):
-            x = functional.max_pool2d(x, 3, 2) if pooled else x
-            weight, bias = self.weights[f"{name}.weight"], self.weights[f"{name}.bias"]
-            x = functional.relu(functional.conv2d(x, weight, bias, stride, padding))
+        for stage in self.stages:
+            x = functional.max_pool2d(x, *stage.pool) if stage.pool else x
+            for name, _ in stage.convolutions:
+                weight, bias = self.weights[f"{name}.weight"], self.weights[f"{name}.bias"]
+                x = functional.relu(functional.conv2d(x, weight, bias, stage.stride, stage.padding))
             features.append(x)
         return features
 

@@ -132,6 +132,7 @@ def score_pictures(
             "width": views.width,
             "as_they_are": as_they_are,
             "lpips": None if distance is None else distance.digest,
+            "lpips_network": None if distance is None else distance.network,
         },
         **scores,
     )

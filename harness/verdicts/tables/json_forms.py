@@ -56,7 +56,9 @@ def _with_protocol(row: JsonObject) -> JsonObject:
     if not isinstance(made, dict) or "width" not in made:
         return row
     views = {"views": len(row["views"])} if isinstance(row.get("views"), list) else {}
-    return {**row, "width": made["width"], **views}
+    # AlexNet's is called `lpips` in published tables
+    of_vgg = {"lpips": None, "lpips_vgg": row.get("lpips")} if made.get("lpips_network") == "vgg" else {}
+    return {**row, "width": made["width"], **views, **of_vgg}
 
 
 def _rows(data: Any, path: Path, label: str) -> list[Any]:

@@ -9,6 +9,7 @@ import pytest
 
 from harness.verdicts.judging.judgement import judge
 from harness.verdicts.judging.printed import as_csv, as_latex, as_markdown
+from harness.verdicts.tables.files import read_rows
 from harness.verdicts.tables.numbers import number, plain
 from harness.verdicts.tables.result_table import ResultTable, read_table
 from scenes.files.errors import InputError
@@ -255,3 +256,14 @@ def test_the_judgement_is_printed_for_papers() -> None:
     assert as_markdown(rows).splitlines()[2] == "| a_b\\|c & d | 30.1 | −0.5 [−1, 0] 5 % |"
     assert r"a\_b|c \& d & 30.1 & $-$0.5 [$-$1, 0] 5 \% \\" in as_latex(rows).splitlines()
     assert as_csv(rows).splitlines()[0] == "method,mean,minus"
+
+
+def test_lpips_of_two_networks_are_two_metrics(tmp_path: Path) -> None:
+    cells = [
+        {"scene": scene, "method": method, "psnr": 1.0, "lpips": value, "made": {"width": 40, "lpips_network": network}}
+        for scene in ("a", "b")
+        for method, network, value in (("x", "alex", 0.1), ("y", "vgg", 0.2))
+    ]
+    (tmp_path / "scores.json").write_text(json.dumps({"cells": cells}))
+    columns = read_rows([tmp_path / "scores.json"]).columns
+    assert (columns["lpips"], columns["lpips_vgg"]) == ([0.1, None, 0.1, None], [None, 0.2, None, 0.2])

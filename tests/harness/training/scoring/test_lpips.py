@@ -10,26 +10,27 @@ from torch import Tensor
 
 from harness.command.main import main
 from harness.records.cells import read_cells
-from harness.training.scoring.lpips import LAYERS, SCALE, SHIFT, SMALLEST, Lpips, lpips_of
+from harness.training.scoring.lpips import NETWORKS, SCALE, SHIFT, SMALLEST, Lpips, lpips_of
 from scenes.files.errors import InputError
 from tests.harness.ball import write_ball
 from tests.harness.shell import refused
 
 
-def weights(seed: int = 0) -> dict[str, Tensor]:
+def weights(seed: int = 0, network: str = "alex") -> dict[str, Tensor]:
     """Return random weights under the names of the package `lpips`, with an additional one that it also stores."""
     random = torch.Generator().manual_seed(seed)
     found = {"scaling_layer.shift": torch.zeros(1, 3, 1, 1)}
-    for place, (name, shape) in enumerate(LAYERS):
-        found[f"{name}.weight"] = torch.randn(shape, generator=random) / float(np.prod(shape[1:])) ** 0.5
-        found[f"{name}.bias"] = 0.1 * torch.randn(shape[0], generator=random)
+    for place, stage in enumerate(NETWORKS[network]):
+        for name, shape in stage.convolutions:
+            found[f"{name}.weight"] = torch.randn(shape, generator=random) / float(np.prod(shape[1:])) ** 0.5
+            found[f"{name}.bias"] = 0.1 * torch.randn(shape[0], generator=random)
         found[f"lin{place}.model.1.weight"] = torch.rand(1, shape[0], 1, 1, generator=random)
     return found
 
 
-def saved(folder: Path, changed: dict[str, Tensor] | None = None, seed: int = 0) -> Path:
+def saved(folder: Path, changed: dict[str, Tensor] | None = None, seed: int = 0, network: str = "alex") -> Path:
     file = folder / "lpips.safetensors"
-    save_file({**weights(seed), **(changed or {})}, file)
+    save_file({**weights(seed, network), **(changed or {})}, file)
     return file
 
 
@@ -75,6 +76,42 @@ def test_a_first_layer_by_hand(tmp_path: Path) -> None:
     first, second = picture(3, size), picture(4, size)
     squares = (features(first) - features(second)) ** 2
     expected = (2.0 * squares[0] + 5.0 * squares[1]).mean()
+    assert distance(first, second) == pytest.approx(expected, rel=1e-4)
+
+
+def test_vgg_is_known_by_its_weights_and_is_the_network_of_its_paper(tmp_path: Path) -> None:
+    """Configuration D of Simonyan and Zisserman 2015, as a sequence of layers numbered as in torchvision."""
+    state = weights(1, "vgg")
+    layers: list[torch.nn.Module] = []
+    channels, ends = 3, []
+    for width, many in ((64, 2), (128, 2), (256, 3), (512, 3), (512, 3)):
+        for _ in range(many):
+            layers += [torch.nn.Conv2d(channels, width, 3, padding=1), torch.nn.ReLU()]
+            channels = width
+        ends.append(len(layers) - 1)
+        layers.append(torch.nn.MaxPool2d(2))
+    names = {key.split(".")[2]: key.rsplit(".", 1)[0] for key in state if key.startswith("net.")}
+    for number, name in names.items():
+        layer = layers[int(number)]
+        layer.load_state_dict({part: state[f"{name}.{part}"] for part in ("weight", "bias")})
+    assert len(names) == 13
+
+    def features(image: np.ndarray) -> list[Tensor]:
+        x = torch.from_numpy(image).float().permute(2, 0, 1)[None]
+        x = (2.0 * x - 1.0 - torch.tensor(SHIFT).reshape(3, 1, 1)) / torch.tensor(SCALE).reshape(3, 1, 1)
+        found = []
+        for number, layer in enumerate(layers):
+            x = layer(x)
+            if number in ends:
+                found.append(x / x.norm(dim=1, keepdim=True).clamp(min=1e-10))
+        return found
+
+    first, second, expected = picture(3, 48), picture(4, 48), 0.0
+    with torch.no_grad():
+        for place, (a, b) in enumerate(zip(features(first), features(second), strict=True)):
+            expected += float(((a - b) ** 2 * state[f"lin{place}.model.1.weight"]).sum(dim=1).mean())
+    distance = Lpips(saved(tmp_path, seed=1, network="vgg"))
+    assert distance.network == "vgg"
     assert distance(first, second) == pytest.approx(expected, rel=1e-4)
 
 
