@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
 from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
+from harness.plan.settings import ViewSettings
 from harness.records.cells import WAITED, cell_path, read_cell
 from harness.records.metric_table import METRICS
 from harness.records.snapshot import ENDED
@@ -31,6 +32,7 @@ from harness.training.make_learner import learner_for
 from harness.training.scoring import metrics
 from harness.training.trainer import Diverged, Trainer
 from scenes.files.errors import DamagedRecord, InputError
+from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world
 
 SERVED_VIEWS = 1000
@@ -65,6 +67,14 @@ class Pace:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """The images of a view set of the user, each of which a run decodes once."""
+
+    images: int
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Paces:
     """The measurements for a plan."""
 
@@ -77,6 +87,8 @@ class Paces:
     """The seconds of a view's scores."""
     delayed: float
     """The wall seconds per processor second: 1 if nothing else uses the machine."""
+    reading: list[Reading] = field(default_factory=list)
+    """One for each view set of the user."""
 
 
 def estimate(
@@ -92,7 +104,21 @@ def estimate(
     rendered = () if plan.view_set or plan.scene_file else plan.scenes
     missing = sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
     paces = measure_paces(plan, torch.device(machine.device), machine.threads)
+    if plan.view_set:
+        paces = replace(paces, reading=[_reading(Path(path), plan.views) for path in plan.view_set])
     return estimate_from(plan, machine, paces, groups_left(plan, before), missing, verify=verify, serving=serving)
+
+
+def _reading(path: Path, views: ViewSettings) -> Reading:
+    """Decode one image of a view set; raises `InputError` for a set that cannot be read."""
+    source = source_of(path)
+    splits = [(source.frames("train"), views.train), (source.frames("test"), views.test)]
+    files = [file for frames, count in splits if frames is not None for file in frames.files[:count]]
+    if not files:
+        raise InputError(f"{path}: has no training and no test view")
+    began = time.process_time()
+    source.pixels(files[0], views.resolution)
+    return Reading(len(files), len(files) * (time.process_time() - began))
 
 
 def estimate_apart(*arguments: object) -> CostEstimate:
@@ -129,7 +155,7 @@ def estimate_from(
     """
     tried = [[paces.of[name] for name in methods if name in paces.of] for methods in groups]
     phases = {
-        "rendering": rendering_seconds(plan.views, missing),
+        "rendering": _seconds_of_reading(paces) if plan.view_set else rendering_seconds(plan.views, missing),
         "training": on_workers([sum(training_seconds(plan, pace) for pace in group) for group in tried], machine),
         "scoring": on_workers([sum(scoring_seconds(plan, pace, paces) for pace in group) for group in tried], machine),
     }
@@ -146,7 +172,9 @@ def estimate_from(
         lines[0] += f" if nothing else ran here; now other programs run, and it takes {times} times as long"
     for name, phase in phases.items():
         length = span(*phase) if phase[1] > 0 else "none"
-        if name == "rendering":
+        if name == "rendering" and plan.view_set:
+            lines.append(f"  reading {sum(each.images for each in paces.reading)} images of yours {length}")
+        elif name == "rendering":
             lines.append(f"  {name} {length} ({_where_from(plan, missing)})")
         elif phase[1] > 0:  # the number of test views of a view set is not known yet
             lines.append(f"  {name} {'at most, ' if plan.view_set and name == 'scoring' else ''}{length}")
@@ -189,9 +217,12 @@ def on_workers(groups: list[float], machine: Machine) -> Range:
     return SPREAD[0] * seconds, SPREAD[1] * seconds
 
 
+def _seconds_of_reading(paces: Paces) -> Range:
+    seconds = sum(each.seconds for each in paces.reading)
+    return SPREAD[0] * seconds, SPREAD[1] * seconds
+
+
 def _where_from(plan: Plan, missing: int) -> str:
-    if plan.view_set:
-        return "the images are yours"
     if plan.scene_file:
         return "not known beforehand for your own scene, and not included"
     return f"{missing} of {len(plan.scenes)} view sets are not in the cache" if missing else "all view sets are cached"

@@ -49,9 +49,15 @@ def scenes_output(*words: str, **options: object) -> str:
     return ended.stdout
 
 
-def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Literal["val", "test"] = "test") -> ViewSet:
+def read_views(
+    folder: Path,
+    views: ViewSettings,
+    scratch: Path,
+    scored_on: Literal["val", "test"] = "test",
+    decoded: Path | None = None,
+) -> ViewSet:
     """Read the views for training and scoring a cell, by its settings; decoded images go to `scratch`, a folder on a
-    disk.
+    disk, and those of other programs also to `decoded`, from where they are read the next time.
 
     Raises `InputError` for any fault of the folder.
     """
@@ -64,6 +70,7 @@ def read_views(folder: Path, views: ViewSettings, scratch: Path, scored_on: Lite
         test_count=views.test,
         scratch=scratch,
         region=views.region,
+        decoded=decoded,
     )
     return with_needs(stored, views.need, views.no_need)
 

@@ -37,7 +37,7 @@ def run_group(
         task.out.mkdir(parents=True, exist_ok=True)  # decoded images are written there before the first record
         use_threads(task.threads)
         keep_freed_memory()
-        views = read_views(task.view_set, task.views, task.out)
+        views = read_views(task.view_set, task.views, task.out, decoded=task.decoded)
         if task.content not in (None, content_of(views)):
             raise InputError(
                 f"{task.view_set}: changed since the run began; put it back as it was and resume with --resume, or "

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,6 +37,7 @@ from harness.records.cells import (
 from harness.records.snapshot import drop_folder
 from harness.records.targets import write_targets
 from harness.run_folder.earlier_run import earlier_run, notices_of, with_measured
+from harness.run_folder.folder_lock import scratch_folder
 from harness.run_folder.phases import Phases
 from harness.verdicts.comparisons import Key, compare
 from harness.verdicts.survival import targets
@@ -62,13 +64,30 @@ def run(
     attention last, which does not change the run. Returns exit code 0, or 3 if a cell diverged or failed or an omission
     costs more than its bound. Raises `InputError` before training for wrong input.
     """
+    # images of the user are decoded once, for all groups
+    with scratch_folder(out) if plan.view_set else nullcontext() as decoded:
+        return _run(plan, out, view_sets, machine, command, show, verify, serve, decoded)
+
+
+def _run(
+    plan: Plan,
+    out: Path,
+    view_sets: Path,
+    machine: Machine,
+    command: str,
+    show: Progress,
+    verify: Verify | None,
+    serve: Callable[[], None] | None,
+    decoded: Path | None,
+) -> int:
     earlier = earlier_run(out)
     phases = Phases(earlier.phases if earlier else {})
     use_threads(machine.threads)
     keys = sorted(plan.cells())
     with phases.timed("render"):
         folders = view_set_folders(plan, view_sets, show)
-        tasks, record = _read_view_sets(plan, plan.tasks(folders, machine, out), command, show)
+        tasks = [replace(task, decoded=decoded) for task in plan.tasks(folders, machine, out)]
+        tasks, record = _read_view_sets(plan, tasks, command, show)
     origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
     origin |= record.provenance | notices_of(earlier)
     record = structs.replace(record, provenance=origin, scenes=with_measured(record.scenes, earlier))

@@ -55,7 +55,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
     Raises `InputError` for a fault, and if the cameras see nothing of the box.
     """
     scene, out = task.scene, task.out
-    views = read_views(task.view_set, task.views, out)
+    views = read_views(task.view_set, task.views, out, decoded=task.decoded)
     seen = visibility_of(views)
     cautioned = cautions(views, seen)  # refuses cameras that see nothing, before anything is written
     if not finished_on(out, [key for key in keys if key[0] == scene], views):

@@ -23,6 +23,8 @@ class GroupTask:
     view_set: Path = Path()
     """The folder of `views`; not read if the view set itself is passed to the worker."""
     views: ViewSettings = field(default_factory=ViewSettings)
+    decoded: Path | None = None
+    """A folder in which the decoded images of the user are kept for the next group, as long as the run lasts."""
     content: str | None = None
     """The digest of the view set when the run began; None: unchecked."""
     device: str = "cpu"

@@ -13,12 +13,15 @@ readers (`scenes.view_sets.formats.foreign`).
 import hashlib
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from scenes.files.atomic import replacing
+from scenes.files.digest import json_digest
 from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject
 from scenes.view_sets.formats.foreign import source_of
@@ -108,6 +111,7 @@ def read_view_set(
     geometry: Sequence[str] = ("test",),
     scratch: Path | None = None,
     region: Region | None = None,
+    decoded: Path | None = None,
 ) -> ViewSet:
     """Read a folder, or a file, at `resolution` pixels of width (default: as stored), averaging areas.
 
@@ -115,8 +119,9 @@ def read_view_set(
     views. Depth and normals are read for the splits in `geometry`. `region` overrides the manifest or the format.
     Bounds that no file states, a convention of the format or derived from the cameras, are reduced to the `hull` of the
     training views. The decoded images, 16 bytes per pixel and as much again for geometry, go to nameless files in
-    `scratch`, which should be on a disk (`scenes.view_sets.image_stack`). Raises `InputError`, which names the remedy,
-    for anything missing, malformed, damaged or unsupported, and if `scratch` has no room.
+    `scratch`, which should be on a disk (`scenes.view_sets.image_stack`). Images of other programs are kept in the
+    folder `decoded` at this width, if it exists, and read from there until their file changes. Raises `InputError`,
+    which names the remedy, for anything missing, malformed, damaged or unsupported, and if `scratch` has no room.
     """
     folder = Path(folder)
     manifest = read_manifest(folder) if folder.is_dir() else {}
@@ -131,7 +136,7 @@ def read_view_set(
     _require_consistent(folder, chosen)
     if resolution is not None and resolution < 1:
         raise InputError(f"resolution {resolution}: choose 1 pixel or more")
-    reader = _Reader(folder, resolution, manifest, source, scratch)
+    reader = _Reader(folder, resolution, manifest, source, scratch, decoded)
     read = {split: reader.split(frames, split in geometry) for split, frames in chosen.items()}
     if reader.size is None or reader.stored is None:
         raise InputError(f"{folder}: no view is left to read; ask for at least one")
@@ -207,6 +212,7 @@ class _Reader:
     manifest: JsonObject
     source: Source
     scratch: Path | None
+    decoded: Path | None
     stored: tuple[int, int] | None = None
     size: tuple[int, int] | None = None
     """The height and width after resizing."""
@@ -245,8 +251,21 @@ class _Reader:
 
     def _foreign(self, file: Path) -> np.ndarray:
         self._fits(file, self.source.size(file))
-        pixels = self.source.pixels(file, self.width)
+        pixels = self._pixels(file)
         self.content.update(np.ascontiguousarray(pixels, dtype=np.float32).data)
+        return pixels
+
+    def _pixels(self, file: Path) -> np.ndarray:
+        if self.decoded is None or not (self.decoded.is_dir() and file.is_file()):
+            return self.source.pixels(file, self.width)
+        status = file.stat()
+        of = str(file), status.st_size, status.st_mtime_ns, *self.source.size(file), self.width
+        kept = self.decoded / f"{json_digest(of)}.npy"
+        if kept.is_file():
+            return np.asarray(np.load(kept))
+        pixels = self.source.pixels(file, self.width)
+        with suppress(OSError), replacing(kept, ".npy") as temporary:  # without room it is read again
+            np.save(temporary, pixels)
         return pixels
 
     def _own(self, file: Path, geometry: bool) -> list[np.ndarray]:

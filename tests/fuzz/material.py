@@ -9,8 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
+import torch
 from PIL import Image
 
+from baselines.contract import Box
+from baselines.splats.gaussians import Gaussians
+from baselines.splats.ply import ply_bytes
 from harness.command.plan_options import planned
 from harness.plan.group_task import GroupTask
 from harness.plan.run_plan import Machine
@@ -170,7 +174,7 @@ def request(folder: Path) -> None:
 
 
 def tables(folder: Path) -> None:
-    """Results in four of the forms that `judge` reads."""
+    """Results in five of the forms that `judge` reads."""
     folder.mkdir(parents=True)
     cells = [
         {"scene": scene, "method": method, "seed": seed, "psnr": 25.0 + 3 * i + j + 0.1 * seed, "seconds": 60.5}
@@ -191,6 +195,16 @@ def tables(folder: Path) -> None:
     rows = (r"& \multicolumn{2}{c}{lego} & mic", "M & PSNR & SSIM & PSNR", r"\midrule a & \textbf{30} & .9 & 31")
     body = " \\\\ ".join((*rows, "b & 29 & .8 & 28"))
     (folder / "table.tex").write_text(rf"\begin{{tabular}}{{l|ccc}} {body} \\ \end{{tabular}}", encoding="utf-8")
+
+    views = [f"s{s},{m},r_{v},{20 + s + v}" for s in range(3) for m in "ab" for v in range(2)]
+    (folder / "views.csv").write_text("\n".join(["scene,method,view,psnr", *views]), encoding="utf-8")
+
+
+def splats(folder: Path) -> None:
+    folder.mkdir(parents=True)
+    box = Box(-torch.ones(3), torch.ones(3))
+    values = 0.3 * torch.randn(5, 23, generator=torch.Generator().manual_seed(0)) - 0.5
+    (folder / "splats.ply").write_bytes(ply_bytes(Gaussians(box, 1, values, 0.02, 0.5)))
 
 
 def tiny(folder: Path) -> None:

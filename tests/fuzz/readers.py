@@ -17,6 +17,8 @@ import torch
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS, SKIPS
+from baselines.contract import Rays
+from baselines.splats.ply import read_ply
 from harness.command.plan_options import planned
 from harness.gate.gates import KINDS, gates
 from harness.gate.images import biases, read_reference
@@ -149,6 +151,18 @@ def judged(folder: Path, file: Path) -> None:
     assert read_judgement(folder / "judgement.json") == record
 
 
+def splats(folder: Path, file: Path) -> None:
+    try:
+        field = read_ply(file, 50.0)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: {error}") from error
+    towards = torch.nn.functional.normalize(
+        torch.tensor([[0.0, 0.1, -1.0], [0.1, 0.0, -1.0], [0.0, 0.0, -1.0]]), dim=-1
+    )
+    rendered = field.render(Rays(torch.tensor([[0.0, 0.0, 3.0]]).repeat(3, 1), towards, 0.1, 9.0))
+    assert bool(torch.isfinite(rendered.colour).all())
+
+
 def tiny_nerf(folder: Path, file: Path) -> None:
     views = read_view_set(file, scratch=folder)
     assert np.isfinite(views.bounds).all()
@@ -277,6 +291,7 @@ READERS: dict[str, Reader] = {
     "own_view_set": Reader(material.own, "**/*[!l]", view_set, ("own_view_set",), anything=True, slow=True),
     "nerfstudio": Reader(material.captured, "*.json", view_set, ("nerfstudio",)),
     "tiny_nerf": Reader(material.tiny, "tiny.npz", tiny_nerf),
+    "splats": Reader(material.splats, "*.ply", splats),
     "image": Reader(material.pictures, "*", image),
     "report_picture": Reader(material.pictures, "*.png", report_picture, misses=True),
     "records": Reader(material.small_run, "records/**/*.json", records, ("records",), anything=True),
