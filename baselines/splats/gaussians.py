@@ -17,7 +17,8 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from baselines.contract import Box, Densities, Points, Rays, Rendering
-from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, NEAREST, Drawn, Eye, RayCells, add_densities
+from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, NEAREST, Drawn, Eye, add_densities
+from baselines.splats.ray_cells import RayCells
 
 
 def rotations(quaternions: Float[Tensor, "gaussians 4"]) -> Float[Tensor, "gaussians 3 3"]:

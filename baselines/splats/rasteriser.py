@@ -5,10 +5,9 @@ One Gaussian after the other visits the rays that it covers: the transmittances 
 list of Gaussians is made for a tile. The rays may be any rays of one camera. They are sorted into rows of small cells,
 so that a Gaussian finds its rays without a search. The rays of a row are adjacent, so that the processor works on
 several at once: a loop over them has no branch. Every sum runs in a fixed order, which depends on the number of rays.
-All compiled code is in this file, as numba's cache would not see a change elsewhere.
+All compiled code that calls other compiled code is in this file, as numba's cache would not see a change elsewhere.
 """
 
-import itertools
 import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +20,8 @@ from numba.extending import overload
 from numpy.polynomial import Chebyshev, Polynomial
 from torch import Tensor
 from torch.autograd.function import once_differentiable
+
+from baselines.splats.ray_cells import RayCells
 
 FAINTEST = 1.0 / 255.0
 """The opacity below which a Gaussian is not drawn on a ray."""
@@ -48,41 +49,6 @@ covers the whole picture; the reference implementation limits the slope to 1.3 t
 CLAMP, END, MOST_FAINT = np.float32(MOST_OPAQUE), np.float32(LET_THROUGH), np.float32(1.0 / FAINTEST)
 
 
-class RayCells(NamedTuple):
-    """Points of a plane, sorted by the cells of a regular grid, with about one point per cell."""
-
-    order: np.ndarray
-    """The index of each sorted point before sorting, int [points]."""
-    back: np.ndarray
-    """The inverse of `order`."""
-    at: np.ndarray
-    """The sorted points [2, points]."""
-    start: np.ndarray
-    """The first point of each cell, row by row, and the end, int [rows · columns + 1]."""
-    rows: int
-    columns: int
-    lower: np.ndarray
-    size: np.ndarray
-    """The lower corner of the grid and the sides of a cell [2]."""
-
-    @staticmethod
-    def of(points: np.ndarray) -> "RayCells":  # [points, 2]
-        points = np.ascontiguousarray(points.T)  # numpy is slow along a long first axis
-        lower, upper = points.min(axis=1), points.max(axis=1)
-        extent = np.maximum(upper - lower, 1e-12)
-        square = (math.sqrt(points.shape[1] * extent[i] / extent[1 - i]) for i in range(2))
-        columns, rows = (min(max(1, round(count)), points.shape[1]) for count in square)  # points may lie in a line
-        size = (extent / (columns, rows)).astype(points.dtype)
-        order, back = (np.empty(points.shape[1], np.int64) for _ in range(2))
-        at, start = np.empty_like(points), np.zeros(rows * columns + 1, np.int64)
-        _sort(points, lower, size, columns, order, back, at, start)
-        return RayCells(order, back, at, start, rows, columns, lower, size)
-
-    def bands(self, count: int) -> list[tuple[int, int]]:
-        ends = [self.rows * i // count for i in range(count + 1)]
-        return [(low, high) for low, high in itertools.pairwise(ends) if low < high]
-
-
 class Eye(NamedTuple):
     """A camera, and how it blurs what it sees. Lengths are in halves of the box's longest side."""
 
@@ -106,29 +72,6 @@ class Projected(NamedTuple):
     """The half extents of the bounding boxes [n, 2]."""
     colours: np.ndarray
     """Red, green, blue, and depth [n, 4]."""
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-@no_type_check
-def _sort(
-    points: np.ndarray, lower: np.ndarray, size: np.ndarray, columns: int,
-    order: np.ndarray, back: np.ndarray, at: np.ndarray, start: np.ndarray,
-) -> None:  # fmt: skip
-    """Fill the arrays of `RayCells`; points of one cell stay in their order."""
-    cells, rows = np.empty(points.shape[1], np.int64), (start.shape[0] - 1) // columns
-    for point in range(points.shape[1]):
-        column = min(np.int64((points[0, point] - lower[0]) / size[0]), columns - 1)
-        row = min(np.int64((points[1, point] - lower[1]) / size[1]), rows - 1)
-        cells[point] = row * columns + column
-        start[cells[point] + 1] += 1
-    for cell in range(start.shape[0] - 1):
-        start[cell + 1] += start[cell]
-    free = start.copy()
-    for point in range(points.shape[1]):
-        place = free[cells[point]]
-        free[cells[point]] += 1
-        order[place], back[point] = point, place
-        at[0, place], at[1, place] = points[0, point], points[1, point]
 
 
 @njit(inline="always")

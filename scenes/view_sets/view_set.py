@@ -262,7 +262,7 @@ class _Reader:
         of = str(file), status.st_size, status.st_mtime_ns, *self.source.size(file), self.width
         kept = self.decoded / f"{json_digest(of)}.npy"
         if kept.is_file():
-            return np.asarray(np.load(kept))
+            return np.asarray(np.load(kept, allow_pickle=False))
         pixels = self.source.pixels(file, self.width)
         with suppress(OSError), replacing(kept, ".npy") as temporary:  # without room it is read again
             np.save(temporary, pixels)

@@ -86,7 +86,7 @@ def fresh(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 BUILD = "import sys; from reports.__main__ import main; main(sys.argv[1:]);"
 LIGHT = {"scenes", "scenes.files"} | {
-    f"scenes.files.{name}" for name in ("errors", "atomic", "installed", "standard_output", "stopping")
+    f"scenes.files.{name}" for name in ("errors", "atomic", "installed", "json_object", "standard_output", "stopping")
 }
 HEAVY = (
     f"print(sorted(name for name in set(sys.modules) - {LIGHT!r} "

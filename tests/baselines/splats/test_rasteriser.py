@@ -6,7 +6,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.splats.rasteriser import Drawn, Eye, RayCells
+from baselines.splats.rasteriser import Drawn, Eye
+from baselines.splats.ray_cells import RayCells
 from tests.baselines.splats.plain_splats import drawn as plain
 
 WIDENED = 0.01

@@ -10,7 +10,8 @@ from torch import Tensor
 from baselines.grids.hash_grid import encoded
 from baselines.grids.interpolation import PLANE_CHANNELS, TABLE_CHANNELS, Encoded, Multiplied
 from baselines.grids.planes import multiplied
-from baselines.splats.rasteriser import MOST_OPAQUE, Drawn, Eye, RayCells
+from baselines.splats.rasteriser import MOST_OPAQUE, Drawn, Eye
+from baselines.splats.ray_cells import RayCells
 from harness.plan.seeds import generator_for
 from harness.records.study import check
 from harness.studies.framework import Found

@@ -219,7 +219,7 @@ def test_cells_of_another_commit_are_counted(
     monkeypatch.setattr(provenance, "commit", lambda: HERE)
     write_trained(context, ("lego", "voxels", 0), "of no cell of the plan")
     write_trained(context, commit=other)
-    scale = context.scale(STUDIES["rendering"])
+    scale = context.scale(replace(STUDIES["collapse"], trainings=(TRAINING,)))
     if other == HERE:
         assert "commit" not in scale
         assert "commit" not in context.scale(STUDIES["collapse"]), "not trained yet"
