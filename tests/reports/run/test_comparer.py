@@ -106,7 +106,7 @@ def test_maps_of_light_are_offered_where_the_truth_is_brighter_than_white(browse
 
 def test_pictures_in_files_are_loaded_when_they_are_shown(browser, records, tmp_path):
     made = picture_data(records, budget=1000)
-    address = write_comparer_page(tmp_path / "page.html", made.data, made.inline, shelves=True).as_uri()
+    address = write_comparer_page(tmp_path / "page.html", made.data, made.inline, beside=True).as_uri()
     (tmp_path / "report_pictures").mkdir()
     (tmp_path / "report_pictures/0_lego.js").write_text(made.files["report_pictures/0_lego.js"], encoding="utf-8")
     view, noise = ready(browser, address)
