@@ -83,7 +83,8 @@ def table_of(
     there = np.isfinite(values[:, kept_scenes]).any(axis=(1, 2))
     asked = range(len(names)) if not methods else [_place(name, names) for name in dict.fromkeys(methods)]
     kept = [k for k in asked if there[k]]
-    notes = [f"{names[k]}: has no result, left out." for k in asked if not there[k]]
+    lacking = ", ".join(names[k] for k in asked if not there[k])
+    notes = [f"Without any result, left out: {lacking}."] if lacking else []
     if len(kept) < 2:
         many = f"{len(kept)} method{'s' * (len(kept) != 1)}"
         raise InputError(f"{source}: has {many} with results; a comparison needs two: add those of others")

@@ -57,3 +57,9 @@ def test_a_method_of_two_files_on_one_scene_is_named(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text("scene,method,seed,psnr\ns1,m0,7,1\ns2,m0,7,2\n")
     (note,) = read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).notes
     assert note == f"m0: the results in {tmp_path / 'a.csv'} and {tmp_path / 'b.csv'} are taken as those of one method."
+
+
+def test_methods_without_any_result_are_named_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("scene,method,psnr\n" + "".join(f"s{s},{m},{s}\n" for s in (1, 2) for m in "ab"))
+    (tmp_path / "b.csv").write_text("scene,method,psnr\ns1,c,\ns1,d,-\n")
+    assert read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).notes == ["Without any result, left out: c, d."]
