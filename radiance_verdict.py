@@ -30,7 +30,7 @@ PROGRAM = "radiance-verdict"
 def judge(
     table: "str | Path | Sequence[str | Path] | Sequence[Mapping[str, Any]] | pd.DataFrame",
     *,
-    metric: str | Sequence[str] = (),
+    metric: str | Sequence[str] | None = None,
     lower: Sequence[str] = (),
     margin: float | None = None,
     baseline: str | None = None,
@@ -47,7 +47,7 @@ def judge(
     """
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
     from harness.verdicts.judging import judgement
-    from harness.verdicts.tables.rows import rows_given
+    from harness.verdicts.tables.files import rows_given
 
     if isinstance(table, str | Path):
         table = [table]
@@ -55,7 +55,7 @@ def judge(
         table = table.astype(object).where(table.notna(), None).to_dict("records")
     rows = [each for each in table if isinstance(each, Mapping)]
     files = [Path(each) for each in table if not isinstance(each, Mapping)]
-    metrics = [metric] if isinstance(metric, str) else metric
+    metrics = [metric] if isinstance(metric, str) else metric or ()
     if files:
         judged = judgement.judge_files(files, metrics, lower, margin, baseline, methods)
     else:

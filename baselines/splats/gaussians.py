@@ -109,7 +109,7 @@ class Gaussians:
         """
         origin = self.box.normalised(pencil.origin).to(values.dtype).numpy()
         nearest = max(NEAREST, pencil.near / self.box.half_extent)
-        eye = Eye(origin, pencil.axes.to(values.dtype).numpy(), self.widened * self.pixel, float(self.blurred), nearest)
+        eye = Eye(origin, pencil.axes.to(values.dtype).numpy(), self.widened * self.pixel, self.blurred, nearest)
         return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, eye, values))
 
     def render(self, rays: Rays) -> Rendering:

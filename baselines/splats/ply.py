@@ -79,4 +79,4 @@ def read_ply(file: Path, focal: float) -> Gaussians:
         raise ValueError("has a rotation of length 0")
     values[:, len(FIXED) :] *= signs(DEGREES[rest])
     box = Box(-torch.ones(3), torch.ones(3))  # in which a scene unit is the unit of length
-    return Gaussians(box, DEGREES[rest], values, 0.0, 0.0, BLURRED / focal**2 if math.isfinite(focal) else 0.0)
+    return Gaussians(box, DEGREES[rest], values, 0.0, 0.0, BLURRED / focal**2)

@@ -244,12 +244,12 @@ def run_splats(options: argparse.Namespace, show: "Progress") -> int:
     of_run = [*run.run.methods, *run.run.guests]
     explicit = [name for name in of_run if name in CATALOG and isinstance(CATALOG[name].settings, GaussianSettings)]
     method = options.method or next(iter(explicit), "splats")
-    learner = run.trained(scene, method, options.seed, torch.device("cpu")).learner
-    if not isinstance(field := learner.field, Gaussians):
-        raise InputError(f"--method {method}: has no Gaussians; train some with --methods splats")
     file = options.to or options.run / f"{scene.name}-{method}-{options.seed}.ply"
     if file.suffix.lower() != ".ply":
         raise InputError(f"--to {file}: give a name that ends in .ply")
+    learner = run.trained(scene, method, options.seed, torch.device("cpu")).learner
+    if not isinstance(field := learner.field, Gaussians):
+        raise InputError(f"--method {method}: has no Gaussians; train some with --methods splats")
     try:
         write_atomically(file, ply_bytes(field))
     except OSError as error:

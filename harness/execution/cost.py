@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -67,14 +67,6 @@ class Pace:
 
 
 @dataclass(frozen=True)
-class Reading:
-    """The images of a view set of the user, each of which a run decodes once."""
-
-    images: int
-    seconds: float
-
-
-@dataclass(frozen=True)
 class Paces:
     """The measurements for a plan."""
 
@@ -87,8 +79,10 @@ class Paces:
     """The seconds of a view's scores."""
     delayed: float
     """The wall seconds per processor second: 1 if nothing else uses the machine."""
-    reading: list[Reading] = field(default_factory=list)
-    """One for each view set of the user."""
+    images: int = 0
+    """The images of the user, each of which a run decodes once."""
+    reading: float = 0.0
+    """The seconds of decoding them."""
 
 
 def estimate(
@@ -105,12 +99,15 @@ def estimate(
     missing = sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
     paces = measure_paces(plan, torch.device(machine.device), machine.threads)
     if plan.view_set:
-        paces = replace(paces, reading=[_reading(Path(path), plan.views) for path in plan.view_set])
+        read = [_reading(Path(path), plan.views) for path in plan.view_set]
+        paces = replace(paces, images=sum(many for many, _ in read), reading=sum(seconds for _, seconds in read))
     return estimate_from(plan, machine, paces, groups_left(plan, before), missing, verify=verify, serving=serving)
 
 
-def _reading(path: Path, views: ViewSettings) -> Reading:
-    """Decode one image of a view set; raises `InputError` for a set that cannot be read."""
+def _reading(path: Path, views: ViewSettings) -> tuple[int, float]:
+    """Return the images of a view set and the seconds of decoding them, by decoding one; raises `InputError` for a set
+    that cannot be read.
+    """
     source = source_of(path)
     splits = [(source.frames("train"), views.train), (source.frames("test"), views.test)]
     files = [file for frames, count in splits if frames is not None for file in frames.files[:count]]
@@ -118,7 +115,7 @@ def _reading(path: Path, views: ViewSettings) -> Reading:
         raise InputError(f"{path}: has no training and no test view")
     began = time.process_time()
     source.pixels(files[0], views.resolution)
-    return Reading(len(files), len(files) * (time.process_time() - began))
+    return len(files), len(files) * (time.process_time() - began)
 
 
 def estimate_apart(*arguments: object) -> CostEstimate:
@@ -155,7 +152,7 @@ def estimate_from(
     """
     tried = [[paces.of[name] for name in methods if name in paces.of] for methods in groups]
     phases = {
-        "rendering": _seconds_of_reading(paces) if plan.view_set else rendering_seconds(plan.views, missing),
+        "rendering": _range(paces.reading) if plan.view_set else rendering_seconds(plan.views, missing),
         "training": on_workers([sum(training_seconds(plan, pace) for pace in group) for group in tried], machine),
         "scoring": on_workers([sum(scoring_seconds(plan, pace, paces) for pace in group) for group in tried], machine),
     }
@@ -173,7 +170,7 @@ def estimate_from(
     for name, phase in phases.items():
         length = span(*phase) if phase[1] > 0 else "none"
         if name == "rendering" and plan.view_set:
-            lines.append(f"  reading {sum(each.images for each in paces.reading)} images of yours {length}")
+            lines.append(f"  reading {paces.images} images of yours {length}")
         elif name == "rendering":
             lines.append(f"  {name} {length} ({_where_from(plan, missing)})")
         elif phase[1] > 0:  # the number of test views of a view set is not known yet
@@ -213,12 +210,10 @@ def scoring_seconds(plan: Plan, pace: Pace, paces: Paces) -> float:
 
 def on_workers(groups: list[float], machine: Machine) -> Range:
     """Return the seconds of groups of cells on evenly loaded workers, at least those of the longest group."""
-    seconds = max(sum(groups) / machine.workers, max(groups, default=0.0))
-    return SPREAD[0] * seconds, SPREAD[1] * seconds
+    return _range(max(sum(groups) / machine.workers, max(groups, default=0.0)))
 
 
-def _seconds_of_reading(paces: Paces) -> Range:
-    seconds = sum(each.seconds for each in paces.reading)
+def _range(seconds: float) -> Range:
     return SPREAD[0] * seconds, SPREAD[1] * seconds
 
 

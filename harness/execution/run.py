@@ -64,41 +64,27 @@ def run(
     attention last, which does not change the run. Returns exit code 0, or 3 if a cell diverged or failed or an omission
     costs more than its bound. Raises `InputError` before training for wrong input.
     """
-    # images of the user are decoded once, for all groups
-    with scratch_folder(out) if plan.view_set else nullcontext() as decoded:
-        return _run(plan, out, view_sets, machine, command, show, verify, serve, decoded)
-
-
-def _run(
-    plan: Plan,
-    out: Path,
-    view_sets: Path,
-    machine: Machine,
-    command: str,
-    show: Progress,
-    verify: Verify | None,
-    serve: Callable[[], None] | None,
-    decoded: Path | None,
-) -> int:
     earlier = earlier_run(out)
     phases = Phases(earlier.phases if earlier else {})
     use_threads(machine.threads)
     keys = sorted(plan.cells())
-    with phases.timed("render"):
-        folders = view_set_folders(plan, view_sets, show)
-        tasks = [replace(task, decoded=decoded) for task in plan.tasks(folders, machine, out)]
-        tasks, record = _read_view_sets(plan, tasks, command, show)
-    origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
-    origin |= record.provenance | notices_of(earlier)
-    record = structs.replace(record, provenance=origin, scenes=with_measured(record.scenes, earlier))
-    _write(out, keys, record, phases)
-    try:
-        with phases.timed("train"):
-            _train(tasks, keys, record, machine, show)
-            _train_guest(plan, tasks, record, machine, show)
-    except KeyboardInterrupt:
+    # images of the user are decoded once, for all groups
+    with scratch_folder(out) if plan.view_set else nullcontext() as decoded:
+        with phases.timed("render"):
+            folders = view_set_folders(plan, view_sets, show)
+            tasks = [replace(task, decoded=decoded) for task in plan.tasks(folders, machine, out)]
+            tasks, record = _read_view_sets(plan, tasks, command, show)
+        origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
+        origin |= record.provenance | notices_of(earlier)
+        record = structs.replace(record, provenance=origin, scenes=with_measured(record.scenes, earlier))
         _write(out, keys, record, phases)
-        raise KeyboardInterrupt(_kept(out, keys)) from None
+        try:
+            with phases.timed("train"):
+                _train(tasks, keys, record, machine, show)
+                _train_guest(plan, tasks, record, machine, show)
+        except KeyboardInterrupt:
+            _write(out, keys, record, phases)
+            raise KeyboardInterrupt(_kept(out, keys)) from None
     cells = _compare(out, keys, record)
     _write(out, keys, record, phases, finished=True)
     if verify:

@@ -259,7 +259,7 @@ class _Reader:
         if self.decoded is None or not (self.decoded.is_dir() and file.is_file()):
             return self.source.pixels(file, self.width)
         status = file.stat()
-        of = str(file), status.st_size, status.st_mtime_ns, *self.source.size(file), self.width
+        of = str(file), status.st_size, status.st_mtime_ns, self.stored, self.width
         kept = self.decoded / f"{json_digest(of)}.npy"
         if kept.is_file():
             return np.asarray(np.load(kept, allow_pickle=False))

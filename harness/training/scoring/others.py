@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from baselines.splats.ply import read_ply
+from harness.records.json_record import file_digest
 from harness.records.metric_table import METRICS
 from harness.records.scored_pictures import ScoredPictures
 from harness.training.scoring.evaluate import View, cameras_of, mean_scores, view_scores
@@ -15,6 +16,7 @@ from harness.training.scoring.lpips import lpips_of
 from harness.training.scoring.misread import as_read, likely_mistake
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.rendered_pictures import of_views, pictures_in, read_picture
+from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.images import display_image
 from scenes.view_sets.view_set import ViewSet, read_view_set
 
@@ -43,27 +45,27 @@ class _Pictures:
 
 
 class _Drawn:
-    """Gaussians of a .ply file, drawn when they are needed."""
+    """Gaussians of a .ply file, drawn once from each test camera."""
 
     def __init__(self, file: Path, views: ViewSet) -> None:
         try:
-            self.field, self.bytes = read_ply(file, views.focal), file.read_bytes()
+            field, self._digest = read_ply(file, views.focal), file_digest(file)
         except OSError as error:
             raise InputError(f"{file}: cannot be read ({error.strerror})") from error
         except ValueError as error:
             raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting, or pictures") from error
-        self.cameras = cameras_of(views, views.test, torch.device("cpu"))
+        cameras = cameras_of(views, views.test, torch.device("cpu"))
+        drawn = (field.render(cameras.all_rays(index)).colour.clamp(0.0, 1.0) for index in range(len(cameras)))
+        self.pictures = ImageStack.of(colour.numpy().reshape(views.height, views.width, 3) for colour in drawn)
 
     def __len__(self) -> int:
-        return len(self.cameras)
+        return len(self.pictures)
 
     def __getitem__(self, index: int) -> np.ndarray:
-        colour = self.field.render(self.cameras.all_rays(index)).colour.clamp(0.0, 1.0)
-        pixels: np.ndarray = colour.numpy().reshape(self.cameras.height, self.cameras.width, 3)
-        return pixels
+        return self.pictures[index]
 
     def digest(self) -> str:
-        return _digest([self.bytes])
+        return self._digest
 
 
 class _Arrays:

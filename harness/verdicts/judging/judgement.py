@@ -179,8 +179,8 @@ def judge_files(
     """Judge the table in `paths` with the digests of its files; raises `InputError` as `judge_rows`."""
     rows = read_rows(paths, metrics[0] if metrics else None)
     digests = {str(path): file_digest(path) for path in paths if path.is_file()}
-    record = judge_rows(rows, metrics, lower, margin, baseline, methods, digests)
-    return structs.replace(record, source=", ".join(map(str, paths)))
+    record = judge_rows(rows, metrics, lower, margin, baseline, methods)
+    return structs.replace(record, source=", ".join(map(str, paths)), digests=digests)
 
 
 def judge_rows(
@@ -190,7 +190,6 @@ def judge_rows(
     margin: float | None,
     baseline: str | None,
     methods: Sequence[str] = (),
-    digests: dict[str, str] | None = None,
 ) -> JudgementRecord:
     """Judge the first of `metrics`, or the primary one, and each further one by itself.
 
@@ -203,7 +202,7 @@ def judge_rows(
     judged = {first.metric, *(table.metric for table in more)}
     left = [name for name in first.other_metrics if name not in judged]
     others = [judge(replace(table, other_metrics=[]), None, baseline, {}) for table in more]
-    record = judge(replace(first, other_metrics=left), margin, baseline, digests or {})
+    record = judge(replace(first, other_metrics=left), margin, baseline, {})
     return structs.replace(record, other_metrics=others)
 
 

@@ -9,13 +9,14 @@ from harness.verdicts.tables.numbers import is_column_of_numbers, is_missing, nu
 from harness.verdicts.tables.rows import Rows
 from scenes.files.errors import InputError
 
-VIEW = ("view", "image", "frame", "view_name", "image_name", "filename")
+VIEW = ("view", "image", "frame", "view_name", "image_name")
 """The names of a column of views, the preferred one first."""
 CELL = ("method", "scene", "seed")
 
 
 def over_views(rows: Rows) -> Rows:
-    """Return rows without a column of views: the mean of each cell. Other rows are returned as they are.
+    """Return rows without a column of views: the mean of each cell. Rows without one, or with a single row for each
+    cell, whose column says something else, are returned as they are.
 
     Raises `InputError` for a view that is listed twice, that a method of the scene lacks, or that has no score.
     """
@@ -29,6 +30,8 @@ def over_views(rows: Rows) -> Rows:
         if str(view) in views:
             raise InputError(f"{rows.where(row)}: repeats {name} {view} of {rows.where(views[str(view)])}; delete one")
         views[str(view)] = row
+    if len(cells) == len(rows):
+        return rows
     _require_same_views(rows, name, cells)
     columns: dict[str, list[object]] = {}
     for column, values in rows.columns.items():

@@ -1,12 +1,13 @@
 """Files and folders of results in any form, read as rows."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from harness.records.json_record import LARGEST_FILE
+from harness.verdicts.tables.by_view import over_views
 from harness.verdicts.tables.grids import read_text
 from harness.verdicts.tables.json_forms import STATISTICS, read_json_rows
-from harness.verdicts.tables.rows import Rows, joined, rows_of
+from harness.verdicts.tables.rows import GIVEN, Rows, joined, rows_of
 from scenes.files.errors import InputError
 
 PER_VIEW, RESULTS = "per_view.json", "results.json"
@@ -21,7 +22,13 @@ def read_rows(paths: Sequence[Path], metric: str | None = None) -> Rows:
     for path in paths:
         for file in _files(path):
             parts.append(_read(file, metric, _label(path, file, len(paths) > 1)))
-    return joined(parts)
+    return over_views(joined(parts))
+
+
+def rows_given(rows: Sequence[Mapping[str, object]]) -> Rows:
+    """Return rows in memory, where None is a missing value, with the errors of `read_rows`."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return over_views(joined([rows_of(GIVEN, names, [[row.get(name) for row in rows] for name in names])]))
 
 
 def _read(file: Path, metric: str | None, label: str) -> Rows:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from harness.records.metric_table import METRICS, PRIMARY, possible_range
-from harness.verdicts.tables.by_view import over_views
 from harness.verdicts.tables.files import read_rows
 from harness.verdicts.tables.grids import HIGHER, LOWER
 from harness.verdicts.tables.numbers import LARGEST, decimals, is_column_of_numbers, is_missing, number
@@ -68,7 +67,6 @@ def table_of(
     rows: Rows, metric: str | None = None, lower: Sequence[str] = (), methods: Sequence[str] = ()
 ) -> ResultTable:
     """Return one metric of `rows`, as `read_table` does for files; of the named `methods` alone if there are any."""
-    rows = over_views(rows)
     source = rows.stretches[0][0]
     metrics = [name for name in rows.columns if name not in KEYS and is_column_of_numbers(rows.columns[name])]
     chosen = _choose(rows, metrics, metric)
@@ -119,16 +117,17 @@ def _shared_cells(rows: Rows, of_rows: Sequence["_Encoded"]) -> list[str]:
     """Name the methods whose results on one scene come from several files: they may be two methods."""
     method, scene, _ = of_rows
     files: dict[tuple[int, int], dict[str, None]] = {}
-    for row, cell in enumerate(zip(method.codes.tolist(), scene.codes.tolist(), strict=True)):
-        files.setdefault(cell, {})[str(rows.file(row))] = None
+    for cell, file in zip(zip(method.codes.tolist(), scene.codes.tolist(), strict=True), rows.files(), strict=True):
+        files.setdefault(cell, {})[str(file)] = None
     several = {method.names[cell[0]]: " and ".join(found) for cell, found in files.items() if len(found) > 1}
     return [f"{name}: the results in {where} are taken as those of one method." for name, where in several.items()]
 
 
 def _origin(rows: Rows, of_method: list[int]) -> str:
     parts: list[str] = []
-    if len({path for path, _, _ in rows.stretches}) > 1:
-        parts += dict.fromkeys(rows.file(row).name for row in of_method)
+    files = rows.files()
+    if len({*files}) > 1:
+        parts += dict.fromkeys(files[row].name for row in of_method)
     for name in (column for column in ORIGINS if column in rows.columns):
         values = dict.fromkeys(str(v) for row in of_method if not is_missing(v := rows.columns[name][row]))
         shown = ", ".join(values) if len(values) <= MOST_ORIGINS else f"{len(values)} different"

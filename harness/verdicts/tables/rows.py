@@ -1,6 +1,6 @@
 """Rows of results as columns, with the place of each row in its file."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,18 +37,9 @@ class Rows:
             row -= len(numbers)
         raise IndexError(row)
 
-    def file(self, row: int) -> Path:
-        for path, _, numbers in self.stretches:
-            if row < len(numbers):
-                return path
-            row -= len(numbers)
-        raise IndexError(row)
-
-
-def rows_given(rows: Sequence[Mapping[str, object]]) -> Rows:
-    """Return rows in memory, where None is a missing value, with the errors of `joined`."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    return joined([rows_of(GIVEN, names, [[row.get(name) for row in rows] for name in names])])
+    def files(self) -> list[Path]:
+        """Return the file of each row."""
+        return [path for path, _, numbers in self.stretches for _ in numbers]
 
 
 def rows_of(

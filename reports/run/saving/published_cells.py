@@ -35,7 +35,7 @@ def cells_of(run: Run, methods: list[str]) -> list[CellRecord]:
     return [_cell(row) for row in run["cells"] if row["method"] in methods]
 
 
-def situation(run: Run, methods: list[str], equal_time: bool = False) -> Condition:
+def condition_of(run: Run, methods: list[str], equal_time: bool = False) -> Condition:
     """Return the cells at equal steps, or at equal core seconds (training seconds if those were not counted)."""
     budgets = headline_budgets([row["budget"] for row in run["comparisons"]])
     return Condition(cells_of(run, methods), budgets[equal_time])

@@ -16,7 +16,7 @@ from reports.claims.estimands import SENSES, between, judged_in_words
 from reports.data.outcome import between_runs, doubts, in_runs, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
 from reports.run.ceiling import lines_of
-from reports.run.saving.published_cells import Run, situation
+from reports.run.saving.published_cells import Run, condition_of
 from reports.run.saving.replicates import (
     BASELINE,
     CONTROL,
@@ -98,7 +98,7 @@ def differences(run: Run, budget: str = "steps", replicates: Run | None = None) 
 
 
 def equal_time(run: Run) -> str:
-    steps, time = (situation(run, main_methods(run), equal_time) for equal_time in (False, True))
+    steps, time = (condition_of(run, main_methods(run), equal_time) for equal_time in (False, True))
     words = f"from {BUDGETS[steps.budget]} to {BUDGETS[time.budget]}"
     return f"{differences(run, time.budget)}\n\n{changed(run, steps, time, words)}"
 
@@ -171,7 +171,7 @@ def _change_between(run: Run, other: Run, methods: list[str]) -> str:
     same = constants[0] == constants[1]
     if not same and any(start == ONE_FOR_ALL for each in constants for _, start in each):
         return OTHER_CONSTANTS
-    first, second = (situation(each, methods) for each in (run, other))
+    first, second = (condition_of(each, methods) for each in (run, other))
     change = changed(run, first, second, "from the first column to the second")
     return change if same else f"{change}\n\n{OWN_CONSTANTS}"
 

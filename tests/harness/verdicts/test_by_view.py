@@ -63,3 +63,10 @@ def test_methods_without_any_result_are_named_in_one_line(tmp_path: Path) -> Non
     (tmp_path / "a.csv").write_text("scene,method,psnr\n" + "".join(f"s{s},{m},{s}\n" for s in (1, 2) for m in "ab"))
     (tmp_path / "b.csv").write_text("scene,method,psnr\ns1,c,\ns1,d,-\n")
     assert read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).notes == ["Without any result, left out: c, d."]
+
+
+def test_a_column_of_that_name_with_one_row_per_cell_says_something_else(tmp_path: Path) -> None:
+    path = table(tmp_path, [f"s{s},m{m},renders/{s}{m}.png,{s + m}" for s in (1, 2) for m in (0, 1)])
+    read = read_table([path])
+    assert read.values[..., 0].tolist() == [[1.0, 2.0], [2.0, 3.0]]
+    assert read.origins == ["", ""]

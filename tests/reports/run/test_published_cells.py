@@ -7,7 +7,7 @@ import pytest
 
 from harness.records.former.four_words import in_two_words
 from harness.verdicts.changes import change
-from reports.run.saving.published_cells import cells_of, judged_again, situation
+from reports.run.saving.published_cells import cells_of, condition_of, judged_again
 from reports.run.saving.run_blocks import DUELS
 from tests.harness.shell import ROOT
 
@@ -36,7 +36,7 @@ def test_differences_are_the_published_ones_and_verdicts_those_of_this_version()
 
 
 def test_early_and_late_are_compared_by_their_change() -> None:
-    early, late = (situation(published(name), METHODS) for name in ("reduced", "converged"))
+    early, late = (condition_of(published(name), METHODS) for name in ("reduced", "converged"))
     known = change("qnerf", "nerf", early, late)
     assert known.seeds_paired
     assert known.judgement.pairs == len(cells_of(published("reduced"), ["qnerf"]))
