@@ -76,6 +76,14 @@ def settle(view: Any) -> None:
     view.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
+def settle_address(view: Any) -> None:
+    """Wait until the address holds the last choice: `state.js` writes it 250 ms after a series of changes, and the
+    timers of a page fire in order.
+    """
+    settle(view)
+    view.evaluate("new Promise(done => setTimeout(done, 300))")
+
+
 def shown(view: Any, panel: str, column: int, row: int, width: int = SIDE, height: int = SIDE) -> list[int]:
     """Return the colour on the canvas at a pixel of the picture, which must be shown completely."""
     return list(view.evaluate(SHOWN, [panel, column, row, width, height]))
