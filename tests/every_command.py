@@ -39,15 +39,15 @@ python -m scenes export {here}/sets/{set} --format blender --out {here}/blender
 python -m harness score {here}/blender/test --view-set {here}/blender --method me {score} --to {here}/scores.json
 python -m scenes export {here}/sets/{set} --format nerfstudio --out {here}/nerfstudio
 python -m scenes export {here}/sets/{set} --format npz --out {here}/tiny.npz
-python -m harness run --profile smoke --view-set {here}/blender {tiny} {region} --no-serving --out {here}/foreign
+python -m harness run --profile smoke --view-set {here}/blender {tiny} {region} --out {here}/foreign
 python -m reports {here}/run {here}/foreign --page {here}/outputs.html
 python -m reports {here}/foreign --publish {here}/published
 python -m harness run --profile smoke --view-set {here}/nerfstudio --dry-run
 python -m harness run --profile smoke --view-set {here}/tiny.npz --dry-run
 python -m harness run --profile full --device cpu --dry-run {sets}
 python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
-python -m harness run {smoke} --scene-file docs/examples/my_scene.xml {tiny} --claim "nerf>=9dB" --out {here}/own {sets}
-python -m harness run {smoke} --scenes lego --methods splats --seeds 1 {few} --out {here}/splats {sets}
+python -m harness run --profile smoke --scene-file docs/examples/my_scene.xml {tiny} {claim} --out {here}/own {sets}
+python -m harness run --profile smoke --scenes lego --methods splats --seeds 1 {few} --out {here}/splats {sets}
 python -m harness splats {here}/splats --scene lego --to {here}/lego.ply
 python -m scenes integrators glass --resolution 8 --views 1 --spp 2
 python -m scenes noise {here}/sets/{set} --repeats 1
@@ -68,7 +68,7 @@ nox -s tests_thorough -- --collect-only -q tests/endurance tests/harness/executi
 nox -s tests_oldest -- --collect-only -q tests/harness/plan
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
 python -m harness history {here}/history.jsonl --out {here}/history
-python -m harness run {smoke} --scenes lego {tiny} --executor submitit {job} --out {here}/jobs {other_sets}
+python -m harness run --profile smoke --scenes lego {tiny} --executor submitit {job} --out {here}/jobs {other_sets}
 python -m harness gate --list
 python -m harness study evidence --list
 python -m harness study stability --list
@@ -83,8 +83,8 @@ python -m harness completion bash
 """
 FILLED = {
     "{tiny}": "--methods nerf --seeds 2 --budget-steps 4 --resolution 16",
+    "{claim}": '--claim "nerf>=9dB"',
     "{few}": "--budget-steps 4 --resolution 16",
-    "{smoke}": "--profile smoke --no-serving",
     "{job}": "--job timeout_min=9 --workers 1 --threads 1 --device cpu",
     "{one}": "--studies error_against_time needs --scenes lego",
     "{score}": "--seconds 9 --as-they-are",

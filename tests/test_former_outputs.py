@@ -15,7 +15,7 @@ from scenes.view_sets.view_set import read_view_set
 FORMER = Path(__file__).parent / "former"
 OPTIONS = ["run", "--profile", "smoke", "--view-set", "ball", "--resolution", "12", "--methods", "nerf", "qnerf",
            "--seeds", "1", "--budget-steps", "3", "--quiet", "--workers", "1", "--threads", "1", "--precision",
-           "float32", "--no-serving", "--device", "cpu", "--resume", "--out", "run"]  # fmt: skip
+           "float32", "--device", "cpu", "--resume", "--out", "run"]  # fmt: skip
 
 
 @pytest.fixture

@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, Any, cast
 from harness.command.machine_options import MACHINE_OPTIONS, chosen_machine, unused_by
 from harness.command.options import Command, Options, flag, option
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
-from harness.execution.executors import device_here
 from harness.machine.cores import physical_cores
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
-    from harness.execution.run import Verify
     from harness.plan.run_plan import Machine, Plan
     from harness.records.cells import CellRecord
 
@@ -35,7 +33,6 @@ RUN: Options = {
     "--lpips": {},
     "--verify-omissions": flag("train with and without everything that is left out (exit code 3)"),
     "--tensorboard": flag("write each cell to OUT/tensorboard when it ends"),
-    "--no-serving": flag("do not measure view cache and attention at the end"),
     "--quiet": {},
 }
 TENSORBOARD: Options = {"run": option("output folder of a run, finished or not", "OUT", Path)}
@@ -74,8 +71,7 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         from harness.execution.cost import estimate_apart
 
         before = options.out if options.resume else None
-        extras = options.verify_omissions, not options.no_serving
-        estimate = estimate_apart(plan, machine, options.view_sets, *extras, before)
+        estimate = estimate_apart(plan, machine, options.view_sets, options.verify_omissions, before)
         for line in estimate.lines:
             say(line)
         show.expect(estimate.phases)
@@ -87,8 +83,12 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         with claimed(out, plan, machine, options.resume, show.line):
             point_latest_to(out)
             shown = also_written(options, out, show)
-            afterwards = _afterwards(options, plan, machine, out, shown)
-            code = run(plan, out, options.view_sets, machine, options.line, shown, *afterwards)
+            verify = None
+            if options.verify_omissions:
+                from harness.studies.choices.omissions import verify_run
+
+                verify = partial(verify_run, plan, machine, out, shown)
+            code = run(plan, out, options.view_sets, machine, options.line, shown, verify)
     except InputError:
         if before is not None and latest_folder() is None:  # the claimed folder was removed
             point_latest_to(before)
@@ -114,21 +114,6 @@ def _with_lpips(plan: "Plan", options: argparse.Namespace) -> "Plan":
         if cell.provenance.get("lpips", digest) != digest:
             raise InputError(f"--lpips {options.lpips}: not the weights that {options.out} was scored with; give those")
     return replace(plan, lpips=str(options.lpips.resolve()))
-
-
-def _afterwards(
-    options: argparse.Namespace, plan: "Plan", machine: "Machine", out: Path, show: "Progress"
-) -> "tuple[Verify | None, Callable[[], None] | None]":
-    verify, serve = None, None
-    if options.verify_omissions:
-        from harness.studies.choices.omissions import verify_run
-
-        verify = partial(verify_run, plan, machine, out, show)
-    if not options.no_serving:
-        from harness.studies.serving.serving_run import after_run
-
-        serve = partial(after_run, out, device_here(machine), options.view_sets, show)
-    return verify, serve
 
 
 def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:

@@ -18,7 +18,6 @@ from harness.execution.ground_truth import is_cached, rendering_seconds
 from harness.execution.progress import SPREAD, Range, span
 from harness.machine.device import keep_freed_memory, use_threads
 from harness.machine.stopping import in_child
-from harness.plan.defaults import SERVING_SECONDS, SERVING_SHARE, SERVING_WIDTH
 from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
@@ -35,8 +34,6 @@ from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, camera_to_world
 
-SERVED_VIEWS = 1000
-"""The number of views that are rendered to measure view cache and attention at the end of a run."""
 OCCUPIED = 0.3
 """The share of the box that the occupancy grid keeps, which a few steps cannot show; scenes differ by `SPREAD`."""
 FEW, GROWTH, REPEATS = 64, 8, 3
@@ -85,9 +82,7 @@ class Paces:
     """The seconds of decoding them."""
 
 
-def estimate(
-    plan: Plan, machine: Machine, view_sets: Path, verify: bool, serving: bool, before: Path | None
-) -> CostEstimate:
+def estimate(plan: Plan, machine: Machine, view_sets: Path, verify: bool, before: Path | None) -> CostEstimate:
     """Measure a few steps and views, and estimate the run; a cluster is not measured.
 
     `view_sets` is the cache of rendered view sets, `before` the output folder that is resumed.
@@ -101,7 +96,7 @@ def estimate(
     if plan.view_set:
         read = [_reading(Path(path), plan.views) for path in plan.view_set]
         paces = replace(paces, images=sum(many for many, _ in read), reading=sum(seconds for _, seconds in read))
-    return estimate_from(plan, machine, paces, groups_left(plan, before), missing, verify=verify, serving=serving)
+    return estimate_from(plan, machine, paces, groups_left(plan, before), missing, verify=verify)
 
 
 def _reading(path: Path, views: ViewSettings) -> tuple[int, float]:
@@ -144,11 +139,11 @@ def groups_left(plan: Plan, before: Path | None) -> Groups:
 
 
 def estimate_from(
-    plan: Plan, machine: Machine, paces: Paces, groups: Groups, missing: int, *, verify: bool, serving: bool
+    plan: Plan, machine: Machine, paces: Paces, groups: Groups, missing: int, *, verify: bool
 ) -> CostEstimate:
     """Return the estimate from measurements, where `groups` of cells and a number of view sets are `missing`.
 
-    `verify` and `serving` say whether omissions are verified, and view cache and attention measured, at the end.
+    `verify` says whether omissions are verified at the end.
     """
     tried = [[paces.of[name] for name in methods if name in paces.of] for methods in groups]
     phases = {
@@ -157,11 +152,6 @@ def estimate_from(
         "scoring": on_workers([sum(scoring_seconds(plan, pace, paces) for pace in group) for group in tried], machine),
     }
     start = 2 * paces.start  # for this process and for the workers
-    if serving:
-        ray = max((pace.ray for pace in paces.of.values()), default=0.0)
-        seconds = SERVED_VIEWS * min(SERVING_WIDTH, plan.views.resolution) ** 2 * ray
-        limit = max(SERVING_SECONDS, SERVING_SHARE * (start + sum(high for _, high in phases.values())))
-        phases["view cache and attention"] = (0.0 if seconds > limit else seconds, min(seconds, limit))
     low, high = (start + sum(phase[end] for phase in phases.values()) for end in (0, 1))
     lines = [f"estimated cost: {span(low, high)}"]
     if paces.delayed > WAITED:
@@ -184,10 +174,7 @@ def estimate_from(
         lines.append("  training and scoring take longer if a medium fills your scene: no empty space is skipped then")
     lines += [f"  {method} is not included: {why}" for method, why in paces.untried.items()]
     cells = [phases["training"][end] + phases["scoring"][end] + start for end in (0, 1)]
-    by_bar = {"rendering": phases["rendering"], "training": (cells[0], cells[1])}
-    if serving:
-        by_bar["part"] = phases["view cache and attention"]
-    return CostEstimate(lines, by_bar)
+    return CostEstimate(lines, {"rendering": phases["rendering"], "training": (cells[0], cells[1])})
 
 
 def training_seconds(plan: Plan, pace: Pace) -> float:

@@ -56,13 +56,11 @@ def run(
     command: str,
     show: Progress,
     verify: Verify | None = None,
-    serve: Callable[[], None] | None = None,
 ) -> int:
     """Execute the plan, without finished cells, into the locked folder `out` (`harness.run_folder.output_folder`).
 
-    `verify` then trains with and without the parts that each scene does not need; `serve` measures view cache and
-    attention last, which does not change the run. Returns exit code 0, or 3 if a cell diverged or failed or an omission
-    costs more than its bound. Raises `InputError` before training for wrong input.
+    `verify` then trains with and without the parts that each scene does not need. Returns exit code 0, or 3 if a cell
+    diverged or failed or an omission costs more than its bound. Raises `InputError` before training for wrong input.
     """
     earlier = earlier_run(out)
     phases = Phases(earlier.phases if earlier else {})
@@ -90,13 +88,6 @@ def run(
     if verify:
         with phases.timed("verify"):
             record = structs.replace(record, scenes=verify(cells, record.scenes, folders))
-        _write(out, keys, record, phases, finished=True)
-    if serve:
-        try:
-            with phases.timed("serve"):
-                serve()
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"the run is complete; `python -m reports {out}` makes its report") from None
         _write(out, keys, record, phases, finished=True)
     # a method that cannot run on this machine is not a failure; its cells name what is missing
     ended = sum(cell.status in ("done", "not_available") for cell in cells)

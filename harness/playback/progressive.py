@@ -1,6 +1,6 @@
-"""A view in parts: a coarse frame, then region after region in some order, or with samples allotted by attention."""
+"""A view in parts: a coarse frame, then region after region in some order."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -141,55 +141,19 @@ def refine(
     return _by_parts(learner, camera, parts, min(chunk, least_rays), chunk)
 
 
-def render_allocated(
-    learner: Learner, camera: Camera, regions: Regions, bins_by_region: np.ndarray, chunk: int
-) -> tuple[View, int]:
-    """Render a view with a number of bins for each region (`allocated_bins`); regions with equal numbers share chunks.
-    Returns it with its network evaluations.
-
-    A chunk has at most the samples of `chunk` rays with the mean number of bins. Equal numbers for all regions give the
-    bits of plain rendering with that number. A method that is not pointwise is rendered plainly with the mean number,
-    rounded down.
-    """
-    bins = np.asarray(bins_by_region)
-    mean = int((bins * regions.rays).sum() // regions.rays.sum())
-    if why_plain(learner) or bins.min() == bins.max():
-        return filled(camera, _plain(learner, camera, chunk, mean))
-    return filled(camera, _by_bins(learner, camera, regions, bins, chunk, mean))
-
-
-def filled(camera: Camera, parts: Iterable[Done]) -> tuple[View, int]:
-    """Return the view that all parts together make, and their network evaluations."""
-    canvas, evaluations = Canvas(camera.height, camera.width), 0
-    for done in parts:
-        canvas.put(done)
-        evaluations += done.network_evaluations
-    return canvas.view, evaluations
-
-
-def _plain(learner: Learner, camera: Camera, chunk: int, bins: int | None = None) -> Iterator[Done]:
+def _plain(learner: Learner, camera: Camera, chunk: int) -> Iterator[Done]:
     """Yield the chunks of `harness.training.scoring.evaluate.render_view`."""
     order = pixel_order(camera.width * camera.height).numpy()
     parts = [order[start : start + chunk] for start in range(0, len(order), chunk)]
-    return _by_parts(learner, camera, parts, 1, chunk, bins)
+    return _by_parts(learner, camera, parts, 1, chunk)
 
 
-def _by_parts(
-    learner: Learner,
-    camera: Camera,
-    parts: list[np.ndarray],
-    at_least: int,
-    chunk: int,
-    bins: int | None = None,
-    done: int = 0,
-) -> Iterator[Done]:
-    """Yield the pixels of each part, of which `at_least` share a chunk, except in the last one; `done` counts earlier
-    pixels.
-    """
-    rays, total = camera.rays(learner.device), camera.width * camera.height
+def _by_parts(learner: Learner, camera: Camera, parts: list[np.ndarray], at_least: int, chunk: int) -> Iterator[Done]:
+    """Yield the pixels of each part, of which `at_least` share a chunk, except in the last one."""
+    rays, total, done = camera.rays(learner.device), camera.width * camera.height, 0
     for together in _chunks(parts, at_least):
         pixels = np.concatenate(together)
-        render = learner.render(rays.chosen(torch.as_tensor(pixels).to(learner.device)), chunk, bins)
+        render = learner.render(rays.chosen(torch.as_tensor(pixels).to(learner.device)), chunk)
         colour, opacity, depth = _arrays(render)
         evaluations, start = render.network_evaluations, 0
         for some in together:
@@ -209,17 +173,6 @@ def _chunks(parts: list[np.ndarray], at_least: int) -> Iterator[list[np.ndarray]
             together = []
     if together:
         yield together
-
-
-def _by_bins(
-    learner: Learner, camera: Camera, regions: Regions, bins: np.ndarray, chunk: int, mean: int
-) -> Iterator[Done]:
-    done = 0
-    for number in np.unique(bins)[::-1].tolist():
-        parts = [regions.pixels(region) for region in np.flatnonzero(bins == number).tolist()]
-        rays = sum(map(len, parts))
-        yield from _by_parts(learner, camera, parts, rays, max(1, chunk * mean // number), number, done)
-        done += rays
 
 
 def _arrays(render: Rendering) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

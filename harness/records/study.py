@@ -55,8 +55,6 @@ that was measured. Only a failed check of the harness fails a run; the others ar
 """
 Status = Literal["pass", "fail", "measured", "inconclusive", "not_applicable", "not_available"]
 """`measured` is the status of a figure without a limit."""
-CUT_SHORT = ("late", "failed")
-"""The ids of checks that mark their study as incomplete, so that it is measured again."""
 Values = Sequence[float | None]
 """Figures of a line; `None` is a figure that was not finite, which a chart marks as a gap."""
 
@@ -195,9 +193,9 @@ class StudyRecord(Record, frozen=True):
     seconds: float = 0.0
 
     @property
-    def cut_short(self) -> bool:
-        """Return whether it failed, or left something out because its time was over."""
-        return any(check.id in CUT_SHORT for check in self.checks)
+    def failed(self) -> bool:
+        """Return whether it could not be measured, so that it has to be measured again."""
+        return any(check.id == "failed" for check in self.checks)
 
     @property
     def answers(self) -> list[str]:
@@ -247,7 +245,7 @@ class Studies(Record, frozen=True):
     @property
     def is_complete(self) -> bool:
         """Return whether every planned measurement was made."""
-        return self.finished and not any(study.cut_short for study in self.studies)
+        return self.finished and not any(study.failed for study in self.studies)
 
     @property
     def is_quick(self) -> bool:

@@ -84,20 +84,20 @@ def kills(way: Way, count: int, seed: int, scratch: Path, reference: Path, secon
     folders = resumed = late = 0
     while phases.total() < count and late <= 10 + 3 * count:
         folders += 1
-        here, serving = scratch / way.name / str(folders), draws.random() < 0.15
+        here = scratch / way.name / str(folders)
         here.mkdir(parents=True)
         if draws.random() < way.rendered:
             shutil.copytree(reference / "view_sets", here / "view_sets")
         lines = []
         for _ in range(min(draws.randint(1, MOST_KILLS), count - phases.total())):
-            ended = killed(way, here, serving, draws, seconds * (2.0 if serving else 1.0))
+            ended = killed(way, here, draws, seconds)
             if ended.code == -signal.SIGKILL:
                 phases[ended.phase] += 1
             else:
                 late += 1
                 if ended.code != 0 and NO_RUN_YET not in ended.printed:
                     lines.append(f"ended with {ended.code}: {ended.printed[-400:]}")
-        lines += completed(way, here, reference, serving)
+        lines += completed(way, here, reference)
         resumed += cells_resumed(here / "out")
         wrong += [f"{way.name}, folder {folders}: {line}" for line in lines]
         if not lines:
@@ -110,7 +110,7 @@ def kills(way: Way, count: int, seed: int, scratch: Path, reference: Path, secon
     return wrong
 
 
-def killed(way: Way, here: Path, serving: bool, draws: Random, seconds: float) -> Ended:
+def killed(way: Way, here: Path, draws: Random, seconds: float) -> Ended:
     """Run, and kill at a write, at a random time within `seconds`, or soon after a phase began; one of five kills
     spares the rest of the process group.
 
@@ -118,10 +118,9 @@ def killed(way: Way, here: Path, serving: bool, draws: Random, seconds: float) -
     """
     resume = has_begun(here)
     if draws.random() < way.at_points:
-        return run(way, here, resume, serving, point=(draws.choice(POINTS), draws.randint(1, 30)))
+        return run(way, here, resume, point=(draws.choice(POINTS), draws.randint(1, 30)))
     alone, by_phase = draws.random() < 0.2, draws.random() < 0.5
-    never = {"rendering" if (here / "view_sets").exists() else "", "" if serving else "serving"}
-    later = [phase for phase in PHASES[1:] if phase not in never]
+    later = [phase for phase in PHASES[1:] if phase != "rendering" or not (here / "view_sets").exists()]
     awaited, after = draws.choice(later), draws.uniform(0.0, seconds * (0.02 if by_phase else 1.0))
     since = None if by_phase else time.monotonic()
 
@@ -132,14 +131,14 @@ def killed(way: Way, here: Path, serving: bool, draws: Random, seconds: float) -
             since = time.monotonic()
         return phase if since is not None and time.monotonic() >= since + after else ""
 
-    return run(way, here, resume, serving, moment=moment, alone=alone)
+    return run(way, here, resume, moment=moment, alone=alone)
 
 
-def completed(way: Way, here: Path, reference: Path, serving: bool = False) -> list[str]:
+def completed(way: Way, here: Path, reference: Path) -> list[str]:
     """Resume a killed run to its end; return the differences from `reference`."""
-    ended = run(way, here, has_begun(here), serving)
+    ended = run(way, here, has_begun(here))
     if ended.code == 2 and NO_RUN_YET in ended.printed:  # killed before anything was written
-        ended = run(way, here, False, serving)
+        ended = run(way, here, False)
     if ended.code != 0:
         return [f"--resume ended with {ended.code}: {ended.printed[-600:]}"]
     return differences(here, reference)

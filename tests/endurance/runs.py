@@ -35,7 +35,7 @@ FULL = "disk full"
 """No kill: all writes from the n-th on are refused, or those while rendering if n is 0."""
 ROOM_BYTES = 4500
 """The size of a file at which the disk is full while rendering."""
-PHASES = ("starting", "rendering", "reading view sets", "training", "after training", "serving")
+PHASES = ("starting", "rendering", "reading view sets", "training", "after training")
 Point = tuple[str, int]
 LATE = ("torch._dynamo", "colour", "flip_evaluator", "OpenImageIO", "scipy.stats", "scipy.signal", "trimesh",
         "PIL.Image")  # fmt: skip
@@ -66,7 +66,7 @@ class Ended:
 
 
 def run(
-    way: Way, here: Path, resume: bool = False, serving: bool = False, point: Point | None = None,
+    way: Way, here: Path, resume: bool = False, point: Point | None = None,
     moment: Callable[[], str] = lambda: "", alone: bool = False, quiet: bool = True,
 ) -> Ended:  # fmt: skip
     """Run into `here/out` to its end, or kill it at a `point`, or when `moment` returns a phase; `alone` spares the
@@ -74,7 +74,7 @@ def run(
     """
     arguments = [*OPTIONS, *way.more, "--scenes", *way.scenes, "--out", str(here / "out")]
     arguments += ["--view-sets", str(here / "view_sets"), *(["--resume"] if resume else [])]
-    arguments += [*([] if serving else ["--no-serving"]), *(["--quiet"] if quiet else [])]
+    arguments += ["--quiet"] if quiet else []
     log, phase = here / "printed.txt", ""
     with log.open("w") as printed:
         process = way.start(arguments, printed, point)
@@ -101,7 +101,7 @@ def phase_of(here: Path, way: Way) -> str:
         return "rendering" if len(complete) < len(way.scenes) else "reading view sets"
     if len(list((out / "records/cells").glob("*.json"))) < 2 * len(way.scenes):
         return "training"
-    return "serving" if list(out.glob(".scratch-*")) else "after training"
+    return "after training"
 
 
 # --- as it is typed

@@ -11,9 +11,7 @@ import pytest
 from harness.command.main import main
 
 ROOT = Path(__file__).parents[2]
-TINY = shlex.split(
-    "--profile smoke --resolution 24 --methods nerf qnerf --seeds 2 --budget-steps 34 --workers 1 --no-serving"
-)
+TINY = shlex.split("--profile smoke --resolution 24 --methods nerf qnerf --seeds 2 --budget-steps 34 --workers 1")
 CELLS = [("nerf", 0), ("nerf", 1), ("qnerf", 0), ("qnerf", 1)]
 
 

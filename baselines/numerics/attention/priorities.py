@@ -110,33 +110,6 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
     return least + more
 
 
-def in_steps(bins: np.ndarray, rays: np.ndarray, ratio: float = math.sqrt(2.0)) -> np.ndarray:
-    """Round bins per ray, int [regions], to few different values: a ladder of factor `ratio` up from the minimum. The
-    total Σ rays · bins does not grow.
-
-    Regions with equal bins share a chunk, and the overhead of a chunk is larger than the gain of an exact number of
-    bins. All are rounded down; then the regions that lost most, by their ratio, are rounded up while the total allows
-    it. Raises `ValueError` unless `ratio` > 1 and every number is at least 1.
-    """
-    given, counts = np.asarray(bins), np.asarray(rays)
-    if given.ndim != 1 or counts.shape != given.shape or not len(given) or min(given.min(), counts.min()) < 1:
-        raise ValueError(f"bins {given.shape} and rays {counts.shape}: must be at least 1 in each region")
-    if not ratio > 1.0:
-        raise ValueError(f"ratio {ratio}: must be above 1")
-    least, most = int(given.min()), int(given.max())
-    steps = np.unique([min(most, round(least * ratio**k)) for k in range(math.ceil(math.log(most / least, ratio)) + 1)])
-    level = np.searchsorted(steps, given, side="right") - 1
-    left = int(((given - steps[level]) * counts).sum())
-    for region in np.argsort(steps[level] / given, kind="stable"):
-        if given[region] == steps[level[region]]:
-            continue
-        more = int((steps[level[region] + 1] - steps[level[region]]) * counts[region])
-        if more <= left:
-            level[region] += 1
-            left -= more
-    return steps[level]
-
-
 class PhiEffect(NamedTuple):
     """The effect of the factor φ of Eq. 7 for one map of attention."""
 

@@ -166,8 +166,6 @@ def _refined_views(context: ServingContext) -> Iterator[RefinedView]:
     sizes = context.sizes
     for attended in attended_views(context):
         view, name = attended.view, f"{attended.scene}, view {attended.number + 1} of {sizes.views}"
-        if context.is_over(name):
-            return
         context.show.line(f"  {view.cell.learner.method} on {name}")
         runs: list[Run] = []
         for kind, attention in attended.maps.items():

@@ -117,12 +117,7 @@ def confusions_with(context: ServingContext, cell: TrainedCell, others: Iterable
     for camera in cameras:
         by_pose[pose_hash(camera.camera_to_world)] = view = plain(cell.learner, camera, cell.chunk)
         cached.keep(camera, view)
-    rows: list[Confusion] = []
-    for variant in others:
-        if context.is_over(f"{variant.changed}, and what comes after it"):
-            break
-        rows.append(_confusion(variant, cameras, by_pose, store))
-    return rows
+    return [_confusion(variant, cameras, by_pose, store) for variant in others]
 
 
 def _confusion(variant: Variant, cameras: list[Camera], by_pose: dict[str, View], store: ViewStore) -> Confusion:

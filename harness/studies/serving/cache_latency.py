@@ -47,8 +47,6 @@ class WrongHit(RuntimeError):
 def latency(context: ServingContext) -> Iterator[Found]:
     checks: list[Check] = []
     for cell in cells_of(context):
-        if context.is_over(f"latencies of {cell.learner.method}"):
-            break
         seconds = latencies(context, cell)
         rendering = seconds.pop("render")
         checks += [hit_check(cell, name, calls, rendering) for name, calls in seconds.items()]
@@ -116,8 +114,6 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
     folder = context.scratch / f"latency.{method}"
     plain(cell.learner, context.camera(cell, poses[0]), cell.chunk)  # allocations and kernel choices
     for round_ in range(sizes.rounds):
-        if round_ and context.is_over(f"latencies of {method}, rounds after {round_} of {sizes.rounds}"):
-            break
         pose = poses[round_ % POSES]
         asked = context.camera(cell, pose)
         view, took = timed(lambda: plain(cell.learner, asked, cell.chunk), clock)  # noqa: B023

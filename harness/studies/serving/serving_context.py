@@ -21,7 +21,6 @@ from harness.training.batches import Camera
 from harness.training.checkpoints import checkpoint_path
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
-from harness.training.scoring.metrics import mse
 from harness.training.trainer import Diverged
 from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.pixels import over_white
@@ -39,7 +38,7 @@ TRAIN_VIEWS = 8
 class Sizes:
     """The sizes of the measurements: timed renderings, and hits of each kind per rendering; views that are requested
     after a change, and steps of further training; scenes on which attention is examined, views per scene, repeats of
-    each refinement and of each picture with distributed samples; bins of the reference.
+    each refinement.
     """
 
     rounds: int = 20
@@ -49,12 +48,10 @@ class Sizes:
     scenes: int = 3
     views: int = 3
     repeats: int = 3
-    shared: int = 2
-    reference_bins: int = 512
 
 
 FULL = Sizes()
-QUICK = Sizes(3, 2, 2, 2, 1, 1, 1, 1, 64)
+QUICK = Sizes(3, 2, 2, 2, 1, 1, 1)
 """Sizes at which no figure means anything, to try the studies themselves."""
 
 
@@ -71,9 +68,6 @@ class ServingContext(StudyContext):
     methods: list[str]
     seed: int
     width: int
-    deadline: float | None = None
-    """The time by `clock` after which nothing is begun. With a deadline, no failure of a study ends the others."""
-    clock: Callable[[], float] = time.monotonic
     gaps: list[Check] = field(default_factory=list)
     """What the current study had to leave out, and why."""
     memory: dict[str, Any] = field(default_factory=dict)
@@ -101,7 +95,7 @@ class ServingContext(StudyContext):
         }
 
     def valid(self, record: Studies, shelf: Shelf, asked: list[str]) -> Studies:
-        return structs.replace(record, studies=[study for study in record.studies if not study.cut_short])
+        return structs.replace(record, studies=[study for study in record.studies if not study.failed])
 
     def seconds(self, study: Study, asked: list[Study]) -> float:
         return study.seconds * (QUICK_SHARE if self.quick else 1.0)
@@ -110,17 +104,10 @@ class ServingContext(StudyContext):
     def sizes(self) -> Sizes:
         return QUICK if self.quick else FULL
 
-    def leave_out(self, what: str, why: str, id: str = "left_out") -> None:
-        gap = Check(what, None, why=why, owner="machine", status="not_available", id=id)
+    def leave_out(self, what: str, why: str) -> None:
+        gap = Check(what, None, why=why, owner="machine", status="not_available", id="left_out")
         if gap not in self.gaps:
             self.gaps.append(gap)
-
-    def is_over(self, rest: str) -> bool:
-        """Return whether the time is up; if so, note that `rest`, which comes next, is left out."""
-        if self.deadline is None or self.clock() < self.deadline:
-            return False
-        self.leave_out(rest, "the time for it was over", "late")
-        return True
 
     def trained(self, scene: SceneRecord, method: str, seed: int | None = None) -> TrainedCell | None:
         """Return the cell ready to render; None if it cannot be rendered here. It must not be trained."""
@@ -180,37 +167,23 @@ Measure = Callable[[ServingContext], Iterator[Found]]
 
 
 def study(measure: Measure) -> Measure:
-    """Let a study end with what it left out and, where the others continue, with its failure as a failing check."""
+    """Let a study end with what it left out; a run that it cannot render is a failing check."""
 
     @functools.wraps(measure)
     def measured(context: ServingContext) -> Iterator[Found]:
         context.gaps.clear()
-        if not context.is_over("all of it"):
-            try:
-                yield from measure(context)
-            except Exception as error:
-                if context.deadline is None and not isinstance(error, EXPECTED):
-                    raise
-                yield Check("this study", None, why=reason_of(error), status="fail", id="failed")
+        try:
+            yield from measure(context)
+        except EXPECTED as error:
+            yield Check("this study", None, why=" ".join(str(error).split()), status="fail", id="failed")
         yield from context.gaps
 
     return measured
 
 
-def reason_of(error: BaseException) -> str:
-    """Return the reason in one sentence, with the type of an unexpected error."""
-    text = " ".join(str(error).split())
-    return text if isinstance(error, EXPECTED) else f"{type(error).__name__}: {text}"
-
-
 def plain(learner: Learner, camera: Camera, chunk: int) -> View:
     """Render as the run does for its scores: the reference of all measurements here."""
     return render_view(learner, camera.cameras(learner.device), 0, chunk)
-
-
-def rmse(picture: np.ndarray, wanted: np.ndarray) -> float:
-    """Return the root mean square error; raises `ValueError` if a value is not finite."""
-    return math.sqrt(mse(picture, wanted))
 
 
 Result = TypeVar("Result")

@@ -21,12 +21,6 @@ STUDIES: dict[str, Study] = catalogue(
            "all of it, over the quarter of the regions with the largest error of the coarse frame, and over the most "
            "attended quarter. An order is earlier if it is so in all repeats.",
            "anytime:anytime", 27),
-    asking("samples", "Samples distributed by attention",
-           "Is the error of a picture smaller if attended regions get more samples?",
-           "The same field with the same total number of samples, distributed by attention, including the cost of the "
-           "map, against an equal number per ray. Errors are those of display colour, against the finely integrated "
-           "field and against the ground truth.",
-           "allocations:samples", 15),
     asking("priorities", "The factor φ of Eq. 7",
            "What does the factor φ change?",
            "Order and allocation of every attention map by Eq. 7's priorities, and by shares, which have no factor.",

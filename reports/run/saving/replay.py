@@ -11,7 +11,9 @@ DROPPED = {
     *("--device", "--precision", "--verify-omissions", "--tensorboard", "--no-serving", "--quiet", "--lpips"),
     *("--partial", "--keep-every", "--ray-address", "--job"),
 }
-"""The options that a cell does not depend on, or that its own record states more precisely."""
+"""The options that a cell does not depend on, or that its own record states more precisely; runs of earlier versions
+were typed with `--no-serving`.
+"""
 
 
 def replay(records: Records, cell: CellRecord) -> str:
@@ -32,7 +34,7 @@ def replay(records: Records, cell: CellRecord) -> str:
     own += ["--device", "cpu" if cell.provenance.get("device", "cpu") == "cpu" else "cuda"]
     known = {"--threads": cell.provenance.get("threads"), "--precision": value_at(cell.settings, "train", "precision")}
     own += [word for name, value in known.items() if value is not None for word in (name, str(value))]
-    return shlex.join(["python", "-m", "harness", "run", *kept, *own, "--no-serving"])
+    return shlex.join(["python", "-m", "harness", "run", *kept, *own])
 
 
 def conditions(cell: CellRecord) -> str:

@@ -42,9 +42,9 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ground_truth, "llvm_libraries", lambda: ["libLLVM.so"])
 
 
-def estimated(plan: Plan = PLAN, missing: int = 0, serving: bool = False, **changes: Any) -> CostEstimate:
+def estimated(plan: Plan = PLAN, missing: int = 0, **changes: Any) -> CostEstimate:
     groups = list(plan.groups().values())
-    return estimate_from(plan, MACHINE, replace(PACES, **changes), groups, missing, verify=False, serving=serving)
+    return estimate_from(plan, MACHINE, replace(PACES, **changes), groups, missing, verify=False)
 
 
 RENDERED = 479.0
@@ -76,14 +76,13 @@ def test_a_budget_in_seconds_is_what_training_takes() -> None:
 
 
 def test_every_part_of_a_run_is_named_and_they_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = estimated(missing=3, serving=True)
-    assert [line.split()[0] for line in found.lines] == ["estimated", "rendering", "training", "scoring", "view"]
+    found = estimated(missing=3)
+    assert [line.split()[0] for line in found.lines] == ["estimated", "rendering", "training", "scoring"]
     assert "3 of 8 view sets are not in the cache" in found.lines[1]
-    assert list(found.phases) == ["rendering", "training", "part"]
+    assert list(found.phases) == ["rendering", "training"]
     low, high = (sum(phase[end] for phase in found.phases.values()) for end in (0, 1))
     assert found.lines[0] == f"estimated cost: {span(low, high)}"
     assert "cached" in estimated().lines[1]
-    assert not any("attention" in line for line in estimated().lines)
     one, many = (on_workers([50.0] * count, MACHINE) for count in (1, 10))
     assert one[0] == pytest.approx(35.0), "two workers train one group no faster"
     assert many[0] == pytest.approx(175.0)
@@ -105,7 +104,7 @@ def test_the_rendering_of_a_scene_of_ones_own_is_not_estimated() -> None:
 
 
 def test_a_cluster_is_not_measured() -> None:
-    found = estimate(PLAN, Machine("cpu", 2, 1, "ray"), Path("nowhere"), verify=False, serving=True, before=None)
+    found = estimate(PLAN, Machine("cpu", 2, 1, "ray"), Path("nowhere"), verify=False, before=None)
     assert "not measured" in found.lines[0]
     assert not found.phases
 

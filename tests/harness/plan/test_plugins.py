@@ -288,7 +288,7 @@ def test_views_of_a_changed_package_are_other_views(site: Path, monkeypatch: pyt
 def test_a_run_trains_it_in_worker_processes_records_it_and_gives_it_back(example: Path, tmp_path: Path) -> None:
     write_ball(tmp_path / "ball", size=16, train=5, test=2)
     options = ["--profile", "smoke", "--view-set", str(tmp_path / "ball"), "--resolution", "16", "--seeds", "1"]
-    more = ["--budget-steps", "20", "--workers", "1", "--no-serving", "--quiet", "--out", str(tmp_path / "run")]
+    more = ["--budget-steps", "20", "--workers", "1", "--quiet", "--out", str(tmp_path / "run")]
     command = [sys.executable, "-m", "harness", "run", *options, *more, "--methods", "nerf", *EXAMPLES]
     done = subprocess.run(
         command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(example)}, capture_output=True, text=True, check=False

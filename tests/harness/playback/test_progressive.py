@@ -1,17 +1,17 @@
-"""A view rendered in any parts is the plain view; coarse frames and allotted samples differ as stated."""
+"""A view rendered in any parts is the plain view; coarse frames differ as stated."""
 
+from collections.abc import Iterable
 from typing import Any, get_args
 
 import numpy as np
 import pytest
-import torch
 
 from baselines.contract import Rays, Rendering
 from baselines.numerics.attention import maps
-from baselines.numerics.attention.priorities import BadAttention, allocated_bins, region_order
+from baselines.numerics.attention.priorities import BadAttention, region_order
 from baselines.numerics.attention.regions import Regions
 from harness.playback import progressive
-from harness.playback.progressive import Canvas, Done, coarse, estimated_error, filled, refine, render_allocated
+from harness.playback.progressive import Canvas, Done, coarse, estimated_error, refine
 from harness.training.batches import Camera
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
@@ -62,6 +62,14 @@ def same_bits(view: View, other: View) -> bool:
     )
 
 
+def filled(parts: Iterable[Done]) -> View:
+    """The view that all parts together make."""
+    canvas = Canvas(CAMERA.height, CAMERA.width)
+    for done in parts:
+        canvas.put(done)
+    return canvas.view
+
+
 def largest_difference(view: View, other: View) -> float:
     colour, opacity = np.abs(view.colour - other.colour).max(), np.abs(view.opacity - other.opacity).max()
     return float(max(colour, opacity, np.abs(view.depth - other.depth).max() / 6.0))
@@ -71,16 +79,16 @@ def largest_difference(view: View, other: View) -> float:
 def test_any_order_gives_the_plain_picture_to_the_bit_if_a_method_is_not_pointwise(
     nerf: Learner, qnerf: Learner, order: Any
 ) -> None:
-    view, _ = filled(CAMERA, refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))
+    view = filled(refine(nerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))
     assert largest_difference(view, plain(nerf)) < ROUNDING
     assert "which points share a chunk" in (progressive.why_plain(qnerf) or "")
-    assert same_bits(filled(CAMERA, refine(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order))[0], plain(qnerf))
+    assert same_bits(filled(refine(qnerf, CAMERA, REGIONS, ATTENTION, CHUNK, order)), plain(qnerf))
 
 
 @pytest.mark.parametrize("attention", [EQUAL, np.zeros(REGIONS.count)])
 def test_equal_attention_is_plain_to_the_bit(nerf: Learner, attention: np.ndarray) -> None:
     parts = list(refine(nerf, CAMERA, REGIONS, attention, CHUNK))
-    assert same_bits(filled(CAMERA, parts)[0], plain(nerf))
+    assert same_bits(filled(parts), plain(nerf))
     assert [len(done.pixels) for done in parts] == [150, 150, 96]
 
 
@@ -152,40 +160,6 @@ def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learn
             for name, tolerance in (("colour", ROUNDING), ("opacity", ROUNDING), ("depth", 6 * ROUNDING)):
                 square = getattr(view, name)[top : top + stride, left : left + stride]
                 assert np.abs(square - getattr(whole, name)[row, column]).max() < tolerance
-
-
-def slow_allocated(learner: Learner, bins: np.ndarray) -> View:
-    """Render every region separately."""
-    canvas, rays = Canvas(18, 22), CAMERA.rays(CPU)
-    for region in range(REGIONS.count):
-        pixels = REGIONS.pixels(region)
-        render = learner.render(rays.chosen(torch.as_tensor(pixels)), 10_000, int(bins[region]))
-        arrays = (render.colour.numpy(), render.opacity.numpy(), render.depth.numpy())
-        canvas.put(Done(pixels, *arrays, share=0.0, network_evaluations=0))
-    return canvas.view
-
-
-def test_every_region_gets_its_own_bins(nerf: Learner) -> None:
-    bins = allocated_bins(ATTENTION, REGIONS.rays, BINS, 4)
-    assert len(set(bins.tolist())) > 3
-    watched = Watched(nerf)
-    view, evaluations = render_allocated(watched, CAMERA, REGIONS, bins, CHUNK)
-    assert largest_difference(view, slow_allocated(nerf, bins)) < ROUNDING
-    assert largest_difference(view, plain(nerf)) > 100 * ROUNDING
-    assert evaluations == sum(watched.evaluations)
-    assert sum(rays for rays, _, _ in watched.calls) == 18 * 22
-
-
-def test_equal_bins_are_plain_to_the_bit_and_a_method_that_is_not_pointwise_gets_the_mean(
-    nerf: Learner, qnerf: Learner
-) -> None:
-    for learner in (nerf, qnerf):
-        same, _ = render_allocated(learner, CAMERA, REGIONS, np.full(REGIONS.count, BINS), CHUNK)
-        assert same_bits(same, plain(learner))
-    bins = allocated_bins(ATTENTION, REGIONS.rays, 10, 2)
-    mean = int((bins * REGIONS.rays).sum() // REGIONS.rays.sum())
-    views = [render_allocated(qnerf, CAMERA, REGIONS, each, CHUNK)[0] for each in (bins, np.full_like(bins, mean))]
-    assert same_bits(*views)
 
 
 def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counted(nerf: Learner) -> None:

@@ -22,13 +22,13 @@ def test_it_names_the_cell_and_keeps_what_the_cell_depends_on(records: Records) 
     origin = {"threads": 2, "device": "NVIDIA H100", "commit": "0123", "packages": {"torch": "2.0", "scipy": "1"}}
     command = made(
         records,
-        "python -m harness run --profile smoke --seeds 5 --resume --out 'a b' --resolution 32 --without grid fused",
+        "python -m harness run --profile smoke --no-serving --resume --out 'a b' --resolution 32 --without grid fused",
         provenance=origin,
         settings={"train": {"precision": "bfloat16"}},
     )
     assert command == (
         "python -m harness run --profile smoke --resolution 32 --without grid fused --scenes drums --methods qnerf "
-        "--seeds 1 --first-seed 2 --device cuda --threads 2 --precision bfloat16 --no-serving"
+        "--seeds 1 --first-seed 2 --device cuda --threads 2 --precision bfloat16"
     )
     assert conditions(replace(records.cells[-1], provenance=origin)) == "commit 0123, torch 2.0"
 
@@ -57,7 +57,7 @@ def test_its_training_has_the_same_bits(tmp_path: Path) -> None:
     write_ball(view_set)
     options = ["--profile", "smoke", "--view-set", str(view_set), "--budget-steps", "12", "--seeds", "2"]
     options += ["--methods", "nerf", "qnerf", "--resolution", "16"]
-    assert main(["run", *options, "--no-serving", "--quiet", "--out", str(first)]) == 0
+    assert main(["run", *options, "--quiet", "--out", str(first)]) == 0
     records = read_records(first)
     (cell,) = [cell for cell in records.cells if (cell.method, cell.seed) == ("qnerf", 1)]
     words = shlex.split(replay(records, cell))

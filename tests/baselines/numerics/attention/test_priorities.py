@@ -13,7 +13,6 @@ from baselines.numerics.attention.priorities import (
     PHI,
     BadAttention,
     allocated_bins,
-    in_steps,
     is_equal,
     priorities,
     region_order,
@@ -136,20 +135,6 @@ def test_a_mean_that_is_not_whole_is_met_as_nearly_as_whole_bins_can() -> None:
     attention = np.random.default_rng(2).exponential(size=100)
     assert allocated_bins(attention, np.ones(100, int), 7.25, 2).sum() == 725
     assert allocated_bins(np.ones(100), np.ones(100, int), 7.25, 2).tolist() == [7] * 100
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.lists(st.tuples(st.integers(1, 200), st.integers(1, 30)), min_size=1, max_size=20))
-def test_steps_take_few_values_and_stay_within_the_total_and_near_what_was_wanted(some: list[tuple[int, int]]) -> None:
-    bins, rays = np.array([b for b, _ in some]), np.array([n for _, n in some])
-    found = in_steps(bins, rays)
-    assert len(set(found.tolist())) <= 2 + math.ceil(2 * math.log2(bins.max() / bins.min()))
-    assert (found * rays).sum() <= (bins * rays).sum()
-    assert found.min() >= bins.min()
-    assert found.max() <= bins.max()
-    ratio = found / bins
-    assert (ratio > 0.5).all()
-    assert (ratio <= 2.0).all()
 
 
 def test_phi_changes_neither_order_nor_allocation_only_the_sum() -> None:

@@ -1,4 +1,4 @@
-"""Curves, allocations and φ, against sums by hand and on a tiny field."""
+"""Curves and φ, against sums by hand and on a tiny field."""
 
 from dataclasses import replace
 from typing import Any
@@ -8,10 +8,10 @@ import pytest
 
 from baselines.numerics.attention.priorities import PHI
 from baselines.numerics.attention.regions import Regions
-from harness.playback.progressive import Done, coarse, filled
+from harness.playback.progressive import Canvas, Done, coarse
 from harness.playback.run_loader import TrainedCell
 from harness.records.study import Check, Picture, Series
-from harness.studies.serving import allocations, anytime, attention_views
+from harness.studies.serving import anytime, attention_views
 from harness.studies.serving.anytime import (
     MEASURES,
     ORDERS,
@@ -32,7 +32,6 @@ from harness.studies.serving.attention_views import (
     KINDS,
     AttendedView,
     RegionView,
-    attended_views,
     attention_of,
     region_view,
 )
@@ -143,7 +142,10 @@ def test_every_order_ends_in_the_plain_picture(view: RegionView, ticks: Ticks, o
     assert np.diff(run.seconds).tolist() == [[1.0] * len(run.parts)], "one reading of the clock per part"
     assert len(run.parts) == view.regions.count
     wanted = plain(view.cell.learner, view.camera, view.cell.chunk)
-    np.testing.assert_allclose(filled(view.camera, run.parts)[0].colour, wanted.colour, atol=1e-5)
+    canvas = Canvas(view.camera.height, view.camera.width)
+    for part in run.parts:
+        canvas.put(part)
+    np.testing.assert_allclose(canvas.view.colour, wanted.colour, atol=1e-5)
     *_, last = errors_along(run, wanted)
     assert max(last) < 1e-5
 
@@ -194,43 +196,6 @@ def test_a_map_costs_what_it_renders(view: RegionView) -> None:
     assert there == {**free, "gradients": 0, "error": rough.network_evaluations}
 
 
-def every_evaluation(view: RegionView) -> tuple[RegionView, list[int]]:
-    """The view with a learner that counts all evaluations."""
-    counted: list[int] = []
-
-    class Counting:
-        def render(self, *given: Any) -> Any:
-            rendering = view.cell.learner.render(*given)
-            counted.append(rendering.network_evaluations)
-            return rendering
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(view.cell.learner, name)
-
-    learner: Any = Counting()
-    return replace(view, cell=replace(view.cell, learner=learner)), counted
-
-
-@pytest.mark.parametrize("kind", [None, "point", "gradients", "error"])
-def test_all_evaluations_of_a_picture_are_counted(view: RegionView, kind: str | None) -> None:
-    watched, counted = every_evaluation(view)
-    picture = allocations.render_with(watched, kind, 16)
-    assert picture.evaluations == sum(counted)
-    assert (picture.own == 0) == (kind in (None, "point"))
-    assert 0.95 * 16.0 < picture.bins <= 16.0
-
-
-def test_pictures_by_attention_are_compared_with_the_even_one(context: ServingContext, ticks: Ticks) -> None:
-    attended = attended_views(context)[0]
-    attended = replace(attended, maps={**attended.maps, "mask": np.ones(attended.view.regions.count)})
-    rows = allocations.allocations(attended, 64, 2, ticks)
-    assert {row.figures["seconds"] for row in rows} == {1.0}, "one reading of the clock each"
-    assert [row.is_even for row in rows if row.kind == "point"] == [True, False]
-    assert "mask" not in {row.kind for row in rows}, "equal attention is the plain picture"
-    assert rows[0].figures["truth"] > 0.0
-    assert "truth" not in allocations.allocations(replace(attended, truth=None), 64, 1, ticks)[0].figures
-
-
 def test_the_studies_are_complete(context: ServingContext) -> None:
     findings = list(anytime.anytime(context))
     checks = {finding.id: finding for finding in findings if isinstance(finding, Check)}
@@ -255,7 +220,6 @@ def test_a_run_of_methods_that_are_not_pointwise_has_no_curves(context: ServingC
     assert answer == attention_views.NOTHING
     assert isinstance(gap, Check)
     assert "which points share a chunk" in gap.why
-    assert list(allocations.samples(context)) == [attention_views.NOTHING]
 
 
 def test_without_its_views_poses_come_from_an_orbit_and_truth_is_left_out(context: ServingContext) -> None:

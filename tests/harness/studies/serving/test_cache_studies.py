@@ -73,14 +73,6 @@ def test_nothing_reads_a_file_before_it_is_timed(
     assert len(reads) == 2 * context.sizes.rounds * context.sizes.hits, "one per hit, warm or cold"
 
 
-def test_what_is_late_is_left_out_and_named(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
-    context = replace(context, deadline=3.0, clock=ticks)
-    assert len(latencies(context, cell, Ticks())["render"]) == 3, "the first two readings of the clock were in time"
-    context = replace(context, deadline=ticks.now + 3)
-    assert len(confusions_with(context, cell, variants(context, cell))) == 2
-    assert context.gaps[-1].what.startswith("quadrature")
-
-
 def test_a_key_of_the_pose_alone_is_stale_wherever_something_else_changed(
     context: ServingContext, cell: TrainedCell
 ) -> None:

@@ -149,7 +149,7 @@ def test_a_run_is_scored_with_them_and_not_gone_on_with_by_others(
     ball, out = write_ball(tmp_path / "ball", size=32, train=4, test=2), tmp_path / "run"
     file = saved(tmp_path)
     call = ["run", "--profile", "smoke", "--view-set", str(ball), "--methods", "nerf", "--budget-steps", "3"]
-    call += ["--workers", "1", "--no-serving", "--quiet", "--device", "cpu", "--out", str(out), "--lpips", str(file)]
+    call += ["--workers", "1", "--quiet", "--device", "cpu", "--out", str(out), "--lpips", str(file)]
     assert main([*call, "--seeds", "1"]) == 0
     (cell,) = read_cells(out)
     assert cell.scores["lpips"] == pytest.approx(float(np.mean([view.lpips for view in cell.views])))
