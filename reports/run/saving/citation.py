@@ -9,7 +9,6 @@ from reports.data.load import Records
 from reports.data.scale import in_a_line
 
 SPECIAL = re.compile(r"[\\{}$&#%_^~]")
-"""The characters that TeX interprets."""
 
 
 def records_digest(records: Records) -> str:

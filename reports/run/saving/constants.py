@@ -94,9 +94,7 @@ def drawings(search: Search) -> list[Drawing]:
 
 
 def choice(search: Search) -> str:
-    """Tabulate the constants of each method, with their score and the range of all pairs. A stopped search has chosen
-    no constants: then they are the best pairs so far.
-    """
+    """Tabulate each method's constants, their score and the range of all pairs; if stopped, the best pairs so far."""
     brief, full = budgets(search)
     chosen = search["chosen"] or {method: best(search, method, brief) for method in methods(search)}
     steps = full if search["chosen"] else brief

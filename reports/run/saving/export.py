@@ -33,9 +33,7 @@ FORMATS = ("pdf", "svg", "png")
 DPI = 200
 LONGEST_NAME = 80
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""The date of every file, the earliest that a zip can have, so that the same run gives the same bytes (except in SVG,
-where Matplotlib draws random ids).
-"""
+"""The earliest date in a zip, for every file: the same run gives the same bytes (except random ids in SVG)."""
 
 
 def figures(records: Records) -> Iterator[tuple[str, Panel]]:

@@ -34,13 +34,10 @@ CLAIM = (
     *("id", "source", "printed", "measured", "interval", "scale", "verdict"),
     *("statement", "kind", "unit", "how", "note"),
 )
-"""The fields of a claim in summary.json."""
 
 
 def summary(records: Records, shelves: ShelfRecords = NO_SHELVES) -> dict[str, object]:
-    """Return JSON-ready data: a number that is not finite is None, and the status of the cell says why. `serving` is
-    None if it was not measured.
-    """
+    """Return JSON-ready data: a non-finite number is None. `serving` is None if it was not measured."""
     run, ledger = records.run, claims(records, shelves)
     return {
         "schema": SCHEMA,

@@ -11,9 +11,7 @@ DROPPED = {
     *("--device", "--precision", "--verify-omissions", "--tensorboard", "--no-serving", "--quiet", "--lpips"),
     *("--partial", "--keep-every", "--ray-address", "--job"),
 }
-"""The options that a cell does not depend on, or that its own record states more precisely; runs of earlier versions
-were typed with `--no-serving`.
-"""
+"""The options that a cell does not depend on, or that its own record states; earlier versions had `--no-serving`."""
 
 
 def replay(records: Records, cell: CellRecord) -> str:

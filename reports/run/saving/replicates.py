@@ -12,7 +12,6 @@ from reports.data.outcome import Outcome, clauses
 from reports.run.saving.published_cells import Run
 
 BASELINE, CONTROL, FAVOURITE, REPAIRED = "nerf", "nerf_matched", "qnerf", "qnerf_repaired"
-"""The methods of the blocks in README and docs."""
 FORMER_HEADLINE = re.compile(r"([+-][\d.]+) dB \((\w+)\)")
 """A difference with its word, in the sentences that an earlier `compare` wrote."""
 
@@ -41,9 +40,7 @@ class Replicated:
 
 
 def replicated(run: Run, replicates: Run) -> dict[tuple[str, str], Replicated]:
-    """Map a pair of methods → its difference in the published run and in the replicates, if there are any. The
-    published run may be among the runs that were compared; it is counted once.
-    """
+    """Map a pair of methods → its difference in the published run, counted once, and in any replicates."""
     by_pair = {}
     for first, second, differences, verdicts in _of_replicates(replicates):
         if duel := row(run, "all", first, second):

@@ -34,11 +34,19 @@ DUELS = (
     *((REPAIRED, BASELINE), (REPAIRED, CONTROL)),
     (CONTROL, BASELINE),
 )
+NO_ESTIMATE = "–"
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = list(head)
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
+
+
+def with_estimates(head: Iterable[str], rows: list[tuple[str, ...]]) -> str:
+    """Format a table without the columns that hold no estimate: one seed gives no interval on these scenes."""
+    columns = list(zip(head, *rows, strict=True))
+    head, *rows = zip(*(column for column in columns if set(column[1:]) != {NO_ESTIMATE}), strict=True)
+    return table(head, rows)
 
 
 def main_methods(run: Run) -> list[str]:
@@ -56,7 +64,7 @@ def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str
     known = comparison[sense]
     pair = known and (known["simultaneous"] or known["interval"])
     if not pair:
-        return "–"
+        return NO_ESTIMATE
     if runs and sense == "scenes_like_these" and not runs.repeated:
         return f"{between(pair)}; {shared(runs.differences, runs.verdicts)}"
     return judged_in_words(pair, verdict_in(known))
@@ -94,7 +102,7 @@ def differences(run: Run, budget: str = "steps", replicates: Run | None = None) 
     ]
     head = (f"test PSNR, {BUDGETS[budget]}", "", *(f"{words}, 95 %" for words in SENSES.values()))
     notes = [words for duel in duels.values() for words in doubts(as_promised(duel, Comparison))]
-    return "\n\n".join([table(head, rows), *notes])
+    return "\n\n".join([with_estimates(head, rows), *notes])
 
 
 def equal_time(run: Run) -> str:
@@ -114,13 +122,13 @@ def changed(run: Run, before: Condition, after: Condition, words: str) -> str:
             continue
         size, scenes = change.judgement.difference or 0.0, change.by_scene.values()
         estimates = (
-            judged_in_words(known.simultaneous, known.verdict) if known and known.simultaneous else "–"
+            judged_in_words(known.simultaneous, known.verdict) if known and known.simultaneous else NO_ESTIMATE
             for known in (change.judgement.on_these_scenes, change.judgement.scenes_like_these)
         )
         same = f"{sum(moved * size > 0 for moved in scenes)} of {counted(len(scenes), 'scene')}"
         rows.append((f"`{pair[0]}` − `{pair[1]}`", f"{signed(size)} dB", *estimates, same))
     head = (f"change of the difference {words}", "", *(f"{sense}, 95 %" for sense in SENSES.values()), "that way on")
-    return table(head, rows) if rows else ""
+    return with_estimates(head, rows) if rows else ""
 
 
 def training(run: Run) -> str:
@@ -202,7 +210,6 @@ def psnr_of(run: Run, scene: str, method: str) -> list[float]:
 
 
 def spread(values: list[float]) -> str:
-    """Format mean ± standard deviation over seeds."""
     more = f" ± {number(stdev(values))}" if len(values) > 1 else ""
     return f"{number(fmean(values))}{more}" if values else "–"
 
@@ -223,7 +230,7 @@ OTHER_CONSTANTS = (
 )
 OWN_CONSTANTS = "In each column, every method has the constants that a search chose at the column's own scale."
 ONE_FOR_ALL = "one for all"
-"""The start of the methods of a run from before each had its own."""
+"""The start of all methods of a run from before each method had a separate start."""
 
 
 def density_of(run: Run, method: str) -> tuple[float, float | str | None]:
@@ -308,18 +315,10 @@ def doubling(run: Run) -> str:
     return f"The last doubling of the steps brought {listed(named)}.{cost}" if named else ""
 
 
-def twice_the_steps(halved: Run, early: Run, late: Run, doubled: Run) -> str:
+def twice_the_steps(shorter: Run, longer: Run) -> str:
     """Tabulate the effect of twice the steps, between two trainings of the same constants and within the longer one."""
-    runs = [(halved, early), (late, doubled)]
-    alike = [all(density_of(a, method) == density_of(b, method) for method in (BASELINE, FAVOURITE)) for a, b in runs]
-    columns = [_of_twice_the_steps(*pair) for pair, same in zip(runs, alike, strict=True) if same]
-    if not columns:
+    if any(density_of(shorter, method) != density_of(longer, method) for method in (BASELINE, FAVOURITE)):
         return ""
-    head, *rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
-    return table(head, rows)
-
-
-def _of_twice_the_steps(shorter: Run, longer: Run) -> dict[str, str]:
     cells = [
         {(cell["scene"], cell["seed"], cell["method"]): cell["psnr"] for cell in run["cells"]}
         for run in (shorter, longer)
@@ -339,7 +338,8 @@ def _of_twice_the_steps(shorter: Run, longer: Run) -> dict[str, str]:
         return _with_interval(mean.difference, mean.chosen.interval)
 
     steps = " and ".join(str(run["settings"]["budget"]["steps"]) for run in (shorter, longer))
-    entries = {"test PSNR, 95 %": f"{steps} steps; {counted(len(scenes), 'scene')}, {counted(len(seeds), 'seed')}"}
+    scale = f"{steps} steps; {counted(len(scenes), 'scene')}, {counted(len(seeds), 'seed')}"
+    entries = {}
     own = {gained["method"]: gained for gained in longer["last_doubling"]}
     for method in before:
         entries[f"`{method}`, longer training − shorter"] = mean_of(after[method] - before[method])
@@ -349,7 +349,7 @@ def _of_twice_the_steps(shorter: Run, longer: Run) -> dict[str, str]:
         )
     for scores, which in ((before, "shorter"), (after, "longer")):
         entries[f"`{FAVOURITE}` − `{BASELINE}`, {which}"] = mean_of(scores[FAVOURITE] - scores[BASELINE])
-    return entries
+    return table(("test PSNR, 95 %", scale), entries.items())
 
 
 def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> str:
